@@ -1,0 +1,14 @@
+"""cubicfish: fisheye calibration with the cubic polynomial camera of Zhu & Yin (2010).
+
+Conventions, the same everywhere in the package:
+
+- Pixel (0, 0) is the centre of the top-left pixel, x to the right, y down, as in
+  ``cv2.remap``. Sizes are ``(width, height)``.
+- The camera frame has x to the right, y down and z forward.
+- Lengths are in the target file's ``units``. Transforms are named
+  ``camera_from_world``: a rotation vector (radians) and a translation.
+- Angles are radians inside and degrees in files and options, where names end in ``_deg``.
+- Arrays hold points along their leading axes: ``(..., 3)`` in, ``(..., 2)`` out.
+"""
+
+__version__ = "0.1.0"

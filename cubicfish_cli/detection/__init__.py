@@ -1,0 +1,1 @@
+"""Photo -> grids of sub-pixel corners."""

@@ -1,0 +1,42 @@
+"""What can go wrong, one class a stage.
+
+Every error that a user can cause is a :class:`CubicfishError` whose text is one line that
+says what, where and what to do next. The command line turns it into ``Error: ...`` and
+exit code 1; a library caller can also catch the built-in class it derives from.
+"""
+
+
+class CubicfishError(Exception):
+    """Base of all errors that this package raises on purpose."""
+
+
+class TargetError(CubicfishError, ValueError):
+    """The target file, or a target built in code, is not a usable calibration object."""
+
+
+class PhotoError(CubicfishError, OSError):
+    """A photo is missing, unreadable, empty or of the wrong size."""
+
+
+class DetectionError(CubicfishError, ValueError):
+    """No usable corners could be found or named in the photos."""
+
+
+class CorrespondenceError(CubicfishError, ValueError):
+    """A corners or correspondences file is malformed or does not fit the target."""
+
+
+class FitError(CubicfishError, ValueError):
+    """The pairs cannot determine a camera, or the fit is not a sound camera."""
+
+
+class CameraFileError(CubicfishError, ValueError):
+    """A camera file is malformed or of an unknown version."""
+
+
+class ViewError(CubicfishError, ValueError):
+    """An output view cannot be made from this camera, or a map does not fit a picture."""
+
+
+class OutputError(CubicfishError, OSError):
+    """An output exists already, or cannot be written."""

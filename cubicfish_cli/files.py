@@ -1,0 +1,69 @@
+"""Writing files so that they appear whole or not at all, and never over another unasked."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from cubicfish_cli.errors import OutputError
+
+
+def refuse_existing(path: Path, *, overwrite: bool) -> None:
+    """Raise :class:`OutputError` when ``path`` exists and may not be replaced."""
+    if not overwrite and os.path.lexists(path):
+        raise OutputError(f"{path} exists already: choose another name or add --overwrite")
+
+
+@contextmanager
+def whole_file(path: Path, *, overwrite: bool) -> Iterator[Path]:
+    """Yield a temporary name beside ``path`` that becomes ``path`` when the block succeeds.
+
+    The temporary file keeps the suffix of ``path``, since writers choose the format by it.
+    Without ``overwrite`` the final step is a hard link, which fails if the name was taken
+    in the meantime; with it, an atomic rename.
+
+    Raises:
+        OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
+
+    """
+    path = Path(path)
+    refuse_existing(path, overwrite=overwrite)
+    temporary = path.with_name(f".{path.stem[:100]}.{secrets.token_hex(6)}.part{path.suffix}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
+        with temporary.open("rb+") as file:
+            os.fsync(file.fileno())
+        if overwrite:
+            os.replace(temporary, path)
+        else:
+            _move_to_free_name(temporary, path)
+    except OutputError:
+        raise
+    except OSError as error:
+        raise OutputError(
+            f"{path} cannot be written ({error.strerror or error}): "
+            "check the folder, its permissions and the free space"
+        ) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _move_to_free_name(source: Path, path: Path) -> None:
+    try:
+        os.link(source, path)
+    except FileExistsError:
+        refuse_existing(path, overwrite=False)
+        raise
+    except OSError:  # a file system without hard links: check once more, then rename
+        refuse_existing(path, overwrite=False)
+        os.replace(source, path)
+
+
+def write_text(path: Path, text: str, *, overwrite: bool) -> None:
+    """Write ``text`` as UTF-8 to ``path``, whole or not at all."""
+    with whole_file(path, overwrite=overwrite) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")

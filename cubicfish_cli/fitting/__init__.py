@@ -1,0 +1,1 @@
+"""2D-3D pairs -> camera and poses."""

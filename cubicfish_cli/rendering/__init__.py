@@ -1,0 +1,1 @@
+"""Target and lens -> photos with known truth."""

@@ -1,0 +1,1 @@
+"""Camera -> views, maps and undistorted pictures."""
