@@ -2,14 +2,45 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from functools import cached_property
+from itertools import combinations
+from pathlib import Path
+from typing import Any, Literal, NoReturn, get_args
 
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.errors import TargetError
+from cubicfish_cli.plain_yaml import load_plain_yaml
+from cubicfish_cli.wording import did_you_mean, quoted
+
 FloatArray = npt.NDArray[np.float64]
 BoardKind = Literal["checkerboard", "charuco", "aprilgrid", "points"]
+FirstSquare = Literal["dark", "light"]
+
+MAX_COUNT = 1000
+MAX_BOARDS = 256
+MIN_LENGTH, MAX_LENGTH = 1e-9, 1e9
+AXES_TOLERANCE = 1e-3
+
+# Number of markers in each family, as cv2.aruco.getPredefinedDictionary has them.
+MARKER_DICTIONARIES: dict[str, int] = {
+    **{f"DICT_{n}X{n}_{count}": count for n in (4, 5, 6, 7) for count in (50, 100, 250, 1000)},
+    "DICT_ARUCO_ORIGINAL": 1024,
+    "DICT_ARUCO_MIP_36h12": 250,
+    "DICT_APRILTAG_16h5": 30,
+    "DICT_APRILTAG_25h9": 35,
+    "DICT_APRILTAG_36h10": 2320,
+    "DICT_APRILTAG_36h11": 587,
+}
+TAG_FAMILIES = {
+    name.replace("DICT_APRILTAG_", "tag"): name
+    for name in MARKER_DICTIONARIES
+    if name.startswith("DICT_APRILTAG_")
+}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,7 +90,7 @@ class Board:
     origin: FloatArray
     x_axis: FloatArray
     y_axis: FloatArray
-    first_square: Literal["dark", "light"] = "dark"
+    first_square: FirstSquare = "dark"
     markers: Markers | None = None
     spacing: float = 0.0
     points: FloatArray | None = None
@@ -70,6 +101,23 @@ class Board:
         if self.kind == "aprilgrid":
             return np.stack([self._tag_offset(column), self._tag_offset(row)], axis=-1)
         return np.stack([column, row], axis=-1) * self.square
+
+    def marker_cells(self) -> npt.NDArray[np.intp]:
+        """Where the markers are: (count, 3) rows of id, cell column and cell row.
+
+        On a ``charuco`` board cells are squares, (0, 0) the one up-left of corner (0, 0);
+        the light squares carry ids row by row from the top, as in ``cv2.aruco.CharucoBoard``.
+        On an ``aprilgrid`` cells are tags, (0, 0) at the top left; ids run row by row from
+        the bottom, as in Kalibr. Other boards have no rows.
+        """
+        if self.markers is None:
+            return np.empty((0, 3), np.intp)
+        if self.kind == "aprilgrid":
+            row, column = np.divmod(np.arange(self.markers.count), self.columns // 2)
+            row = self.rows // 2 - 1 - row
+        else:
+            row, column = np.nonzero(_light_squares(self.columns, self.rows, self.first_square))
+        return np.stack([self.markers.first + np.arange(self.markers.count), column, row], axis=-1)
 
     def _tag_offset(self, index: FloatArray) -> FloatArray:
         tag = np.floor(index / 2)
@@ -89,3 +137,368 @@ class Target:
 
     units: str
     boards: tuple[Board, ...]
+
+    @cached_property
+    def board_names(self) -> tuple[str, ...]:
+        """The boards' names, in the file's order."""
+        return tuple(board.name for board in self.boards)
+
+    def world_points(
+        self, board: npt.ArrayLike, column: npt.ArrayLike, row: npt.ArrayLike
+    ) -> FloatArray:
+        """World points of corners given by (N,) board index, column and row -> (N, 3)."""
+        board, column, row = np.broadcast_arrays(board, column, row)
+        world = np.full((*board.shape, 3), np.nan)
+        for index, one in enumerate(self.boards):
+            here = board == index
+            world[here] = one.world_points(column[here], row[here])
+        return world
+
+    def plane_count(self) -> int:
+        """Number of distinct planes that the boards lie in (each decides how much P can know).
+
+        A ``points`` board counts when its points lie in one plane (to 1e-6 of their extent).
+        """
+        planes: list[tuple[FloatArray, FloatArray]] = []
+        extent = max(np.ptp(_outline(board), axis=0).max() for board in self.boards)
+        for plane in filter(None, map(_plane_of, self.boards)):
+            if not any(_same_plane(plane, known, 1e-3 * extent) for known in planes):
+                planes.append(plane)
+        return len(planes)
+
+
+def load_target(path: Path) -> Target:
+    """Read ``target.yaml``.
+
+    Raises:
+        TargetError: the file cannot be read or does not describe a usable object; the text
+            names the file, the board and the key.
+
+    """
+    data = load_plain_yaml(Path(path), error=TargetError)
+    if not isinstance(data, dict):
+        raise TargetError(f"{path}: must hold the keys units and boards")
+    top = _Section(str(path), data)
+    top.allow_only(("units", "boards"), "a target file")
+    units = top.text("units", hint="the unit of every length in this file, such as mm")
+    entries = top.required("boards", hint="a list of boards")
+    if not isinstance(entries, list) or not entries:
+        top.refuse("boards", "must be a list of at least one board, each starting with '- name:'")
+    if len(entries) > MAX_BOARDS:
+        top.refuse("boards", f"{len(entries)} boards are more than the {MAX_BOARDS} allowed")
+    names: set[str] = set()
+    boards = []
+    for number, entry in enumerate(entries, start=1):
+        board = _board(str(path), number, entry, alone=len(entries) == 1)
+        if board.name in names:
+            raise TargetError(f"{path}, board {quoted(board.name)}, name: another board has it too")
+        names.add(board.name)
+        boards.append(board)
+    _refuse_shared_markers(str(path), boards)
+    _refuse_shared_places(str(path), boards)
+    return Target(units=units, boards=tuple(boards))
+
+
+class _Section:
+    """One mapping of the file, with where it is, so that every refusal can say so."""
+
+    def __init__(self, where: str, data: dict[str, Any]) -> None:
+        self.where = where
+        self.data = data
+
+    def refuse(self, key: str, what: str) -> NoReturn:
+        raise TargetError(f"{self.where}, {key}: {what}")
+
+    def allow_only(self, keys: Iterable[str], owner: str) -> None:
+        keys = tuple(keys)
+        for key in self.data:
+            if key not in keys:
+                raise TargetError(
+                    f"{self.where}: unknown key {quoted(key)} for {owner}: "
+                    f"{did_you_mean(key, keys)}"
+                )
+
+    def required(self, key: str, hint: str) -> Any:
+        if self.data.get(key) is None:
+            raise TargetError(f"{self.where}: {key} is missing: {hint}")
+        return self.data[key]
+
+    def text(self, key: str, hint: str) -> str:
+        value = self.required(key, hint)
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            self.refuse(key, f"must be text: write it in quotes, {key}: '{value}'")
+        if not isinstance(value, str):
+            self.refuse(key, "must be text")
+        if not value.strip() or value != value.strip():
+            self.refuse(key, "must be text that does not start or end with a blank")
+        if not value.isprintable() or len(value) > 100:
+            self.refuse(key, "must be printable text of at most 100 characters")
+        return value
+
+    def choice(self, key: str, known: Iterable[str], hint: str) -> str:
+        value = self.text(key, hint)
+        if value not in (known := tuple(known)):
+            self.refuse(key, f"{quoted(value)} is not known: {did_you_mean(value, known)}")
+        return value
+
+    def length(self, key: str, hint: str) -> float:
+        value = self.required(key, hint)
+        if not _is_number(value) or not MIN_LENGTH <= value <= MAX_LENGTH:
+            self.refuse(key, f"must be a positive, finite number, not {quoted(value)}")
+        return float(value)
+
+    def counts(self, key: str, what: str) -> tuple[int, int]:
+        value = self.required(key, hint=f"[columns, rows], {what}")
+        if (
+            not isinstance(value, list)
+            or len(value) != 2
+            or not all(isinstance(n, int) and not isinstance(n, bool) for n in value)
+        ):
+            self.refuse(key, f"must be two whole numbers, [columns, rows], {what}")
+        if not all(2 <= n <= MAX_COUNT for n in value):
+            self.refuse(key, f"{value} must both lie within 2 to {MAX_COUNT} ({what})")
+        return value[0], value[1]
+
+    def marker_id(self, key: str) -> int:
+        value = self.data.get(key, 0)
+        if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < 1_000_000:
+            self.refuse(key, f"must be a marker's id, 0 or more, not {quoted(value)}")
+        return value
+
+    def vector(self, key: str, hint: str) -> FloatArray:
+        value = self.required(key, hint)
+        if not _is_point(value):
+            self.refuse(key, "must be three finite numbers, [x, y, z]")
+        return np.array(value, float)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_point(value: object) -> bool:
+    return (
+        isinstance(value, list)
+        and len(value) == 3
+        and all(_is_number(x) and abs(x) <= MAX_LENGTH for x in value)
+    )
+
+
+_PLACE_KEYS = ("origin", "x_axis", "y_axis")
+_KEYS: dict[str, tuple[str, ...]] = {
+    "checkerboard": ("corners", "square", "first_square", *_PLACE_KEYS),
+    "charuco": (
+        "corners", "square", "first_square", "dictionary", "marker", "first_marker", *_PLACE_KEYS,
+    ),
+    "aprilgrid": ("tags", "tag", "spacing", "family", "first_marker", *_PLACE_KEYS),
+    "points": ("points",),
+}  # fmt: skip
+
+
+def _board(path: str, number: int, entry: object, *, alone: bool) -> Board:
+    where = f"{path}, board {number}"
+    if not isinstance(entry, dict):
+        raise TargetError(f"{where}: must be a mapping that starts with name: and type:")
+    section = _Section(where, entry)
+    name = section.text("name", hint="a name that no other board has")
+    section.where = f"{path}, board {quoted(name)}"
+    kind = section.choice("type", get_args(BoardKind), hint="one of " + ", ".join(_KEYS))
+    section.allow_only(("name", "type", *_KEYS[kind]), f"a board of type {kind}")
+    if kind == "points":
+        return _points_board(section, name)
+    origin, x_axis, y_axis = _place(section, alone=alone)
+    if kind == "aprilgrid":
+        tag_columns, tag_rows = section.counts("tags", "tags along x and along y")
+        side = section.length("tag", hint="the side of a tag, black border included")
+        spacing = section.length("spacing", hint="gap between tags divided by the side of a tag")
+        family = "tag36h11"
+        if "family" in entry:
+            family = section.choice("family", TAG_FAMILIES, hint="such as tag36h11")
+        markers = _markers(section, TAG_FAMILIES[family], side, tag_columns * tag_rows)
+        return Board(
+            name=name,
+            kind="aprilgrid",
+            columns=2 * tag_columns,
+            rows=2 * tag_rows,
+            square=side,
+            origin=origin,
+            x_axis=x_axis,
+            y_axis=y_axis,
+            markers=markers,
+            spacing=spacing,
+        )
+    columns, rows = section.counts("corners", "inner corners, not squares")
+    square = section.length("square", hint="the side of a square")
+    first: FirstSquare = "dark"
+    if "first_square" in entry:
+        light = section.choice("first_square", get_args(FirstSquare), hint="dark or light")
+        first = "light" if light == "light" else "dark"
+    charuco_markers = None
+    if kind == "charuco":
+        dictionary = section.choice(
+            "dictionary", MARKER_DICTIONARIES, hint="the markers' family, such as DICT_5X5_250"
+        )
+        side = section.length("marker", hint="the side of a marker")
+        if side >= square:
+            section.refuse("marker", f"{side:g} must be smaller than the square, {square:g}")
+        count = int(_light_squares(columns, rows, first).sum())
+        charuco_markers = _markers(section, dictionary, side, count)
+    return Board(
+        name=name,
+        kind="charuco" if kind == "charuco" else "checkerboard",
+        columns=columns,
+        rows=rows,
+        square=square,
+        origin=origin,
+        x_axis=x_axis,
+        y_axis=y_axis,
+        first_square=first,
+        markers=charuco_markers,
+    )
+
+
+def _points_board(section: _Section, name: str) -> Board:
+    value = section.required("points", hint="a list of [x, y, z]")
+    if not isinstance(value, list) or len(value) < 2:
+        section.refuse("points", "must be a list of at least two points, each [x, y, z]")
+    for index, point in enumerate(value):
+        if not _is_point(point):
+            section.refuse("points", f"point {index} must be three finite numbers, [x, y, z]")
+    points = np.array(value, float)
+    order = np.lexsort(points.T)
+    twins = np.flatnonzero((np.diff(points[order], axis=0) == 0).all(axis=1))
+    if twins.size:
+        a, b = sorted(order[twins[0] : twins[0] + 2])
+        section.refuse("points", f"points {a} and {b} are in the same place")
+    return Board(
+        name=name,
+        kind="points",
+        columns=len(points),
+        rows=1,
+        square=0.0,
+        origin=np.zeros(3),
+        x_axis=np.array([1.0, 0.0, 0.0]),
+        y_axis=np.array([0.0, 1.0, 0.0]),
+        points=points,
+    )
+
+
+def _place(section: _Section, *, alone: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Origin and orthonormal axes; a board that is alone lies in the world's z = 0 plane."""
+    given = [key for key in _PLACE_KEYS if section.data.get(key) is not None]
+    if alone and "x_axis" not in given and "y_axis" not in given:
+        section.data = {**section.data, "x_axis": [1, 0, 0], "y_axis": [0, 1, 0]}
+    if alone and "origin" not in given:
+        section.data = {**section.data, "origin": [0, 0, 0]}
+    hint = "a target of several boards needs origin, x_axis and y_axis for each"
+    if alone:
+        hint = "x_axis and y_axis go together"
+    origin, x_axis, y_axis = (section.vector(key, hint) for key in _PLACE_KEYS)
+    for key, axis in (("x_axis", x_axis), ("y_axis", y_axis)):
+        norm = float(np.linalg.norm(axis))
+        if abs(norm - 1) > AXES_TOLERANCE:
+            section.refuse(key, f"must have length 1 (to {AXES_TOLERANCE:g}), not {norm:.6g}")
+    cosine = float(x_axis @ y_axis)
+    if abs(cosine) > AXES_TOLERANCE:
+        angle = math.degrees(math.acos(min(1.0, max(-1.0, cosine))))
+        section.refuse("y_axis", f"must be at a right angle to x_axis, not at {angle:.2f} degrees")
+    # The nearest orthonormal pair: the polar factor, which favours neither axis.
+    left, _, right = np.linalg.svd(np.stack([x_axis, y_axis]), full_matrices=False)
+    x_axis, y_axis = left @ right
+    return origin, x_axis, y_axis
+
+
+def _markers(section: _Section, dictionary: str, side: float, count: int) -> Markers:
+    first = section.marker_id("first_marker")
+    available = MARKER_DICTIONARIES[dictionary]
+    if first + count > available:
+        section.refuse(
+            "first_marker",
+            f"the board carries {count} markers, ids {first} to {first + count - 1}, "
+            f"but {dictionary} has only {available}: choose a larger family",
+        )
+    return Markers(dictionary=dictionary, side=side, first=first, count=count)
+
+
+def _light_squares(columns: int, rows: int, first_square: FirstSquare) -> npt.NDArray[np.bool_]:
+    """(rows + 1, columns + 1): which squares of a board of inner corners are light."""
+    row, column = np.indices((rows + 1, columns + 1))
+    light: npt.NDArray[np.bool_] = (row + column) % 2 == (0 if first_square == "light" else 1)
+    return light
+
+
+def _refuse_shared_markers(path: str, boards: list[Board]) -> None:
+    for one, other in combinations([board for board in boards if board.markers], 2):
+        a, b = one.markers, other.markers
+        if a is None or b is None or a.dictionary != b.dictionary:
+            continue
+        low, high = max(a.first, b.first), min(a.first + a.count, b.first + b.count) - 1
+        if low <= high:
+            raise TargetError(
+                f"{path}, board {quoted(other.name)}, first_marker: ids {low} to {high} are on "
+                f"board {quoted(one.name)} too: every marker may be there only once"
+            )
+
+
+def _refuse_shared_places(path: str, boards: list[Board]) -> None:
+    for one, other in combinations(boards, 2):
+        if _in_the_same_place(one, other):
+            key = "points" if other.kind == "points" else "origin"
+            raise TargetError(
+                f"{path}, board {quoted(other.name)}, {key}: it is in the same place as "
+                f"board {quoted(one.name)}"
+            )
+
+
+def _in_the_same_place(one: Board, other: Board) -> bool:
+    """Whether two faces cover each other: same plane, same side, outlines that overlap.
+
+    A plate printed on both sides is two boards whose faces look away from each other.
+    Lists of points are in the same place when one list is part of the other.
+    """
+    if one.points is not None and other.points is not None:
+        few, many = sorted((one.points, other.points), key=len)
+        return {tuple(point) for point in few.tolist()} <= {tuple(p) for p in many.tolist()}
+    if one.points is not None or other.points is not None:
+        return False
+    pitch = min(one.square, other.square)
+    a, b = _outline(one), _outline(other)
+    normal_a = np.cross(one.x_axis, one.y_axis)
+    normal_b = np.cross(other.x_axis, other.y_axis)
+    if normal_a @ normal_b < 1 - AXES_TOLERANCE:
+        return False
+    if np.abs((b - one.origin) @ normal_a).max() > 0.1 * pitch:
+        return False
+    # Two rectangles are apart exactly when a side's direction of either separates them.
+    for axis in (one.x_axis, one.y_axis, other.x_axis, other.y_axis):
+        if min((a @ axis).max(), (b @ axis).max()) - max((a @ axis).min(), (b @ axis).min()) < (
+            0.1 * pitch
+        ):
+            return False
+    return True
+
+
+def _outline(board: Board) -> FloatArray:
+    """World points that span a board: its four outermost corners, or all its points."""
+    if board.points is not None:
+        return board.points
+    last_column, last_row = board.columns - 1, board.rows - 1
+    return board.world_points([0, last_column, last_column, 0], [0, 0, last_row, last_row])
+
+
+def _plane_of(board: Board) -> tuple[FloatArray, FloatArray] | None:
+    """A point of the board's plane and its unit normal, or None for points off one plane."""
+    if board.points is None:
+        return board.origin, np.cross(board.x_axis, board.y_axis)
+    middle = board.points.mean(axis=0)
+    _, extents, axes = np.linalg.svd(board.points - middle, full_matrices=True)
+    if len(extents) == 3 and extents[2] > 1e-6 * extents[0]:
+        return None
+    return middle, axes[2]
+
+
+def _same_plane(
+    one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray], tolerance: float
+) -> bool:
+    parallel = abs(one[1] @ other[1]) > 1 - AXES_TOLERANCE**2
+    return bool(parallel and abs((other[0] - one[0]) @ one[1]) < tolerance)

@@ -1,0 +1,28 @@
+"""Small pieces of error messages: a user's own words, quoted safely, and the nearest known one."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+LONGEST_QUOTE = 60
+
+
+def quoted(value: object) -> str:
+    """``value`` in quotes on one line: control characters escaped, long text cut short."""
+    text = value if isinstance(value, str) else repr(value)
+    if len(text) > LONGEST_QUOTE:
+        text = text[: LONGEST_QUOTE - 3] + "..."
+    return "'" + "".join(c if c.isprintable() else repr(c)[1:-1] for c in text) + "'"
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """``did you mean 'x'?`` when a known word is near, else the list of the known words."""
+    known = list(known)
+    lower = {name.lower(): name for name in reversed(known)}
+    near = difflib.get_close_matches(word[:LONGEST_QUOTE].lower(), lower, n=1, cutoff=0.6)
+    if near:
+        return f"did you mean {quoted(lower[near[0]])}?"
+    shown = ", ".join(quoted(name)[1:-1] for name in known[:12])
+    more = f", and {len(known) - 12} more" if len(known) > 12 else ""
+    return f"known: {shown}{more}"
