@@ -1,0 +1,127 @@
+"""Target, lens and pose -> the photo that the lens would take, ray by ray."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import radians
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.rendering.pose import Pose, rotation_matrix
+from cubicfish_cli.rendering.scene import MARGIN_SQUARES, Plate, nearest, plates
+from cubicfish_cli.target import Target
+
+FloatArray = npt.NDArray[np.float64]
+Unproject = Callable[[FloatArray], FloatArray]
+Background = Callable[[FloatArray], FloatArray]
+
+# Shares of the light that are thrown back, and what the brightest paper becomes.
+_INK, _PAPER, _BACK = 0.07, 0.92, 0.45
+_WHITE_LEVEL = 240.0
+# Light from above and from one side, so that boards at right angles differ in brightness.
+_LIGHT = np.array([0.36, 0.48, 0.8])
+_AMBIENT = 0.6
+_DARK_LEVEL = 6.0  # what a sensor reads where no light comes
+_RAYS_A_BLOCK = 250_000
+
+
+def plain_background(directions: FloatArray) -> FloatArray:
+    """An even grey all around: world directions (N, 3) -> brightness (N,)."""
+    return np.full(len(directions), 0.4)
+
+
+def room_background(directions: FloatArray) -> FloatArray:
+    """A plain room far away: world directions (N, 3) -> brightness (N,), smooth on each wall."""
+    size = np.abs(directions)
+    wall = np.argmax(size, axis=1)
+    positive = np.take_along_axis(directions, wall[:, None], axis=1)[:, 0] > 0
+    level = np.array([[0.30, 0.36], [0.33, 0.40], [0.22, 0.50]])[wall, positive.astype(int)]
+    nearness = np.take_along_axis(size, wall[:, None], axis=1)[:, 0]
+    slope = 0.08 * directions @ np.array([0.5, -0.4, 0.76])
+    return level * (0.7 + 0.3 * nearness) + slope
+
+
+def render(
+    target: Target,
+    lens_unproject: Unproject,
+    camera_from_world: Pose,
+    image_size: tuple[int, int],
+    *,
+    supersample: int = 4,
+    noise: float = 2.0,
+    blur: float = 0.5,
+    vignetting: float = 0.4,
+    background: Background = room_background,
+    margin: float = MARGIN_SQUARES,
+    seed: int = 0,
+) -> npt.NDArray[np.uint8]:
+    """Render a grey photo of the target -> (height, width) uint8.
+
+    Each pixel is the mean of ``supersample``² rays over its area, so a printed edge lies
+    exactly where the lens puts it. Memory is bounded: rows are done in blocks.
+
+    Args:
+        target: the object; boards that are seen from behind are plain grey.
+        lens_unproject: pixels (N, 2) -> rays in the camera frame (N, 3), NaN outside the
+            lens's field, which stays black.
+        camera_from_world: rotation vector and translation.
+        image_size: (width, height).
+        supersample: sub-samples a pixel along x and along y.
+        noise: standard deviation of the sensor's noise, grey levels.
+        blur: standard deviation of the lens's blur, pixels.
+        vignetting: share of the light that is lost at 90° from the axis.
+        background: world directions (N, 3) -> brightness (N,) where no board is.
+        margin: white paper around each print, squares.
+        seed: of the noise; the same arguments give the same photo.
+
+    Raises:
+        TargetError: a board of a kind that cannot be drawn.
+
+    """
+    width, height = image_size
+    seen = plates(target, camera_from_world, margin=margin)
+    world_from_camera = rotation_matrix(camera_from_world[0]).T
+    offset = (np.arange(supersample) + 0.5) / supersample - 0.5
+    x = (np.arange(width)[:, None] + offset).ravel()
+    photo = np.empty((height, width))
+    rows_a_block = max(1, _RAYS_A_BLOCK // (len(x) * supersample))
+    for top in range(0, height, rows_a_block):
+        rows = np.arange(top, min(height, top + rows_a_block))
+        y = (rows[:, None] + offset).ravel()
+        pixel = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1).reshape(-1, 2)
+        rays = lens_unproject(pixel)
+        light = np.zeros(len(rays))
+        lit = ~np.isnan(rays).any(axis=1)
+        light[lit] = _light(rays[lit], seen, world_from_camera, background, vignetting)
+        photo[rows] = light.reshape(len(rows), supersample, width, supersample).mean(axis=(1, 3))
+    photo = _DARK_LEVEL + photo * (_WHITE_LEVEL - _DARK_LEVEL)
+    if blur > 0:
+        photo = cv2.GaussianBlur(photo, (0, 0), blur)
+    if noise > 0:
+        photo += np.random.default_rng(seed).normal(0.0, noise, photo.shape)
+    return np.clip(np.rint(photo), 0, 255).astype(np.uint8)
+
+
+def _light(
+    rays: FloatArray,
+    seen: list[Plate],
+    world_from_camera: FloatArray,
+    background: Background,
+    vignetting: float,
+) -> FloatArray:
+    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    index, _, position = nearest(seen, rays)
+    light = np.empty(len(rays))
+    light[index < 0] = background(rays[index < 0] @ world_from_camera.T)
+    for i, plate in enumerate(seen):
+        here = index == i
+        outward = -(plate.board_from_camera @ world_from_camera.T)[2]
+        if plate.faces_camera:
+            thrown = np.where(plate.face.is_dark(position[here]), _INK, _PAPER)
+        else:
+            thrown, outward = np.full(int(here.sum()), _BACK), -outward
+        light[here] = thrown * (_AMBIENT + (1 - _AMBIENT) * max(0.0, float(outward @ _LIGHT)))
+    angle = np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2])
+    return light * (1.0 - vignetting * np.minimum((angle / radians(90.0)) ** 4, 1.2))

@@ -1,0 +1,107 @@
+"""Where a lens sees a target's corners, exactly, and which of them can be seen at all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.rendering.pose import Pose, camera_points
+from cubicfish_cli.rendering.scene import MARGIN_SQUARES, nearest, plates
+from cubicfish_cli.target import Target
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.intp]
+
+
+class Lens(Protocol):
+    """Anything that projects points (..., 3) to pixels (..., 2), NaN outside its field."""
+
+    def project(self, points: npt.ArrayLike, /) -> FloatArray:
+        """Points in the camera frame (..., 3) -> pixels (..., 2)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrueCorners:
+    """All corners of a target as one camera sees them.
+
+    Attributes:
+        board: (N,) index into the target's boards.
+        column, row: (N,) place on the board.
+        world: (N, 3) world points.
+        camera: (N, 3) the same points in the camera frame.
+        pixel: (N, 2) exact pixels, NaN outside the lens's field.
+        visible: (N,) whether the corner and its neighbourhood are seen; see
+            :func:`project_corners`.
+
+    """
+
+    board: IntArray
+    column: IntArray
+    row: IntArray
+    world: FloatArray
+    camera: FloatArray
+    pixel: FloatArray
+    visible: BoolArray
+
+
+def target_corners(target: Target) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+    """All corners of a target: board, column, row (N,) each and world points (N, 3)."""
+    parts = []
+    for index, board in enumerate(target.boards):
+        row, column = (part.ravel() for part in np.indices((board.rows, board.columns)))
+        parts.append((np.full(len(row), index), column, row, board.world_points(column, row)))
+    boards, columns, rows, world = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return boards, columns, rows, world
+
+
+def project_corners(
+    target: Target,
+    lens: Lens,
+    camera_from_world: Pose,
+    image_size: tuple[int, int],
+    *,
+    neighbourhood: float = 0.5,
+    margin: float = MARGIN_SQUARES,
+) -> TrueCorners:
+    """Exact pixels of all corners and whether each is visible.
+
+    Visible means: the camera is in front of the printed face, and the corner and eight points
+    around it, ``neighbourhood`` squares away in the board's plane, are all in the lens's
+    field, in the picture, and not behind another board.
+
+    Raises:
+        TargetError: a board of a kind that cannot be drawn.
+
+    """
+    board, column, row, world = target_corners(target)
+    camera = camera_points(camera_from_world, world)
+    x_axis = np.stack([b.x_axis for b in target.boards])[board]
+    y_axis = np.stack([b.y_axis for b in target.boards])[board]
+    reach = neighbourhood * np.array([b.square for b in target.boards])[board]
+    step = np.array([(i, j) for j in (-1, 0, 1) for i in (-1, 0, 1)], float)
+    around = world[:, None] + reach[:, None, None] * (
+        step[:, :1] * x_axis[:, None] + step[:, 1:] * y_axis[:, None]
+    )
+    around = camera_points(camera_from_world, around)
+    seen = plates(target, camera_from_world, margin=margin)
+    _, distance, _ = nearest(seen, around.reshape(-1, 3))
+    # A ray is as long as the way to its point: a hit well short of 1 is another board.
+    in_front = (distance > 1 - 1e-6).reshape(around.shape[:2])
+    pixel = lens.project(around)
+    limit = np.array(image_size) - 0.5
+    with np.errstate(invalid="ignore"):
+        in_picture = ((pixel > -0.5) & (pixel < limit)).all(axis=-1)
+    faces_camera = np.array([plate.faces_camera for plate in seen])[board]
+    return TrueCorners(
+        board=board,
+        column=column,
+        row=row,
+        world=world,
+        camera=camera,
+        pixel=lens.project(camera),
+        visible=faces_camera & (in_front & in_picture).all(axis=1),
+    )
