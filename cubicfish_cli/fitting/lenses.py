@@ -1,0 +1,219 @@
+"""The lenses as least squares sees them: free parameters, derivatives and prior."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.model.lift import lift, lift_jacobian, sphere_basis
+from cubicfish_cli.model.radial import RadialCamera, project_jacobian
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RadialFit:
+    """A Kannala–Brandt lens of which fx, fy, cx, cy and the first ``terms`` of k1..k4 are free.
+
+    Attributes:
+        values: (8,) fx, fy, cx, cy, k1..k4.
+        terms: how many coefficients of the profile are free.
+
+    """
+
+    values: FloatArray
+    terms: int = 4
+
+    @property
+    def parameters(self) -> FloatArray:
+        """(4 + terms,)."""
+        return self.values[: 4 + self.terms]
+
+    def with_parameters(self, parameters: FloatArray) -> RadialFit:
+        """The same lens with other parameters."""
+        return replace(self, values=np.concatenate([parameters, self.values[4 + self.terms :]]))
+
+    def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
+        pixel, d_point, d_values = project_jacobian(self.values, points)
+        return pixel, d_point, d_values[:, :, : 4 + self.terms]
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
+        return project_jacobian(self.values, points)[0]
+
+    def prior(self) -> tuple[FloatArray, FloatArray]:
+        """None: few parameters hold this lens."""
+        return np.zeros(0), np.zeros((0, 4 + self.terms))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FixedLens:
+    """A known lens: only poses are free."""
+
+    camera: CubicCamera | RadialCamera
+
+    @property
+    def parameters(self) -> FloatArray:
+        """(0,)."""
+        return np.zeros(0)
+
+    def with_parameters(self, parameters: FloatArray) -> FixedLens:
+        """Itself: nothing is free."""
+        return self
+
+    def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
+        none = np.zeros((len(points), 2, 0))
+        if isinstance(self.camera, RadialCamera):
+            pixel, d_point, _ = project_jacobian(self.camera.parameters, points)
+            return pixel, d_point, none
+        length = np.linalg.norm(points, axis=-1, keepdims=True)
+        pixel, slope = self.camera.pixel_and_slope(points / length)
+        return pixel, _through_unit_ray(slope, points / length, length), none
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
+        if isinstance(self.camera, RadialCamera):
+            return project_jacobian(self.camera.parameters, points)[0]
+        rays = points / np.linalg.norm(points, axis=-1, keepdims=True)
+        homogeneous = lift(rays) @ self.camera.P.T
+        return homogeneous[:, :2] / homogeneous[:, 2:]
+
+    def prior(self) -> tuple[FloatArray, FloatArray]:
+        """None."""
+        return np.zeros(0), np.zeros((0, 0))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RayPrior:
+    """Pseudo-observations that tie a lens to another where no corner is.
+
+    Attributes:
+        rays: (M, 3) unit rays.
+        pixel: (M, 2) where the other lens sees them.
+        weight: residuals are multiplied by this.
+
+    """
+
+    rays: FloatArray
+    pixel: FloatArray
+    weight: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CubicFit:
+    """The ``ray`` lift in the 16 dimensions that cubics span on the sphere (Eq. 5–7).
+
+    P = T C Bᵀ: B is the orthonormal (20, 16) basis, T the Hartley normalisation of pixels. The
+    homogeneous scale is fixed by holding the mean of P3Φ over the prior's rays at 1, which is
+    linear, so 47 parameters are free. The prior also fixes the rotation of the camera frame.
+
+    Attributes:
+        coefficients: (3, 16) C.
+        denominator_basis: (16, 15) the directions in which P3's coefficients may move.
+        centre, scale: pixels are (m − centre) / scale inside.
+        ray_prior: the pseudo-observations.
+
+    """
+
+    coefficients: FloatArray
+    denominator_basis: FloatArray
+    centre: FloatArray
+    scale: float
+    ray_prior: RayPrior
+
+    @property
+    def parameters(self) -> FloatArray:
+        """(47,)."""
+        return np.concatenate(
+            [
+                self.coefficients[0],
+                self.coefficients[1],
+                self.denominator_basis.T @ self.coefficients[2],
+            ]
+        )
+
+    def with_parameters(self, parameters: FloatArray) -> CubicFit:
+        """The same lens with other parameters."""
+        moved = parameters[32:] - self.denominator_basis.T @ self.coefficients[2]
+        return replace(
+            self,
+            coefficients=np.stack(
+                [
+                    parameters[:16],
+                    parameters[16:32],
+                    self.coefficients[2] + self.denominator_basis @ moved,
+                ]
+            ),
+        )
+
+    def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
+        length = np.linalg.norm(points, axis=-1, keepdims=True)
+        rays = points / length
+        values = lift(rays) @ sphere_basis()
+        pixel, denominator = self._pixel(values)
+        gradient = np.einsum("rk,nkj->nrj", self.coefficients @ sphere_basis().T, lift_jacobian(rays))
+        slope = self.scale * (
+            (gradient[:, :2] - pixel[:, :, None] * gradient[:, 2:]) / denominator[:, None, None]
+        )
+        return (
+            pixel * self.scale + self.centre,
+            _through_unit_ray(slope, rays, length),
+            self._d_parameters(values, pixel, denominator),
+        )
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
+        rays = points / np.linalg.norm(points, axis=-1, keepdims=True)
+        return self._pixel(lift(rays) @ sphere_basis())[0] * self.scale + self.centre
+
+    def prior(self) -> tuple[FloatArray, FloatArray]:
+        """Weighted difference to the prior's pixels: (2M,), (2M, 47)."""
+        values = lift(self.ray_prior.rays) @ sphere_basis()
+        pixel, denominator = self._pixel(values)
+        residual = pixel * self.scale + self.centre - self.ray_prior.pixel
+        jacobian = self._d_parameters(values, pixel, denominator)
+        weight = self.ray_prior.weight
+        return weight * residual.reshape(-1), weight * jacobian.reshape(len(residual) * 2, -1)
+
+    def _pixel(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        homogeneous = values @ self.coefficients.T
+        denominator = homogeneous[:, 2]
+        # A pole on the way is a bad step, not an error: its infinite cost turns it down.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            pixel = homogeneous[:, :2] / denominator[:, None]
+        return np.where(denominator[:, None] > 0, pixel, np.inf), denominator
+
+    def _d_parameters(
+        self, values: FloatArray, pixel: FloatArray, denominator: FloatArray
+    ) -> FloatArray:
+        share = self.scale * values / denominator[:, None]
+        jacobian = np.zeros((len(values), 2, 47))
+        jacobian[:, 0, :16] = share
+        jacobian[:, 1, 16:32] = share
+        jacobian[:, :, 32:] = -pixel[:, :, None] * (share @ self.denominator_basis)[:, None, :]
+        return jacobian
+
+    @property
+    def P(self) -> FloatArray:
+        """(3, 20) in pixels, Frobenius norm 1, P3Φ positive on the prior's rays."""
+        normalisation = np.array(
+            [
+                [self.scale, 0, self.centre[0]],
+                [0, self.scale, self.centre[1]],
+                [0, 0, 1],
+            ]
+        )
+        P = normalisation @ self.coefficients @ sphere_basis().T
+        return P / np.linalg.norm(P)
+
+
+def _through_unit_ray(slope: FloatArray, rays: FloatArray, length: FloatArray) -> FloatArray:
+    """From d/d unit ray to d/d point: the derivative of X/‖X‖ is (I − d dᵀ)/‖X‖."""
+    radial = slope @ rays[:, :, None]
+    return (slope - radial * rays[:, None, :]) / length[:, :, None]

@@ -1,0 +1,155 @@
+"""The cubic polynomial camera of Zhu & Yin (2010), applied to unit rays (the ``ray`` lift).
+
+λ m = P Φ(d) with m = (u, v, 1), P 3x20 and d the unit ray of a camera-frame point (Eq. 2 and
+5–7). P may be trusted on a cone about the camera's z axis; outside it every answer is NaN.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.model.lift import lift, lift_jacobian
+from cubicfish_cli.model.radial import RadialCamera
+
+FloatArray = npt.NDArray[np.float64]
+
+# Pixel -> ray is exact to this many pixels; what does not get there is NaN.
+UNPROJECT_TOLERANCE_PX = 1e-6
+_NEWTON_ITERATIONS = 30
+# A ray this close beyond the edge of the cone is rounding, not a ray outside.
+_EDGE_SLACK_RAD = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CubicCamera:
+    """A fisheye camera: pixels are ratios of cubics in the unit ray.
+
+    Attributes:
+        image_size: (width, height), pixels.
+        P: (3, 20), columns in the paper's order (:data:`cubicfish_cli.model.lift.MONOMIALS`).
+        max_angle_deg: half-angle of the cone about +z where P may be trusted.
+        radial: the Kannala–Brandt companion, in the same camera frame.
+
+    """
+
+    image_size: tuple[int, int]
+    P: FloatArray
+    max_angle_deg: float
+    radial: RadialCamera
+
+    def project(self, points: npt.ArrayLike) -> FloatArray:
+        """Camera-frame points (..., 3), any length -> pixels (..., 2); NaN outside the cone."""
+        points = np.asarray(points, float)
+        rho = np.hypot(points[..., 0], points[..., 1])
+        with np.errstate(invalid="ignore"):
+            theta = np.arctan2(rho, points[..., 2])
+            inside = theta <= np.deg2rad(self.max_angle_deg) + _EDGE_SLACK_RAD
+            norm = np.hypot(rho, points[..., 2])
+            inside &= (norm > 0) & np.isfinite(norm)
+        rays = np.where(inside[..., None], points, [0.0, 0.0, 1.0])
+        rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+        homogeneous = lift(rays) @ self.P.T
+        pixel = homogeneous[..., :2] / homogeneous[..., 2:]
+        return np.where(inside[..., None], pixel, np.nan)
+
+    def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
+        """Pixels (..., 2) -> unit rays (..., 3); NaN outside the valid field.
+
+        Newton's method on the sphere, from the companion's ray. A result counts only when it
+        reprojects within :data:`UNPROJECT_TOLERANCE_PX` from inside the cone.
+        """
+        pixel = np.asarray(pixel, float)
+        flat = pixel.reshape(-1, 2)
+        rays = np.full((len(flat), 3), np.nan)
+        candidates = np.flatnonzero(np.isfinite(flat).all(axis=-1))
+        if candidates.size:
+            rays[candidates] = self._newton(flat[candidates])
+        return rays.reshape((*pixel.shape[:-1], 3))
+
+    def _newton(self, pixel: FloatArray) -> FloatArray:
+        start = self.radial.unproject(pixel)
+        limit = np.deg2rad(self.max_angle_deg)
+        # The companion has no ray for a pixel beyond its own end: start those at the cone's edge.
+        offset = (pixel - [self.radial.cx, self.radial.cy]) / [self.radial.fx, self.radial.fy]
+        azimuth = np.arctan2(offset[:, 1], offset[:, 0])
+        theta = np.arccos(np.clip(start[:, 2], -1, 1))
+        theta = np.where(np.isfinite(theta), np.minimum(theta, limit), limit)
+        rays = _ray(theta, azimuth)
+        best = np.full((len(pixel), 3), np.nan)
+        active = np.arange(len(pixel))
+        for _ in range(_NEWTON_ITERATIONS):
+            value, slope = self.pixel_and_slope(rays[active])
+            with np.errstate(invalid="ignore", over="ignore"):
+                miss = pixel[active] - value
+                error = np.hypot(miss[:, 0], miss[:, 1])
+            done = error <= 1e-3 * UNPROJECT_TOLERANCE_PX
+            near = error <= UNPROJECT_TOLERANCE_PX
+            best[active[near]] = rays[active[near]]
+            active, miss, slope = active[~done], miss[~done], slope[~done]
+            if not active.size:
+                break
+            rays[active] = _step_on_sphere(rays[active], slope, miss)
+        edge = np.arccos(np.clip(best[:, 2], -1, 1)) <= limit + _EDGE_SLACK_RAD
+        return np.where(edge[:, None], best, np.nan)
+
+    def pixel_and_slope(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Pixel and d pixel / d ray of unit rays, unchecked: (N, 3) -> (N, 2), (N, 2, 3)."""
+        homogeneous = lift(rays) @ self.P.T
+        gradient = np.einsum("rk,nkj->nrj", self.P, lift_jacobian(rays))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            pixel = homogeneous[:, :2] / homogeneous[:, 2:]
+            slope = (gradient[:, :2] - pixel[:, :, None] * gradient[:, 2:]) / homogeneous[
+                :, 2:, None
+            ]
+        return pixel, slope
+
+    def outline(self, count: int = 180) -> FloatArray:
+        """Outline of the valid field within the photo, a polygon: (count, 2) pixels.
+
+        Along each azimuth it is the farthest pixel that is inside the cone and the photo.
+        """
+        azimuth = np.linspace(0, 2 * np.pi, count, endpoint=False)
+        near, far = np.zeros(count), np.full(count, np.deg2rad(self.max_angle_deg))
+        width, height = self.image_size
+
+        def inside(theta: FloatArray) -> npt.NDArray[np.bool_]:
+            u, v = self.project(_ray(theta, azimuth)).T
+            return (u >= -0.5) & (v >= -0.5) & (u <= width - 0.5) & (v <= height - 0.5)
+
+        near = np.where(inside(far), far, near)
+        for _ in range(48):
+            middle = (near + far) / 2
+            ok = inside(middle)
+            near, far = np.where(ok, middle, near), np.where(ok, far, middle)
+        return self.project(_ray(near, azimuth))
+
+
+def _ray(theta: FloatArray, azimuth: FloatArray) -> FloatArray:
+    sine = np.sin(theta)
+    return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(theta)], axis=-1)
+
+
+def tangent_basis(rays: FloatArray) -> FloatArray:
+    """Two unit vectors orthogonal to each unit ray, as columns: (N, 3) -> (N, 3, 2)."""
+    helper = np.where(np.abs(rays[:, :1]) < 0.6, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    first = np.cross(rays, helper)
+    first /= np.linalg.norm(first, axis=-1, keepdims=True)
+    return np.stack([first, np.cross(rays, first)], axis=-1)
+
+
+def _step_on_sphere(rays: FloatArray, slope: FloatArray, miss: FloatArray) -> FloatArray:
+    basis = tangent_basis(rays)
+    jacobian = slope @ basis
+    a, b = jacobian[:, 0, 0], jacobian[:, 0, 1]
+    c, d = jacobian[:, 1, 0], jacobian[:, 1, 1]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        step = np.stack([d * miss[:, 0] - b * miss[:, 1], a * miss[:, 1] - c * miss[:, 0]], -1)
+        step /= (a * d - b * c)[:, None]
+        length = np.hypot(step[:, 0], step[:, 1])
+        # 0.3 rad a step keeps Newton from jumping across the sphere when it starts far away.
+        step *= np.minimum(1, 0.3 / np.maximum(length, 1e-300))[:, None]
+        moved = rays + (basis @ step[:, :, None])[:, :, 0]
+        return moved / np.linalg.norm(moved, axis=-1, keepdims=True)

@@ -1,0 +1,172 @@
+"""The radial companion: the Kannala–Brandt lens (Kannala & Brandt 2006, as OpenCV's fisheye).
+
+r(θ) = θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸), θ the angle from the optical axis, which may
+exceed 90°. It starts the cubic fit, holds it where no corner is, and stands beside it in
+every figure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+# Below this ratio of ρ to |X| the profile's series replaces its quotient, which is 0/0 on the axis.
+_NEAR_AXIS = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RadialCamera:
+    """A Kannala–Brandt lens.
+
+    Attributes:
+        image_size: (width, height), pixels.
+        fx, fy: focal lengths, pixels a radian.
+        cx, cy: principal point, pixels.
+        k: (4,) coefficients k1..k4 of the radial profile.
+
+    """
+
+    image_size: tuple[int, int]
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    k: FloatArray
+
+    @property
+    def parameters(self) -> FloatArray:
+        """(8,): fx, fy, cx, cy, k1..k4."""
+        return np.array([self.fx, self.fy, self.cx, self.cy, *self.k])
+
+    @classmethod
+    def from_parameters(
+        cls, parameters: npt.ArrayLike, image_size: tuple[int, int]
+    ) -> RadialCamera:
+        """Build from (8,): fx, fy, cx, cy, k1..k4."""
+        values = np.asarray(parameters, float)
+        fx, fy, cx, cy = (float(value) for value in values[:4])
+        return cls(image_size=image_size, fx=fx, fy=fy, cx=cx, cy=cy, k=values[4:8].copy())
+
+    def profile(self, theta: npt.ArrayLike) -> FloatArray:
+        """Normalised radius r(θ): (...,) radians -> (...,)."""
+        theta = np.asarray(theta, float)
+        s = theta * theta
+        k1, k2, k3, k4 = self.k
+        return theta * (1 + s * (k1 + s * (k2 + s * (k3 + s * k4))))
+
+    def profile_slope(self, theta: npt.ArrayLike) -> FloatArray:
+        """dr/dθ: (...,) radians -> (...,)."""
+        s = np.square(np.asarray(theta, float))
+        k1, k2, k3, k4 = self.k
+        return 1 + s * (3 * k1 + s * (5 * k2 + s * (7 * k3 + s * 9 * k4)))
+
+    @property
+    def max_angle(self) -> float:
+        """Largest angle to which r(θ) grows, radians, at most π."""
+        k1, k2, k3, k4 = self.k
+        roots = np.roots([9 * k4, 7 * k3, 5 * k2, 3 * k1, 1.0])
+        squares = roots[np.abs(roots.imag) < 1e-9 * np.maximum(1, np.abs(roots.real))].real
+        squares = squares[squares > 0]
+        return float(min(np.pi, np.sqrt(squares.min()))) if squares.size else float(np.pi)
+
+    def project(self, points: npt.ArrayLike) -> FloatArray:
+        """Camera-frame points (..., 3) -> pixels (..., 2); NaN beyond :attr:`max_angle`."""
+        points = np.asarray(points, float)
+        rho = np.hypot(points[..., 0], points[..., 1])
+        theta = np.arctan2(rho, points[..., 2])
+        radius = self.profile(theta)
+        norm = np.sqrt(rho**2 + points[..., 2] ** 2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scale = np.where(rho > _NEAR_AXIS * norm, radius / rho, 1 / points[..., 2])
+            pixel = np.stack(
+                [
+                    self.fx * points[..., 0] * scale + self.cx,
+                    self.fy * points[..., 1] * scale + self.cy,
+                ],
+                axis=-1,
+            )
+        seen = (theta <= self.max_angle) & (norm > 0) & ((theta < 3) | (rho > _NEAR_AXIS * norm))
+        return np.where(seen[..., None], pixel, np.nan)
+
+    def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
+        """Pixels (..., 2) -> unit rays (..., 3); NaN where no angle has this radius."""
+        pixel = np.asarray(pixel, float)
+        x = (pixel[..., 0] - self.cx) / self.fx
+        y = (pixel[..., 1] - self.cy) / self.fy
+        radius = np.hypot(x, y)
+        theta = self.angle(radius)
+        sine = np.sin(theta)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scale = np.where(radius > 0, sine / radius, 1.0)
+        return np.stack([x * scale, y * scale, np.cos(theta)], axis=-1)
+
+    def angle(self, radius: npt.ArrayLike) -> FloatArray:
+        """Invert the profile: normalised radius (...,) -> θ, radians; NaN beyond its end."""
+        radius = np.asarray(radius, float)
+        end = self.max_angle
+        table = np.linspace(0, end, 1024)
+        with np.errstate(invalid="ignore"):
+            inside = radius <= self.profile(end)
+            theta = np.interp(radius, self.profile(table), table)
+            for _ in range(4):
+                slope = np.maximum(self.profile_slope(theta), 1e-9)
+                theta = np.clip(theta - (self.profile(theta) - radius) / slope, 0, end)
+        return np.where(inside, theta, np.nan)
+
+
+def project_jacobian(
+    parameters: FloatArray, points: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Pixels with their derivatives, without any check of the field, for least squares.
+
+    Args:
+        parameters: (8,) fx, fy, cx, cy, k1..k4.
+        points: (N, 3) in the camera frame.
+
+    Returns:
+        pixel (N, 2); d pixel / d point (N, 2, 3); d pixel / d parameters (N, 2, 8).
+
+    """
+    fx, fy, cx, cy, k1, k2, k3, k4 = parameters
+    x, y, z = points.T
+    rho_squared = x * x + y * y
+    rho = np.sqrt(rho_squared)
+    norm_squared = rho_squared + z * z
+    theta = np.arctan2(rho, z)
+    s = theta * theta
+    radius = theta * (1 + s * (k1 + s * (k2 + s * (k3 + s * k4))))
+    slope = 1 + s * (3 * k1 + s * (5 * k2 + s * (7 * k3 + s * 9 * k4)))
+    axis = rho_squared < _NEAR_AXIS**2 * norm_squared
+    safe_rho = np.where(axis, 1, rho)
+    safe_z = np.where(axis, np.where(z == 0, 1, z), 1)
+    # pixel = f * (x, y) * g + c, where g = r(θ)/ρ depends on ρ and z alone
+    g = np.where(axis, 1 / safe_z, radius / safe_rho)
+    dg_drho_over_rho = np.where(
+        axis,
+        2 * (k1 - 1 / 3) / safe_z**3,
+        (slope * z / norm_squared - g) / safe_rho**2,
+    )
+    dg_dz = -slope / norm_squared
+    pixel = np.stack([fx * x * g + cx, fy * y * g + cy], axis=-1)
+
+    d_point = np.empty((len(points), 2, 3))
+    d_point[:, 0, 0] = fx * (g + x * x * dg_drho_over_rho)
+    d_point[:, 0, 1] = fx * x * y * dg_drho_over_rho
+    d_point[:, 0, 2] = fx * x * dg_dz
+    d_point[:, 1, 0] = fy * x * y * dg_drho_over_rho
+    d_point[:, 1, 1] = fy * (g + y * y * dg_drho_over_rho)
+    d_point[:, 1, 2] = fy * y * dg_dz
+
+    d_parameters = np.zeros((len(points), 2, 8))
+    d_parameters[:, 0, 0] = x * g
+    d_parameters[:, 1, 1] = y * g
+    d_parameters[:, 0, 2] = 1
+    d_parameters[:, 1, 3] = 1
+    odd = theta[:, None] ** np.array([3, 5, 7, 9])
+    direction = np.where(axis[:, None], 0, np.stack([fx * x, fy * y], axis=-1) / safe_rho[:, None])
+    d_parameters[:, :, 4:] = direction[:, :, None] * odd[:, None, :]
+    return pixel, d_point, d_parameters
