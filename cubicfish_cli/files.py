@@ -5,11 +5,11 @@ from __future__ import annotations
 import hashlib
 import os
 import secrets
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from cubicfish_cli.errors import OutputError
+from cubicfish_cli.errors import CubicfishError, OutputError
 
 
 def refuse_existing(path: Path, *, overwrite: bool) -> None:
@@ -32,6 +32,8 @@ def whole_file(path: Path, *, overwrite: bool) -> Iterator[Path]:
     """
     path = Path(path)
     refuse_existing(path, overwrite=overwrite)
+    if path.parent.exists() and not path.parent.is_dir():
+        raise OutputError(f"{path} cannot be written: {path.parent} is a file, not a folder")
     temporary = path.with_name(f".{path.stem[:100]}.{secrets.token_hex(6)}.part{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -42,7 +44,7 @@ def whole_file(path: Path, *, overwrite: bool) -> Iterator[Path]:
             os.replace(temporary, path)
         else:
             _move_to_free_name(temporary, path)
-    except OutputError:
+    except CubicfishError:  # says what went wrong already, and some are OSErrors too
         raise
     except OSError as error:
         raise OutputError(
@@ -50,7 +52,25 @@ def whole_file(path: Path, *, overwrite: bool) -> Iterator[Path]:
             "check the folder, its permissions and the free space"
         ) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # nothing was made where the folder itself is unusable
+            temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def whole_files(paths: Sequence[Path], *, overwrite: bool) -> Iterator[tuple[Path, ...]]:
+    """Yield one temporary name for each path; all become final when the block succeeds.
+
+    Names that are taken are refused before the block starts. When the block fails, nothing
+    is left of any file.
+
+    Raises:
+        OutputError: a file exists and ``overwrite`` is false, or cannot be written.
+
+    """
+    for path in paths:
+        refuse_existing(Path(path), overwrite=overwrite)
+    with ExitStack() as stack:
+        yield tuple(stack.enter_context(whole_file(path, overwrite=overwrite)) for path in paths)
 
 
 def _move_to_free_name(source: Path, path: Path) -> None:

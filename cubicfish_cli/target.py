@@ -97,7 +97,7 @@ class Board:
 
     def plane_points(self, column: npt.ArrayLike, row: npt.ArrayLike) -> FloatArray:
         """Positions in the board's own plane: (...,) columns and rows -> (..., 2) in units."""
-        column, row = np.asarray(column, float), np.asarray(row, float)
+        column, row = np.broadcast_arrays(np.asarray(column, float), np.asarray(row, float))
         if self.kind == "aprilgrid":
             return np.stack([self._tag_offset(column), self._tag_offset(row)], axis=-1)
         return np.stack([column, row], axis=-1) * self.square

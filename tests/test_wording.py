@@ -1,0 +1,27 @@
+import pytest
+
+from cubicfish_cli.wording import did_you_mean, quoted
+
+
+def test_quotes_are_one_short_printable_line() -> None:
+    assert quoted("floor") == "'floor'"
+    assert quoted("a\nb\x1b[31m") == r"'a\nb\x1b[31m'"
+    assert quoted("x" * 1000) == "'" + "x" * 57 + "...'"
+    assert quoted([1, 2]) == "'[1, 2]'"
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("sqare", "did you mean 'square'?"),
+        ("SQUARE", "did you mean 'square'?"),
+        ("zzz", "known: corners, square"),
+    ],
+)
+def test_the_nearest_known_word_is_named(word: str, said: str) -> None:
+    assert did_you_mean(word, ["corners", "square"]) == said
+
+
+def test_a_long_list_is_cut() -> None:
+    said = did_you_mean("zzz", [f"k{n}" for n in range(30)])
+    assert said.endswith("k11, and 18 more")
