@@ -7,10 +7,20 @@ in flat arrays, since all the maths runs over all corners at once.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from cubicfish_cli.errors import CorrespondenceError
+from cubicfish_cli.files import write_text
+from cubicfish_cli.tables import Table, csv_text, read_table
+from cubicfish_cli.target import Board, Target
+from cubicfish_cli.wording import did_you_mean, quoted
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
@@ -71,3 +81,290 @@ class Correspondences:
     board: IntArray
     column: IntArray
     row: IntArray
+
+
+CORNER_COLUMNS = ("image", "board", "column", "row", "x", "y")
+PAIR_COLUMNS = ("image", "X", "Y", "Z", "x", "y")
+MAX_SIDE = 100_000
+MAX_COORDINATE = 1e9
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """``1280x800`` -> (1280, 800).
+
+    Raises:
+        CorrespondenceError: the text is not two positive whole numbers.
+
+    """
+    match = re.fullmatch(r"\s*([0-9]{1,6})\s*[xX×]\s*([0-9]{1,6})\s*", text)
+    width, height = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
+        raise CorrespondenceError(
+            f"{quoted(text)} is not an image size: write WIDTHxHEIGHT, such as 1280x800"
+        )
+    return width, height
+
+
+def load_corners(
+    path: Path, target: Target, *, image_size: tuple[int, int] | None = None
+) -> Corners:
+    """Read ``corners.csv``.
+
+    Args:
+        path: the file; its first line is ``# cubicfish corners 1, image_size WxH``.
+        target: the object that the boards, columns and rows are of.
+        image_size: (width, height), for files without that first line.
+
+    Raises:
+        CorrespondenceError: the file is malformed or does not fit the target; the text names
+            the file and the line.
+
+    """
+    table = read_table(
+        path, required=CORNER_COLUMNS, optional=("weight",), error=CorrespondenceError
+    )
+    image_size = _image_size(table, "corners", image_size)
+    images, image = table.codes("image")
+    board = _boards(table, target)
+    column, row = table.integers("column"), table.integers("row")
+    _refuse_outside_board(table, target, board, column, row)
+    _refuse_twice(table, image, board, column, row)
+    return Corners(
+        image_size=image_size,
+        images=images,
+        boards=target.board_names,
+        image=image,
+        board=board,
+        column=column,
+        row=row,
+        pixel=_pixels(table, image_size),
+        weight=_weights(table),
+    )
+
+
+def save_corners(path: Path, corners: Corners, *, overwrite: bool) -> None:
+    """Write ``corners.csv``; numbers read back exactly.
+
+    Raises:
+        OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
+
+    """
+    columns = [
+        _names(corners.images, corners.image),
+        _names(corners.boards, corners.board),
+        corners.column.tolist(),
+        corners.row.tolist(),
+        *corners.pixel.T.tolist(),
+    ]
+    _save(path, "corners", CORNER_COLUMNS, columns, corners, overwrite)
+
+
+def load_correspondences(
+    path: Path, *, image_size: tuple[int, int] | None = None
+) -> Correspondences:
+    """Read ``correspondences.csv``: 2D-3D pairs that need no target.
+
+    Args:
+        path: the file; a first line ``# cubicfish correspondences 1, image_size WxH`` may
+            give the size.
+        image_size: (width, height), for files without that first line.
+
+    Raises:
+        CorrespondenceError: the file is malformed, or its image size is not known; the text
+            names the file and the line.
+
+    """
+    table = read_table(path, required=PAIR_COLUMNS, optional=("weight",), error=CorrespondenceError)
+    image_size = _image_size(table, "correspondences", image_size)
+    images, image = table.codes("image")
+    world = np.stack([table.floats(axis) for axis in ("X", "Y", "Z")], axis=-1)
+    bad = np.flatnonzero((np.abs(world) > MAX_COORDINATE).any(axis=1))
+    if bad.size:
+        table.refuse(bad[0], f"X, Y, Z must lie within ±{MAX_COORDINATE:g}")
+    order = np.argsort(image, kind="stable")
+    return Correspondences(
+        image_size=image_size,
+        images=images,
+        boards=(),
+        image=image[order],
+        world=world[order],
+        pixel=_pixels(table, image_size)[order],
+        weight=_weights(table)[order],
+        board=np.full(len(image), -1, np.intp),
+        column=np.arange(len(image), dtype=np.intp)[order],
+        row=np.zeros(len(image), np.intp),
+    )
+
+
+def save_correspondences(path: Path, pairs: Correspondences, *, overwrite: bool) -> None:
+    """Write ``correspondences.csv``; numbers read back exactly.
+
+    Raises:
+        OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
+
+    """
+    columns = [_names(pairs.images, pairs.image), *pairs.world.T.tolist(), *pairs.pixel.T.tolist()]
+    _save(path, "correspondences", PAIR_COLUMNS, columns, pairs, overwrite)
+
+
+def pair(corners: Corners, target: Target) -> Correspondences:
+    """Give each corner its world point; rows are sorted by photo and else keep their order.
+
+    Raises:
+        CorrespondenceError: a board is not in the target, or a corner is outside its board.
+
+    """
+    for name in corners.boards:
+        if name not in target.board_names:
+            raise CorrespondenceError(
+                f"board {quoted(name)} is not in the target: "
+                f"{did_you_mean(name, target.board_names)}"
+            )
+    index = np.array([target.board_names.index(name) for name in corners.boards], np.intp)
+    order = np.argsort(corners.image, kind="stable")
+    board = index[corners.board[order]] if index.size else corners.board[order]
+    column, row = corners.column[order], corners.row[order]
+    outside = np.flatnonzero(_outside_board(target, board, column, row))
+    if outside.size:
+        first = outside[0]
+        photo = corners.images[corners.image[order][first]]
+        raise CorrespondenceError(
+            f"{photo}: {_says_outside(target.boards[board[first]], column[first], row[first])}"
+        )
+    return Correspondences(
+        image_size=corners.image_size,
+        images=corners.images,
+        boards=target.board_names,
+        image=corners.image[order],
+        world=target.world_points(board, column, row),
+        pixel=corners.pixel[order],
+        weight=corners.weight[order],
+        board=board,
+        column=column,
+        row=row,
+    )
+
+
+def _image_size(table: Table, kind: str, given: tuple[int, int] | None) -> tuple[int, int]:
+    """The image size from the file's first line, from the caller, or from both if they agree."""
+    match = re.fullmatch(r"cubicfish (\w+) ([0-9]+)\s*,\s*image_size\s+(\S+)", table.comment)
+    if match is None:
+        if given is None:
+            raise CorrespondenceError(
+                f"{table.name}: the image size is not known: add --size WxH, or start the file "
+                f"with the line '# cubicfish {kind} 1, image_size WxH'"
+            )
+        return given
+    if match[1] != kind:
+        raise CorrespondenceError(
+            f"{table.name}, line 1: a file of {kind} is expected, this one holds {match[1]}"
+        )
+    if match[2] != "1":
+        raise CorrespondenceError(
+            f"{table.name}, line 1: version {quoted(match[2])[1:-1]} of this format is not known "
+            "here: use a newer cubicfish"
+        )
+    try:
+        stated = parse_size(match[3])
+    except CorrespondenceError as error:
+        raise CorrespondenceError(f"{table.name}, line 1: {error}") from error
+    if given is not None and stated != given:
+        raise CorrespondenceError(
+            f"{table.name}, line 1: image size {stated[0]}x{stated[1]}, "
+            f"but {given[0]}x{given[1]} was asked for: leave one out"
+        )
+    return stated
+
+
+def _boards(table: Table, target: Target) -> IntArray:
+    names, code = table.codes("board")
+    index = np.empty(len(names), np.intp)
+    for number, name in enumerate(names):
+        if name not in target.board_names:
+            table.refuse(
+                int(np.argmax(code == number)),
+                f"board {quoted(name)} is not in the target: "
+                f"{did_you_mean(name, target.board_names)}",
+            )
+        index[number] = target.board_names.index(name)
+    board: IntArray = index[code]
+    return board
+
+
+def _outside_board(
+    target: Target, board: IntArray, column: IntArray, row: IntArray
+) -> npt.NDArray[np.bool_]:
+    columns = np.array([one.columns for one in target.boards])[board]
+    rows = np.array([one.rows for one in target.boards])[board]
+    outside: npt.NDArray[np.bool_] = (column < 0) | (column >= columns) | (row < 0) | (row >= rows)
+    return outside
+
+
+def _says_outside(board: Board, column: int, row: int) -> str:
+    return (
+        f"column {column}, row {row} is outside board {quoted(board.name)} with "
+        f"{board.columns}x{board.rows} corners, counted from 0: "
+        "does one of them count squares instead of inner corners?"
+    )
+
+
+def _refuse_outside_board(
+    table: Table, target: Target, board: IntArray, column: IntArray, row: IntArray
+) -> None:
+    outside = np.flatnonzero(_outside_board(target, board, column, row))
+    if outside.size:
+        first = outside[0]
+        table.refuse(first, _says_outside(target.boards[board[first]], column[first], row[first]))
+
+
+def _refuse_twice(table: Table, *keys: IntArray) -> None:
+    order = np.lexsort(keys[::-1])
+    same = np.logical_and.reduce([key[order][1:] == key[order][:-1] for key in keys])
+    twice = np.flatnonzero(same)
+    if twice.size:
+        first, second = min((order[i + 1], order[i]) for i in twice)[::-1]
+        table.refuse(second, f"the same corner as in line {table.lines[first]}: keep one of them")
+
+
+def _pixels(table: Table, image_size: tuple[int, int]) -> FloatArray:
+    pixel = np.stack([table.floats("x"), table.floats("y")], axis=-1)
+    # One pixel of slack: a corner may be found a little beyond the outermost pixel centres.
+    outside = np.flatnonzero(((pixel < -1) | (pixel > image_size)).any(axis=1))
+    if outside.size:
+        x, y = pixel[outside[0]]
+        table.refuse(
+            outside[0],
+            f"x {x:g}, y {y:g} is outside the {image_size[0]}x{image_size[1]} image: "
+            "is the image size right?",
+        )
+    return pixel
+
+
+def _weights(table: Table) -> FloatArray:
+    if "weight" not in table.columns:
+        return np.ones(len(table.lines))
+    weight = table.floats("weight")
+    bad = np.flatnonzero((weight <= 0) | (weight > MAX_COORDINATE))
+    if bad.size:
+        table.refuse(bad[0], "weight must be above 0: to leave a corner out, remove its row")
+    return weight
+
+
+def _names(names: tuple[str, ...], index: IntArray) -> list[str]:
+    return [names[i] for i in index.tolist()]
+
+
+def _save(
+    path: Path,
+    kind: str,
+    header: tuple[str, ...],
+    columns: list[list[Any]],
+    rows: Corners | Correspondences,
+    overwrite: bool,
+) -> None:
+    if (rows.weight != 1).any():
+        header, columns = (*header, "weight"), [*columns, rows.weight.tolist()]
+    width, height = rows.image_size
+    first = f"# cubicfish {kind} 1, image_size {width}x{height}\n"
+    text = csv_text(chain([header], zip(*columns, strict=True)))
+    write_text(path, first + text, overwrite=overwrite)
