@@ -1,0 +1,116 @@
+"""Candidates of all scales that pass the ring test, merged: the corners that grids grow from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.detection.candidates import SCALES, find_saddles
+from cubicfish_cli.detection.grids import Float32Array, FloatArray
+from cubicfish_cli.detection.nearby import nearest
+from cubicfish_cli.detection.pyramid import Pyramid
+from cubicfish_cli.detection.ring import RADII, check_rings
+from cubicfish_cli.detection.saddle import fit_saddles
+
+# A ring's span (largest minus smallest of 48 smoothed samples) reaches about 4 sigma of what
+# noise is left after smoothing (a third of the pixel noise) in flat regions; 3 pixel sigmas are
+# twice that.
+_NOISE_CONTRAST = 3.0
+# Beyond this many only the clearest are kept: a bound on time and memory for textures.
+MOST_CORNERS = 20_000
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class XCorners:
+    """Points that look like X-corners, each on its own.
+
+    Attributes:
+        pixel: (N, 2) sub-pixel position at full size.
+        angle: (N, 4) directions of the arms, see :class:`~.ring.Rings`.
+        radius: (N,) how far the pattern reaches, pixels at full size.
+        contrast: (N,) bright minus dark, grey levels.
+
+    """
+
+    pixel: FloatArray
+    angle: FloatArray
+    radius: FloatArray
+    contrast: FloatArray
+
+
+def find_corners(pyramid: Pyramid) -> XCorners:
+    """Search all levels of the pyramid from fine to coarse; a finer find hides a coarser one."""
+    width, height = pyramid.size
+    taken = np.zeros((height, width), np.uint8)
+    parts: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]] = []
+    for level, image in enumerate(pyramid.levels):
+        zoom = 2**level
+        noise = max(pyramid.noise / zoom, 0.5)
+        for scale in SCALES:
+            part = _at_scale(image, scale, noise, _shrunk(taken, zoom, image.shape))
+            if part is None:
+                continue
+            pixel, angle, radius, contrast = part
+            parts.append((pixel * zoom, angle, radius * zoom, contrast))
+            column, row = np.rint(pixel * zoom).astype(int).T
+            inside = (column >= 0) & (row >= 0) & (column < width) & (row < height)
+            taken[row[inside], column[inside]] = 1
+    if not parts:
+        none = np.zeros(0)
+        return XCorners(pixel=np.zeros((0, 2)), angle=np.zeros((0, 4)), radius=none, contrast=none)
+    pixel, angle, radius, contrast = (np.concatenate(part) for part in zip(*parts, strict=True))
+    if len(pixel) > MOST_CORNERS:
+        best = np.argsort(-contrast * np.sqrt(radius), kind="stable")[:MOST_CORNERS]
+        pixel, angle, radius, contrast = pixel[best], angle[best], radius[best], contrast[best]
+    return XCorners(pixel=pixel, angle=angle, radius=radius, contrast=contrast)
+
+
+def _shrunk(
+    taken: npt.NDArray[np.uint8], zoom: int, shape: tuple[int, ...]
+) -> npt.NDArray[np.uint8]:
+    """Mask at a level of the pyramid of what lies within 2 px (of that level) of a taken pixel."""
+    if zoom > 1:
+        row, column = np.nonzero(taken)
+        taken = np.zeros(shape, np.uint8)
+        row = np.minimum((row + zoom // 2) // zoom, shape[0] - 1)
+        column = np.minimum((column + zoom // 2) // zoom, shape[1] - 1)
+        taken[row, column] = 1
+    return cv2.dilate(taken, np.ones((5, 5), np.uint8)).astype(np.uint8)
+
+
+def _at_scale(
+    image: Float32Array, scale: float, noise: float, taken: npt.NDArray[np.uint8]
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray] | None:
+    saddles = find_saddles(image, scale, noise)
+    if not len(saddles.pixel):
+        return None
+    height, width = image.shape
+    pixel = np.clip(saddles.pixel, 0, (width - 1, height - 1))
+    column, row = np.rint(pixel).astype(int).T
+    free = taken[row, column] == 0
+    pixel, response = pixel[free], saddles.response[free]
+    rings = check_rings(image, pixel, _NOISE_CONTRAST * noise)
+    good = rings.ok & (rings.radius >= RADII[1])
+    fit = fit_saddles(image, pixel[good], np.full(int(good.sum()), max(2.0, 1.6 * scale)))
+    radius, response = rings.radius[good][fit.ok], response[good][fit.ok]
+    keep = _strongest(fit.pixel[fit.ok], response * np.sqrt(radius), np.clip(0.6 * radius, 2, 5))
+    return (
+        fit.pixel[fit.ok][keep],
+        rings.angle[good][fit.ok][keep],
+        radius[keep],
+        rings.contrast[good][fit.ok][keep],
+    )
+
+
+def _strongest(pixel: FloatArray, score: FloatArray, radius: FloatArray) -> npt.NDArray[np.bool_]:
+    """Which points have no stronger one within their radius (equal ones: the first stays)."""
+    if len(pixel) < 2:
+        return np.ones(len(pixel), bool)
+    distance, index = nearest(pixel, pixel, 6)
+    here = np.arange(len(pixel))[:, None]
+    stronger = (score[index] > score[:, None]) | ((score[index] == score[:, None]) & (index < here))
+    beaten = (distance < radius[:, None]) & stronger & (index != here)
+    return ~beaten.any(1)

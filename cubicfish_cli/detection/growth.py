@@ -1,0 +1,171 @@
+"""Growth: predict the neighbours of a grid's corners and look for them in the photo."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
+from cubicfish_cli.detection.lattice import Lattice, LocalFit
+from cubicfish_cli.detection.nearby import nearest
+from cubicfish_cli.detection.pyramid import Pyramid
+from cubicfish_cli.detection.saddle import fit_saddles
+from cubicfish_cli.detection.squares import (
+    NEIGHBOUR_STEPS,
+    SEPARATION,
+    edges_seen,
+    quadrants,
+)
+
+_MOST_ROUNDS = 60
+# A prediction extrapolates by one square: what the local quadratic misses there is well under
+# a third of a side on any lens, and the next corner is a whole side away.
+_SEARCH = 0.3
+# Leave-one-out: a corner that far (in sides) from what its neighbours say is not a corner.
+_OUTLIER = 0.22
+
+
+def grow(
+    pyramid: Pyramid, lattice: Lattice, free: FloatArray, most_rounds: int = _MOST_ROUNDS
+) -> None:
+    """Add corners to the lattice until nothing changes; ``free`` (N, 2): candidates to snap to."""
+    for _ in range(most_rounds):
+        lattice.make_room()
+        cells = _frontier(lattice)
+        if not len(cells) or not _grow_once(pyramid, lattice, free, cells):
+            return
+
+
+def _frontier(lattice: Lattice) -> IntArray:
+    """Empty cells beside a corner whose neighbourhood changed since they were tried."""
+    known = lattice.known
+    beside = np.zeros_like(known)
+    beside[1:] |= known[:-1]
+    beside[:-1] |= known[1:]
+    beside[:, 1:] |= known[:, :-1]
+    beside[:, :-1] |= known[:, 1:]
+    count = lattice.neighbour_sum(known)
+    fresh = beside & ~known & (count != lattice.tried)
+    lattice.tried[fresh] = count[fresh]
+    return np.argwhere(fresh)
+
+
+def _grow_once(pyramid: Pyramid, lattice: Lattice, free: FloatArray, cells: IntArray) -> bool:
+    fit = lattice.fit(cells)
+    usable = fit.sound & pyramid.inside(fit.pixel, 2.0)
+    cells, fit = cells[usable], select(fit, usable)
+    if not len(cells):
+        return False
+    pixel, found = _look(pyramid, fit, free)
+    found &= pyramid.inside(pixel, 2.0)
+    found &= ~_crowded(lattice, pixel, fit)
+    cells, pixel, fit = cells[found], pixel[found], select(fit, found)
+    if not len(cells):
+        return False
+    good, contrast = looks_like_corner(pyramid, lattice, cells, pixel, fit)
+    lattice.put(cells[good], pixel[good], contrast[good])
+    return bool(good.any())
+
+
+def select(fit: LocalFit, rows: BoolArray | IntArray) -> LocalFit:
+    """Take some rows of a fit."""
+    return LocalFit(
+        pixel=fit.pixel[rows],
+        step=fit.step[rows],
+        bend=fit.bend[rows],
+        neighbours=fit.neighbours[rows],
+        side=fit.side[rows],
+        sound=fit.sound[rows],
+    )
+
+
+def _look(pyramid: Pyramid, fit: LocalFit, free: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Nearest free candidate, else a saddle at the prediction."""
+    pixel = fit.pixel.copy()
+    found = np.zeros(len(pixel), bool)
+    if len(free):
+        distance, index = nearest(pixel, free, 1)
+        near = distance[:, 0] < _SEARCH * fit.side
+        pixel[near], found[near] = free[index[near, 0]], True
+    rest = ~found
+    if rest.any():
+        half = np.clip(0.2 * fit.side[rest], 2.0, 6.0)
+        saddle = fit_saddles(
+            pyramid.levels[0], pixel[rest], half, np.maximum(_SEARCH * fit.side[rest], 1.0)
+        )
+        pixel[rest], found[rest] = saddle.pixel, saddle.ok
+    return pixel, found
+
+
+def _crowded(lattice: Lattice, pixel: FloatArray, fit: LocalFit) -> BoolArray:
+    """Tell which positions lie on top of a corner that is there already, or of each other."""
+    known = lattice.pixel[lattice.known]
+    limit = 0.4 * fit.side
+    crowded = nearest(pixel, known, 1)[0][:, 0] < limit
+    if len(pixel) > 1:
+        distance, index = nearest(pixel, pixel, 2)
+        crowded |= (distance[:, 1] < limit) & (np.arange(len(pixel)) > index[:, 1])
+        crowded |= (distance[:, 1] < limit) & (index[:, 0] != np.arange(len(pixel)))
+    return crowded
+
+
+def looks_like_corner(
+    pyramid: Pyramid, lattice: Lattice, cells: IntArray, pixel: FloatArray, fit: LocalFit
+) -> tuple[BoolArray, FloatArray]:
+    """Test brightness of the four squares and of the edges to known neighbours."""
+    sign = lattice.sign(cells)
+    square = quadrants(pyramid, pixel, fit, sign)
+    around = cells[:, None] + NEIGHBOUR_STEPS
+    neighbour = lattice.pixel[around[..., 0], around[..., 1]]
+    expected = _contrast_around(lattice, cells)
+    good = square.separation > SEPARATION * expected
+    good &= square.separation > 2.0 * pyramid.noise
+    seen = edges_seen(pyramid, pixel, fit, sign, expected, neighbour)
+    good &= 2 * seen.sum(1) >= (~np.isnan(neighbour[..., 0])).sum(1)
+    good &= seen.any(1)
+    return good, square.contrast
+
+
+def _contrast_around(lattice: Lattice, cells: IntArray) -> FloatArray:
+    total = lattice.neighbour_sum(lattice.contrast)
+    count = lattice.neighbour_sum(lattice.known)
+    row, column = cells.T
+    return np.maximum(total[row, column] / np.maximum(count[row, column], 1), 1e-6)
+
+
+def measure_contrast(pyramid: Pyramid, lattice: Lattice) -> None:
+    """Set the contrast of all corners from the squares around them."""
+    cells = lattice.cells()
+    fit = lattice.fit(cells)
+    pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
+    contrast = quadrants(pyramid, pixel, fit, lattice.sign(cells)).contrast
+    lattice.put(cells, pixel, np.maximum(contrast, 0))
+
+
+def clean(lattice: Lattice) -> int:
+    """Drop corners that contradict their neighbours or have none; returns how many."""
+    dropped = 0
+    for _ in range(10):
+        lattice.make_room()
+        cells = lattice.cells()
+        if not len(cells):
+            return dropped
+        known = lattice.known
+        around = cells[:, None] + NEIGHBOUR_STEPS
+        beside = known[around[..., 0], around[..., 1]]
+        # A corner that belongs to a grid has a neighbour along i and one along j.
+        lonely = ~((beside[:, 0] | beside[:, 2]) & (beside[:, 1] | beside[:, 3]))
+        fit = lattice.fit(cells, without_itself=True)
+        pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
+        miss = np.hypot(*(pixel - fit.pixel).T) / np.maximum(fit.side, 1e-6)
+        miss[~fit.sound] = 0
+        # One wrong corner spoils the prediction of all its neighbours: only the worst one of a
+        # neighbourhood goes.
+        spread = np.zeros(known.shape)
+        spread[cells[:, 0], cells[:, 1]] = miss
+        window = np.lib.stride_tricks.sliding_window_view(np.pad(spread, 1), (3, 3)).max((2, 3))
+        bad = lonely | ((miss > _OUTLIER) & (miss >= window[cells[:, 0], cells[:, 1]]))
+        if not bad.any():
+            return dropped
+        lattice.drop(cells[bad])
+        dropped += int(bad.sum())
+    return dropped

@@ -1,0 +1,190 @@
+"""A growing grid: dense maps of cells to pixels, and the local fit that predicts neighbours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
+
+_REACH = 2  # the local fit looks at the 5x5 cells around
+_WINDOW = np.stack(np.meshgrid(*[np.arange(-_REACH, _REACH + 1)] * 2, indexing="ij"), -1).reshape(
+    -1, 2
+)
+_WEIGHT = 1.0 / (0.3 + (_WINDOW**2).sum(1)) ** 2
+_TERMS = np.stack(
+    [
+        np.ones(len(_WINDOW)),
+        _WINDOW[:, 0],
+        _WINDOW[:, 1],
+        0.5 * _WINDOW[:, 0] ** 2,
+        _WINDOW[:, 0] * _WINDOW[:, 1],
+        0.5 * _WINDOW[:, 1] ** 2,
+    ],
+    axis=-1,
+).astype(float)
+_PRODUCTS = (_TERMS[:, :, None] * _TERMS[:, None, :]).reshape(len(_WINDOW), 36)
+# Second-order terms are damped until enough neighbours determine them.
+_RIDGE = np.diag([1e-9, 1e-6, 1e-6, 0.1, 0.1, 0.1])
+_CENTRE = len(_WINDOW) // 2
+_MARGIN = _REACH + 2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LocalFit:
+    """Position as a quadratic function of the cell, around each of N cells.
+
+    ``p(di, dj) = pixel + step @ (di, dj) + bend @ (di^2/2, di dj, dj^2/2)``
+
+    Attributes:
+        pixel: (N, 2) the cell's own position as its neighbours predict it.
+        step: (N, 2, 2) columns dp/di, dp/dj, pixels.
+        bend: (N, 2, 3) second derivatives ii, ij, jj, pixels.
+        neighbours: (N,) how many cells the fit rests on.
+        side: (N,) the shorter of the two steps, pixels.
+        sound: (N,) the steps are not degenerate and turn the right way.
+
+    """
+
+    pixel: FloatArray
+    step: FloatArray
+    bend: FloatArray
+    neighbours: IntArray
+    side: FloatArray
+    sound: BoolArray
+
+    def at(self, offset: FloatArray) -> FloatArray:
+        """Positions at (N, K, 2) or (K, 2) offsets in cells -> (N, K, 2) pixels."""
+        offset = np.broadcast_to(offset, (len(self.pixel), *offset.shape[-2:]))
+        di, dj = offset[..., 0], offset[..., 1]
+        quadratic = np.stack([0.5 * di * di, di * dj, 0.5 * dj * dj], axis=-1)
+        return (
+            self.pixel[:, None]
+            + offset @ self.step.transpose(0, 2, 1)
+            + quadratic @ self.bend.transpose(0, 2, 1)
+        )
+
+    def along(self, offset: FloatArray) -> FloatArray:
+        """Derivative dp/d(di, dj) at (K, 2) offsets -> (N, K, 2, 2)."""
+        di, dj = offset[:, 0][:, None], offset[:, 1][:, None]
+        bend = self.bend[:, None]
+        first = self.step[:, None, :, 0] + bend[..., 0] * di + bend[..., 1] * dj
+        second = self.step[:, None, :, 1] + bend[..., 1] * di + bend[..., 2] * dj
+        return np.stack([first, second], axis=-1)
+
+
+@dataclass(kw_only=True, eq=False)
+class Lattice:
+    """Cells with their pixels while a grid grows.
+
+    Attributes:
+        pixel: (I, J, 2) position of each cell, NaN where there is none.
+        contrast: (I, J) bright minus dark level, grey levels.
+        tried: (I, J) number of neighbours at the last failed try of an empty cell.
+        parity: +1 when the quadrant (+, +) of array cell (0, 0) is bright, else -1.
+
+    """
+
+    pixel: FloatArray
+    contrast: FloatArray
+    tried: IntArray = field(init=False)
+    parity: int
+
+    def __post_init__(self) -> None:
+        """Start with no cell tried."""
+        self.tried = np.zeros(self.pixel.shape[:2], int)
+
+    @classmethod
+    def from_cells(
+        cls, cells: IntArray, pixel: FloatArray, contrast: FloatArray, parity: int
+    ) -> Lattice:
+        """Build the maps from (N, 2) cells, parity being that of cell (0, 0)."""
+        low = cells.min(0) - _MARGIN
+        shape = cells.max(0) - low + 1 + _MARGIN
+        lattice = cls(
+            pixel=np.full((*shape, 2), np.nan),
+            contrast=np.zeros(shape),
+            parity=parity if low.sum() % 2 == 0 else -parity,
+        )
+        lattice.put(cells - low, pixel, contrast)
+        return lattice
+
+    @property
+    def known(self) -> BoolArray:
+        """(I, J) which cells have a corner."""
+        return ~np.isnan(self.pixel[..., 0])
+
+    def cells(self) -> IntArray:
+        """(N, 2) cells that have a corner, in the order of the arrays."""
+        return np.argwhere(self.known)
+
+    def sign(self, cells: IntArray) -> IntArray:
+        """Parity at (N, 2) cells: +1 where the quadrant (+, +) is bright."""
+        return np.where(cells.sum(-1) % 2 == 0, self.parity, -self.parity)
+
+    def put(self, cells: IntArray, pixel: FloatArray, contrast: FloatArray) -> None:
+        """Set corners."""
+        self.pixel[cells[:, 0], cells[:, 1]] = pixel
+        self.contrast[cells[:, 0], cells[:, 1]] = contrast
+
+    def drop(self, cells: IntArray) -> None:
+        """Remove corners."""
+        self.pixel[cells[:, 0], cells[:, 1]] = np.nan
+        self.contrast[cells[:, 0], cells[:, 1]] = 0
+
+    def make_room(self) -> None:
+        """Widen the maps where corners come near their border."""
+        known = self.known
+        if not known.any():
+            return
+        rows, columns = np.nonzero(known.any(1))[0], np.nonzero(known.any(0))[0]
+        sides = (
+            (rows[0], known.shape[0] - 1 - rows[-1]),
+            (columns[0], known.shape[1] - 1 - columns[-1]),
+        )
+        if min(min(side) for side in sides) >= _MARGIN:
+            return
+        pad = [tuple(0 if room >= _MARGIN else 8 for room in side) for side in sides]
+        if (pad[0][0] + pad[1][0]) % 2:
+            self.parity = -self.parity
+        self.pixel = np.pad(self.pixel, (*pad, (0, 0)), constant_values=np.nan)
+        self.contrast = np.pad(self.contrast, pad)
+        self.tried = np.pad(self.tried, pad)
+
+    def neighbour_sum(self, values: FloatArray) -> FloatArray:
+        """Sum of a map over the 5x5 cells around each cell."""
+        total = np.cumsum(np.cumsum(np.pad(values, ((3, 2), (3, 2))), 0), 1)
+        return total[5:, 5:] - total[:-5, 5:] - total[5:, :-5] + total[:-5, :-5]
+
+    def fit(self, cells: IntArray, *, without_itself: bool = False) -> LocalFit:
+        """Fit position against cell around (N, 2) cells at least 2 from the maps' border."""
+        around = cells[:, None] + _WINDOW
+        pixel = self.pixel[around[..., 0], around[..., 1]]
+        known = ~np.isnan(pixel[..., 0])
+        if without_itself:
+            known[:, _CENTRE] = False
+        weight = known * _WEIGHT
+        # Relative to the mean, so that the ridge does not act on absolute positions.
+        pixel = np.where(known[..., None], pixel, 0.0)
+        total = np.maximum(weight.sum(1), 1e-12)
+        mean = (weight[..., None] * pixel).sum(1) / total[:, None]
+        pixel = np.where(known[..., None], pixel - mean[:, None], 0.0)
+        normal = (weight @ _PRODUCTS).reshape(-1, 6, 6) + _RIDGE
+        right = (weight[..., None] * pixel).transpose(0, 2, 1) @ _TERMS
+        solution = np.linalg.solve(normal, right.transpose(0, 2, 1)).transpose(0, 2, 1)
+        step = solution[:, :, 1:3]
+        length = np.hypot(step[:, 0], step[:, 1])
+        area = step[:, 0, 0] * step[:, 1, 1] - step[:, 0, 1] * step[:, 1, 0]
+        neighbours = known.sum(1)
+        side = length.min(1)
+        # Squares seen so flat that their angles fall under about 9 degrees cannot be measured.
+        sound = (neighbours >= 3) & (side > 2) & (area > 0.15 * length.prod(1))
+        return LocalFit(
+            pixel=solution[:, :, 0] + mean,
+            step=step,
+            bend=solution[:, :, 3:],
+            neighbours=neighbours,
+            side=side,
+            sound=sound,
+        )

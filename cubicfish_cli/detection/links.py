@@ -1,0 +1,172 @@
+"""Links between corners: which corner is the next one along an edge of a square."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cubicfish_cli.detection.corners import XCorners
+from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
+from cubicfish_cli.detection.nearby import nearest
+from cubicfish_cli.detection.pyramid import Pyramid
+
+# The four nearest corners along the arms are among this many even when markers inside the
+# squares add corners of their own.
+_NEIGHBOURS = 28
+_POINTING = np.radians(28)  # an arm may point that far past the neighbour: edges are bent
+_CONTRAST_RATIO = 3.0
+ALONG_EDGE = np.linspace(0.12, 0.88, 7)
+# Of the corner's contrast: what an edge shows, in the middle of its samples and at worst.
+EDGE_MEDIAN, EDGE_LEAST = 0.30, 0.10
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Links:
+    """Mutual links between corners.
+
+    Attributes:
+        corner: (N, 4) the corner that each arm leads to, or -1.
+        arm: (N, 4) the arm of that corner which leads back, or -1.
+
+    """
+
+    corner: IntArray
+    arm: IntArray
+
+
+def find_links(pyramid: Pyramid, corners: XCorners) -> Links:
+    """Link corners whose arms point at each other along a visible edge.
+
+    Brightness left and right of an edge swaps at every X-corner, so an arm with its bright
+    side clockwise (even) must meet one with its bright side counter-clockwise (odd): a link
+    cannot jump over a corner.
+    """
+    count = len(corners.pixel)
+    none = np.full((count, 4), -1)
+    if count < 4:
+        return Links(corner=none, arm=none.copy())
+    length, other = nearest(corners.pixel, corners.pixel, _NEIGHBOURS + 1)
+    here = np.broadcast_to(np.arange(count)[:, None], other.shape)
+    pairs = (other != here) & (length > 2.0)
+    ratio = corners.contrast[here] / corners.contrast[other]
+    pairs &= (ratio < _CONTRAST_RATIO) & (ratio > 1 / _CONTRAST_RATIO)
+    p, q, length = here[pairs], other[pairs], length[pairs]
+    towards = corners.pixel[q] - corners.pixel[p]
+    direction = np.arctan2(towards[:, 1], towards[:, 0])
+    arm_p, miss_p = _pointing_arm(corners.angle[p], direction)
+    arm_q, miss_q = _pointing_arm(corners.angle[q], direction + np.pi)
+    fits = (miss_p < _POINTING) & (miss_q < _POINTING) & ((arm_p + arm_q) % 2 == 1)
+    p, q, length, arm_p, arm_q = p[fits], q[fits], length[fits], arm_p[fits], arm_q[fits]
+    cost = length * (1 + miss_p[fits] + miss_q[fits])
+    along_p, along_q = _unit(corners.angle[p, arm_p]), -_unit(corners.angle[q, arm_q])
+    difference = (
+        _edge(pyramid, corners.pixel[p], corners.pixel[q], along_p, along_q, length)
+        / np.minimum(corners.contrast[p], corners.contrast[q])[:, None]
+    )
+    difference *= np.where(arm_p % 2 == 0, 1, -1)[:, None]
+    seen = edge_is_seen(difference)
+    p, q, arm_p, arm_q, cost = p[seen], q[seen], arm_p[seen], arm_q[seen], cost[seen]
+    return _mutual(count, p, q, arm_p, arm_q, cost)
+
+
+def edge_is_seen(difference: FloatArray) -> BoolArray:
+    """Judge (N, 7) differences across an edge, relative to the corner's contrast."""
+    return (np.median(difference, axis=1) > EDGE_MEDIAN) & (difference.min(1) > EDGE_LEAST)
+
+
+def edge_difference(
+    pyramid: Pyramid, points: FloatArray, tangent: FloatArray, length: FloatArray
+) -> FloatArray:
+    """Brightness clockwise of a curve minus counter-clockwise.
+
+    Args:
+        pyramid: the photo.
+        points: (N, K, 2) points of each curve, pixels.
+        tangent: (N, K, 2) its direction there, any length.
+        length: (N,) distance of its ends, pixels; the offset to either side is 0.14 of it.
+
+    Returns:
+        (N, K) grey levels.
+
+    """
+    normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
+    normal /= np.maximum(np.hypot(normal[..., 0], normal[..., 1]), 1e-9)[..., None]
+    normal *= np.maximum(0.14 * length, 1.2)[:, None, None]
+    both = pyramid.sample(np.stack([points + normal, points - normal], axis=1), length)
+    return both[:, 0].astype(float) - both[:, 1]
+
+
+def _unit(angle: FloatArray) -> FloatArray:
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def _pointing_arm(angles: FloatArray, direction: FloatArray) -> tuple[IntArray, FloatArray]:
+    miss = np.abs((angles - direction[:, None] + np.pi) % (2 * np.pi) - np.pi)
+    arm = miss.argmin(1)
+    return arm, miss[np.arange(len(arm)), arm]
+
+
+def _edge(
+    pyramid: Pyramid,
+    start: FloatArray,
+    end: FloatArray,
+    leaving: FloatArray,
+    arriving: FloatArray,
+    length: FloatArray,
+) -> FloatArray:
+    """Difference across the cubic Hermite curve with the given unit tangents at its ends."""
+    t = ALONG_EDGE[:, None]
+    leaving, arriving = leaving * length[:, None], arriving * length[:, None]
+    points = (
+        (1 + t * t * (2 * t - 3)) * start[:, None]
+        + t * (1 - t) ** 2 * leaving[:, None]
+        + t * t * (3 - 2 * t) * end[:, None]
+        - t * t * (1 - t) * arriving[:, None]
+    )
+    tangent = (
+        6 * t * (1 - t) * (end - start)[:, None]
+        + (1 - t) * (1 - 3 * t) * leaving[:, None]
+        + t * (3 * t - 2) * arriving[:, None]
+    )
+    return edge_difference(pyramid, points, tangent, length)
+
+
+def _mutual(
+    count: int, p: IntArray, q: IntArray, arm_p: IntArray, arm_q: IntArray, cost: FloatArray
+) -> Links:
+    """Keep the cheapest link of each arm where it is the cheapest for the other end too."""
+    order = np.lexsort((q, cost))
+    start, end = (4 * p + arm_p)[order], (4 * q + arm_q)[order]
+    best = np.full(4 * count, -1)
+    best[start[::-1]] = end[::-1]  # the last to write is the cheapest
+    linked = best >= 0
+    linked[linked] = best[best[linked]] == np.nonzero(linked)[0]
+    best[~linked] = -1
+    corner = np.where(linked, best // 4, -1).reshape(count, 4)
+    arm = np.where(linked, best % 4, -1).reshape(count, 4)
+    return Links(corner=corner, arm=arm)
+
+
+def keep_squares(links: Links) -> Links:
+    """Keep the links that are a side of a closed square: texture rarely closes any."""
+    count = len(links.corner)
+    # One table with a sentinel row, so that broken walks end there.
+    corner = np.concatenate([links.corner, np.full((1, 4), -1)])
+    arm = np.concatenate([links.arm, np.full((1, 4), 0)])
+    start = np.repeat(np.arange(count), 4)
+    first = np.tile(np.arange(4), count)
+    at, leave = start, first
+    closed = np.ones(4 * count, bool)
+    for _ in range(4):
+        following, arrive = corner[at, leave], arm[at, leave]
+        closed &= following >= 0
+        at, leave = following, (arrive - 1) % 4
+    closed &= (at == start) & (leave == first)
+    side = closed.reshape(count, 4)
+    # A link is the side of two squares, one seen from either end.
+    back = np.zeros_like(side)
+    linked = links.corner >= 0
+    back[linked] = side[links.corner[linked], links.arm[linked]]
+    kept = side | back
+    return Links(corner=np.where(kept, links.corner, -1), arm=np.where(kept, links.arm, -1))

@@ -1,0 +1,102 @@
+"""Brightness of the four squares around a corner, seen through the grid's local shape."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
+from cubicfish_cli.detection.lattice import LocalFit
+from cubicfish_cli.detection.links import ALONG_EDGE, edge_difference, edge_is_seen
+from cubicfish_cli.detection.pyramid import Pyramid
+
+# Along the diagonal of each square, in sides: beyond the blur, within the white margin that
+# ChArUco boards leave around a marker (0.1 to 0.15 of the square).
+DIAGONAL = np.array([0.10, 0.16, 0.22])
+# Quadrants (+,+), (-,+), (-,-), (+,-): clockwise; the first and third share their colour.
+_QUADRANTS = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
+SEPARATION = 0.35  # darkest bright minus brightest dark quadrant, of the contrast around
+NEIGHBOUR_STEPS = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Quadrants:
+    """Brightness of the squares around N corners, grey levels.
+
+    Attributes:
+        bright: (N, 2, K) the two squares that should be bright, at K distances.
+        dark: (N, 2, K) the two that should be dark.
+
+    """
+
+    bright: FloatArray
+    dark: FloatArray
+
+    @property
+    def contrast(self) -> FloatArray:
+        """(N,) mean bright minus mean dark."""
+        return self.bright.mean((1, 2)) - self.dark.mean((1, 2))
+
+    @property
+    def separation(self) -> FloatArray:
+        """(N,) the darker bright square minus the brighter dark one."""
+        return self.bright.mean(2).min(1) - self.dark.mean(2).max(1)
+
+
+def quadrants(pyramid: Pyramid, pixel: FloatArray, fit: LocalFit, sign: IntArray) -> Quadrants:
+    """Sample the four squares at (N, 2) pixels; ``sign`` +1 where quadrant (+, +) is bright."""
+    offset = (_QUADRANTS[:, None, :] * DIAGONAL[None, :, None]).reshape(-1, 2)
+    points = fit.at(offset) + (pixel - fit.pixel)[:, None]
+    level = pyramid.sample(points, fit.side).reshape(len(pixel), 4, len(DIAGONAL)).astype(float)
+    plus = (sign > 0)[:, None, None]
+    return Quadrants(
+        bright=np.where(plus, level[:, 0::2], level[:, 1::2]),
+        dark=np.where(plus, level[:, 1::2], level[:, 0::2]),
+    )
+
+
+def edges_seen(
+    pyramid: Pyramid,
+    pixel: FloatArray,
+    fit: LocalFit,
+    sign: IntArray,
+    contrast: FloatArray,
+    neighbour: FloatArray,
+) -> BoolArray:
+    """Which of the four edges to known neighbours can be seen: (N, 4).
+
+    Args:
+        pyramid: the photo.
+        pixel: (N, 2) the corners.
+        fit: local fit around each.
+        sign: (N,) parity.
+        contrast: (N,) grey levels.
+        neighbour: (N, 4, 2) positions of the neighbours along NEIGHBOUR_STEPS, NaN if unknown.
+
+    """
+    row, arm = np.nonzero(~np.isnan(neighbour[..., 0]))
+    seen = np.zeros(neighbour.shape[:2], bool)
+    if not len(row):
+        return seen
+    direction = NEIGHBOUR_STEPS[arm].astype(float)
+    offset = direction[:, None] * ALONG_EDGE[:, None]
+    part = LocalFit(
+        pixel=pixel[row],
+        step=fit.step[row],
+        bend=fit.bend[row],
+        neighbours=fit.neighbours[row],
+        side=fit.side[row],
+        sound=fit.sound[row],
+    )
+    # The fit's curve, moved so that it ends at the neighbour.
+    end = part.at(direction[:, None])[:, 0]
+    points = part.at(offset) + ALONG_EDGE[:, None] * (neighbour[row, arm] - end)[:, None]
+    ahead = part.at(offset + 0.05 * direction[:, None]) - part.at(offset)
+    length = np.hypot(*(neighbour[row, arm] - pixel[row]).T)
+    difference = edge_difference(pyramid, points, ahead, length)
+    # Clockwise of +i lies the quadrant (+, +), clockwise of +j the quadrant (-, +), and so on.
+    difference *= (sign[row] * np.where(arm % 2 == 0, 1, -1))[:, None]
+    difference /= np.maximum(contrast[row], 1e-6)[:, None]
+    seen[row, arm] = edge_is_seen(difference)
+    return seen
