@@ -79,3 +79,9 @@ def test_a_smaller_sensor_sees_the_same_picture():
     np.testing.assert_allclose(
         half.unproject(pixel), TRUE_LENS.unproject(2 * pixel + 0.5), atol=1e-12
     )
+
+
+def test_strong_decentring_is_undone_too():
+    lens = TrueLens(image_size=(960, 720), fx=260, fy=260, cx=480, cy=360, p=(0.02, -0.04))
+    rays = rays_in_cone(94.9, 2000)
+    np.testing.assert_allclose(lens.unproject(lens.project(rays)), rays, atol=1e-11)

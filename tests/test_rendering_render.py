@@ -106,7 +106,7 @@ def test_the_nearer_board_hides_the_farther():
 
 
 def test_what_is_behind_the_camera_is_not_seen():
-    pose = (np.zeros(3), np.array([-150.0, -105.0, -200.0]))
+    pose = look_at([150, 105, -200], [150, 105, -400], up=[0, 1, 0])
     photo = render(one_board(), LENS.unproject, pose, SIZE, **CLEAN)
     middle = photo[SIZE[1] // 2 - 50 : SIZE[1] // 2 + 50, SIZE[0] // 2 - 50 : SIZE[0] // 2 + 50]
     assert np.ptp(middle) == 0
@@ -123,6 +123,14 @@ def test_a_corner_cut_by_the_picture_or_the_field_is_not_visible():
     assert (inside & ~seen.visible).any()
     assert not (seen.visible & ~inside).any()
     assert not (strict.visible & ~seen.visible).any()
+    # A sensor so small that the board sticks out on all four sides.
+    small, size = replace(LENS, cx=59.5, cy=49.5), (120, 100)
+    seen = project_corners(one_board(), small, in_front(), size)
+    inside = ((seen.pixel > -0.5) & (seen.pixel < np.array(size) - 0.5)).all(axis=1)
+    assert not (seen.visible & ~inside).any()
+    for side in (seen.column == 0, seen.column == 10, seen.row == 0, seen.row == 7):
+        assert not seen.visible[side].any()
+    assert seen.visible.sum() >= 9
     narrow = replace(LENS, max_angle_deg=60.0)
     cut = project_corners(one_board(), narrow, near, SIZE)
     assert np.isnan(cut.pixel).any()
