@@ -270,8 +270,8 @@ def _image_size(table: Table, kind: str, given: tuple[int, int] | None) -> tuple
         raise CorrespondenceError(f"{table.name}, line 1: {error}") from error
     if given is not None and stated != given:
         raise CorrespondenceError(
-            f"{table.name}, line 1: image size {stated[0]}x{stated[1]}, "
-            f"but {given[0]}x{given[1]} was asked for: leave one out"
+            f"{table.name}, line 1: the image size is {stated[0]}x{stated[1]} here, "
+            f"but {given[0]}x{given[1]} is expected"
         )
     return stated
 

@@ -1,0 +1,101 @@
+"""Imports go only downwards: what each part of the package may import, read from its source."""
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+
+import cubicfish_cli
+
+PACKAGE = Path(cubicfish_cli.__file__).parent
+
+# Part -> what it may import directly; a part also may import itself. Read from top to bottom,
+# this is the flow of the data: nothing imports a part that stands below it.
+ALLOWED: dict[str, set[str]] = {
+    "__init__": set(),
+    "errors": set(),
+    "wording": set(),
+    "files": {"errors"},
+    "plain_yaml": {"errors", "wording"},
+    "tables": {"errors", "wording"},
+    "target": {"errors", "plain_yaml", "wording"},
+    "photos": {"errors", "wording"},
+    "detection": {"errors", "photos", "target"},
+    "correspondences": {"errors", "files", "tables", "target", "wording"},
+    "model": {"errors"},
+    "fitting": {"errors", "target", "correspondences", "model"},
+    "naming": {"errors", "target", "detection", "correspondences", "model", "fitting"},
+    "undistortion": {"errors", "files", "photos", "model", "wording"},
+    "formats": {"errors", "files", "plain_yaml", "model", "wording"},
+    "rendering": {"errors", "target"},
+}
+ALLOWED["cli"] = {*ALLOWED}
+
+# Libraries that only some parts may import. numpy is left out of what `--help` loads by
+# test_cli_main.py, since importing it lazily is enough there.
+CONFINED: dict[str, set[str]] = {
+    "cv2": {"photos", "detection", "naming", "undistortion", "rendering"},
+    "scipy": {"fitting"},
+    "click": {"cli"},
+    "rich": {"cli"},
+    "yaml": {"plain_yaml", "formats"},
+    "numpy": {*ALLOWED} - {"__init__", "errors", "wording", "files", "plain_yaml"},
+}
+
+
+def part_of(path: Path) -> str:
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def imported(path: Path) -> set[str]:
+    """Full names of the modules that a file imports anywhere, inside functions too."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import: write the full name"
+            module = node.module or ""
+            if module == "cubicfish_cli":
+                names.update(f"{module}.{alias.name}" for alias in node.names)
+            else:
+                names.add(module)
+    return names
+
+
+MODULES = sorted(PACKAGE.rglob("*.py"))
+
+
+def name(path: Path) -> str:
+    return str(path.relative_to(PACKAGE))
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name)
+def test_a_module_imports_only_what_stands_above_it(path: Path) -> None:
+    part = part_of(path)
+    assert part in ALLOWED, f"{part} has no place in the layers: give it one here"
+    parts = {full.split(".")[1] for full in imported(path) if full.startswith("cubicfish_cli.")} - {
+        "__version__"
+    }
+    assert parts <= ALLOWED[part] | {part}
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name)
+def test_libraries_stay_in_the_parts_that_need_them(path: Path) -> None:
+    libraries = {full.split(".")[0] for full in imported(path)} - sys.stdlib_module_names
+    libraries -= {"cubicfish_cli"}
+    assert libraries <= set(CONFINED), "a new library: declare it here and in pyproject.toml"
+    assert {library for library in libraries if part_of(path) not in CONFINED[library]} == set()
+
+
+@pytest.mark.parametrize("path", [p for p in MODULES if p.stem == "__init__"], ids=name)
+def test_packages_import_nothing_by_themselves(path: Path) -> None:
+    assert imported(path) == set()
+
+
+def test_the_layers_only_go_down() -> None:
+    above: set[str] = set()
+    for part, allowed in ALLOWED.items():
+        assert allowed <= above, part
+        above.add(part)
