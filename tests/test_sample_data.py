@@ -1,0 +1,65 @@
+"""The sample photos are what their script, target and lens say."""
+
+import importlib.util
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from synthetic import TRUE_LENS, corner_of_three
+
+from cubicfish_cli.correspondences import load_corners
+from cubicfish_cli.rendering.lens import angles_deg
+from cubicfish_cli.rendering.render import render
+from cubicfish_cli.target import load_target
+
+SAMPLE = Path(__file__).parent.parent / "sample_data"
+
+
+@pytest.fixture(scope="module")
+def script():
+    spec = importlib.util.spec_from_file_location("render_sample", SAMPLE / "render_sample.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_files_are_few_and_small(script):
+    photos = sorted((SAMPLE / "photos").iterdir())
+    assert [photo.name for photo in photos] == list(script.poses())
+    assert sum(photo.stat().st_size for photo in photos) < 3_000_000
+
+
+def test_the_photos_show_what_the_script_renders(script):
+    target, lens = load_target(SAMPLE / "target.yaml"), script.true_lens()
+    for name in ("corner_03.jpg", "corner_08.jpg"):
+        photo = cv2.imread(str(SAMPLE / "photos" / name), cv2.IMREAD_UNCHANGED)
+        again = render(
+            target, lens.unproject, script.poses()[name], lens.image_size, supersample=1, noise=0
+        )
+        assert photo.shape == again.shape == (720, 960)
+        assert np.corrcoef(photo.ravel(), again.ravel())[0, 1] > 0.985
+
+
+def test_the_true_corners_are_the_scripts(script, tmp_path):
+    target, lens = load_target(SAMPLE / "target.yaml"), script.true_lens()
+    (tmp_path / "again.csv").write_text(script.true_corners(target, lens), encoding="utf-8")
+    again = load_corners(tmp_path / "again.csv", target)
+    corners = load_corners(SAMPLE / "true_corners.csv", target)
+    for name in ("image", "board", "column", "row"):
+        np.testing.assert_array_equal(getattr(corners, name), getattr(again, name))
+    np.testing.assert_allclose(corners.pixel, again.pixel, atol=2e-6)
+    assert corners.image_size == (960, 720)
+    assert len(corners.images) == 10
+    angle = angles_deg(lens.unproject(corners.pixel))
+    assert angle.min() < 5
+    assert 88 < angle.max() < 95
+    assert len(corners.pixel) > 1000
+
+
+def test_the_object_and_the_lens_are_those_of_the_other_tests(script):
+    assert script.true_lens() == TRUE_LENS
+    loaded, built = load_target(SAMPLE / "target.yaml"), corner_of_three()
+    for one, other in zip(loaded.boards, built.boards, strict=True):
+        assert (one.name, one.columns, one.rows) == (other.name, other.columns, other.rows)
+        np.testing.assert_allclose(one.world_points(2, 3), other.world_points(2, 3))
