@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.poses import Poses, cross_matrix
 
 FloatArray = npt.NDArray[np.float64]
@@ -52,7 +53,6 @@ class Adjustment:
         cost: robust cost at the end, prior included.
         iterations: how many steps were tried.
         hessian: (K, K) Gauss-Newton Hessian of the lens with the poses eliminated.
-        pose_log_determinant: sum of log det of the poses' 6x6 blocks.
 
     """
 
@@ -62,7 +62,6 @@ class Adjustment:
     cost: float
     iterations: int
     hessian: FloatArray
-    pose_log_determinant: float
 
 
 def huber_weight(distance: FloatArray, scale: float) -> FloatArray:
@@ -72,9 +71,7 @@ def huber_weight(distance: FloatArray, scale: float) -> FloatArray:
 
 def huber_cost(distance: FloatArray, scale: float) -> FloatArray:
     """Huber loss: d²/2 within ``scale``, linear beyond."""
-    return np.where(
-        distance <= scale, 0.5 * np.square(distance), scale * (distance - 0.5 * scale)
-    )
+    return np.where(distance <= scale, 0.5 * np.square(distance), scale * (distance - 0.5 * scale))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,6 +90,7 @@ def adjust(
     *,
     huber_px: float,
     max_iterations: int = _MAX_ITERATIONS,
+    relative_decrease: float = _RELATIVE_DECREASE,
 ) -> Adjustment:
     """Minimise the Huber loss of the reprojection error over lens and poses.
 
@@ -102,13 +100,22 @@ def adjust(
         pairs: 2D-3D pairs, sorted by photo.
         huber_px: distance in pixels from which a pair's pull stops growing.
         max_iterations: steps to try at most.
+        relative_decrease: stop when a step lowers the cost by less than this share.
 
     Returns:
         The best lens and poses found. A step that does not lower the cost is never taken.
 
+    Raises:
+        FitError: the start itself sees a point at infinity.
+
     """
     damping = 1e-4
     cost, residual = _cost(lens, poses, pairs, huber_px)
+    if not np.isfinite(cost):
+        raise FitError(
+            "the start of the fit sees corners at infinity: check that the corners are named "
+            "rightly and that the camera belongs to these photos"
+        )
     normal = _normal_equations(lens, poses, pairs, huber_px)
     iteration = 0
     for iteration in range(1, max_iterations + 1):
@@ -121,7 +128,7 @@ def adjust(
             lens, poses, cost, residual = new_lens, new_poses, new_cost, new_residual
             damping = max(damping / 10, 1e-12)
             normal = _normal_equations(lens, poses, pairs, huber_px)
-            if decrease < _RELATIVE_DECREASE:
+            if decrease < relative_decrease:
                 break
         else:
             damping *= 10
@@ -136,7 +143,6 @@ def adjust(
         cost=cost,
         iterations=iteration,
         hessian=reduced,
-        pose_log_determinant=float(np.linalg.slogdet(normal.pose)[1].sum()),
     )
 
 

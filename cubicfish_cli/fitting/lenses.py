@@ -96,12 +96,16 @@ class RayPrior:
         rays: (M, 3) unit rays.
         pixel: (M, 2) where the other lens sees them.
         weight: residuals are multiplied by this.
+        denominator: (M,) P3Φ of the other lens at the rays.
+        denominator_weight: pixels that a relative change of P3Φ by 1 counts as.
 
     """
 
     rays: FloatArray
     pixel: FloatArray
     weight: float
+    denominator: FloatArray
+    denominator_weight: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -157,7 +161,9 @@ class CubicFit:
         rays = points / length
         values = lift(rays) @ sphere_basis()
         pixel, denominator = self._pixel(values)
-        gradient = np.einsum("rk,nkj->nrj", self.coefficients @ sphere_basis().T, lift_jacobian(rays))
+        gradient = np.einsum(
+            "rk,nkj->nrj", self.coefficients @ sphere_basis().T, lift_jacobian(rays)
+        )
         slope = self.scale * (
             (gradient[:, :2] - pixel[:, :, None] * gradient[:, 2:]) / denominator[:, None, None]
         )
@@ -173,13 +179,25 @@ class CubicFit:
         return self._pixel(lift(rays) @ sphere_basis())[0] * self.scale + self.centre
 
     def prior(self) -> tuple[FloatArray, FloatArray]:
-        """Weighted difference to the prior's pixels: (2M,), (2M, 47)."""
-        values = lift(self.ray_prior.rays) @ sphere_basis()
+        """Weighted difference to the prior's pixels and denominators: (3M,), (3M, 47).
+
+        Pixels alone leave room for a pole that a zero of both numerators all but cancels
+        (a Froissart doublet): it bends the picture at a few corners and nowhere else. A cubic
+        P3Φ that vanishes somewhere differs widely from one that is positive on the whole cone.
+        """
+        prior = self.ray_prior
+        values = lift(prior.rays) @ sphere_basis()
         pixel, denominator = self._pixel(values)
-        residual = pixel * self.scale + self.centre - self.ray_prior.pixel
-        jacobian = self._d_parameters(values, pixel, denominator)
-        weight = self.ray_prior.weight
-        return weight * residual.reshape(-1), weight * jacobian.reshape(len(residual) * 2, -1)
+        miss = prior.weight * (pixel * self.scale + self.centre - prior.pixel)
+        jacobian = prior.weight * self._d_parameters(values, pixel, denominator)
+        change = prior.denominator_weight * (denominator / prior.denominator - 1)
+        d_change = np.zeros((len(values), 47))
+        share = (prior.denominator_weight / prior.denominator)[:, None]
+        d_change[:, 32:] = share * (values @ self.denominator_basis)
+        return (
+            np.concatenate([miss.reshape(-1), change]),
+            np.vstack([jacobian.reshape(2 * len(values), -1), d_change]),
+        )
 
     def _pixel(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         homogeneous = values @ self.coefficients.T

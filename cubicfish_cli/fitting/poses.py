@@ -64,9 +64,7 @@ def vector_from_rotation(rotation: npt.ArrayLike) -> FloatArray:
     r = np.asarray(rotation, float)
     # Through the quaternion whose largest component comes first: stable at 0 and at π.
     trace = np.trace(r, axis1=-2, axis2=-1)
-    squares = np.stack(
-        [1 + trace, *(1 + 2 * r[..., k, k] - trace for k in range(3))], axis=-1
-    )
+    squares = np.stack([1 + trace, *(1 + 2 * r[..., k, k] - trace for k in range(3))], axis=-1)
     odd = np.stack(
         [
             r[..., 2, 1] - r[..., 1, 2],

@@ -1,0 +1,292 @@
+"""Fitting the radial companion and all poses, from nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.adjustment import Adjustment, adjust
+from cubicfish_cli.fitting.known_lens import fit_poses
+from cubicfish_cli.fitting.lenses import RadialFit
+from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.robust import gross_px, huber_px, noise_px
+from cubicfish_cli.fitting.start import start_at_centre
+from cubicfish_cli.fitting.subset import select, select_photos
+from cubicfish_cli.model.radial import RadialCamera
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+
+# The valid cone reaches this far beyond the farthest corner.
+MARGIN_DEG = 5.0
+# A fit whose noise is above this share of the photo's longer side is not believed.
+_POOR_SHARE = 0.004
+# Centres that are tried when the middle of the photo does not serve, as shares of its sides.
+_CENTRE_SHARES = (-0.24, -0.12, 0.0, 0.12, 0.24)
+_CENTRES_TO_FIT = 4
+# Photos that take part in ranking the centres.
+_PHOTOS_FOR_CENTRE = 8
+# A photo is set aside in the first fit when its start is this many times worse than the median.
+_BAD_START = 6.0
+_ROUNDS = 3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Companion:
+    """The Kannala–Brandt lens, the poses of the photos that fit it, and their pairs.
+
+    Attributes:
+        camera: the lens.
+        poses: camera_from_world, one for each of ``pairs.images``.
+        pairs: the pairs of the photos that fit.
+        residual: (N, 2) projection less pixel, pixels.
+        unfit: why each photo that was left out was, by name.
+        terms: how many coefficients of the radial profile are in use.
+        focal_uncertainty: standard deviation of the focal length, as a share of it.
+
+    """
+
+    camera: RadialCamera
+    poses: Poses
+    pairs: Correspondences
+    residual: FloatArray
+    unfit: dict[str, str]
+    terms: int
+    focal_uncertainty: float
+
+    @property
+    def covered(self) -> float:
+        """Angle from the axis of the farthest corner that is not gross, radians."""
+        angle = angles(self.poses.apply(self.pairs.image, self.pairs.world))
+        length = np.hypot(self.residual[:, 0], self.residual[:, 1])
+        return float(angle[length <= gross_px(self.residual)].max())
+
+
+def angles(points: FloatArray) -> FloatArray:
+    """Angle from the camera's axis of points (..., 3), radians."""
+    return np.arctan2(np.hypot(points[..., 0], points[..., 1]), points[..., 2])
+
+
+def fit_companion(pairs: Correspondences) -> Companion:
+    """Fit a Kannala–Brandt lens and the pose of every photo, without any guess.
+
+    Photos that do not fit the lens of the others are tried again with the lens that the others
+    gave; those that still do not fit are left out and named.
+
+    Raises:
+        FitError: no photo can be placed, or the corners do not fit the target.
+
+    """
+    fit, used = _first_fit(pairs)
+    unfit: dict[str, str] = {}
+    for _ in range(_ROUNDS):
+        missing = np.setdiff1d(np.arange(len(pairs.images)), used)
+        fit, used = _with_missing(fit, used, pairs, missing)
+        own = select_photos(pairs, used)
+        fit = _adjusted(fit, own)
+        unfit = {
+            pairs.images[photo]: "too few corners to place it"
+            for photo in np.setdiff1d(missing, used)
+        }
+        bad = _bad_photos(fit, own)
+        unfit |= {own.images[photo]: why for photo, why in bad.items()}
+        if not bad:
+            break
+        good = np.array([photo for photo in range(len(used)) if photo not in bad])
+        if 2 * len(good) < len(used) or not len(good):
+            raise FitError(_does_not_fit(noise_px(fit.residual)))
+        own, used = select_photos(own, good), used[good]
+        fit = _adjusted(
+            adjust(fit.lens, fit.poses[good], own, huber_px=gross_px(fit.residual)), own
+        )
+        if set(np.setdiff1d(np.arange(len(pairs.images)), used)) == set(missing.tolist()):
+            break
+    own = select_photos(pairs, used)
+    fit, terms = _sound_profile(fit, own)
+    return Companion(
+        camera=_camera(fit, pairs),
+        poses=fit.poses,
+        pairs=own,
+        residual=fit.residual,
+        unfit=unfit,
+        terms=terms,
+        focal_uncertainty=_focal_uncertainty(fit),
+    )
+
+
+def refit_companion(companion: Companion, pairs: Correspondences, poses: Poses) -> Companion:
+    """Adjust a companion to other pairs of the same lens, from known poses.
+
+    Used for pairs without the dropped ones and for the training part of a fold.
+    """
+    lens = RadialFit(values=companion.camera.parameters, terms=companion.terms)
+    fit = adjust(lens, poses, pairs, huber_px=huber_px(companion.residual))
+    fit, terms = _sound_profile(fit, pairs)
+    return Companion(
+        camera=_camera(fit, pairs),
+        poses=fit.poses,
+        pairs=pairs,
+        residual=fit.residual,
+        unfit=companion.unfit,
+        terms=terms,
+        focal_uncertainty=_focal_uncertainty(fit),
+    )
+
+
+def _does_not_fit(error: float) -> str:
+    return (
+        f"the corners do not fit the target (typical error {error:.2g} px): check the target's "
+        "square sizes, axes and origins, that corners are counted and not squares, and that all "
+        "photos show this one object through one lens at one zoom"
+    )
+
+
+def _first_fit(pairs: Correspondences) -> tuple[Adjustment, IntArray]:
+    poor = _POOR_SHARE * max(pairs.image_size)
+    best: tuple[float, Adjustment, IntArray] | None = None
+    for centre in _centres(pairs):
+        found = _fit_from_centre(pairs, centre)
+        if found is None:
+            continue
+        error = noise_px(found[0].residual)
+        if best is None or error < best[0]:
+            best = (error, *found)
+        if error <= poor:
+            break
+    if best is None:
+        raise FitError(
+            "no photo has enough corners to be placed: each needs at least 7 (5 on a flat "
+            "board) that are not on one line"
+        )
+    if best[0] > poor:
+        raise FitError(_does_not_fit(best[0]))
+    return best[1], best[2]
+
+
+def _centres(pairs: Correspondences) -> Iterator[FloatArray]:
+    """The middle of the photo, and only if that does not serve the best-ranked others."""
+    size = np.array(pairs.image_size, float)
+    middle = (size - 1) / 2
+    yield middle
+    counts = np.bincount(pairs.image, minlength=len(pairs.images))
+    few = select_photos(pairs, np.argsort(-counts, kind="stable")[:_PHOTOS_FOR_CENTRE])
+    centres = [
+        middle + size * [x, y]
+        for x in _CENTRE_SHARES
+        for y in _CENTRE_SHARES
+        if (x, y) != (0.0, 0.0)
+    ]
+    scores = [start_at_centre(few, centre).score for centre in centres]
+    for index in np.argsort(scores, kind="stable")[:_CENTRES_TO_FIT]:
+        yield centres[index]
+
+
+def _fit_from_centre(
+    pairs: Correspondences, centre: FloatArray
+) -> tuple[Adjustment, IntArray] | None:
+    start = start_at_centre(pairs, centre)
+    placed = np.isfinite(start.error)
+    if not placed.any():
+        return None
+    limit = max(0.02 * max(pairs.image_size), _BAD_START * float(np.median(start.error[placed])))
+    used = np.flatnonzero(start.error <= limit)
+    own = select_photos(pairs, used)
+    values = np.array([start.focal, start.focal, *start.centre, 0, 0, 0, 0])
+    # Two coefficients first: with poses still rough, four would bend to the errors.
+    fit = adjust(
+        RadialFit(values=values, terms=2),
+        start.poses[used],
+        own,
+        huber_px=max(20.0, 2 * float(np.median(start.error[used]))),
+        max_iterations=30,
+    )
+    return _adjusted(_with_terms(fit, own, 4), own), used
+
+
+def _with_terms(fit: Adjustment, pairs: Correspondences, terms: int) -> Adjustment:
+    values = _values(fit).copy()
+    values[4 + terms :] = 0
+    lens = RadialFit(values=values, terms=terms)
+    return adjust(lens, fit.poses, pairs, huber_px=huber_px(fit.residual))
+
+
+def _adjusted(fit: Adjustment, pairs: Correspondences) -> Adjustment:
+    """Continue with a loss that follows the residuals down to the noise."""
+    for _ in range(2):
+        fit = adjust(fit.lens, fit.poses, pairs, huber_px=huber_px(fit.residual))
+    return fit
+
+
+def _values(fit: Adjustment) -> FloatArray:
+    lens = fit.lens
+    if not isinstance(lens, RadialFit):
+        raise TypeError("the companion's fit must be of a radial lens")
+    return lens.values
+
+
+def _camera(fit: Adjustment, pairs: Correspondences) -> RadialCamera:
+    return RadialCamera.from_parameters(_values(fit), pairs.image_size)
+
+
+def _with_missing(
+    fit: Adjustment, used: IntArray, pairs: Correspondences, missing: IntArray
+) -> tuple[Adjustment, IntArray]:
+    """Add the photos that the start set aside, placed with the lens that the others gave."""
+    if not missing.size:
+        return fit, used
+    found, _, placed = fit_poses(_camera(fit, pairs), select_photos(pairs, missing))
+    if found is None:
+        return fit, used
+    everyone = np.concatenate([used, missing[placed]])
+    order = np.argsort(everyone, kind="stable")
+    poses = Poses(
+        rotation=np.concatenate([fit.poses.rotation, found.poses.rotation])[order],
+        translation=np.concatenate([fit.poses.translation, found.poses.translation])[order],
+    )
+    used = everyone[order]
+    return (
+        adjust(fit.lens, poses, select_photos(pairs, used), huber_px=huber_px(fit.residual)),
+        used,
+    )
+
+
+def _bad_photos(fit: Adjustment, pairs: Correspondences) -> dict[int, str]:
+    """Photos of which most corners are gross, with the reason in words."""
+    limit = gross_px(fit.residual)
+    length = np.hypot(fit.residual[:, 0], fit.residual[:, 1])
+    bad = {}
+    for photo in range(len(pairs.images)):
+        own = length[pairs.image == photo]
+        if np.median(own) > limit:
+            bad[photo] = (
+                f"its corners are off by {np.median(own):.1f} px in the median, where the other "
+                "photos agree: moved object, other zoom or wrong names"
+            )
+    return bad
+
+
+def _sound_profile(fit: Adjustment, pairs: Correspondences) -> tuple[Adjustment, int]:
+    """Take coefficients away until the profile grows over the whole valid cone."""
+    lens = fit.lens
+    terms = lens.terms if isinstance(lens, RadialFit) else 4
+    while terms > 0:
+        camera = _camera(fit, pairs)
+        length = np.hypot(fit.residual[:, 0], fit.residual[:, 1])
+        near = length <= gross_px(fit.residual)
+        covered = angles(fit.poses.apply(pairs.image, pairs.world))[near].max()
+        if camera.max_angle >= min(np.pi, covered + np.deg2rad(MARGIN_DEG + 0.5)):
+            break
+        terms -= 1
+        fit = _with_terms(fit, pairs, terms)
+    return fit, terms
+
+
+def _focal_uncertainty(fit: Adjustment) -> float:
+    covariance = np.linalg.pinv(fit.hessian, hermitian=True) * noise_px(fit.residual) ** 2
+    values = _values(fit)
+    return float(np.sqrt(max(covariance[0, 0], covariance[1, 1], 0.0)) / abs(values[0]))

@@ -1,0 +1,72 @@
+"""Poses of photos when the lens is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.fitting.adjustment import Adjustment, adjust
+from cubicfish_cli.fitting.lenses import FixedLens
+from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.radial_pose import depth_shift
+from cubicfish_cli.fitting.robust import huber_px
+from cubicfish_cli.fitting.start import candidate_poses
+from cubicfish_cli.fitting.subset import select
+from cubicfish_cli.model.radial import RadialCamera
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+
+# While poses are far off, the loss must still feel every corner.
+_WIDE_HUBER_PX = 50.0
+
+
+def place_photos(camera: RadialCamera, pairs: Correspondences) -> tuple[Poses, FloatArray]:
+    """Start poses of all photos under a known radial lens.
+
+    Returns:
+        camera_from_world of every photo, and each photo's median error in pixels; NaN and inf
+        where a photo has too few corners to be placed.
+
+    """
+    count = len(pairs.images)
+    rotation = np.full((count, 3, 3), np.nan)
+    translation = np.full((count, 3), np.nan)
+    error = np.full(count, np.inf)
+    focal = np.array([camera.fx, camera.fy])
+    offset = (pairs.pixel - [camera.cx, camera.cy]) / focal
+    angle = camera.angle(np.hypot(offset[:, 0], offset[:, 1]))
+    for photo in range(count):
+        own = (pairs.image == photo) & np.isfinite(angle)
+        world = pairs.world[own]
+        for pose in candidate_poses(world, offset[own], pairs.board[own]):
+            depth, _ = depth_shift(pose, world, angle[own])
+            shift = np.array([*pose.shift, float(depth)])
+            miss = camera.project(world @ pose.rotation.T + shift) - pairs.pixel[own]
+            length = np.hypot(miss[:, 0], miss[:, 1])
+            found = float(np.median(np.where(np.isfinite(length), length, np.inf)))
+            if found < error[photo]:
+                rotation[photo], translation[photo], error[photo] = pose.rotation, shift, found
+    return Poses(rotation=rotation, translation=translation), error
+
+
+def fit_poses(
+    camera: RadialCamera, pairs: Correspondences
+) -> tuple[Adjustment | None, Correspondences, IntArray]:
+    """Poses under a known radial lens, refined by Levenberg–Marquardt.
+
+    Returns:
+        The adjustment (None when no photo could be placed), the pairs of the photos that could,
+        and each such photo's index in ``pairs.images``.
+
+    """
+    poses, error = place_photos(camera, pairs)
+    placed = np.flatnonzero(np.isfinite(error))
+    if not placed.size:
+        return None, pairs, placed
+    own, _ = select(pairs, np.isin(pairs.image, placed))
+    lens = FixedLens(camera=camera)
+    fit = adjust(lens, poses[placed], own, huber_px=_WIDE_HUBER_PX, max_iterations=30)
+    fit = adjust(lens, fit.poses, own, huber_px=huber_px(fit.residual))
+    return fit, own, placed

@@ -1,0 +1,34 @@
+"""How large an error is noise, and from where on it is gross."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+# Median of the length of a 2D normal vector of unit standard deviation a component.
+_MEDIAN_OF_RAYLEIGH = 1.17741
+# The Huber loss leaves errors within this many standard deviations alone.
+_HUBER_SIGMAS = 8.0
+_SMALLEST_HUBER_PX = 0.1
+# A corner is dropped when it is off by more than both of these.
+GROSS_PX = 3.0
+_GROSS_SIGMAS = 12.0
+
+
+def noise_px(residual: FloatArray) -> float:
+    """Robust standard deviation a component, from the median length: (N, 2) -> pixels."""
+    if not len(residual):
+        return 0.0
+    return float(np.median(np.hypot(residual[:, 0], residual[:, 1])) / _MEDIAN_OF_RAYLEIGH)
+
+
+def huber_px(residual: FloatArray) -> float:
+    """Where the Huber loss turns linear, pixels: it follows the noise of these residuals."""
+    return max(_SMALLEST_HUBER_PX, _HUBER_SIGMAS * noise_px(residual))
+
+
+def gross_px(residual: FloatArray) -> float:
+    """From which length on a residual is gross, pixels."""
+    return max(GROSS_PX, _GROSS_SIGMAS * noise_px(residual))

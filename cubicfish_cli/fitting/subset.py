@@ -1,0 +1,53 @@
+"""Choosing some of the pairs, and scaling the world so that lengths are of order 1."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.correspondences import Correspondences
+
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.intp]
+
+
+def select(pairs: Correspondences, keep: BoolArray) -> tuple[Correspondences, IntArray]:
+    """The pairs where ``keep`` (N,) is true, photos without any left out.
+
+    Returns:
+        The pairs, and for each of their photos its index in ``pairs.images``.
+
+    """
+    photos, image = np.unique(pairs.image[keep], return_inverse=True)
+    chosen = replace(
+        pairs,
+        images=tuple(pairs.images[photo] for photo in photos),
+        image=image.astype(np.intp),
+        world=pairs.world[keep],
+        pixel=pairs.pixel[keep],
+        weight=pairs.weight[keep],
+        board=pairs.board[keep],
+        column=pairs.column[keep],
+        row=pairs.row[keep],
+    )
+    return chosen, photos.astype(np.intp)
+
+
+def select_photos(pairs: Correspondences, photos: IntArray) -> Correspondences:
+    """The pairs of the photos with these indices."""
+    return select(pairs, np.isin(pairs.image, photos))[0]
+
+
+def world_scale(pairs: Correspondences) -> float:
+    """Typical distance of the world points from their middle, in the target's units."""
+    return float(np.sqrt(np.mean(np.var(pairs.world, axis=0).sum()))) or 1.0
+
+
+def flatness(world: npt.NDArray[np.float64]) -> float:
+    """Third over first extent of points (N, 3): 0 on a plane."""
+    if len(world) < 3:
+        return 0.0
+    extent = np.linalg.svd(world - world.mean(axis=0), compute_uv=False)
+    return float(extent[2] / extent[0]) if extent[0] > 0 else 0.0
