@@ -1,0 +1,275 @@
+"""From the labelings of one photo that could be to names that may be relied on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.detection.grids import Grid
+from cubicfish_cli.naming.congruence import SAME, is_symmetry, similarity
+from cubicfish_cli.naming.places import Reach, Sides
+from cubicfish_cli.naming.search import Labelings
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+BoolArray = npt.NDArray[np.bool_]
+
+# Below this ratio of the runner-up's RMS to the winner's a name is not settled.
+CLEAR_RATIO = 1.3
+# No RMS is believed to be smaller than this: what is below is not what tells labelings apart.
+_NOISE_FLOOR_PX = 0.05
+# No solid has more rotations than the cube's 24: more places than that are not symmetries.
+_MOST_SYMMETRIES = 24
+
+
+class Verdict(Enum):
+    """What became of a grid."""
+
+    NAMED = "named"
+    CONVENTION = "named by convention"
+    AMBIGUOUS = "ambiguous"
+    SLIDE = "undecidable"
+    NO_FIT = "fits no place"
+    TOO_LARGE = "larger than every board"
+    NOT_PLANE = "not a plane of squares"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Decision:
+    """The names of one photo's grids.
+
+    Attributes:
+        verdict: for each grid.
+        side: (G,) side of its place, -1 where it has none.
+        offset: (G, 2).
+        ratio: (G,) RMS of the best labeling that differs in this grid over the chosen one's,
+            both over the grids in which they differ; inf without a rival.
+        rms_px: (G,) of the chosen labeling, pixels; NaN where there is none.
+        rotation, translation: camera_from_world of the chosen labeling, None without one.
+
+    """
+
+    verdict: tuple[Verdict, ...]
+    side: IntArray
+    offset: IntArray
+    ratio: FloatArray
+    rms_px: FloatArray
+    rotation: FloatArray | None = None
+    translation: FloatArray | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Photo:
+    """What deciding needs of a photo."""
+
+    grids: Sequence[Grid]
+    sides: Sides
+
+    def world(self, grid: int, side: int, offset: IntArray) -> FloatArray:
+        """World points (4, 3) of the grid's bounding cells: they fix its place."""
+        low, high = self.grids[grid].cells.min(axis=0), self.grids[grid].cells.max(axis=0)
+        ends = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+        form = self.sides.world_from_grid(np.array([side]), offset[None])[0]
+        world: FloatArray = np.column_stack([ends, np.ones(4)]) @ form.T
+        return world
+
+    def worlds(self, side: IntArray, offset: IntArray) -> FloatArray:
+        return np.concatenate(
+            [self.world(g, int(side[g]), offset[g]) for g in np.flatnonzero(side >= 0)]
+        )
+
+    def whole(self, grid: int, side: int) -> bool:
+        """Whether the grid fills a board of this side's size without a gap."""
+        extent = np.ptp(self.grids[grid].cells, axis=0) + 1
+        turned = np.abs(self.sides.matrix[side]) @ extent
+        return bool(
+            len(self.grids[grid]) == extent.prod() and (turned == self.sides.size[side]).all()
+        )
+
+    def whole_count(self, side: IntArray) -> int:
+        return sum(self.whole(g, int(side[g])) for g in np.flatnonzero(side >= 0))
+
+    def symmetric(self, labelings: Labelings, first: int, second: int) -> bool:
+        """Whether a symmetry of the whole target takes one labeling to the other."""
+        motion = similarity(
+            self.worlds(*_place(labelings, first)), self.worlds(*_place(labelings, second))
+        )
+        return is_symmetry(motion, self.sides)
+
+    def most_upright(self, labelings: Labelings, among: Iterable[int]) -> int:
+        """Of labelings that look alike: the least turned in the photo, then the most central."""
+
+        def order(k: int) -> tuple[float, float, int]:
+            side, offset = _place(labelings, k)
+            return (-round(self.uprightness(side, offset)), self.off_middle(side, offset), k)
+
+        return min(among, key=order)
+
+    def off_middle(self, side: IntArray, offset: IntArray) -> float:
+        """Squares between the middles of the grids and of their boards, summed."""
+        total = 0.0
+        for g in np.flatnonzero(side >= 0):
+            cells = self.sides.board_cells(int(side[g]), offset[g], self.grids[g].cells)
+            middle = (cells.min(axis=0) + cells.max(axis=0)) / 2
+            total += float(np.abs(middle - (self.sides.size[side[g]] - 1) / 2).sum())
+        return total
+
+    def uprightness(self, side: IntArray, offset: IntArray) -> float:
+        """How far columns run to the right and rows down in the photo, over all grids."""
+        total = 0.0
+        for g in np.flatnonzero(side >= 0):
+            grid = self.grids[g]
+            cells = self.sides.board_cells(int(side[g]), offset[g], grid.cells)
+            cells = cells - cells.mean(axis=0)
+            total += float(np.sum(cells * (grid.pixel - grid.pixel.mean(axis=0))))
+        return total
+
+    def overlap(self, side: IntArray, offset: IntArray) -> bool:
+        """Whether two grids claim the same corner of a board."""
+        board = np.where(side >= 0, self.sides.board[side], -1)
+        names, counts = np.unique(board[board >= 0], return_counts=True)
+        for name in names[counts > 1]:
+            cells = np.concatenate(
+                [
+                    self.sides.board_cells(int(side[g]), offset[g], self.grids[g].cells)
+                    for g in np.flatnonzero(board == name)
+                ]
+            )
+            if len(np.unique(cells, axis=0)) < len(cells):
+                return True
+        return False
+
+
+def decide(grids: Sequence[Grid], sides: Sides, labelings: Labelings) -> Decision | None:
+    """Choose among labelings that name at least two grids; None when there are none.
+
+    A grid's name is settled when every labeling that gives it another one is worse by
+    :data:`CLEAR_RATIO` over the grids in which the two differ. Labelings congruent to the best
+    are not rivals: of those that a symmetry of the whole target relates, the most upright one
+    in the photo is taken; if others remain, nothing can be said and the grids are left out.
+    """
+    photo = _Photo(grids=grids, sides=sides)
+    apart = [k for k in range(len(labelings)) if not photo.overlap(*_place(labelings, k))]
+    if not apart:
+        return None
+    labelings = labelings[np.array(apart)]
+    counts = np.array([len(grid) for grid in grids])
+    alike = _congruent_to_best(photo, labelings)
+    wholes = [photo.whole_count(labelings.side[k]) for k in alike]
+    # A grid that fills a board's size without a gap is that board, not a part of a larger one.
+    fullest = [k for k, count in zip(alike, wholes, strict=True) if count == max(wholes)]
+    same = [k for k in fullest if photo.symmetric(labelings, fullest[0], k)]
+    settled = len(same) == len(fullest)
+    chosen = photo.most_upright(labelings, same if settled else fullest)
+
+    named = labelings.side[chosen] >= 0
+    ratio = np.full(len(grids), np.inf)
+    for k in sorted(set(range(len(labelings))) - set(alike)):
+        # The symmetry's image that the rival shares most names with is the one to compare with.
+        differs = min((_differs(labelings, m, k) for m in same), key=lambda d: counts[d].sum())
+        if not differs.any():
+            continue
+        own = labelings.grid_cost[chosen][differs].sum()
+        own = max(own, counts[differs].sum() * _NOISE_FLOOR_PX**2)
+        excess = max(0.0, labelings.cost[k] - labelings.cost[chosen])
+        ratio[differs] = np.minimum(ratio[differs], np.sqrt((own + excess) / own))
+    verdict = np.full(len(grids), Verdict.NO_FIT, object)
+    verdict[named] = Verdict.AMBIGUOUS
+    if settled:
+        verdict[named & (ratio >= CLEAR_RATIO)] = Verdict.NAMED
+    else:
+        verdict[named] = _by_convention(sides, int(counts[named].sum()))
+    return Decision(
+        verdict=tuple(verdict),
+        side=labelings.side[chosen],
+        offset=labelings.offset[chosen],
+        ratio=ratio,
+        rms_px=np.where(named, np.sqrt(labelings.grid_cost[chosen] / counts), np.nan),
+        rotation=labelings.rotation[chosen],
+        translation=labelings.translation[chosen],
+    )
+
+
+def decide_alone(grid: Grid, sides: Sides, reach: Reach) -> Decision:
+    """Name a grid that nothing else in the photo helps to place.
+
+    All places of one plane look alike, from another camera position. So only its size and
+    colours speak: a grid that fills a board is that board, and a place that is the only one,
+    up to the target's symmetries, is taken.
+    """
+    photo = _Photo(grids=[grid], sides=sides)
+    side, offset = reach.places()
+    whole = np.array([photo.whole(0, one) for one in range(len(sides.board))], bool)[side]
+    if whole.any():
+        side, offset = side[whole], offset[whole]
+    if not len(side):
+        return _alone(Verdict.TOO_LARGE, -1, np.zeros(2, np.intp))
+    places = _without_pose(side, offset)
+    settled = len(side) <= _MOST_SYMMETRIES and all(
+        photo.symmetric(places, 0, k) for k in range(1, len(side))
+    )
+    chosen = photo.most_upright(places, range(len(side)))
+    verdict = Verdict.NAMED if settled else _by_convention(sides, len(grid))
+    return _alone(verdict, int(side[chosen]), offset[chosen])
+
+
+def _by_convention(sides: Sides, corners: int) -> Verdict:
+    """Whether grids that may slide are kept: only on a board that is alone, and mostly seen."""
+    if len(sides.board) == 4 and 2 * corners >= sides.size[0].prod():
+        return Verdict.CONVENTION
+    return Verdict.SLIDE
+
+
+def _alone(verdict: Verdict, side: int, offset: IntArray) -> Decision:
+    return Decision(
+        verdict=(verdict,),
+        side=np.array([side]),
+        offset=offset[None],
+        ratio=np.array([np.inf]),
+        rms_px=np.array([np.nan]),
+    )
+
+
+def _without_pose(side: IntArray, offset: IntArray) -> Labelings:
+    count = len(side)
+    return Labelings(
+        side=side[:, None],
+        offset=offset[:, None],
+        rotation=np.full((count, 3, 3), np.nan),
+        translation=np.full((count, 3), np.nan),
+        pivot=np.full((count, 3), np.nan),
+        grid_cost=np.zeros((count, 1)),
+    )
+
+
+def _place(labelings: Labelings, k: int) -> tuple[IntArray, IntArray]:
+    return labelings.side[k], labelings.offset[k]
+
+
+def _differs(labelings: Labelings, own: int, other: int) -> BoolArray:
+    """(G,) the grids that labeling ``own`` names otherwise than ``other``."""
+    moved = (labelings.offset[own] != labelings.offset[other]).any(axis=1)
+    differs: BoolArray = (labelings.side[own] >= 0) & (
+        (labelings.side[own] != labelings.side[other]) | moved
+    )
+    return differs
+
+
+def _congruent_to_best(photo: _Photo, labelings: Labelings) -> list[int]:
+    """The best labeling and those that no photo tells from it."""
+    best = photo.worlds(*_place(labelings, 0))
+    named = labelings.side[0] >= 0
+    square = float(photo.sides.square[labelings.side[0][named]].min())
+    counts = np.array([len(grid) for grid in photo.grids])
+    floor = counts[named].sum() * _NOISE_FLOOR_PX**2
+    near = labelings.cost <= CLEAR_RATIO**2 * (labelings.cost[0] + floor)
+    near &= ((labelings.side >= 0) == named).all(axis=1)
+    return [0] + [
+        int(k)
+        for k in np.flatnonzero(near)[1:]
+        if similarity(photo.worlds(*_place(labelings, int(k))), best).error < SAME * square
+    ]

@@ -1,0 +1,389 @@
+"""Grids of all photos -> named corners: which board each grid is, and where on it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.correspondences import Corners, Correspondences
+from cubicfish_cli.detection.grids import Grid
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.companion import Companion, fit_companion, refit_companion
+from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.naming.decide import Decision, Verdict, decide, decide_alone
+from cubicfish_cli.naming.places import Reach, Sides, reach_of, sides_of
+from cubicfish_cli.naming.search import search
+from cubicfish_cli.naming.views import GridPose, anonymous_pairs, grid_poses, view_of
+from cubicfish_cli.target import Target
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+BoolArray = npt.NDArray[np.bool_]
+
+# Times the lens is fitted again with the names so far, before what is left is given up.
+_ROUNDS = 3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Place:
+    """A place on the target that is known beforehand, from markers for instance.
+
+    Corner (i, j) of the grid is corner turn · (i, j) + (column, row) of the board.
+
+    Attributes:
+        board: index into the target's boards.
+        turn: quarter turns, index into :data:`cubicfish_cli.naming.places.TURNS`.
+        column, row: where the grid's cell (0, 0) lies on the board.
+
+    """
+
+    board: int
+    turn: int
+    column: int
+    row: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GridReport:
+    """What became of one grid.
+
+    Attributes:
+        verdict: named, or why not.
+        place: where it lies, None when it was left out.
+        corners: how many corners it has.
+        size: columns and rows of its bounding box.
+        ratio: how many times worse the best other name fits; inf without a rival.
+        rms_px: how well it fits its name under the lens of :class:`Naming`; NaN when unknown.
+
+    """
+
+    verdict: Verdict
+    place: Place | None
+    corners: int
+    size: tuple[int, int]
+    ratio: float
+    rms_px: float
+
+    @property
+    def named(self) -> bool:
+        """Whether its corners are among the named ones."""
+        return self.place is not None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Naming:
+    """The named corners of all photos.
+
+    Attributes:
+        corners: the named corners; photos without any are listed in ``images`` all the same.
+        grids: for each photo, what became of each of its grids.
+        lens: the radial lens that the names were checked with, None when none could be fitted.
+        exact: (M,) whether the photo's corners are surely these corners of the target. False
+            where a board seen in part may be a few squares further along its plane: as good
+            for a lens, but not for measuring the target.
+
+    """
+
+    corners: Corners
+    grids: tuple[tuple[GridReport, ...], ...]
+    lens: RadialCamera | None
+    exact: BoolArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Task:
+    """All grids of all photos, in one list."""
+
+    target: Target
+    sides: Sides
+    image_size: tuple[int, int]
+    grids: list[Grid]
+    reach: list[Reach]
+    photos: list[list[int]]  # for each photo, indices into the list, largest grid first
+
+
+def name_grids(
+    grids: Sequence[Sequence[Grid]],
+    target: Target,
+    image_size: tuple[int, int],
+    images: Sequence[str],
+    *,
+    known: Sequence[Sequence[Place | None]] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Naming:
+    """Name every grid that can be named beyond doubt; the others are left out and reported.
+
+    A radial lens is fitted to all grids as nameless planes first. Photo by photo, the places
+    of all grids on the target are then searched with that lens; where a photo stays unsettled,
+    the lens is fitted again with the names found so far and the search repeated.
+
+    Args:
+        grids: for each photo, its grids.
+        target: the object.
+        image_size: (width, height) of all photos, pixels.
+        images: the photos' names.
+        known: places that are known beforehand, as ``grids``; None where there is none.
+        progress: called with photos done and all photos while the search runs.
+
+    """
+    task = _task(grids, target, image_size, known)
+    decisions, lens = _decide_all(task, progress)
+    return _naming(task, grids, decisions, lens, tuple(images))
+
+
+def _task(
+    grids: Sequence[Sequence[Grid]],
+    target: Target,
+    image_size: tuple[int, int],
+    known: Sequence[Sequence[Place | None]] | None,
+) -> _Task:
+    sides = sides_of(target)
+    flat, reach, photos = [], [], []
+    for photo, own in enumerate(grids):
+        first = len(flat)
+        for number, grid in enumerate(own):
+            flat.append(grid)
+            room = reach_of(grid, sides)
+            place = known[photo][number] if known is not None else None
+            if place is not None:
+                side = np.flatnonzero((sides.board == place.board) & (sides.turn == place.turn))
+                room = room.only(int(side[0]), np.array([place.column, place.row]))
+            reach.append(room)
+        photos.append(sorted(range(first, len(flat)), key=lambda k: -len(flat[k])))
+    return _Task(
+        target=target, sides=sides, image_size=image_size, grids=flat, reach=reach, photos=photos
+    )
+
+
+def _decide_all(
+    task: _Task, progress: Callable[[int, int], None] | None
+) -> tuple[list[Decision | None], RadialCamera | None]:
+    companion = _nameless_lens(task)
+    decisions: list[Decision | None] = [None] * len(task.photos)
+    before: list[tuple[object, ...]] = []
+    for _ in range(_ROUNDS):
+        camera = companion.camera if companion else None
+        poses = _poses(task, camera)
+        for photo, own in enumerate(task.photos):
+            decisions[photo] = _decide_photo(task, own, camera, poses)
+            if progress is not None:
+                progress(photo + 1, len(task.photos))
+        names = [_names(decision) for decision in decisions]
+        unsettled = any(
+            Verdict.AMBIGUOUS in decision.verdict or Verdict.NO_FIT in decision.verdict
+            for decision in decisions if decision is not None
+        )  # fmt: skip
+        if companion is None or not unsettled or names == before:
+            break
+        before = names
+        companion = _named_lens(task, companion, decisions, poses) or companion
+    return decisions, companion.camera if companion else None
+
+
+def _names(decision: Decision | None) -> tuple[object, ...]:
+    if decision is None:
+        return ()
+    return (decision.verdict, tuple(decision.side), tuple(decision.offset.ravel()))
+
+
+def _nameless_lens(task: _Task) -> Companion | None:
+    """A lens from all grids as planes without names; None when they do not determine one."""
+    if not task.grids:
+        return None
+    try:
+        return fit_companion(anonymous_pairs(task.grids, task.image_size))
+    except FitError:
+        return None
+
+
+def _poses(task: _Task, camera: RadialCamera | None) -> list[GridPose | None]:
+    if camera is None:
+        return [None] * len(task.grids)
+    return grid_poses(camera, task.grids, task.image_size)
+
+
+def _decide_photo(
+    task: _Task, own: list[int], camera: RadialCamera | None, poses: list[GridPose | None]
+) -> Decision | None:
+    """Verdicts for one photo's grids, in the order of ``own``; None without grids."""
+    if not own:
+        return None
+    verdict = np.full(len(own), Verdict.NO_FIT, object)
+    side = np.full(len(own), -1, np.intp)
+    offset = np.zeros((len(own), 2), np.intp)
+    ratio = np.full(len(own), np.inf)
+    rms = np.full(len(own), np.nan)
+    usable = []
+    for n, index in enumerate(own):
+        if task.reach[index].count == 0:
+            verdict[n] = Verdict.TOO_LARGE
+        elif camera is not None and poses[index] is None:
+            verdict[n] = Verdict.NOT_PLANE
+        else:
+            usable.append(n)
+    found = None
+    if camera is not None and len(usable) > 1:
+        views = []
+        for n in usable:
+            pose = poses[own[n]]
+            if pose is not None:
+                views.append(view_of(camera, task.grids[own[n]], pose, task.reach[own[n]]))
+        labelings = search(views, task.sides)
+        found = decide([task.grids[own[n]] for n in usable], task.sides, labelings)
+    part = usable
+    if found is None and usable:
+        part = usable[:1]
+        index = own[part[0]]
+        found = decide_alone(task.grids[index], task.sides, task.reach[index])
+    if found is not None:
+        verdict[part] = found.verdict
+        side[part], offset[part] = found.side, found.offset
+        ratio[part], rms[part] = found.ratio, found.rms_px
+    return Decision(
+        verdict=tuple(verdict),
+        side=side,
+        offset=offset,
+        ratio=ratio,
+        rms_px=rms,
+        rotation=found.rotation if found else None,
+        translation=found.translation if found else None,
+    )
+
+
+def _named_lens(
+    task: _Task,
+    companion: Companion,
+    decisions: list[Decision | None],
+    poses: list[GridPose | None],
+) -> Companion | None:
+    """The lens fitted to settled photos as whole objects and to all other grids as planes."""
+    parts: list[tuple[FloatArray, FloatArray]] = []
+    rotation, translation = [], []
+    for own, decision in zip(task.photos, decisions, strict=True):
+        rigid = []
+        if decision is not None and decision.rotation is not None:
+            rigid = [n for n in range(len(own)) if decision.verdict[n] is Verdict.NAMED]
+        if len(rigid) > 1 and decision is not None:
+            world = np.concatenate([_world(task, own[n], decision, n) for n in rigid])
+            pixel = np.concatenate([task.grids[own[n]].pixel for n in rigid])
+            parts.append((world, pixel))
+            rotation.append(decision.rotation)
+            translation.append(decision.translation)
+        else:
+            rigid = []
+        for n, index in enumerate(own):
+            pose = poses[index]
+            if n in rigid or pose is None:
+                continue
+            cells = task.grids[index].cells
+            plane = np.column_stack([cells, np.zeros(len(cells))]).astype(float)
+            parts.append((plane, task.grids[index].pixel))
+            rotation.append(pose.rotation[0])
+            translation.append(pose.translation[0])
+    if not parts:
+        return None
+    counts = [len(pixel) for _, pixel in parts]
+    pairs = Correspondences(
+        image_size=task.image_size,
+        images=tuple(str(k) for k in range(len(parts))),
+        boards=("object",),
+        image=np.repeat(np.arange(len(parts)), counts),
+        world=np.concatenate([world for world, _ in parts]),
+        pixel=np.concatenate([pixel for _, pixel in parts]),
+        weight=np.ones(sum(counts)),
+        board=np.zeros(sum(counts), np.intp),
+        column=np.concatenate([np.arange(count) for count in counts]),
+        row=np.zeros(sum(counts), np.intp),
+    )
+    start = Poses(rotation=np.stack(rotation), translation=np.stack(translation))
+    return refit_companion(companion, pairs, start)
+
+
+def _world(task: _Task, index: int, decision: Decision, n: int) -> FloatArray:
+    cells = task.sides.board_cells(int(decision.side[n]), decision.offset[n], task.grids[index].cells)
+    board = int(task.sides.board[decision.side[n]])
+    return task.target.boards[board].world_points(cells[:, 0], cells[:, 1])
+
+
+def _naming(
+    task: _Task,
+    grids: Sequence[Sequence[Grid]],
+    decisions: list[Decision | None],
+    lens: RadialCamera | None,
+    images: tuple[str, ...],
+) -> Naming:
+    reports: list[tuple[GridReport, ...]] = []
+    rows: list[tuple[int, int, IntArray, FloatArray]] = []
+    exact = np.ones(len(images), bool)
+    for photo, (own, decision) in enumerate(zip(task.photos, decisions, strict=True)):
+        in_order: dict[int, GridReport] = {}
+        for n, index in enumerate(own):
+            if decision is None:
+                continue
+            grid = task.grids[index]
+            in_order[index] = report = _report(task, grid, decision, n)
+            if report.place is not None:
+                cells = task.sides.board_cells(
+                    int(decision.side[n]), decision.offset[n], grid.cells
+                )
+                rows.append((photo, report.place.board, cells, grid.pixel))
+                exact[photo] &= report.verdict is Verdict.NAMED
+        reports.append(tuple(in_order[index] for index in sorted(in_order)))
+    counts = [len(pixel) for *_, pixel in rows]
+    cells = np.concatenate([np.empty((0, 2), np.intp), *(row[2] for row in rows)])
+    corners = Corners(
+        image_size=task.image_size,
+        images=images,
+        boards=task.target.board_names,
+        image=np.repeat(np.array([row[0] for row in rows], np.intp), counts),
+        board=np.repeat(np.array([row[1] for row in rows], np.intp), counts),
+        column=cells[:, 0],
+        row=cells[:, 1],
+        pixel=np.concatenate([np.empty((0, 2)), *(row[3] for row in rows)]),
+        weight=np.ones(len(cells)),
+    )
+    return Naming(corners=_sorted(corners), grids=tuple(reports), lens=lens, exact=exact)
+
+
+def _report(task: _Task, grid: Grid, decision: Decision, n: int) -> GridReport:
+    verdict = decision.verdict[n]
+    place = None
+    if verdict in (Verdict.NAMED, Verdict.CONVENTION):
+        side = int(decision.side[n])
+        place = Place(
+            board=int(task.sides.board[side]),
+            turn=int(task.sides.turn[side]),
+            column=int(decision.offset[n, 0]),
+            row=int(decision.offset[n, 1]),
+        )
+    width, height = np.ptp(grid.cells, axis=0) + 1
+    return GridReport(
+        verdict=verdict,
+        place=place,
+        corners=len(grid),
+        size=(int(width), int(height)),
+        ratio=float(decision.ratio[n]),
+        rms_px=float(decision.rms_px[n]),
+    )
+
+
+def _sorted(corners: Corners) -> Corners:
+    """By photo, board, row and column."""
+    order = np.lexsort([corners.column, corners.row, corners.board, corners.image])
+    return replace(
+        corners,
+        image=corners.image[order],
+        board=corners.board[order],
+        column=corners.column[order],
+        row=corners.row[order],
+        pixel=corners.pixel[order],
+        weight=corners.weight[order],
+    )
+
+
+_ = Counter
