@@ -117,8 +117,9 @@ def adjust(
             "rightly and that the camera belongs to these photos"
         )
     normal = _normal_equations(lens, poses, pairs, huber_px)
-    iteration = 0
-    for iteration in range(1, max_iterations + 1):
+    iterations = 0
+    while iterations < max_iterations:
+        iterations += 1
         lens_step, pose_step = _solve(normal, damping)
         new_lens = lens.with_parameters(lens.parameters + lens_step)
         new_poses = poses.moved(pose_step)
@@ -141,7 +142,7 @@ def adjust(
         poses=poses,
         residual=residual,
         cost=cost,
-        iterations=iteration,
+        iterations=iterations,
         hessian=reduced,
     )
 

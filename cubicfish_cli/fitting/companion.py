@@ -16,7 +16,7 @@ from cubicfish_cli.fitting.lenses import RadialFit
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import gross_px, huber_px, noise_px
 from cubicfish_cli.fitting.start import start_at_centre
-from cubicfish_cli.fitting.subset import select, select_photos
+from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.model.radial import RadialCamera
 
 FloatArray = npt.NDArray[np.float64]

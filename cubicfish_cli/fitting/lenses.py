@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.lift import lift, lift_jacobian, sphere_basis
+from cubicfish_cli.model.lift import evaluate_cubics, lift, sphere_basis
 from cubicfish_cli.model.radial import RadialCamera, project_jacobian
 
 FloatArray = npt.NDArray[np.float64]
@@ -161,9 +161,7 @@ class CubicFit:
         rays = points / length
         values = lift(rays) @ sphere_basis()
         pixel, denominator = self._pixel(values)
-        gradient = np.einsum(
-            "rk,nkj->nrj", self.coefficients @ sphere_basis().T, lift_jacobian(rays)
-        )
+        _, gradient = evaluate_cubics(self.coefficients @ sphere_basis().T, rays)
         slope = self.scale * (
             (gradient[:, :2] - pixel[:, :, None] * gradient[:, 2:]) / denominator[:, None, None]
         )

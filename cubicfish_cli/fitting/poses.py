@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
@@ -44,50 +45,12 @@ class Poses:
     @property
     def rotation_vector(self) -> FloatArray:
         """(M, 3) rotation vectors, radians."""
-        return vector_from_rotation(self.rotation)
+        return Rotation.from_matrix(self.rotation).as_rotvec()
 
 
 def rotation_from_vector(vector: npt.ArrayLike) -> FloatArray:
-    """Rotation vectors (..., 3), radians -> matrices (..., 3, 3) (Rodrigues)."""
-    vector = np.asarray(vector, float)
-    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
-    skew = cross_matrix(vector)
-    small = angle < 1e-8
-    safe = np.where(small, 1, angle)
-    first = np.where(small, 1, np.sin(safe) / safe)
-    second = np.where(small, 0.5, 2 * np.square(np.sin(safe / 2) / safe))
-    return np.eye(3) + first * skew + second * (skew @ skew)
-
-
-def vector_from_rotation(rotation: npt.ArrayLike) -> FloatArray:
-    """Matrices (..., 3, 3) -> rotation vectors (..., 3), radians, of length at most π."""
-    r = np.asarray(rotation, float)
-    # Through the quaternion whose largest component comes first: stable at 0 and at π.
-    trace = np.trace(r, axis1=-2, axis2=-1)
-    squares = np.stack([1 + trace, *(1 + 2 * r[..., k, k] - trace for k in range(3))], axis=-1)
-    odd = np.stack(
-        [
-            r[..., 2, 1] - r[..., 1, 2],
-            r[..., 0, 2] - r[..., 2, 0],
-            r[..., 1, 0] - r[..., 0, 1],
-        ],
-        axis=-1,
-    )
-    even = r + np.swapaxes(r, -1, -2)
-    rows = [np.concatenate([squares[..., :1], odd], axis=-1)]
-    for k in range(3):
-        row = np.concatenate([odd[..., k : k + 1], even[..., k, :]], axis=-1)
-        row[..., 1 + k] = squares[..., 1 + k]
-        rows.append(row)
-    choice = np.argmax(squares, axis=-1)
-    quaternion = np.take_along_axis(np.stack(rows, axis=-2), choice[..., None, None], axis=-2)
-    quaternion = quaternion[..., 0, :]
-    quaternion = quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)
-    quaternion = np.where(quaternion[..., :1] < 0, -quaternion, quaternion)
-    sine = np.linalg.norm(quaternion[..., 1:], axis=-1)
-    angle = 2 * np.arctan2(sine, quaternion[..., 0])
-    factor = np.where(sine > 1e-12, angle / np.where(sine > 1e-12, sine, 1), 2.0)
-    return quaternion[..., 1:] * factor[..., None]
+    """Rotation vectors (M, 3), radians -> matrices (M, 3, 3)."""
+    return Rotation.from_rotvec(np.asarray(vector, float)).as_matrix()
 
 
 def cross_matrix(vector: FloatArray) -> FloatArray:

@@ -71,10 +71,9 @@ def _null_vector(equations: FloatArray) -> FloatArray:
     return np.linalg.svd(equations, full_matrices=False)[2][-1]
 
 
-def _same_way(first: FloatArray, second: FloatArray, pixel: FloatArray) -> float:
-    """The sign that turns the linear solution's directions towards the pixels."""
-    agreement = np.sign(first * pixel[:, 0] + second * pixel[:, 1]).sum()
-    return 1.0 if agreement >= 0 else -1.0
+def _same_way(found: FloatArray, pixel: FloatArray) -> float:
+    """The sign that turns the linear solution's directions (N, 2) towards the pixels."""
+    return 1.0 if np.sign(np.sum(found * pixel, axis=1)).sum() >= 0 else -1.0
 
 
 def _in_space(local: FloatArray, pixel: FloatArray) -> list[RadialPose]:
@@ -82,7 +81,7 @@ def _in_space(local: FloatArray, pixel: FloatArray) -> list[RadialPose]:
     solution = _null_vector(
         np.column_stack([-pixel[:, 1:] * homogeneous, pixel[:, :1] * homogeneous])
     ).reshape(2, 4)
-    solution *= _same_way(*(homogeneous @ solution.T).T, pixel)
+    solution *= _same_way(homogeneous @ solution.T, pixel)
     left, size, right = np.linalg.svd(solution[:, :3], full_matrices=False)
     if size[1] < 1e-9 * size[0]:
         return []
@@ -96,15 +95,16 @@ def _on_a_plane(local: FloatArray, pixel: FloatArray) -> list[RadialPose]:
     solution = _null_vector(
         np.column_stack([-pixel[:, 1:] * homogeneous, pixel[:, :1] * homogeneous])
     ).reshape(2, 3)
-    solution *= _same_way(*(homogeneous @ solution.T).T, pixel)
+    solution *= _same_way(homogeneous @ solution.T, pixel)
     first, second = solution[:, 0], solution[:, 1]
     # The third row (a, b) makes both columns equally long and orthogonal:
     # a b = −first·second and a² − b² = |second|² − |first|².
-    product, gap = -first @ second, second @ second - first @ first
+    product = float(-first @ second)
+    gap = float(second @ second - first @ first)
     a = np.sqrt(max(0.0, (gap + np.hypot(gap, 2 * product)) / 2))
     b = np.sqrt(max(0.0, (-gap + np.hypot(gap, 2 * product)) / 2))
     b = -b if product < 0 else b
-    length = np.sqrt(first @ first + a * a)
+    length = float(np.sqrt(first @ first + a * a))
     if length < 1e-12:
         return []
     poses = []
@@ -120,7 +120,7 @@ def _on_a_plane(local: FloatArray, pixel: FloatArray) -> list[RadialPose]:
 def depth_shift(
     pose: RadialPose, world: FloatArray, angle: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """tz and the angles it gives, when each point's angle from the axis is known.
+    """The depth tz and the angles it gives, when each point's angle from the axis is known.
 
     z = ρ cot θ for each point, so its median less r3·X is tz, whatever its sign.
 

@@ -7,15 +7,19 @@ nowhere else.
 from __future__ import annotations
 
 from functools import cache
+from itertools import combinations_with_replacement, permutations, product
 
 import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 
-MONOMIALS = tuple("XXX YYY ZZZ XXY XXZ YYX YYZ ZZX ZZY XYZ XX YY ZZ XY YZ XZ X Y Z 1".split())
+_ORDER = "XXX YYY ZZZ XXY XXZ YYX YYZ ZZX ZZY XYZ XX YY ZZ XY YZ XZ X Y Z 1"
+MONOMIALS = tuple(_ORDER.split())
 EXPONENTS = np.array([[name.count(axis) for axis in "XYZ"] for name in MONOMIALS])
 SIZE = len(MONOMIALS)
+# Products of two of (X, Y, Z, 1), each once.
+_PRODUCTS = tuple(combinations_with_replacement(range(4), 2))
 
 
 def lift(points: npt.ArrayLike) -> FloatArray:
@@ -23,24 +27,6 @@ def lift(points: npt.ArrayLike) -> FloatArray:
     powers = _powers(np.asarray(points, dtype=float))
     x, y, z = EXPONENTS.T
     return powers[..., 0, x] * powers[..., 1, y] * powers[..., 2, z]
-
-
-def lift_jacobian(points: npt.ArrayLike) -> FloatArray:
-    """dΦ/dX: (..., 3) -> (..., 20, 3)."""
-    powers = _powers(np.asarray(points, dtype=float))
-    value = [powers[..., axis, EXPONENTS[:, axis]] for axis in range(3)]
-    slope = [
-        EXPONENTS[:, axis] * powers[..., axis, np.maximum(EXPONENTS[:, axis] - 1, 0)]
-        for axis in range(3)
-    ]
-    return np.stack(
-        [
-            slope[0] * value[1] * value[2],
-            value[0] * slope[1] * value[2],
-            value[0] * value[1] * slope[2],
-        ],
-        axis=-1,
-    )
 
 
 def _powers(points: FloatArray) -> FloatArray:
@@ -79,10 +65,42 @@ def sphere_basis() -> FloatArray:
 
 
 @cache
+def _polarisation() -> FloatArray:
+    """(20, 10, 4): each monomial as a symmetric form in (X, Y, Z, 1), two slots squared up.
+
+    A cubic f in q = (X, Y, Z, 1) is T(q, q, q) with T symmetric. T(q, q, ·) is linear in the ten
+    products of q with itself; its last slot filled with q gives f, and three times its first
+    three entries are f's gradient.
+    """
+    index = {tuple(exponents): k for k, exponents in enumerate(EXPONENTS.tolist())}
+    form = np.zeros((SIZE, len(_PRODUCTS), 4))
+    for slots in product(range(4), repeat=3):
+        monomial = index[tuple(slots.count(axis) for axis in range(3))]
+        share = 1 / len(set(permutations(slots)))
+        form[monomial, _PRODUCTS.index((min(slots[:2]), max(slots[:2]))), slots[2]] += share
+    return form
+
+
+def evaluate_cubics(coefficients: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Values and gradients of cubics: (R, 20) rows, (N, 3) points -> (N, R), (N, R, 3).
+
+    The same as ``lift(points) @ coefficients.T`` and its derivative, at a fraction of the cost.
+    """
+    rows = len(coefficients)
+    homogeneous = np.ones((len(points), 4))
+    homogeneous[:, :3] = points
+    first, second = np.array(_PRODUCTS).T
+    products = homogeneous[:, first] * homogeneous[:, second]
+    matrix = np.einsum("rk,kpc->prc", coefficients, _polarisation()).reshape(len(_PRODUCTS), -1)
+    form = (products @ matrix).reshape(-1, rows, 4)
+    return (form @ homogeneous[:, :, None])[:, :, 0], 3 * form[:, :, :3]
+
+
+@cache
 def _interpolation() -> tuple[FloatArray, FloatArray]:
     """Points in general position and the matrix from their values to the 20 coefficients."""
     points = np.random.default_rng(0).uniform(-1, 1, (120, 3))
-    return points, np.linalg.pinv(lift(points))
+    return points, np.asarray(np.linalg.pinv(lift(points)))
 
 
 def lift_rotation(rotation: npt.ArrayLike) -> FloatArray:

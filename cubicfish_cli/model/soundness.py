@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.model.cubic import tangent_basis
-from cubicfish_cli.model.lift import lift, lift_jacobian
+from cubicfish_cli.model.lift import evaluate_cubics
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -70,9 +70,9 @@ def check_soundness(P: npt.ArrayLike, angle_deg: float) -> Soundness:
         axis=-1,
     )
     rays = np.vstack([[[0.0, 0.0, 1.0]], cone_rays(angle, _CHECK_RAYS), rim])
-    homogeneous = lift(rays) @ P.T
+    homogeneous, gradient = evaluate_cubics(P, rays)
     denominator = homogeneous[:, 2]
-    gradient = np.einsum("rk,nkj->nrj", P, lift_jacobian(rays)) @ tangent_basis(rays)
+    gradient = gradient @ tangent_basis(rays)
     # d(u, v) = (d(P1Φ, P2Φ) − (u, v) d(P3Φ)) / P3Φ; times P3Φ² it stays finite at a pole.
     a = gradient[:, :2] * denominator[:, None, None]
     numerator = a - homogeneous[:, :2, None] * gradient[:, 2:, :]

@@ -1,0 +1,210 @@
+"""2D-3D pairs -> camera: the whole fit, with what it left out and how good it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.companion import Companion, fit_companion, refit_companion
+from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
+from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
+from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.robust import gross_px
+from cubicfish_cli.fitting.statistics import (
+    ErrorStatistics,
+    error_statistics,
+    photo_records,
+    rms_px,
+)
+from cubicfish_cli.fitting.subset import flatness, select, world_scale
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.model.lift import lift
+
+FloatArray = npt.NDArray[np.float64]
+
+# Eq. 8–9: two equations a pair in 60 homogeneous unknowns.
+MIN_PAIRS = 30
+# Boards whose corners leave a plane by less than this share of their extent count as flat.
+_FLAT = 1e-4
+# Beyond this relative uncertainty of the focal length the photos do not determine the lens.
+_MAX_FOCAL_UNCERTAINTY = 0.05
+_DROP_ROUNDS = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class DroppedCorner:
+    """A corner that was left out because it was grossly off."""
+
+    image: str
+    board: str | None
+    column: int
+    row: int
+    error_px: float
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON and YAML."""
+        return {
+            "image": self.image,
+            "board": self.board,
+            "column": self.column,
+            "row": self.row,
+            "error_px": self.error_px,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Calibration:
+    """A fitted camera and how well it fits.
+
+    Attributes:
+        camera: the camera.
+        poses: camera_from_world of each of ``pairs.images``.
+        pairs: the pairs that were used.
+        residual: (N, 2) projection less pixel of those, pixels.
+        errors: reprojection errors over the used pairs.
+        companion_rms_px: RMS of the radial companion on the same pairs.
+        held_out: cross-validated errors; None when the photos are too few.
+        rank: numerical rank of Φ over the used rays (16 on the sphere).
+        covered_deg: angle from the axis of the farthest used corner.
+        prior_weight: how strongly P was held to the companion.
+        dropped: corners left out because they were grossly off.
+        unfit: photos left out, with the reason.
+
+    """
+
+    camera: CubicCamera
+    poses: Poses
+    pairs: Correspondences
+    residual: FloatArray
+    errors: ErrorStatistics
+    companion_rms_px: float
+    held_out: HeldOut | None
+    rank: int
+    covered_deg: float
+    prior_weight: float
+    dropped: tuple[DroppedCorner, ...]
+    unfit: dict[str, str]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: ``fit`` of camera.yaml and the command's JSON."""
+        held_out = self.held_out
+        return {
+            **self.errors.as_record(),
+            "images": len(self.pairs.images),
+            "held_out_rms_px": held_out.rms_px if held_out else None,
+            "held_out_folds": held_out.folds if held_out else 0,
+            "companion_rms_px": self.companion_rms_px,
+            "companion_held_out_rms_px": held_out.companion_rms_px if held_out else None,
+            "rank": self.rank,
+            "covered_deg": self.covered_deg,
+            "prior_weight": self.prior_weight,
+            "dropped": len(self.dropped),
+            "dropped_corners": [corner.as_record() for corner in self.dropped],
+            "unfit_images": dict(self.unfit),
+            "per_image": photo_records(
+                self.pairs.images, self.pairs.image, self.residual, self.poses
+            ),
+        }
+
+
+def calibrate(pairs: Correspondences, *, hold_out: bool = True) -> Calibration:
+    """Fit the cubic camera (``ray`` lift) and the pose of every photo to 2D-3D pairs.
+
+    Zhu & Yin (2010): poses and the radial companion first, without any guess; then P by the
+    linear equations 8–9 and Levenberg–Marquardt on Eq. 10, jointly with all poses.
+
+    Args:
+        pairs: 2D-3D pairs of one or more photos of one rigid object.
+        hold_out: also measure the held-out error (five more fits).
+
+    Raises:
+        FitError: the pairs are too few, all in one photo of one flat board, do not fit the
+            target, or do not determine the lens.
+
+    """
+    _refuse_too_little(pairs)
+    scale = world_scale(pairs)
+    unit = replace(pairs, world=pairs.world / scale)
+    companion = fit_companion(unit)
+    cubic = fit_cubic(companion)
+    dropped: list[DroppedCorner] = []
+    for _ in range(_DROP_ROUNDS):
+        length = np.hypot(cubic.residual[:, 0], cubic.residual[:, 1])
+        gross = length > gross_px(cubic.residual)
+        if not gross.any():
+            break
+        dropped += _dropped(companion.pairs, gross, length)
+        kept, photos = select(companion.pairs, ~gross)
+        companion = refit_companion(companion, kept, cubic.poses[photos])
+        cubic = fit_cubic(companion)
+    _refuse_undetermined(companion)
+    camera = CubicCamera(
+        image_size=pairs.image_size,
+        P=cubic.lens.P,
+        max_angle_deg=cubic.max_angle_deg,
+        radial=companion.camera,
+    )
+    used = replace(companion.pairs, world=companion.pairs.world * scale)
+    return Calibration(
+        camera=camera,
+        poses=Poses(rotation=cubic.poses.rotation, translation=cubic.poses.translation * scale),
+        pairs=used,
+        residual=cubic.residual,
+        errors=error_statistics(cubic.residual),
+        companion_rms_px=rms_px(companion.residual),
+        held_out=held_out_error(companion, weight=cubic.prior_weight) if hold_out else None,
+        rank=_rank(companion, cubic),
+        covered_deg=float(np.rad2deg(companion.covered)),
+        prior_weight=cubic.prior_weight,
+        dropped=tuple(dropped),
+        unfit=companion.unfit,
+    )
+
+
+def _refuse_too_little(pairs: Correspondences) -> None:
+    if len(pairs.pixel) < MIN_PAIRS:
+        raise FitError(
+            f"{len(pairs.pixel)} corners are too few: a cubic camera needs at least {MIN_PAIRS} "
+            "(and some hundreds to be good); take more photos or use a board with more squares"
+        )
+    if len(pairs.images) == 1 and flatness(pairs.world) < _FLAT:
+        raise FitError(
+            f"{pairs.images[0]} alone shows one flat board, which cannot determine a lens: add "
+            "photos of it from other sides (five or more, tilted), or use an object with two or "
+            "more boards at an angle, of which one photo is enough"
+        )
+
+
+def _refuse_undetermined(companion: Companion) -> None:
+    if companion.focal_uncertainty > _MAX_FOCAL_UNCERTAINTY:
+        raise FitError(
+            "the photos do not determine the lens (its focal length is uncertain by "
+            f"{100 * companion.focal_uncertainty:.0f} %): add photos in which the boards are "
+            "tilted and nearer to the rim"
+        )
+
+
+def _dropped(
+    pairs: Correspondences, gross: npt.NDArray[np.bool_], length: FloatArray
+) -> list[DroppedCorner]:
+    return [
+        DroppedCorner(
+            image=pairs.images[pairs.image[index]],
+            board=pairs.boards[pairs.board[index]] if pairs.boards else None,
+            column=int(pairs.column[index]),
+            row=int(pairs.row[index]),
+            error_px=float(length[index]),
+        )
+        for index in np.flatnonzero(gross)
+    ]
+
+
+def _rank(companion: Companion, cubic: CubicResult) -> int:
+    points = cubic.poses.apply(companion.pairs.image, companion.pairs.world)
+    rays = points / np.linalg.norm(points, axis=-1, keepdims=True)
+    return int(np.linalg.matrix_rank(lift(rays), tol=1e-9 * np.sqrt(len(rays))))

@@ -1,0 +1,92 @@
+"""How well a known camera explains pairs: poses refitted, the lens fixed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.held_out import pose_only_residual
+from cubicfish_cli.fitting.known_lens import fit_poses
+from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.statistics import ErrorStatistics, error_statistics, photo_records
+from cubicfish_cli.fitting.subset import select
+from cubicfish_cli.model.cubic import CubicCamera
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evaluation:
+    """Reprojection errors of a known camera on pairs.
+
+    Attributes:
+        errors: over all corners in the camera's field, none dropped.
+        pairs: the pairs that were counted.
+        residual: (N, 2) projection less pixel, pixels.
+        poses: camera_from_world of each of ``pairs.images``.
+        outside: corners beyond the field where the camera may be trusted; not counted.
+        unplaced: photos with too few corners to be placed.
+
+    """
+
+    errors: ErrorStatistics
+    pairs: Correspondences
+    residual: FloatArray
+    poses: Poses
+    outside: int
+    unplaced: tuple[str, ...]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            **self.errors.as_record(),
+            "images": len(self.pairs.images),
+            "outside_field": self.outside,
+            "unplaced": list(self.unplaced),
+            "per_image": photo_records(
+                self.pairs.images, self.pairs.image, self.residual, self.poses
+            ),
+        }
+
+
+def evaluate(camera: CubicCamera, pairs: Correspondences) -> Evaluation:
+    """Refit the pose of every photo under a fixed camera and measure what is left.
+
+    Raises:
+        FitError: the photos are of another size than the camera's, none of them can be placed,
+            or no corner lies in the camera's field.
+
+    """
+    if tuple(pairs.image_size) != tuple(camera.image_size):
+        raise FitError(
+            "the corners are of photos of {}x{} pixels and the camera is for {}x{}: "
+            "use photos of the camera's own size".format(*pairs.image_size, *camera.image_size)
+        )
+    placed, own, photos = fit_poses(camera.radial, pairs)
+    if placed is None:
+        raise FitError(
+            "no photo has enough corners to be placed: each needs at least 7 (5 on a flat "
+            "board) that are not on one line"
+        )
+    poses, residual, index = pose_only_residual(camera, own, placed.poses)
+    if not index.size:
+        raise FitError(
+            f"no corner lies within the {camera.max_angle_deg:.0f}° where this camera may be "
+            "trusted: check that camera and photos belong together"
+        )
+    counted, kept = select(own, np.isin(np.arange(len(own.image)), index))
+    return Evaluation(
+        errors=error_statistics(residual),
+        pairs=counted,
+        residual=residual,
+        poses=poses[kept],
+        outside=len(own.image) - len(index),
+        unplaced=tuple(
+            name for photo, name in enumerate(pairs.images) if photo not in set(photos.tolist())
+        ),
+    )

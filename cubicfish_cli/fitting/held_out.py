@@ -1,0 +1,116 @@
+"""Held-out error: what the camera says of photos that did not take part in its fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.adjustment import adjust
+from cubicfish_cli.fitting.companion import Companion, refit_companion
+from cubicfish_cli.fitting.cubic_fit import fit_cubic
+from cubicfish_cli.fitting.lenses import FixedLens
+from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.robust import huber_px
+from cubicfish_cli.fitting.statistics import rms_px
+from cubicfish_cli.fitting.subset import select, select_photos
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.model.radial import RadialCamera
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+
+FOLDS = 5
+MIN_PHOTOS = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldOut:
+    """Errors on photos left out of the fit, their poses refitted.
+
+    Attributes:
+        rms_px: of the cubic camera.
+        companion_rms_px: of the radial companion, on the same folds.
+        corners: corners that were counted.
+        folds: into how many parts the photos were split.
+
+    """
+
+    rms_px: float
+    companion_rms_px: float
+    corners: int
+    folds: int
+
+
+def held_out_error(companion: Companion, *, weight: float) -> HeldOut | None:
+    """Cross-validation by photo: each photo is judged by a camera that never saw it.
+
+    Photo i belongs to fold i modulo the number of folds. In each fold the companion and P are
+    fitted to the other photos; then only the poses of the photos left out are fitted. The
+    prior's weight is the one that the fit to all photos chose.
+
+    Returns:
+        None with fewer than :data:`MIN_PHOTOS` photos, or when a fold's training photos alone
+        cannot determine a camera.
+
+    """
+    pairs = companion.pairs
+    photos = np.arange(len(pairs.images))
+    if len(photos) < MIN_PHOTOS:
+        return None
+    folds = min(FOLDS, len(photos))
+    cubic: list[FloatArray] = []
+    radial: list[FloatArray] = []
+    for fold in range(folds):
+        train, test = photos[photos % folds != fold], photos[photos % folds == fold]
+        try:
+            fitted = refit_companion(companion, select_photos(pairs, train), companion.poses[train])
+            result = fit_cubic(fitted, weight=weight)
+        except FitError:
+            return None
+        camera = CubicCamera(
+            image_size=pairs.image_size,
+            P=result.lens.P,
+            max_angle_deg=result.max_angle_deg,
+            radial=fitted.camera,
+        )
+        left_out, poses = select_photos(pairs, test), companion.poses[test]
+        cubic.append(pose_only_residual(camera, left_out, poses)[1])
+        radial.append(pose_only_residual(fitted.camera, left_out, poses)[1])
+    return HeldOut(
+        rms_px=rms_px(np.vstack(cubic)),
+        companion_rms_px=rms_px(np.vstack(radial)),
+        corners=sum(map(len, cubic)),
+        folds=folds,
+    )
+
+
+def pose_only_residual(
+    camera: CubicCamera | RadialCamera, pairs: Correspondences, poses: Poses
+) -> tuple[Poses, FloatArray, IntArray]:
+    """Fit poses with the lens fixed, over the corners that lie in the camera's field.
+
+    Args:
+        camera: the lens.
+        pairs: pairs of the photos.
+        poses: a start for each photo, near enough that each corner's place in or out of the
+            field is known.
+
+    Returns:
+        Poses of each photo; residuals (K, 2) of the corners in the field, pixels; and the
+        indices (K,) of those corners.
+
+    """
+    seen = camera.project(poses.apply(pairs.image, pairs.world))
+    inside = np.isfinite(seen[:, 0])
+    index = np.flatnonzero(inside)
+    own, photos = select(pairs, inside)
+    lens = FixedLens(camera=camera)
+    fit = adjust(lens, poses[photos], own, huber_px=10.0)
+    fit = adjust(lens, fit.poses, own, huber_px=huber_px(fit.residual))
+    rotation, translation = poses.rotation.copy(), poses.translation.copy()
+    rotation[photos], translation[photos] = fit.poses.rotation, fit.poses.translation
+    return Poses(rotation=rotation, translation=translation), fit.residual, index

@@ -1,0 +1,205 @@
+"""camera.yaml: a camera as plain YAML that ten lines of numpy can read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import yaml
+
+from cubicfish_cli.errors import CameraFileError
+from cubicfish_cli.files import write_text
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.model.lift import SIZE
+from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.model.soundness import check_soundness
+from cubicfish_cli.plain_yaml import load_plain_yaml
+from cubicfish_cli.wording import did_you_mean, quoted
+
+FloatArray = npt.NDArray[np.float64]
+
+FORMAT_VERSION = 1
+# A calibration of some ten thousand photos; nobody's camera file is larger.
+MAX_BYTES = 64 * 1024 * 1024
+MAX_SIDE = 100_000
+_KEYS = (
+    "cubicfish",
+    "image_size",
+    "lift",
+    "frame",
+    "P",
+    "max_angle_deg",
+    "valid",
+    "radial",
+    "fit",
+    "made_by",
+)
+_RADIAL_KEYS = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CameraFile:
+    """What a camera.yaml holds.
+
+    Attributes:
+        camera: the camera.
+        fit: how well it fits, plain data; empty when the file says nothing of it.
+        made_by: version, date, options and hashes, plain data.
+
+    """
+
+    camera: CubicCamera
+    fit: Mapping[str, Any]
+    made_by: Mapping[str, Any]
+
+
+def save_camera(
+    path: Path,
+    camera: CubicCamera,
+    *,
+    fit: Mapping[str, Any],
+    made_by: Mapping[str, Any],
+    overwrite: bool,
+) -> None:
+    """Write camera.yaml, numbers at full precision.
+
+    Raises:
+        OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
+
+    """
+    write_text(path, camera_text(camera, fit=fit, made_by=made_by), overwrite=overwrite)
+
+
+def camera_text(camera: CubicCamera, *, fit: Mapping[str, Any], made_by: Mapping[str, Any]) -> str:
+    """The text of a camera.yaml."""
+    radial = dict(zip(_RADIAL_KEYS, camera.radial.parameters.tolist(), strict=True))
+    record = {
+        "cubicfish": FORMAT_VERSION,
+        "image_size": [int(side) for side in camera.image_size],
+        "lift": "ray",
+        "frame": "camera",
+        "P": _unit_norm(camera.P).tolist(),
+        "max_angle_deg": float(camera.max_angle_deg),
+        "valid": np.round(camera.outline(), 3).tolist(),
+        "radial": radial,
+        "fit": dict(fit),
+        "made_by": dict(made_by),
+    }
+    dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+    return yaml.dump(
+        record, Dumper=dumper, sort_keys=False, default_flow_style=None, width=2**31 - 1
+    )
+
+
+def _unit_norm(P: FloatArray) -> FloatArray:
+    """P with Frobenius norm 1; left to the last bit when it has that already."""
+    norm = np.linalg.norm(P)
+    return P if abs(norm - 1) < 1e-12 else P / norm
+
+
+def load_camera(path: Path) -> CameraFile:
+    """Read camera.yaml.
+
+    Raises:
+        CameraFileError: the file is missing, malformed, or of a version or a lift that is not
+            known; one line that names the file and the key.
+
+    """
+    record = load_plain_yaml(path, error=CameraFileError, max_bytes=MAX_BYTES)
+    if not isinstance(record, dict) or "cubicfish" not in record:
+        raise CameraFileError(
+            f"{path} is not a camera file (it has no key 'cubicfish'): "
+            "name the camera.yaml that cubicfish calibrate wrote"
+        )
+    if record["cubicfish"] != FORMAT_VERSION or isinstance(record["cubicfish"], bool):
+        raise CameraFileError(
+            f"{path}: format version {record['cubicfish']!r} is not {FORMAT_VERSION}: "
+            "read it with the version of cubicfish that wrote it, or calibrate again"
+        )
+    unknown = [key for key in record if key not in _KEYS]
+    if unknown:
+        raise CameraFileError(
+            f"{path}: unknown key {quoted(str(unknown[0]))}: {did_you_mean(str(unknown[0]), _KEYS)}"
+        )
+    if record.get("lift") != "ray" or record.get("frame") != "camera":
+        raise CameraFileError(
+            f"{path}: lift and frame must be 'ray' and 'camera', the only ones that this "
+            "version reads: calibrate again"
+        )
+    size = _numbers(path, record, "image_size", (2,))
+    if not all(side == int(side) and 0 < side <= MAX_SIDE for side in size):
+        raise CameraFileError(f"{path}: image_size must be two whole numbers above 0")
+    image_size = (int(size[0]), int(size[1]))
+    P = _numbers(path, record, "P", (3, SIZE))
+    if not P.any():
+        raise CameraFileError(f"{path}: P is all zeros: calibrate again")
+    max_angle_deg = float(_numbers(path, record, "max_angle_deg", ()))
+    if not 0 < max_angle_deg < 180:
+        raise CameraFileError(f"{path}: max_angle_deg must be between 0 and 180")
+    camera = CubicCamera(
+        image_size=image_size,
+        P=_unit_norm(P),
+        max_angle_deg=max_angle_deg,
+        radial=_radial(path, record, image_size),
+    )
+    soundness = check_soundness(camera.P, max_angle_deg)
+    if not soundness.sound:
+        raise CameraFileError(
+            f"{path}: P has a pole or a fold at {soundness.sound_to_deg:.1f}° from the axis, "
+            f"inside its max_angle_deg of {max_angle_deg:.1f}: the file was changed or cut, "
+            "calibrate again"
+        )
+    return CameraFile(
+        camera=camera,
+        fit=_mapping(path, record, "fit"),
+        made_by=_mapping(path, record, "made_by"),
+    )
+
+
+def _radial(path: Path, record: dict[str, Any], image_size: tuple[int, int]) -> RadialCamera:
+    companion = _mapping(path, record, "radial")
+    missing = [key for key in _RADIAL_KEYS if key not in companion]
+    if missing:
+        raise CameraFileError(f"{path}: radial has no key {missing[0]!r}: calibrate again")
+    values = np.array(
+        [_numbers(path, companion, key, (), "radial.") for key in _RADIAL_KEYS], dtype=float
+    )
+    if values[0] <= 0 or values[1] <= 0:
+        raise CameraFileError(f"{path}: radial.fx and radial.fy must be above 0")
+    return RadialCamera.from_parameters(values, image_size)
+
+
+def _mapping(path: Path, record: dict[str, Any], key: str) -> dict[str, Any]:
+    value = record.get(key, {})
+    if not isinstance(value, dict):
+        raise CameraFileError(f"{path}: {key} must hold keys and values")
+    return value
+
+
+def _numbers(
+    path: Path, record: dict[str, Any], key: str, shape: tuple[int, ...], prefix: str = ""
+) -> FloatArray:
+    """The numbers under a key, all finite, in the shape that the format has there."""
+    if key not in record:
+        raise CameraFileError(f"{path} has no key {prefix + key!r}: calibrate again")
+    wanted = " x ".join(map(str, shape)) + " numbers" if shape else "a number"
+    problem = CameraFileError(f"{path}: {prefix + key} must be {wanted}, all finite")
+    if not _is_numeric(record[key], len(shape)):
+        raise problem
+    try:
+        value = np.array(record[key], dtype=float)
+    except (ValueError, OverflowError) as error:
+        raise problem from error
+    if value.shape != shape or not np.isfinite(value).all() or np.abs(value).max() > 1e100:
+        raise problem
+    return value
+
+
+def _is_numeric(value: Any, depth: int) -> bool:
+    if depth == 0:
+        return isinstance(value, int | float) and not isinstance(value, bool)
+    return isinstance(value, list) and all(_is_numeric(item, depth - 1) for item in value)
