@@ -1,0 +1,342 @@
+"""Photos on disk: which files are meant, and what is in them.
+
+Pictures are read as the sensor saw them: an orientation noted in the file (EXIF) is not
+applied, since the lens does not turn with the note.
+"""
+
+from __future__ import annotations
+
+import glob
+import os
+import re
+import struct
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.errors import PhotoError
+from cubicfish_cli.wording import quoted
+
+Picture = npt.NDArray[np.integer[Any] | np.floating[Any]]
+
+_NAMES = ".png .jpg .jpeg .jpe .tif .tiff .bmp .dib .webp .jp2 .pgm .ppm .pnm"
+SUFFIXES = frozenset(_NAMES.split())
+
+MAX_PIXELS = 200_000_000
+"""More than any camera has; a small file that claims more is refused before it fills memory."""
+MAX_FILE_BYTES = 2_000_000_000
+
+_READABLE = "PNG, JPEG, TIFF, BMP, WebP, JPEG 2000 or PNM"
+_MAGIC = (
+    b"\x89PNG",
+    b"\xff\xd8\xff",
+    b"II*\0",
+    b"MM\0*",
+    b"BM",
+    b"RIFF",
+    b"\0\0\0\x0cjP",
+    b"P2",
+    b"P3",
+    b"P5",
+    b"P6",
+)
+_stderr_lock = threading.Lock()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Photo:
+    """A photo on disk.
+
+    Attributes:
+        name: what files and reports call it: the file's name, or its path below the photos'
+            common folder where two photos have the same file name.
+        path: where it is.
+
+    """
+
+    name: str
+    path: Path
+
+
+def is_photo_name(path: Path) -> bool:
+    """Whether a file's name is that of a photo: a known suffix, and not hidden."""
+    return path.suffix.lower() in SUFFIXES and not path.name.startswith(".")
+
+
+def natural_key(text: str) -> tuple[tuple[int, int | str], ...]:
+    """Sort key under which ``img2`` comes before ``img10``."""
+    parts = re.split(r"([0-9]+)", text)
+    return tuple((0, int(part)) if part.isdecimal() else (1, part) for part in parts if part)
+
+
+def shown(path: str | os.PathLike[str]) -> str:
+    """A path for a message of one line: control characters escaped."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in os.fspath(path))
+
+
+def find_photos(arguments: Iterable[str | os.PathLike[str]]) -> list[Photo]:
+    """The photos that the arguments mean, in natural order, each once.
+
+    An argument is a folder (its photos, not those in folders below), a file, or a glob
+    pattern (``**`` goes down folders). In folders and patterns, hidden files and files that
+    are no photos are passed over; a file given by name is taken whatever its name.
+
+    Raises:
+        PhotoError: an argument does not exist or holds no photo, or a photo's name cannot
+            be used in a table.
+
+    """
+    paths: dict[Path, Path] = {}
+    for argument in arguments:
+        for path in _expand(os.fspath(argument)):
+            paths.setdefault(_identity(path), path)
+    ordered = sorted(paths.values(), key=lambda path: natural_key(path.as_posix()))
+    names = _names(ordered)
+    for name, path in zip(names, ordered, strict=True):
+        if not name.isprintable() or name != name.strip():
+            raise PhotoError(
+                f"{quoted(path.name)}: a photo's name must be plain text: rename the file"
+            )
+    return [Photo(name=name, path=path) for name, path in zip(names, ordered, strict=True)]
+
+
+def _expand(argument: str) -> list[Path]:
+    path = Path(argument)
+    if not argument:
+        raise PhotoError("a photo's name is empty: give a folder, files or a pattern")
+    try:
+        if path.is_dir():
+            return _in_folder(path)
+        if os.path.lexists(path):
+            return [path]
+        matches = [Path(match) for match in glob.glob(argument, recursive=True)]
+    except (OSError, ValueError) as problem:  # no permission; a name that no file can have
+        what = getattr(problem, "strerror", None) or problem
+        raise PhotoError(f"{shown(argument)} cannot be read: {what}") from problem
+    if not glob.has_magic(argument):
+        raise PhotoError(f"{shown(argument)} does not exist: check the name and the current folder")
+    photos = [match for match in matches if is_photo_name(match) and not match.is_dir()]
+    if not photos:
+        raise PhotoError(f"{shown(argument)} matches no photo: photos are {_READABLE} files")
+    return photos
+
+
+def _in_folder(folder: Path) -> list[Path]:
+    files = [path for path in folder.iterdir() if not path.is_dir()]
+    photos = [path for path in files if is_photo_name(path)]
+    if not photos:
+        others = sorted({path.suffix.lower() for path in files if path.suffix})
+        there = f", only {', '.join(others[:5])}" if others else ""
+        raise PhotoError(f"{shown(folder)} holds no photos{there}: photos are {_READABLE} files")
+    return photos
+
+
+def _identity(path: Path) -> Path:
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError):  # a loop of links: reading it will say so
+        return path.absolute()
+
+
+def _names(paths: Sequence[Path]) -> list[str]:
+    names = [path.name for path in paths]
+    if len(set(names)) == len(names):
+        return names
+    absolute = [os.path.abspath(path) for path in paths]
+    try:
+        common = os.path.commonpath([os.path.dirname(path) for path in absolute])
+    except ValueError:  # on different drives
+        common = ""
+    names = [Path(os.path.relpath(path, common or None)).as_posix() for path in absolute]
+    for index, name in enumerate(names):
+        if not common or name in names[:index]:
+            raise PhotoError(
+                f"{shown(paths[index])}: another photo has the same name: rename one of them"
+            )
+    return names
+
+
+def read_picture(path: Path) -> Picture:
+    """Read a picture as it is stored: (H, W) or (H, W, 3 or 4), 8 or 16 bit, BGR order.
+
+    Raises:
+        PhotoError: the file is missing, unreadable, empty, cut short, no picture, has more
+            than :data:`MAX_PIXELS`, or holds numbers other than 8 or 16 bit unsigned.
+
+    """
+    path = Path(path)
+    data = _bytes(path)
+    _refuse_bombs(path, data)
+    picture = None
+    if not _is_cut_jpeg(data):
+        with _quiet_stderr():
+            try:
+                picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+            except cv2.error:
+                picture = None
+    if picture is None or picture.size == 0:
+        if data.startswith(_MAGIC):
+            raise PhotoError(
+                f"{shown(path)} is cut short or damaged: copy it again or leave it out"
+            )
+        raise PhotoError(f"{shown(path)} is not a picture that can be read: save it as {_READABLE}")
+    if picture.dtype not in (np.uint8, np.uint16):
+        raise PhotoError(f"{shown(path)} holds {picture.dtype} numbers: save it with 8 or 16 bits")
+    return picture
+
+
+def read_grey(path: Path) -> Picture:
+    """Read a picture in grey: (H, W), uint8 or uint16 as stored; transparency is ignored.
+
+    Raises:
+        PhotoError: as :func:`read_picture`.
+
+    """
+    return grey(read_picture(path))
+
+
+def grey(picture: Picture) -> Picture:
+    """A picture in BGR order, (H, W) or (H, W, 1 to 4) -> its brightness (H, W)."""
+    if picture.ndim == 2:
+        return picture
+    if picture.shape[2] < 3:  # grey, with or without transparency
+        return np.ascontiguousarray(picture[..., 0])
+    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY))
+
+
+def photo_size(path: Path) -> tuple[int, int]:
+    """(width, height) of a picture, from its header where that is easy.
+
+    Raises:
+        PhotoError: as :func:`read_picture`; a damaged picture with a good header passes.
+
+    """
+    size = _header_size(_bytes(Path(path)))
+    if size is None:
+        height, width = read_picture(path).shape[:2]
+        size = (width, height)
+    return size
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        if path.exists() and not path.is_file():
+            raise PhotoError(f"{shown(path)} is not a file: give photos, or the folder they are in")
+        size = path.stat().st_size
+        if size > MAX_FILE_BYTES:
+            raise PhotoError(f"{shown(path)} has {size / 1e9:.1f} GB: is it a photo?")
+        data = path.read_bytes()
+    except PhotoError:
+        raise
+    except (OSError, ValueError) as problem:
+        what = getattr(problem, "strerror", None) or problem
+        raise PhotoError(f"{shown(path)} cannot be read: {what}") from problem
+    if not data:
+        raise PhotoError(f"{shown(path)} is empty: copy it again or leave it out")
+    return data
+
+
+def _refuse_bombs(path: Path, data: bytes) -> None:
+    size = _header_size(data)
+    if size is not None and size[0] * size[1] > MAX_PIXELS:
+        raise PhotoError(
+            f"{shown(path)} claims {size[0]}x{size[1]} pixels, more than the "
+            f"{MAX_PIXELS / 1e6:g} million allowed: is it a photo?"
+        )
+
+
+def _header_size(data: bytes) -> tuple[int, int] | None:
+    """(width, height) that a PNG, JPEG, BMP or TIFF header states, else None."""
+    readers: tuple[tuple[bytes, Callable[[bytes], tuple[int, int] | None]], ...] = (
+        (b"\x89PNG", lambda png: struct.unpack_from(">II", png, 16)),
+        (b"\xff\xd8", _jpeg_size),
+        (b"BM", _bmp_size),
+        (b"II*\0", lambda tiff: _tiff_size(tiff, "<")),
+        (b"MM\0*", lambda tiff: _tiff_size(tiff, ">")),
+    )
+    for magic, read in readers:
+        if data.startswith(magic):
+            try:
+                size = read(data)
+            except (struct.error, IndexError):
+                return None
+            return size if size and min(size) > 0 else None
+    return None
+
+
+def _jpeg_segments(data: bytes) -> Iterator[tuple[int, int]]:
+    """(marker, position after it) of a JPEG file's segments, up to the first scan."""
+    position = 2
+    while position + 4 <= len(data):
+        if data[position] != 0xFF:
+            return
+        marker = data[position + 1]
+        if marker == 0xFF:  # fill bytes may stand before a marker
+            position += 1
+            continue
+        yield marker, position + 2
+        if marker == 0xDA:
+            return
+        position += 2 + int(struct.unpack_from(">H", data, position + 2)[0])
+
+
+def _jpeg_size(data: bytes) -> tuple[int, int] | None:
+    for marker, position in _jpeg_segments(data):
+        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
+            height, width = struct.unpack_from(">HH", data, position + 3)
+            return width, height
+    return None
+
+
+def _is_cut_jpeg(data: bytes) -> bool:
+    """Whether a JPEG file lacks its end, which some decoders fill up with grey unasked.
+
+    Inside a scan 0xFF is always escaped, so its first unescaped 0xD9 is the picture's end.
+    """
+    if not data.startswith(b"\xff\xd8"):
+        return False
+    scan = next((at for marker, at in _jpeg_segments(data) if marker == 0xDA), None)
+    return scan is None or data.find(b"\xff\xd9", scan) < 0
+
+
+def _bmp_size(data: bytes) -> tuple[int, int] | None:
+    if struct.unpack_from("<I", data, 14)[0] < 40:
+        return None
+    width, height = struct.unpack_from("<ii", data, 18)
+    return width, abs(height)
+
+
+def _tiff_size(data: bytes, order: str) -> tuple[int, int] | None:
+    start = struct.unpack_from(order + "I", data, 4)[0]
+    found = {}
+    for entry in range(struct.unpack_from(order + "H", data, start)[0]):
+        at = start + 2 + 12 * entry
+        tag, kind = struct.unpack_from(order + "HH", data, at)
+        if tag in (256, 257) and kind in (3, 4):
+            found[tag] = struct.unpack_from(order + ("H" if kind == 3 else "I"), data, at + 8)[0]
+    return (found[256], found[257]) if len(found) == 2 else None
+
+
+@contextmanager
+def _quiet_stderr() -> Iterator[None]:
+    """Send what C libraries write to stderr nowhere: decoders complain there by themselves."""
+    with _stderr_lock:
+        try:
+            kept = os.dup(2)
+        except OSError:  # there is no stderr
+            yield
+            return
+        try:
+            with open(os.devnull, "wb") as nowhere:
+                os.dup2(nowhere.fileno(), 2)
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
