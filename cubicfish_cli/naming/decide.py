@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.naming.congruence import SAME, is_symmetry, similarity
+from cubicfish_cli.naming.ends import Ends, clearly_more
 from cubicfish_cli.naming.places import Reach, Sides
 from cubicfish_cli.naming.search import Labelings
 
@@ -144,13 +145,23 @@ class _Photo:
         return False
 
 
-def decide(grids: Sequence[Grid], sides: Sides, labelings: Labelings) -> Decision | None:
+def decide(
+    grids: Sequence[Grid], sides: Sides, labelings: Labelings, ends: Sequence[Ends]
+) -> Decision | None:
     """Choose among labelings that name at least two grids; None when there are none.
 
     A grid's name is settled when every labeling that gives it another one is worse by
-    :data:`CLEAR_RATIO` over the grids in which the two differ. Labelings congruent to the best
-    are not rivals: of those that a symmetry of the whole target relates, the most upright one
-    in the photo is taken; if others remain, nothing can be said and the grids are left out.
+    :data:`CLEAR_RATIO` over the grids in which the two differ, or promises clearly more corners
+    that are not there. Labelings congruent to the best are no rivals as long as a symmetry of
+    the whole target relates them: the most upright one in the photo is taken. If they are
+    slides, of which no end seen decides, the grids are left out.
+
+    Args:
+        grids: the photo's grids.
+        sides: the target's boards.
+        labelings: best first.
+        ends: what is known of each grid's ends.
+
     """
     photo = _Photo(grids=grids, sides=sides)
     apart = [k for k in range(len(labelings)) if not photo.overlap(*_place(labelings, k))]
@@ -158,20 +169,20 @@ def decide(grids: Sequence[Grid], sides: Sides, labelings: Labelings) -> Decisio
         return None
     labelings = labelings[np.array(apart)]
     counts = np.array([len(grid) for grid in grids])
+    missing = _missing(labelings, sides, ends)
     alike = _congruent_to_best(photo, labelings)
-    wholes = [photo.whole_count(labelings.side[k]) for k in alike]
-    # A grid that fills a board's size without a gap is that board, not a part of a larger one.
-    fullest = [k for k, count in zip(alike, wholes, strict=True) if count == max(wholes)]
-    same = [k for k in fullest if photo.symmetric(labelings, fullest[0], k)]
-    settled = len(same) == len(fullest)
-    chosen = photo.most_upright(labelings, same if settled else fullest)
+    same, settled = _up_to_symmetry(photo, labelings, alike, missing.sum(axis=1))
+    chosen = photo.most_upright(labelings, same)
 
     named = labelings.side[chosen] >= 0
     ratio = np.full(len(grids), np.inf)
     for k in sorted(set(range(len(labelings))) - set(alike)):
         # The symmetry's image that the rival shares most names with is the one to compare with.
-        differs = min((_differs(labelings, m, k) for m in same), key=lambda d: counts[d].sum())
+        nearest = min(same, key=lambda m: counts[_differs(labelings, m, k)].sum())
+        differs = _differs(labelings, nearest, k)
         if not differs.any():
+            continue
+        if clearly_more(missing[k][differs].sum(), int(missing[nearest][differs].sum())):
             continue
         own = labelings.grid_cost[chosen][differs].sum()
         own = max(own, counts[differs].sum() * _NOISE_FLOOR_PX**2)
@@ -194,25 +205,52 @@ def decide(grids: Sequence[Grid], sides: Sides, labelings: Labelings) -> Decisio
     )
 
 
-def decide_alone(grid: Grid, sides: Sides, reach: Reach) -> Decision:
+def _missing(labelings: Labelings, sides: Sides, ends: Sequence[Ends]) -> IntArray:
+    """(K, G) promised corners that are not seen."""
+    missing = np.zeros(labelings.side.shape, np.intp)
+    for grid, one in enumerate(ends):
+        rows = np.flatnonzero(labelings.side[:, grid] >= 0)
+        missing[rows, grid] = one.missing(
+            sides, labelings.side[rows, grid], labelings.offset[rows, grid]
+        )
+    return missing
+
+
+def _up_to_symmetry(
+    photo: _Photo, labelings: Labelings, alike: list[int], missing: IntArray
+) -> tuple[list[int], bool]:
+    """Of labelings that look alike, those that may be chosen, and whether they are one.
+
+    They are one when the symmetries of the target relate all of them. If not, all that the ends
+    leave are returned.
+    """
+    wholes = np.array([photo.whole_count(labelings.side[k]) for k in alike])
+    # A grid that fills a board's size without a gap is that board, not a part of a larger one.
+    alike = [k for k, count in zip(alike, wholes, strict=True) if count == wholes.max()]
+    best = min(alike, key=lambda k: (missing[k], k))
+    left = [k for k in alike if not clearly_more(missing[k], int(missing[best]))]
+    if len(left) > _MOST_SYMMETRIES:
+        return left, False
+    same = [k for k in left if photo.symmetric(labelings, best, k)]
+    settled = len(same) == len(left)
+    return (same if settled else left), settled
+
+
+def decide_alone(grid: Grid, sides: Sides, reach: Reach, ends: Ends | None) -> Decision:
     """Name a grid that nothing else in the photo helps to place.
 
-    All places of one plane look alike, from another camera position. So only its size and
-    colours speak: a grid that fills a board is that board, and a place that is the only one,
-    up to the target's symmetries, is taken.
+    All places of one plane look alike, from another camera position. So only its size, its
+    colours and its ends speak: a grid that fills a board is that board, and a place that is the
+    only one left, up to the target's symmetries, is taken.
     """
     photo = _Photo(grids=[grid], sides=sides)
     side, offset = reach.places()
-    whole = np.array([photo.whole(0, one) for one in range(len(sides.board))], bool)[side]
-    if whole.any():
-        side, offset = side[whole], offset[whole]
     if not len(side):
         return _alone(Verdict.TOO_LARGE, -1, np.zeros(2, np.intp))
     places = _without_pose(side, offset)
-    settled = len(side) <= _MOST_SYMMETRIES and all(
-        photo.symmetric(places, 0, k) for k in range(1, len(side))
-    )
-    chosen = photo.most_upright(places, range(len(side)))
+    missing = ends.missing(sides, side, offset) if ends else np.zeros(len(side), np.intp)
+    same, settled = _up_to_symmetry(photo, places, list(range(len(side))), missing)
+    chosen = photo.most_upright(places, same)
     verdict = Verdict.NAMED if settled else _by_convention(sides, len(grid))
     return _alone(verdict, int(side[chosen]), offset[chosen])
 

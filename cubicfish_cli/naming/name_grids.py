@@ -16,6 +16,7 @@ from cubicfish_cli.fitting.companion import Companion, fit_companion, refit_comp
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.naming.decide import Decision, Verdict, decide, decide_alone
+from cubicfish_cli.naming.ends import Ends, ends_of, farthest_radius
 from cubicfish_cli.naming.places import Reach, Sides, reach_of, sides_of
 from cubicfish_cli.naming.search import search
 from cubicfish_cli.naming.views import GridPose, anonymous_pairs, grid_poses, view_of
@@ -234,12 +235,14 @@ def _decide_photo(
             if pose is not None:
                 views.append(view_of(camera, task.grids[own[n]], pose, task.reach[own[n]]))
         labelings = search(views, task.sides)
-        found = decide([task.grids[own[n]] for n in usable], task.sides, labelings)
+        ends = [_ends(task, camera, own, own[n], poses) for n in usable]
+        found = decide([task.grids[own[n]] for n in usable], task.sides, labelings, ends)
     part = usable
     if found is None and usable:
         part = usable[:1]
         index = own[part[0]]
-        found = decide_alone(task.grids[index], task.sides, task.reach[index])
+        ends_alone = _ends(task, camera, own, index, poses) if camera else None
+        found = decide_alone(task.grids[index], task.sides, task.reach[index], ends_alone)
     if found is not None:
         verdict[part] = found.verdict
         side[part], offset[part] = found.side, found.offset
@@ -252,6 +255,21 @@ def _decide_photo(
         rms_px=rms,
         rotation=found.rotation if found else None,
         translation=found.translation if found else None,
+    )
+
+
+def _ends(
+    task: _Task, camera: RadialCamera, own: list[int], index: int, poses: list[GridPose | None]
+) -> Ends:
+    pose = poses[index]
+    if pose is None:
+        raise ValueError("a grid without a pose has no ends")
+    return ends_of(
+        camera,
+        task.grids[index],
+        np.column_stack([pose.rotation[0][:, :2], pose.translation[0]]),
+        np.concatenate([task.grids[k].pixel for k in own]),
+        farthest_radius(camera, np.concatenate([grid.pixel for grid in task.grids])),
     )
 
 
