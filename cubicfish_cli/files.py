@@ -30,30 +30,8 @@ def whole_file(path: Path, *, overwrite: bool) -> Iterator[Path]:
         OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
 
     """
-    path = Path(path)
-    refuse_existing(path, overwrite=overwrite)
-    if path.parent.exists() and not path.parent.is_dir():
-        raise OutputError(f"{path} cannot be written: {path.parent} is a file, not a folder")
-    temporary = path.with_name(f".{path.stem[:100]}.{secrets.token_hex(6)}.part{path.suffix}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_files([path], overwrite=overwrite) as (temporary,):
         yield temporary
-        with temporary.open("rb+") as file:
-            os.fsync(file.fileno())
-        if overwrite:
-            os.replace(temporary, path)
-        else:
-            _move_to_free_name(temporary, path)
-    except CubicfishError:  # says what went wrong already, and some are OSErrors too
-        raise
-    except OSError as error:
-        raise OutputError(
-            f"{path} cannot be written ({error.strerror or error}): "
-            "check the folder, its permissions and the free space"
-        ) from error
-    finally:
-        with suppress(OSError):  # nothing was made where the folder itself is unusable
-            temporary.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -67,10 +45,42 @@ def whole_files(paths: Sequence[Path], *, overwrite: bool) -> Iterator[tuple[Pat
         OutputError: a file exists and ``overwrite`` is false, or cannot be written.
 
     """
+    paths = [Path(path) for path in paths]
     for path in paths:
-        refuse_existing(Path(path), overwrite=overwrite)
-    with ExitStack() as stack:
-        yield tuple(stack.enter_context(whole_file(path, overwrite=overwrite)) for path in paths)
+        refuse_existing(path, overwrite=overwrite)
+        if path.parent.exists() and not path.parent.is_dir():
+            raise OutputError(f"{path} cannot be written: {path.parent} is a file, not a folder")
+    token = secrets.token_hex(6)
+    temporaries = tuple(
+        path.with_name(f".{path.stem[:100]}.{token}.part{path.suffix}") for path in paths
+    )
+    path = paths[0]  # the one to name when something goes wrong
+    try:
+        for path in paths:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        yield temporaries
+        for path, temporary in zip(paths, temporaries, strict=True):  # noqa: B007 - see except
+            with temporary.open("rb+") as file:
+                os.fsync(file.fileno())
+        with ExitStack() as undo:
+            for path, temporary in zip(paths, temporaries, strict=True):
+                if overwrite:
+                    os.replace(temporary, path)
+                else:
+                    _move_to_free_name(temporary, path)
+                    undo.callback(path.unlink)
+            undo.pop_all()
+    except CubicfishError:  # says what went wrong already, and some are OSErrors too
+        raise
+    except OSError as error:
+        raise OutputError(
+            f"{path} cannot be written ({error.strerror or error}): "
+            "check the folder, its permissions and the free space"
+        ) from error
+    finally:
+        for temporary in temporaries:
+            with suppress(OSError):  # nothing was made where the folder itself is unusable
+                temporary.unlink(missing_ok=True)
 
 
 def _move_to_free_name(source: Path, path: Path) -> None:

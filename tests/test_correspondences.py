@@ -180,7 +180,7 @@ def test_a_file_without_the_first_line_needs_the_size(tmp_path: Path) -> None:
 def test_a_size_that_disagrees_with_the_file_is_refused(tmp_path: Path) -> None:
     path = written(tmp_path, HEADER + "a,floor,0,0,1,2\n")
     assert load_corners(path, TARGET, image_size=SIZE).image_size == SIZE
-    with pytest.raises(CorrespondenceError, match="line 1: .* 1280x800 here, but 64x48"):
+    with pytest.raises(CorrespondenceError, match=r"line 1: .* 1280x800 here, but 64x48"):
         load_corners(path, TARGET, image_size=(64, 48))
 
 

@@ -115,6 +115,34 @@ def test_several_files_appear_together_or_not_at_all(tmp_path: Path) -> None:
     assert names(tmp_path) == ["a.txt", "b.txt"]
 
 
+def test_several_files_stay_away_when_one_was_not_written(tmp_path: Path) -> None:
+    paths = [tmp_path / "a.txt", tmp_path / "b.txt", tmp_path / "c.txt"]
+
+    def write() -> None:
+        with files.whole_files(paths, overwrite=False) as (first, _, last):
+            first.write_text("x")
+            last.write_text("x")
+
+    with pytest.raises(OutputError, match=r"b\.txt cannot be written"):
+        write()
+    assert names(tmp_path) == []
+
+
+def test_several_files_are_taken_back_when_a_later_name_was_taken(tmp_path: Path) -> None:
+    paths = [tmp_path / "a.txt", tmp_path / "b.txt"]
+
+    def write() -> None:
+        with files.whole_files(paths, overwrite=False) as temporary:
+            for path in temporary:
+                path.write_text("mine")
+            paths[1].write_text("theirs")
+
+    with pytest.raises(OutputError, match=r"b\.txt exists already"):
+        write()
+    assert names(tmp_path) == ["b.txt"]
+    assert paths[1].read_text() == "theirs"
+
+
 def test_several_files_are_refused_before_the_work_when_one_name_is_taken(tmp_path: Path) -> None:
     (tmp_path / "b.txt").write_text("old")
     with (

@@ -1,0 +1,191 @@
+"""``cubicfish calibrate``: photos of a known object to a camera."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from cubicfish_cli import __version__
+from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_photos
+from cubicfish_cli.cli.inputs import Pairs, load_pairs
+from cubicfish_cli.cli.options import (
+    FILE,
+    common_options,
+    examples,
+    jobs_option,
+    json_option,
+    max_rms_option,
+    overwrite_option,
+    size_option,
+    target_option,
+)
+from cubicfish_cli.cli.terminal import detail, print_json, result, say
+
+if TYPE_CHECKING:
+    from cubicfish_cli.fitting.calibrate import Calibration
+
+
+@click.command(
+    "calibrate",
+    short_help="Photos of a known object to a camera and its undistortion map.",
+    epilog=examples(
+        "cubicfish calibrate photos/ --target target.yaml",
+        "cubicfish calibrate corners.csv --target target.yaml -o lens_a --max-rms 0.5",
+        "cubicfish calibrate --correspondences pairs.csv --size 1280x800",
+    ),
+)
+@click.argument("inputs", type=FILE, nargs=-1, metavar="PHOTOS|CORNERS_CSV...")
+@target_option
+@click.option(
+    "--correspondences",
+    type=FILE,
+    metavar="FILE",
+    help="2D-3D pairs instead of photos: a CSV file with the columns image,X,Y,Z,x,y.",
+)
+@size_option
+@click.option(
+    "-o",
+    "--output",
+    type=FILE,
+    default=Path("calibration"),
+    show_default=True,
+    metavar="FOLDER",
+    help="Where camera.yaml and corners.csv go.",
+)
+@click.option(
+    "--hold-out/--no-hold-out",
+    default=True,
+    show_default=True,
+    help="Also measure the error on photos left out of the fit (five more fits).",
+)
+@max_rms_option
+@overwrite_option
+@json_option
+@jobs_option
+@common_options
+def command(
+    inputs: tuple[Path, ...],
+    target: Path | None,
+    correspondences: Path | None,
+    size: tuple[int, int] | None,
+    output: Path,
+    hold_out: bool,
+    max_rms: float | None,
+    overwrite: bool,
+    as_json: bool,
+    jobs: int | None,
+) -> None:
+    """Calibrate a camera from PHOTOS (files, folders or globs) of the object in target.yaml.
+
+    A corners.csv, from 'cubicfish detect' or any other detector, may stand for the photos.
+    Everything is written together at the end, or nothing is.
+    """
+    from cubicfish_cli.files import refuse_existing
+    from cubicfish_cli.fitting.calibrate import calibrate
+
+    outputs = _outputs(output, inputs, writes_corners=correspondences is None)
+    for path in outputs.values():
+        refuse_existing(path, overwrite=overwrite)
+    loaded = load_pairs(
+        inputs, correspondences=correspondences, target=target, size=size, jobs=jobs
+    )
+    say(f"Fitting to {count(len(loaded.pairs.pixel), 'corner')}.")
+    calibration = calibrate(loaded.pairs, hold_out=hold_out)
+    options = {"hold_out": hold_out}
+    made_by = _made_by(options, target if loaded.target else None, loaded.files)
+    _write(outputs, calibration, loaded, made_by, overwrite=overwrite)
+    record = calibration.as_record()
+    if as_json:
+        print_json({**record, "model": str(outputs["camera"])})
+    else:
+        _print(calibration, record, outputs)
+    for corner in record["dropped_corners"]:
+        detail(
+            "dropped: {image} {board} column {column} row {row}: {error_px:.1f} px off".format(
+                **corner
+            )
+        )
+    for photo, reason in calibration.unfit.items():
+        say(f"left out: {photo}: {reason}")
+    hold_gate(calibration.errors.rms_px, max_rms)
+
+
+def _outputs(folder: Path, inputs: Sequence[Path], *, writes_corners: bool) -> dict[str, Path]:
+    outputs = {"camera": folder / "camera.yaml"}
+    corners = folder / "corners.csv"
+    # Corners that were read from this very file need not be written again.
+    is_input = corners.exists() and any(path.exists() and path.samefile(corners) for path in inputs)
+    if writes_corners and not is_input:
+        outputs["corners"] = corners
+    return outputs
+
+
+def _made_by(
+    options: Mapping[str, Any], target: Path | None, files: Sequence[Path]
+) -> dict[str, Any]:
+    from cubicfish_cli.files import sha256_of
+
+    return {
+        "version": __version__,
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "options": dict(options),
+        "target": {"file": str(target), "sha256": sha256_of(target)} if target else None,
+        "inputs": [{"file": str(path), "sha256": sha256_of(path)} for path in files],
+    }
+
+
+def _write(
+    outputs: Mapping[str, Path],
+    calibration: Calibration,
+    loaded: Pairs,
+    made_by: Mapping[str, Any],
+    *,
+    overwrite: bool,
+) -> None:
+    """Write every output, all or none."""
+    from cubicfish_cli.correspondences import save_corners
+    from cubicfish_cli.files import whole_files
+    from cubicfish_cli.formats.camera_yaml import save_camera
+
+    with whole_files(list(outputs.values()), overwrite=overwrite) as temporary:
+        names = dict(zip(outputs, temporary, strict=True))
+        fit = calibration.as_record()
+        save_camera(names["camera"], calibration.camera, fit=fit, made_by=made_by, overwrite=False)
+        if "corners" in names and loaded.corners is not None:
+            save_corners(names["corners"], loaded.corners, overwrite=False)
+
+
+def _print(
+    calibration: Calibration, record: Mapping[str, Any], outputs: Mapping[str, Path]
+) -> None:
+    dropped = len(calibration.dropped)
+    result(
+        f"{count(record['images'], 'photo')}, {count(record['corners'], 'corner')} used, "
+        f"{dropped} dropped as grossly wrong{' (-v lists them)' * bool(dropped)}\n"
+    )
+    held_out = calibration.held_out
+    more: list[tuple[str, float | None, str]] = [
+        ("  radial companion", calibration.companion_rms_px, "a Kannala–Brandt lens, same corners"),
+    ]
+    if held_out is None:
+        more += [("held-out RMS", None, "not measured")]
+    else:
+        more += [
+            ("held-out RMS", held_out.rms_px, "photos judged by cameras that never saw them"),
+            ("  radial companion", held_out.companion_rms_px, ""),
+        ]
+    print_errors(record, more)
+    camera = calibration.camera
+    result(
+        f"{'field':<24}{calibration.covered_deg:>7.1f}°   from the axis covered by corners; "
+        f"trusted to {camera.max_angle_deg:.1f}°\n"
+    )
+    print_photos(record["per_image"])
+    result()
+    for path in outputs.values():
+        result(f"wrote {path}")
+    result(f"\nNext: cubicfish undistort PHOTO flat.png --model {outputs['camera']}")

@@ -1,0 +1,78 @@
+"""``cubicfish evaluate``: how well a camera explains other photos."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_photos
+from cubicfish_cli.cli.inputs import load_pairs
+from cubicfish_cli.cli.options import (
+    FILE,
+    common_options,
+    examples,
+    jobs_option,
+    json_option,
+    max_rms_option,
+    model_option,
+    model_path,
+    size_option,
+    target_option,
+)
+from cubicfish_cli.cli.terminal import print_json, result, say
+
+
+@click.command(
+    "evaluate",
+    short_help="Measure a camera on other photos, poses refitted.",
+    epilog=examples(
+        "cubicfish evaluate new_photos/ --target target.yaml",
+        "cubicfish evaluate corners.csv --target target.yaml --max-rms 0.5",
+    ),
+)
+@click.argument("inputs", type=FILE, nargs=-1, metavar="PHOTOS|CSV...")
+@target_option
+@model_option
+@size_option
+@max_rms_option
+@json_option
+@jobs_option
+@common_options
+def command(
+    inputs: tuple[Path, ...],
+    target: Path | None,
+    model: Path | None,
+    size: tuple[int, int] | None,
+    max_rms: float | None,
+    as_json: bool,
+    jobs: int | None,
+) -> None:
+    """Measure the reprojection error of a camera on PHOTOS, corners.csv or correspondences.csv.
+
+    The camera stays as it is; only the pose of each photo is fitted. No corner is dropped.
+    """
+    from cubicfish_cli.fitting.evaluate import evaluate
+    from cubicfish_cli.formats.camera_yaml import load_camera
+
+    camera = load_camera(model_path(model)).camera
+    loaded = load_pairs(
+        inputs, correspondences=None, target=target, size=size or camera.image_size, jobs=jobs
+    )
+    evaluation = evaluate(camera, loaded.pairs)
+    record = evaluation.as_record()
+    if as_json:
+        print_json(record)
+    else:
+        result(f"{count(record['images'], 'photo')}, {count(record['corners'], 'corner')}\n")
+        print_errors(record, [])
+        result()
+        print_photos(record["per_image"])
+    if evaluation.outside:
+        say(
+            f"{count(evaluation.outside, 'corner')} not counted: beyond the "
+            f"{camera.max_angle_deg:.0f}° where the camera may be trusted."
+        )
+    for photo in evaluation.unplaced:
+        say(f"{photo}: too few corners to place it; not counted.")
+    hold_gate(record["rms_px"], max_rms)

@@ -1,0 +1,56 @@
+"""The figures of a fit in words: the same words wherever an RMS is shown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import click
+
+from cubicfish_cli.cli.terminal import print_table, result
+
+EXIT_GATE = 3
+
+
+def px(value: float | None) -> str:
+    """Pixels to three decimals; a dash for what is not known."""
+    return "-" if value is None else f"{value:.3f}"
+
+
+def count(number: int, what: str) -> str:
+    """``1 photo``, ``2 photos``."""
+    return f"{number:,} {what}{'' if number == 1 else 's'}"
+
+
+def print_errors(record: Mapping[str, Any], more: Sequence[tuple[str, float | None, str]]) -> None:
+    """Print reprojection errors: the RMS and what it means, other RMS beside it, the spread."""
+    lines = [
+        ("RMS reprojection error", record["rms_px"], "sqrt(mean(dx² + dy²)) over all corners used"),
+        *more,
+    ]
+    for name, value, meaning in lines:
+        result(f"{name:<24}{px(value):>7} px  {meaning}".rstrip())
+    spread = ", ".join(px(record[key]) for key in ("median_px", "p95_px", "max_px"))
+    result(f"{'median, 95 %, largest':<24}{spread:>7} px")
+
+
+def print_photos(records: Sequence[Mapping[str, Any]]) -> None:
+    """Print one row a photo: its corners and its errors."""
+    print_table(
+        ("photo", "corners", "rms px", "median", "95 %", "largest"),
+        [
+            (
+                str(record["image"]),
+                str(record["corners"]),
+                *(px(record.get(key)) for key in ("rms_px", "median_px", "p95_px", "max_px")),
+            )
+            for record in records
+        ],
+    )
+
+
+def hold_gate(rms_px: float, max_rms: float | None) -> None:
+    """Exit with 3 when the RMS is above the gate that the user set."""
+    if max_rms is not None and not rms_px <= max_rms:
+        click.echo(f"The RMS of {rms_px:.3f} px is above --max-rms {max_rms:g}.", err=True)
+        click.get_current_context().exit(EXIT_GATE)

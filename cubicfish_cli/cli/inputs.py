@@ -1,0 +1,134 @@
+"""From what the user named (photos, or CSV files of corners or pairs) to 2D-3D pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.terminal import progress, say
+from cubicfish_cli.wording import quoted
+
+if TYPE_CHECKING:
+    from cubicfish_cli.correspondences import Corners, Correspondences
+    from cubicfish_cli.naming.detect import Detection
+    from cubicfish_cli.target import Target
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pairs:
+    """2D-3D pairs and what they came from.
+
+    Attributes:
+        pairs: the pairs.
+        corners: the named corners behind them; None for pairs that came as such.
+        target: the object; None for pairs that came as such.
+        detection: what was found in each photo; None for CSV files.
+        files: every file that was read, in order.
+
+    """
+
+    pairs: Correspondences
+    corners: Corners | None
+    target: Target | None
+    detection: Detection | None
+    files: tuple[Path, ...]
+
+
+def load_pairs(
+    inputs: Sequence[Path],
+    *,
+    correspondences: Path | None,
+    target: Path | None,
+    size: tuple[int, int] | None,
+    jobs: int | None,
+) -> Pairs:
+    """Read pairs from photos, from one corners.csv, or from one correspondences.csv.
+
+    Raises:
+        click.UsageError: the inputs do not go together.
+        CubicfishError: an input cannot be used.
+
+    """
+    if correspondences is not None:
+        if inputs:
+            raise click.UsageError("give photos (or corners.csv) or --correspondences, not both")
+        return _from_correspondences(correspondences, size)
+    if not inputs:
+        raise click.UsageError("name photos, a folder of photos, or a corners.csv")
+    tables = [path for path in inputs if path.suffix.lower() == ".csv"]
+    if not tables:
+        return _from_photos(inputs, _needed(target), jobs)
+    if len(inputs) > 1:
+        raise click.UsageError(f"{quoted(str(tables[0]))} must be the only input, as all CSV files")
+    if _holds_world_points(tables[0]):
+        return _from_correspondences(tables[0], size)
+    return _from_corners(tables[0], _needed(target), size)
+
+
+def _needed(target: Path | None) -> Path:
+    if target is None:
+        raise click.UsageError("name the calibration object with --target target.yaml")
+    return target
+
+
+def _holds_world_points(path: Path) -> bool:
+    """Whether the header of a CSV file is that of correspondences."""
+    try:
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            lines = [file.readline(10_000) for _ in range(2)]
+    except OSError:
+        return False  # the reader says what is wrong with it
+    header = lines[1] if lines[0].startswith("#") else lines[0]
+    return {"X", "Y", "Z"} <= {cell.strip() for cell in header.split(",")}
+
+
+def _from_correspondences(path: Path, size: tuple[int, int] | None) -> Pairs:
+    from cubicfish_cli.correspondences import load_correspondences
+
+    pairs = load_correspondences(path, image_size=size)
+    return Pairs(pairs=pairs, corners=None, target=None, detection=None, files=(path,))
+
+
+def _from_corners(path: Path, target_path: Path, size: tuple[int, int] | None) -> Pairs:
+    from cubicfish_cli.correspondences import load_corners, pair
+    from cubicfish_cli.target import load_target
+
+    target = load_target(target_path)
+    corners = load_corners(path, target, image_size=size)
+    return Pairs(
+        pairs=pair(corners, target), corners=corners, target=target, detection=None, files=(path,)
+    )
+
+
+def _from_photos(inputs: Sequence[Path], target_path: Path, jobs: int | None) -> Pairs:
+    from cubicfish_cli.correspondences import pair
+    from cubicfish_cli.target import load_target
+
+    target = load_target(target_path)
+    detection, photos = detect(inputs, target, jobs)
+    return Pairs(
+        pairs=pair(detection.corners, target),
+        corners=detection.corners,
+        target=target,
+        detection=detection,
+        files=photos,
+    )
+
+
+def detect(
+    inputs: Sequence[Path], target: Target, jobs: int | None
+) -> tuple[Detection, tuple[Path, ...]]:
+    """Find and name the corners of a target in photos, with a progress bar."""
+    from cubicfish_cli.naming.detect import detect_corners
+    from cubicfish_cli.photos import find_photos
+
+    photos = find_photos(inputs)
+    say(f"Looking for corners in {count(len(photos), 'photo')}.")
+    with progress("Finding corners") as callback:
+        detection = detect_corners(photos, target, jobs=jobs, progress=callback)
+    return detection, tuple(photo.path for photo in photos)

@@ -1,0 +1,148 @@
+"""Options that several commands share, each defined once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from cubicfish_cli.errors import CameraFileError
+
+Decorated = TypeVar("Decorated", bound=Callable[..., Any])
+
+DEBUG_KEY = "cubicfish.debug"
+VERBOSITY_KEY = "cubicfish.verbosity"
+DEFAULT_MODEL = Path("calibration") / "camera.yaml"
+
+FILE = click.Path(path_type=Path)
+
+
+def examples(*lines: str) -> str:
+    """An epilog that shows command lines as they are."""
+    return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
+
+
+def _remember(
+    key: str, value: int | bool
+) -> Callable[[click.Context, click.Parameter, bool], None]:
+    def callback(ctx: click.Context, _: click.Parameter, given: bool) -> None:
+        if given:
+            ctx.meta[key] = value
+
+    return callback
+
+
+def common_options(function: Decorated) -> Decorated:
+    """``-v``, ``-q`` and ``--debug``; they may stand before or after the command's name."""
+    for decorator in (
+        click.option(
+            "--debug",
+            is_flag=True,
+            expose_value=False,
+            callback=_remember(DEBUG_KEY, True),
+            help="Show the traceback of an error.",
+        ),
+        click.option(
+            "-q",
+            "--quiet",
+            is_flag=True,
+            expose_value=False,
+            callback=_remember(VERBOSITY_KEY, -1),
+            help="Say nothing but results and errors.",
+        ),
+        click.option(
+            "-v",
+            "--verbose",
+            is_flag=True,
+            expose_value=False,
+            callback=_remember(VERBOSITY_KEY, 1),
+            help="Say more.",
+        ),
+    ):
+        function = decorator(function)
+    return function
+
+
+def verbosity() -> int:
+    """-1 after ``--quiet``, 1 after ``--verbose``, else 0."""
+    value: int = click.get_current_context().meta.get(VERBOSITY_KEY, 0)
+    return value
+
+
+target_option = click.option(
+    "-t", "--target", type=FILE, help="The calibration object: target.yaml.", metavar="FILE"
+)
+
+model_option = click.option(
+    "-m",
+    "--model",
+    type=FILE,
+    envvar="CUBICFISH_MODEL",
+    metavar="FILE",
+    help="The camera. [default: $CUBICFISH_MODEL, else calibration/camera.yaml]",
+)
+
+json_option = click.option(
+    "--json", "as_json", is_flag=True, help="Print one JSON object to stdout, and nothing else."
+)
+
+overwrite_option = click.option("--overwrite", is_flag=True, help="Replace files that exist.")
+
+jobs_option = click.option(
+    "-j",
+    "--jobs",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Photos to work on at a time. [default: the number of processors]",
+)
+
+max_rms_option = click.option(
+    "--max-rms",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="PX",
+    help="Exit with 3 when the RMS is above this; outputs are written all the same.",
+)
+
+
+class SizeType(click.ParamType):
+    """``WIDTHxHEIGHT`` -> (width, height)."""
+
+    name = "WIDTHxHEIGHT"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, int]:
+        """Parse, or fail as a usage error."""
+        if isinstance(value, tuple):
+            return value
+        from cubicfish_cli.correspondences import parse_size
+        from cubicfish_cli.errors import CorrespondenceError
+
+        try:
+            return parse_size(str(value))
+        except CorrespondenceError as error:
+            self.fail(str(error), param, ctx)
+
+
+size_option = click.option(
+    "--size", type=SizeType(), help="Size of the photos, for CSV files that do not state it."
+)
+
+
+def model_path(given: Path | None) -> Path:
+    """The camera file to read: the one that was given, else the default one if it is there.
+
+    Raises:
+        CameraFileError: nothing was given and the default is not there.
+
+    """
+    if given is not None:
+        return given
+    if not DEFAULT_MODEL.exists():
+        raise CameraFileError(
+            f"there is no {DEFAULT_MODEL} here: run 'cubicfish calibrate' first, "
+            "or name a camera with --model or $CUBICFISH_MODEL"
+        )
+    return DEFAULT_MODEL

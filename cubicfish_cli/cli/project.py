@@ -1,0 +1,32 @@
+"""``cubicfish project``: points in the camera frame to pixels."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from cubicfish_cli.cli.options import FILE, common_options, examples, model_option, model_path
+from cubicfish_cli.cli.points import print_points, read_points
+
+
+@click.command(
+    "project",
+    short_help="Points in the camera frame to pixels.",
+    epilog=examples("echo 0.5,0,1 | cubicfish project"),
+)
+@click.argument("points", type=FILE, default=Path("-"))
+@model_option
+@common_options
+def command(points: Path, model: Path | None) -> None:
+    """Project POINTS to pixels: X,Y,Z a line (a CSV file or stdin) in, x,y a line out.
+
+    Points are in the camera's frame: X to the right, Y down, Z forward, any unit. Pixel (0, 0)
+    is the middle of the top-left pixel. Points outside the camera's valid field give nan,nan.
+    A header in gives a header out.
+    """
+    from cubicfish_cli.formats.camera_yaml import load_camera
+
+    camera = load_camera(model_path(model)).camera
+    read = read_points(points, ("X", "Y", "Z"))
+    print_points(camera.project(read.values), ("x", "y") if read.has_header else None)

@@ -1,0 +1,32 @@
+"""``cubicfish unproject``: pixels to viewing rays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from cubicfish_cli.cli.options import FILE, common_options, examples, model_option, model_path
+from cubicfish_cli.cli.points import print_points, read_points
+
+
+@click.command(
+    "unproject",
+    short_help="Pixels to unit viewing rays in the camera frame.",
+    epilog=examples("echo 640,400 | cubicfish unproject"),
+)
+@click.argument("pixels", type=FILE, default=Path("-"))
+@model_option
+@common_options
+def command(pixels: Path, model: Path | None) -> None:
+    """Turn PIXELS into viewing rays: x,y a line (a CSV file or stdin) in, X,Y,Z a line out.
+
+    Rays are unit vectors in the camera's frame: X to the right, Y down, Z forward; Z is
+    negative for rays more than 90 degrees off the axis. Pixels outside the camera's valid
+    field give nan,nan,nan. A header in gives a header out.
+    """
+    from cubicfish_cli.formats.camera_yaml import load_camera
+
+    camera = load_camera(model_path(model)).camera
+    read = read_points(pixels, ("x", "y"))
+    print_points(camera.unproject(read.values), ("X", "Y", "Z") if read.has_header else None)
