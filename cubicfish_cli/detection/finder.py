@@ -14,7 +14,6 @@ from cubicfish_cli.detection.patches import Patch, find_patches
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import Pyramid, build_pyramid
 from cubicfish_cli.detection.refine import refine_pixels
-from cubicfish_cli.detection.squares import quadrants
 from cubicfish_cli.detection.verify import whole_corners
 
 # A grid must have this much to be believed: chance alignments of texture close single squares.
@@ -68,19 +67,19 @@ def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> None:
     if not len(cells):
         return
     fit = lattice.fit(cells)
-    contrast = lattice.contrast[cells[:, 0], cells[:, 1]]
-    refined = refine_pixels(
-        pyramid.levels[0], lattice.pixel[cells[:, 0], cells[:, 1]], fit.side, contrast
-    )
-    square = quadrants(pyramid, refined.pixel, fit, lattice.sign(cells))
-    lattice.put(cells, refined.pixel, square.contrast)
-    sharpness = np.zeros(lattice.known.shape)
-    sharpness[cells[:, 0], cells[:, 1]] = refined.curvature
-    good = refined.ok & whole_corners(
-        square,
-        refined.curvature,
+    pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
+    found = refine_pixels(pyramid, pixel, fit)
+    sign = lattice.sign(cells)
+    lattice.put(cells, found.pixel, found.contrast(sign))
+    blur = np.zeros(lattice.known.shape)
+    blur[cells[:, 0], cells[:, 1]] = found.blur.max(1)
+    good = whole_corners(
+        found,
+        sign,
+        fit.side,
+        np.hypot(*(found.pixel - pixel).T),
         _median_around(lattice.contrast, lattice.known, cells),
-        _median_around(sharpness, lattice.known, cells),
+        _median_around(blur, lattice.known, cells),
         pyramid.noise,
     )
     lattice.drop(cells[~good])

@@ -10,6 +10,7 @@ from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import Pyramid
 from cubicfish_cli.detection.saddle import fit_saddles
 from cubicfish_cli.detection.squares import (
+    LEAST_CONTRAST,
     NEIGHBOUR_STEPS,
     SEPARATION,
     edges_seen,
@@ -117,9 +118,12 @@ def looks_like_corner(
     around = cells[:, None] + NEIGHBOUR_STEPS
     neighbour = lattice.pixel[around[..., 0], around[..., 1]]
     expected = _contrast_around(lattice, cells)
-    good = square.separation > SEPARATION * expected
-    good &= square.separation > 2.0 * pyramid.noise
-    seen = edges_seen(pyramid, pixel, fit, sign, expected, neighbour)
+    # Light falls off steeply towards the rim, and shadows take part of it: only a corner's own
+    # contrast says what its edges must show.
+    own = np.maximum(square.contrast, 1e-6)
+    good = square.separation > SEPARATION * own
+    good &= own > np.maximum(LEAST_CONTRAST * expected, 3.0 * pyramid.noise)
+    seen = edges_seen(pyramid, pixel, fit, sign, np.minimum(own, expected), neighbour)
     good &= 2 * seen.sum(1) >= (~np.isnan(neighbour[..., 0])).sum(1)
     good &= seen.any(1)
     return good, square.contrast
@@ -152,8 +156,7 @@ def clean(lattice: Lattice) -> int:
         known = lattice.known
         around = cells[:, None] + NEIGHBOUR_STEPS
         beside = known[around[..., 0], around[..., 1]]
-        # A corner that belongs to a grid has a neighbour along i and one along j.
-        lonely = ~((beside[:, 0] | beside[:, 2]) & (beside[:, 1] | beside[:, 3]))
+        lonely = ~beside.any(1)
         fit = lattice.fit(cells, without_itself=True)
         pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
         miss = np.hypot(*(pixel - fit.pixel).T) / np.maximum(fit.side, 1e-6)

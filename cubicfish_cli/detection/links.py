@@ -46,12 +46,7 @@ def find_links(pyramid: Pyramid, corners: XCorners) -> Links:
     none = np.full((count, 4), -1)
     if count < 4:
         return Links(corner=none, arm=none.copy())
-    length, other = nearest(corners.pixel, corners.pixel, _NEIGHBOURS + 1)
-    here = np.broadcast_to(np.arange(count)[:, None], other.shape)
-    pairs = (other != here) & (length > 2.0)
-    ratio = corners.contrast[here] / corners.contrast[other]
-    pairs &= (ratio < _CONTRAST_RATIO) & (ratio > 1 / _CONTRAST_RATIO)
-    p, q, length = here[pairs], other[pairs], length[pairs]
+    p, q, length = _neighbours(corners)
     towards = corners.pixel[q] - corners.pixel[p]
     direction = np.arctan2(towards[:, 1], towards[:, 0])
     arm_p, miss_p = _pointing_arm(corners.angle[p], direction)
@@ -68,6 +63,29 @@ def find_links(pyramid: Pyramid, corners: XCorners) -> Links:
     seen = edge_is_seen(difference)
     p, q, arm_p, arm_q, cost = p[seen], q[seen], arm_p[seen], arm_q[seen], cost[seen]
     return _mutual(count, p, q, arm_p, arm_q, cost)
+
+
+def _neighbours(corners: XCorners) -> tuple[IntArray, IntArray, FloatArray]:
+    """Pairs of near corners whose contrasts are alike, in both orders, and their distances.
+
+    Corners look for neighbours among those that are not much weaker, octave by octave of
+    contrast: otherwise the many weak corners of texture and noise would crowd out the true
+    neighbours of a strong one.
+    """
+    octave = np.floor(np.log2(np.maximum(corners.contrast, 1e-3))).astype(int)
+    pairs = []
+    for level in np.unique(octave):
+        here = np.nonzero(octave == level)[0]
+        there = np.nonzero(octave >= level)[0]
+        length, index = nearest(corners.pixel[here], corners.pixel[there], _NEIGHBOURS + 1)
+        pairs.append((np.repeat(here, index.shape[1]), there[index.ravel()], length.ravel()))
+    p, q, length = (np.concatenate(part) for part in zip(*pairs, strict=True))
+    ratio = corners.contrast[q] / corners.contrast[p]
+    near = (p != q) & (length > 2.0) & (ratio < _CONTRAST_RATIO) & (ratio > 1 / _CONTRAST_RATIO)
+    p, q, length = p[near], q[near], length[near]
+    count = len(corners.pixel)
+    both, first = np.unique(np.concatenate([p * count + q, q * count + p]), return_index=True)
+    return both // count, both % count, np.concatenate([length, length])[first]
 
 
 def edge_is_seen(difference: FloatArray) -> BoolArray:

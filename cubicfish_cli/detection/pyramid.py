@@ -21,6 +21,7 @@ class Pyramid:
     """A photo at full size and at halves of it; pixel x of level k lies at ``x * 2**k``.
 
     Attributes:
+        image: the photo itself, float32 grey levels 0..255.
         levels: float32 images, grey levels 0..255; level 0 is lightly smoothed (sigma 0.7 px),
             the others by the pyramid's own low-pass filter.
         noise: standard deviation of the pixel noise before smoothing, in the same grey levels.
@@ -28,6 +29,7 @@ class Pyramid:
 
     """
 
+    image: Float32Array
     levels: tuple[Float32Array, ...]
     noise: float
     gain: float
@@ -129,4 +131,4 @@ def build_pyramid(grey: npt.NDArray[np.generic], deepest: int = 6) -> Pyramid:
     while len(levels) <= deepest and min(reduced.shape) >= 2 * SMALLEST_SIDE:
         reduced = cv2.pyrDown(reduced)
         levels.append(reduced)
-    return Pyramid(levels=tuple(levels), noise=noise, gain=gain)
+    return Pyramid(image=image, levels=tuple(levels), noise=noise, gain=gain)

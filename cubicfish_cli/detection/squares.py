@@ -16,7 +16,8 @@ from cubicfish_cli.detection.pyramid import Pyramid
 DIAGONAL = np.array([0.10, 0.16, 0.22])
 # Quadrants (+,+), (-,+), (-,-), (+,-): clockwise; the first and third share their colour.
 _QUADRANTS = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
-SEPARATION = 0.35  # darkest bright minus brightest dark quadrant, of the contrast around
+SEPARATION = 0.30  # darker bright minus brighter dark quadrant, of the corner's contrast
+LEAST_CONTRAST = 0.15  # of the contrast around
 NEIGHBOUR_STEPS = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
 
 

@@ -4,35 +4,35 @@ from __future__ import annotations
 
 import numpy as np
 
-from cubicfish_cli.detection.grids import BoolArray, FloatArray
-from cubicfish_cli.detection.squares import Quadrants
+from cubicfish_cli.detection.crossing import Crossings
+from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
 
 # Each bound is relative to the corner's own surroundings, so that dim and blurred boards count
 # as much as bright and sharp ones.
-_BRIGHT_ALIKE = 0.58  # darker / brighter of the two bright squares
-_SEPARATION = 0.55  # of the corner's own contrast
-_CONTRAST = 0.42  # of the median contrast around
-_LEVEL = 0.34  # brightness near / far along the diagonals: cut by the image circle?
-_SHARPNESS = 0.45  # of the median around
+_SEPARATION = 0.30  # darker bright minus brighter dark square, of the corner's contrast
+_CONTRAST = 0.15  # of the median contrast around: a shadow may take that much
+_MISFIT = 0.12  # of the contrast
+_BLUR = 2.5  # times the median around
+_TRAVEL = 0.15  # of the side
+_MOST_SPREAD = 0.05  # predicted standard deviation, of the side
 
 
 def whole_corners(
-    square: Quadrants,
-    curvature: FloatArray,
+    found: Crossings,
+    sign: IntArray,
+    side: FloatArray,
+    moved: FloatArray,
     contrast_around: FloatArray,
-    curvature_around: FloatArray,
+    blur_around: FloatArray,
     noise: float,
 ) -> BoolArray:
     """Tell which of N corners pass every test."""
-    contrast = square.contrast
-    dark = square.dark.mean((1, 2))
-    # Levels above the dark squares: a black level that is not zero must not hide a shadow.
-    bright = square.bright.mean(2) - dark[:, None]
-    good = bright.min(1) > _BRIGHT_ALIKE * bright.max(1)
-    good &= square.separation > _SEPARATION * contrast
+    bright, dark = found.bright(sign), found.dark(sign)
+    contrast = found.contrast(sign)
+    good = found.ok & (bright.min(1) - dark.max(1) > _SEPARATION * contrast)
     good &= contrast > np.maximum(_CONTRAST * contrast_around, 3 * noise)
-    rise = square.bright - dark[:, None, None]
-    near, far = rise[..., 0], rise[..., -1]
-    good &= (far > _LEVEL * near).all(1)
-    good &= curvature > _SHARPNESS * curvature_around
+    good &= found.misfit < np.maximum(_MISFIT * contrast, 1.5 * noise)
+    good &= found.blur.max(1) < _BLUR * blur_around + 0.5
+    good &= moved < np.maximum(_TRAVEL * side, 0.5)
+    good &= found.spread < _MOST_SPREAD * side
     return good
