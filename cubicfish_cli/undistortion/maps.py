@@ -1,0 +1,191 @@
+"""View and camera -> the map that ``cv2.remap`` takes, and its file."""
+
+from __future__ import annotations
+
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.errors import ViewError
+from cubicfish_cli.files import whole_file
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.undistortion.cubic_grid import CubicGrid
+from cubicfish_cli.undistortion.views import (
+    MAX_SIDE,
+    Camera,
+    PerspectiveView,
+    View,
+    view_from_json,
+)
+
+FloatArray = npt.NDArray[np.float64]
+
+FORMAT = "cubicfish undistort_map 1"
+OUTSIDE = -1.0
+_KEYS = ("map_x", "map_y", "valid", "view", "format", "image_size")
+_PIXELS_A_BLOCK = 65_536
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class UndistortMap:
+    """Where each pixel of a view comes from in the photo.
+
+    ``cv2.remap(photo, map_x, map_y, cv2.INTER_LINEAR)`` renders the view.
+
+    Attributes:
+        map_x, map_y: (H, W) float32 pixels of the photo; −1 where ``valid`` is false, which
+            ``cv2.remap`` renders black.
+        valid: (H, W) whether the camera may be trusted there and the photo has the pixel.
+        view: what is rendered.
+        image_size: (width, height) of the photos that the map is for.
+
+    """
+
+    map_x: npt.NDArray[np.float32]
+    map_y: npt.NDArray[np.float32]
+    valid: npt.NDArray[np.bool_]
+    view: View
+    image_size: tuple[int, int]
+
+
+def build_map(camera: Camera, view: View) -> UndistortMap:
+    """The map that renders ``view`` from the camera's photos.
+
+    Rows are done in blocks, so the memory needed beyond the map is bounded.
+
+    Raises:
+        ViewError: the camera's photos are larger than ``cv2.remap`` can take.
+
+    """
+    photo_width, photo_height = camera.image_size
+    if max(camera.image_size) > MAX_SIDE:
+        raise ViewError(
+            f"photos of {photo_width}x{photo_height} cannot be undistorted: "
+            f"a side may have {MAX_SIDE} pixels at most"
+        )
+    width, height = view.size
+    map_x, map_y = np.empty((2, height, width), np.float32)
+    valid = np.empty((height, width), bool)
+    pixels = _pixels_of_rows(camera, view)
+    rows_a_block = max(1, _PIXELS_A_BLOCK // width)
+    for top in range(0, height, rows_a_block):
+        rows = slice(top, min(height, top + rows_a_block))
+        u, v = pixels(np.arange(rows.start, rows.stop))
+        map_x[rows], map_y[rows] = u, v
+        x, y = map_x[rows], map_y[rows]
+        # Comparisons with NaN are false. Beyond the outer pixels' centres cv2.remap would
+        # blend with the black around the photo.
+        valid[rows] = (x >= 0) & (x <= photo_width - 1) & (y >= 0) & (y <= photo_height - 1)
+        x[~valid[rows]] = y[~valid[rows]] = OUTSIDE
+    return UndistortMap(
+        map_x=map_x, map_y=map_y, valid=valid, view=view, image_size=camera.image_size
+    )
+
+
+def _pixels_of_rows(
+    camera: Camera, view: View
+) -> Callable[[npt.NDArray[np.intp]], tuple[FloatArray, FloatArray]]:
+    """A function from rows of the view (h,) to the photo's pixels u, v, (h, W) each."""
+    if isinstance(camera, CubicCamera) and isinstance(view, PerspectiveView):
+        x, y = view.slopes()
+        grid = CubicGrid(camera, view.camera_from_view, x)
+        return lambda rows: grid.pixels(y[rows])
+
+    def plain(rows: npt.NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+        columns = np.arange(view.size[0])
+        pixel = np.stack(np.broadcast_arrays(columns, rows[:, None]), axis=-1)
+        u, v = np.moveaxis(camera.project(view.rays(pixel)), -1, 0)
+        return u, v
+
+    return plain
+
+
+def save_map(path: Path, undistort_map: UndistortMap, *, overwrite: bool) -> None:
+    """Write ``undistort_map.npz``: map_x, map_y, valid, view (JSON text), format, image_size.
+
+    Raises:
+        OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
+
+    """
+    with whole_file(path, overwrite=overwrite) as temporary, temporary.open("wb") as file:
+        np.savez(
+            file,
+            map_x=undistort_map.map_x,
+            map_y=undistort_map.map_y,
+            valid=undistort_map.valid,
+            view=np.array(undistort_map.view.to_json()),
+            format=np.array(FORMAT),
+            image_size=np.array(undistort_map.image_size),
+        )
+
+
+def load_map(path: Path) -> UndistortMap:
+    """Read a map that :func:`save_map` wrote.
+
+    Raises:
+        ViewError: the file cannot be read or is not a sound map.
+
+    """
+    path = Path(path)
+    parts = _read_npz(path)
+    if parts["format"].shape != () or str(parts["format"]) != FORMAT:
+        raise ViewError(f"{path} is not a map of a known version: write it again")
+    if parts["view"].shape != () or parts["view"].dtype.kind != "U":
+        raise ViewError(f"{path}: the view is not text")
+    try:
+        view = view_from_json(str(parts["view"]))
+    except ViewError as problem:
+        raise ViewError(f"{path}: {problem}") from problem
+    map_x, map_y, valid, size = (parts[k] for k in ("map_x", "map_y", "valid", "image_size"))
+    shape = view.size[::-1]
+    if not map_x.shape == map_y.shape == valid.shape == shape:
+        raise ViewError(f"{path}: its maps do not have the view's size {view.size}")
+    if map_x.dtype != np.float32 or map_y.dtype != np.float32 or valid.dtype != np.bool_:
+        raise ViewError(f"{path}: its maps must be float32, and valid must be bool")
+    if size.shape != (2,) or size.dtype.kind != "i" or size.min() < 1 or size.max() > MAX_SIDE:
+        raise ViewError(f"{path}: image_size must be two whole numbers")
+    if not (np.isfinite(map_x).all() and np.isfinite(map_y).all()):
+        raise ViewError(f"{path}: its maps hold numbers that are not finite")
+    return UndistortMap(
+        map_x=map_x,
+        map_y=map_y,
+        valid=valid,
+        view=view,
+        image_size=(int(size[0]), int(size[1])),
+    )
+
+
+def _read_npz(path: Path) -> dict[str, npt.NDArray[Any]]:
+    limit = 10 * MAX_SIDE * MAX_SIDE  # a small file may unpack to a huge one
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if sum(member.file_size for member in archive.infolist()) > limit:
+                raise ViewError(f"{path} unpacks to more than any map holds")
+        with np.load(path, allow_pickle=False) as data:
+            missing = [key for key in _KEYS if key not in data.files]
+            if missing:
+                raise ViewError(f"{path} is not an undistortion map: it has no {missing[0]}")
+            return {key: data[key] for key in _KEYS}
+    except ViewError:
+        raise
+    except OSError as problem:
+        raise ViewError(f"{path} cannot be read: {problem.strerror or problem}") from problem
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        struct.error,
+        ValueError,
+        KeyError,
+        EOFError,
+        NotImplementedError,
+        RuntimeError,
+        MemoryError,
+    ) as problem:
+        raise ViewError(f"{path} is not an undistortion map, or is damaged") from problem

@@ -1,0 +1,249 @@
+import io
+import json
+import zipfile
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from synthetic import TRUE_LENS, lens_of_size
+
+from cubicfish_cli.errors import OutputError, ViewError
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.model.lift import lift
+from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.undistortion import maps
+from cubicfish_cli.undistortion.maps import build_map, load_map, save_map
+from cubicfish_cli.undistortion.views import PerspectiveView, default_view, rotation_from_angles
+
+LENS = lens_of_size(0.25)
+SIZE = LENS.image_size
+
+
+def cubic_camera(max_angle_deg=93.0):
+    """A cubic camera with all 60 entries at work, by weighted least squares from a lens."""
+    rng = np.random.default_rng(1)
+    z = rng.uniform(np.cos(np.radians(96)), 1, 4000)
+    turn = rng.uniform(-np.pi, np.pi, 4000)
+    rays = np.stack([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z], -1)
+    rays = rays[~np.isnan(LENS.project(rays)).any(axis=1)]
+    phi, weight = lift(rays), np.ones(len(rays))
+    pixel = (LENS.project(rays) - [LENS.cx, LENS.cy]) / 100
+    for _ in range(5):
+        rows = [np.hstack([phi, 0 * phi, -pixel[:, :1] * phi])]
+        rows += [np.hstack([0 * phi, phi, -pixel[:, 1:] * phi])]
+        system = np.vstack(rows) * np.tile(weight, 2)[:, None]
+        # Each row of P is fixed but for four directions: the solution is the 13th vector.
+        vector = np.linalg.eigh(system.T @ system)[1]
+        P = vector[:, 12].reshape(3, 20)
+        weight = 1 / np.abs(phi @ P[2])
+    # Give every entry something to do; the camera stays sound.
+    P = P + 1e-3 * np.linalg.norm(P, axis=1, keepdims=True) * rng.standard_normal((3, 20))
+    P = np.array([[100, 0, LENS.cx], [0, 100, LENS.cy], [0, 0, 1]]) @ P
+    companion = RadialCamera(image_size=SIZE, fx=65, fy=65, cx=120, cy=90, k=np.zeros(4))
+    return CubicCamera(image_size=SIZE, P=P, max_angle_deg=max_angle_deg, radial=companion)
+
+
+def truth(camera, view):
+    """The map by its definition, pixel by pixel: (h, w, 2), NaN where it is not valid."""
+    x, y = np.meshgrid(np.arange(view.size[0]), np.arange(view.size[1]))
+    pixel = camera.project(view.rays(np.stack([x, y], axis=-1)))
+    limit = np.array(camera.image_size) - 1
+    with np.errstate(invalid="ignore"):
+        inside = ((pixel >= 0) & (pixel <= limit)).all(axis=-1)
+    return np.where(inside[..., None], pixel, np.nan)
+
+
+def check_against_truth(camera, view, tolerance):
+    made, true = build_map(camera, view), truth(camera, view)
+    assert made.map_x.dtype == made.map_y.dtype == np.float32
+    assert made.map_x.shape == made.valid.shape == view.size[::-1]
+    assert made.view == view
+    assert made.image_size == camera.image_size
+    inside = ~np.isnan(true[..., 0])
+    # A pixel on the very edge may fall to either side by rounding.
+    assert (inside != made.valid).mean() < 1e-3
+    both = inside & made.valid
+    assert both.any()
+    got = np.stack([made.map_x, made.map_y], axis=-1)
+    np.testing.assert_allclose(got[both], true[both], rtol=0, atol=tolerance)
+    assert (got[~made.valid] == -1).all()
+    return made
+
+
+@pytest.mark.parametrize("angles", [{}, {"yaw_deg": 50, "pitch_deg": -20, "roll_deg": 70}])
+@pytest.mark.parametrize("field", [40, 120, 170])
+def test_the_map_is_the_projection_of_the_views_rays(angles, field):
+    view = PerspectiveView.with_field(field, (90, 70), rotation_from_angles(**angles))
+    check_against_truth(LENS, view, 2e-5)
+
+
+@pytest.mark.parametrize(
+    "angles", [{}, {"yaw_deg": 50, "pitch_deg": -20, "roll_deg": 70}, {"yaw_deg": 180}]
+)
+@pytest.mark.parametrize("field", [40, 120, 170])
+def test_the_cubic_cameras_fast_way_agrees_with_the_plain_one(angles, field):
+    camera = cubic_camera()
+    share = np.abs(camera.P) / np.linalg.norm(camera.P, axis=1, keepdims=True)
+    assert share.min() > 1e-6  # no entry is idle
+    view = PerspectiveView.with_field(field, (90, 70), rotation_from_angles(**angles))
+    if angles.get("yaw_deg") == 180 and field < 170:
+        assert not build_map(camera, view).valid.any()
+    elif angles.get("yaw_deg") != 180:
+        check_against_truth(camera, view, 2e-5)
+
+
+def test_the_cone_ends_where_the_camera_says():
+    camera = cubic_camera(max_angle_deg=50.0)
+    view = PerspectiveView.with_field(140, (201, 151))
+    made = check_against_truth(camera, view, 2e-5)
+    x, y = np.meshgrid(np.arange(201), np.arange(151))
+    rays = view.rays(np.stack([x, y], axis=-1))
+    angle = np.degrees(np.arctan2(np.hypot(rays[..., 0], rays[..., 1]), rays[..., 2]))
+    assert not made.valid[angle > 50.001].any()
+    assert made.valid[angle < 49.9].all()
+
+
+def test_blocks_of_rows_leave_no_seam(monkeypatch):
+    view = PerspectiveView.with_field(120, (90, 70), (0.1, -0.2, 0.3))
+    for camera in (LENS, cubic_camera()):
+        whole = build_map(camera, view)
+        monkeypatch.setattr(maps, "_PIXELS_A_BLOCK", 1000)
+        parts = build_map(camera, view)
+        monkeypatch.undo()
+        np.testing.assert_array_equal(parts.valid, whole.valid)
+        np.testing.assert_array_equal(parts.map_x, whole.map_x)
+        np.testing.assert_array_equal(parts.map_y, whole.map_y)
+
+
+def test_remap_by_the_map_shows_the_pixels_that_it_says():
+    # A photo whose brightness is its own coordinate: bilinear reading gives the map back.
+    photo = np.broadcast_to(np.arange(SIZE[0], dtype=np.float32), SIZE[::-1]).copy() + 1
+    made = build_map(LENS, default_view(LENS))
+    flat = cv2.remap(photo, made.map_x, made.map_y, cv2.INTER_LINEAR)
+    assert made.valid.mean() > 0.5
+    # cv2.remap rounds coordinates to 1/32 pixel.
+    assert np.abs(flat - 1 - made.map_x)[made.valid].max() <= 1 / 32
+    assert (flat[~made.valid] == 0).all()
+
+
+def test_photos_too_large_for_remap_are_refused():
+    with pytest.raises(ViewError, match="40000x10"):
+        build_map(replace(LENS, image_size=(40_000, 10)), PerspectiveView(size=(4, 3), focal=2.0))
+
+
+@pytest.fixture
+def saved(tmp_path):
+    made = build_map(LENS, PerspectiveView.with_field(120, (32, 24), (0.1, 0.2, 0.3)))
+    path = tmp_path / "undistort_map.npz"
+    save_map(path, made, overwrite=False)
+    return path, made
+
+
+def test_a_saved_map_comes_back(saved):
+    path, made = saved
+    again = load_map(path)
+    np.testing.assert_array_equal(again.map_x, made.map_x)
+    np.testing.assert_array_equal(again.map_y, made.map_y)
+    np.testing.assert_array_equal(again.valid, made.valid)
+    assert again.view == made.view
+    assert again.image_size == made.image_size == SIZE
+    with np.load(path, allow_pickle=False) as data:  # as a user reads it
+        assert {"map_x", "map_y", "valid", "view", "format"} <= set(data.files)
+        assert json.loads(str(data["view"]))["kind"] == "perspective"
+        assert data["map_x"].dtype == data["map_y"].dtype == np.float32
+        assert data["valid"].dtype == bool
+
+
+def test_a_map_is_not_overwritten_unasked(saved):
+    path, made = saved
+    before = path.read_bytes()
+    with pytest.raises(OutputError, match="--overwrite"):
+        save_map(path, made, overwrite=False)
+    assert path.read_bytes() == before
+    save_map(path, build_map(LENS, PerspectiveView(size=(5, 4), focal=3.0)), overwrite=True)
+    assert load_map(path).map_x.shape == (4, 5)
+    assert [file.name for file in path.parent.iterdir()] == [path.name]
+
+
+def changed(path, **changes):
+    with np.load(path) as data:
+        parts = {key: data[key] for key in data.files} | changes
+    np.savez(path, **{key: value for key, value in parts.items() if value is not None})
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"map_x": None}, "no map_x"),
+        ({"view": None}, "no view"),
+        ({"format": np.array("cubicfish undistort_map 2")}, "known version"),
+        ({"format": np.array([1, 2])}, "known version"),
+        ({"view": np.array("{}")}, "no 'kind'"),
+        ({"view": np.array(3)}, "not text"),
+        ({"valid": np.ones((3, 3), bool)}, "view's size"),
+        ({"map_y": np.zeros((32, 24), np.float32)}, "view's size"),
+        ({"map_y": np.zeros((24, 32))}, "float32"),
+        ({"valid": np.ones((24, 32), np.uint8)}, "bool"),
+        ({"map_x": np.full((24, 32), np.nan, np.float32)}, "not finite"),
+        ({"image_size": np.array([1, 2, 3])}, "image_size"),
+        ({"image_size": np.array([0, 2])}, "image_size"),
+        ({"image_size": np.array([0.5, 2])}, "image_size"),
+        ({"map_x": np.array([{"a": 1}], object)}, "damaged"),
+    ],
+)
+def test_a_malformed_map_is_refused_in_one_line(saved, changes, says):
+    path, _ = saved
+    changed(path, **changes)
+    with pytest.raises(ViewError, match=says) as caught:
+        load_map(path)
+    assert "\n" not in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_files_that_are_no_map_are_refused(saved):
+    path, _ = saved
+    data = path.read_bytes()
+    for content in (b"", b"text", data[: len(data) // 2], data[: len(data) - 30]):
+        path.write_bytes(content)
+        with pytest.raises(ViewError, match="not an undistortion map, or is damaged"):
+            load_map(path)
+    np.save(path.with_suffix(".npy"), np.zeros(3))
+    with pytest.raises(ViewError, match="not an undistortion map"):
+        load_map(path.with_suffix(".npy"))
+    with pytest.raises(ViewError, match="cannot be read: No such file"):
+        load_map(path.with_name("absent.npz"))
+
+
+def test_damage_anywhere_in_a_map_is_an_error_of_one_kind(saved):
+    path, made = saved
+    data = path.read_bytes()
+    rng = np.random.default_rng(0)
+    for at in rng.integers(0, len(data), 300):
+        hurt = bytearray(data)
+        hurt[at] ^= int(rng.integers(1, 256))
+        path.write_bytes(bytes(hurt))
+        try:
+            again = load_map(path)
+        except ViewError:
+            continue
+        np.testing.assert_array_equal(again.map_x, made.map_x)
+
+
+def test_a_small_file_that_unpacks_to_a_huge_one_is_refused(tmp_path, monkeypatch):
+    path = tmp_path / "bomb.npz"
+    array = io.BytesIO()
+    np.save(array, np.zeros((1000, 1000), np.float32))
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("map_x.npy", array.getvalue())
+    monkeypatch.setattr(maps, "MAX_SIDE", 500)
+    with pytest.raises(ViewError, match="unpacks to more"):
+        load_map(path)
+
+
+def test_the_whole_picture_is_the_projection_at_full_size():
+    camera = cubic_camera()
+    view = default_view(camera)
+    assert view.size == SIZE
+    check_against_truth(camera, view, 2e-5)
+    assert TRUE_LENS.image_size != SIZE
