@@ -15,20 +15,24 @@ from cubicfish_cli.model.lift import lift, sphere_basis
 FloatArray = npt.NDArray[np.float64]
 
 ROUNDS = 10
+# A pair beside a pole must not get an unbounded weight in the next round.
+_SMALLEST_SHARE = 0.02
 
 
 def linear_coefficients(
-    rays: FloatArray, pixel: FloatArray, weight: FloatArray, *, rounds: int = ROUNDS
+    rays: FloatArray, pixel: FloatArray, *, denominator_pull: float, rounds: int = ROUNDS
 ) -> FloatArray:
-    """C (3, 16) with P = C Bᵀ, in the units of ``pixel``, mean P3Φ over the rays positive.
+    """C (3, 16) with P = C Bᵀ, in the units of ``pixel``; the mean of P3Φ over the rays is 1.
 
     Solved in the 16-dimensional row space of Φ on the sphere: with all 20 columns the smallest
-    singular vector would be one of the cubics that vanish on the sphere.
+    singular vector would be one of the cubics that vanish on the sphere. Rays that a smooth lens
+    made leave the solution nearly free even then (numerator and denominator may share a factor),
+    with poles wherever rounding puts them; a small pull of P3Φ towards 1 picks the tame one.
 
     Args:
         rays: (N, 3) unit rays.
         pixel: (N, 2), best normalised to order 1 (Hartley).
-        weight: (N,) weight of each pair.
+        denominator_pull: weight of P3Φ = 1 at each ray; 0 is the homogeneous system of the paper.
         rounds: reweighting rounds; 0 is the paper's plain solution.
 
     """
@@ -36,7 +40,7 @@ def linear_coefficients(
     denominator = np.ones(len(values))
     coefficients = np.zeros((3, 16))
     for _ in range(rounds + 1):
-        rows = values * (weight / denominator)[:, None]
+        rows = values / denominator[:, None]
         zeros = np.zeros_like(rows)
         system = np.vstack(
             [
@@ -44,12 +48,16 @@ def linear_coefficients(
                 np.hstack([zeros, -rows, pixel[:, 1:] * rows]),
             ]
         )
-        # The triangular factor has the same right singular vectors and is 48x48.
-        triangle = np.linalg.qr(system, mode="r")
-        coefficients = np.linalg.svd(triangle)[2][-1].reshape(3, 16)
+        if denominator_pull > 0:
+            pull = denominator_pull * np.hstack([zeros, zeros, values])
+            wanted = np.concatenate([np.zeros(len(system)), np.full(len(pull), denominator_pull)])
+            solution = np.linalg.lstsq(np.vstack([system, pull]), wanted, rcond=None)[0]
+        else:
+            # The triangular factor has the same right singular vectors and is 48x48.
+            solution = np.linalg.svd(np.linalg.qr(system, mode="r"))[2][-1]
+        coefficients = solution.reshape(3, 16)
         found = values @ coefficients[2]
-        if np.median(found) < 0:
-            coefficients, found = -coefficients, -found
-        # A pair beside a pole must not get an unbounded weight in the next round.
-        denominator = np.maximum(found, 0.02 * np.median(np.abs(found)))
+        scale = found.mean()
+        coefficients, found = coefficients / scale, found / scale
+        denominator = np.maximum(found, _SMALLEST_SHARE)
     return coefficients
