@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     default=Path("calibration"),
     show_default=True,
     metavar="FOLDER",
-    help="Where camera.yaml and corners.csv go.",
+    help="Where camera.yaml, undistort_map.npz and corners.csv go.",
 )
 @click.option(
     "--hold-out/--no-hold-out",
@@ -87,12 +87,14 @@ def command(
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.fitting.calibrate import calibrate
 
-    outputs = _outputs(output, inputs, writes_corners=correspondences is None)
+    outputs = _outputs(output, inputs)
     for path in outputs.values():
         refuse_existing(path, overwrite=overwrite)
     loaded = load_pairs(
         inputs, correspondences=correspondences, target=target, size=size, jobs=jobs
     )
+    if loaded.corners is None:  # the input held pairs
+        outputs.pop("corners", None)
     say(f"Fitting to {count(len(loaded.pairs.pixel), 'corner')}.")
     calibration = calibrate(loaded.pairs, hold_out=hold_out)
     options = {"hold_out": hold_out}
@@ -114,12 +116,12 @@ def command(
     hold_gate(calibration.errors.rms_px, max_rms)
 
 
-def _outputs(folder: Path, inputs: Sequence[Path], *, writes_corners: bool) -> dict[str, Path]:
-    outputs = {"camera": folder / "camera.yaml"}
+def _outputs(folder: Path, inputs: Sequence[Path]) -> dict[str, Path]:
+    outputs = {"camera": folder / "camera.yaml", "map": folder / "undistort_map.npz"}
     corners = folder / "corners.csv"
     # Corners that were read from this very file need not be written again.
     is_input = corners.exists() and any(path.exists() and path.samefile(corners) for path in inputs)
-    if writes_corners and not is_input:
+    if inputs and not is_input:
         outputs["corners"] = corners
     return outputs
 
@@ -150,11 +152,15 @@ def _write(
     from cubicfish_cli.correspondences import save_corners
     from cubicfish_cli.files import whole_files
     from cubicfish_cli.formats.camera_yaml import save_camera
+    from cubicfish_cli.undistortion.maps import build_map, save_map
+    from cubicfish_cli.undistortion.views import default_view
 
     with whole_files(list(outputs.values()), overwrite=overwrite) as temporary:
         names = dict(zip(outputs, temporary, strict=True))
         fit = calibration.as_record()
         save_camera(names["camera"], calibration.camera, fit=fit, made_by=made_by, overwrite=False)
+        view = default_view(calibration.camera)
+        save_map(names["map"], build_map(calibration.camera, view), overwrite=False)
         if "corners" in names and loaded.corners is not None:
             save_corners(names["corners"], loaded.corners, overwrite=False)
 

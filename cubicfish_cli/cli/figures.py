@@ -29,7 +29,8 @@ def print_errors(record: Mapping[str, Any], more: Sequence[tuple[str, float | No
         *more,
     ]
     for name, value, meaning in lines:
-        result(f"{name:<24}{px(value):>7} px  {meaning}".rstrip())
+        unit = "  " if value is None else "px"
+        result(f"{name:<24}{px(value):>7} {unit}  {meaning}".rstrip())
     spread = ", ".join(px(record[key]) for key in ("median_px", "p95_px", "max_px"))
     result(f"{'median, 95 %, largest':<24}{spread:>7} px")
 

@@ -124,10 +124,11 @@ def detect(
     inputs: Sequence[Path], target: Target, jobs: int | None
 ) -> tuple[Detection, tuple[Path, ...]]:
     """Find and name the corners of a target in photos, with a progress bar."""
-    from cubicfish_cli.naming.detect import detect_corners
     from cubicfish_cli.photos import find_photos
 
     photos = find_photos(inputs)
+    from cubicfish_cli.naming.detect import detect_corners
+
     say(f"Looking for corners in {count(len(photos), 'photo')}.")
     with progress("Finding corners") as callback:
         detection = detect_corners(photos, target, jobs=jobs, progress=callback)

@@ -25,6 +25,8 @@ EXIT_BROKEN_PIPE = 141  # what a shell reports for a program that SIGPIPE ended
 COMMANDS = (
     "calibrate",
     "evaluate",
+    "undistort",
+    "map",
     "project",
     "unproject",
 )

@@ -1,0 +1,64 @@
+"""What tests of the command line share."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from cubicfish_cli.cli.main import cli
+from cubicfish_cli.correspondences import load_corners, pair
+from cubicfish_cli.fitting import calibrate
+from cubicfish_cli.fitting.calibrate import Calibration
+from cubicfish_cli.target import load_target
+
+SAMPLE = Path(__file__).parents[1] / "sample_data"
+
+Run = Callable[..., Result]
+
+
+def run_cli(*args: object, input: str | None = None, code: int = 0) -> Result:
+    """Run the command line in this process and check its exit code."""
+    result = CliRunner().invoke(cli, [str(arg) for arg in args], input=input, prog_name="cubicfish")
+    assert result.exit_code == code, (result.output, result.stderr, result.exception)
+    return result
+
+
+@pytest.fixture
+def run() -> Run:
+    return run_cli
+
+
+@pytest.fixture(autouse=True)
+def no_model_from_outside(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("CUBICFISH_MODEL", raising=False)
+
+
+@pytest.fixture(scope="session")
+def fitted() -> Calibration:
+    """The fit of the sample's exact corners."""
+    target = load_target(SAMPLE / "target.yaml")
+    pairs = pair(load_corners(SAMPLE / "true_corners.csv", target), target)
+    return calibrate.calibrate(pairs, hold_out=False)
+
+
+@pytest.fixture
+def quick_fit(fitted: Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let ``cubicfish calibrate`` give that fit at once, whatever its input."""
+    monkeypatch.setattr(calibrate, "calibrate", lambda pairs, **options: fitted)
+
+
+@pytest.fixture(scope="session")
+def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the calibration of the sample's exact corners. Do not write into it."""
+    folder = tmp_path_factory.mktemp("calibrated") / "calibration"
+    run_cli(
+        "calibrate",
+        SAMPLE / "true_corners.csv",
+        "--target",
+        SAMPLE / "target.yaml",
+        "--no-hold-out",
+        "-o",
+        folder,
+    )
+    return folder

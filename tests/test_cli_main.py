@@ -1,0 +1,191 @@
+"""The command line as a whole: quick help, and one line and an exit code for what goes wrong."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+from conftest import SAMPLE, Run
+
+from cubicfish_cli import __version__
+from cubicfish_cli.cli.main import COMMANDS, cli
+from cubicfish_cli.errors import CameraFileError, FitError
+from cubicfish_cli.formats import camera_yaml
+
+CUBICFISH = [sys.executable, "-m", "cubicfish_cli.cli.main"]
+HEAVY = ("numpy", "cv2", "scipy", "yaml", "rich")
+
+
+def heavy_modules_after(*args: str) -> str:
+    code = (
+        "import sys; from cubicfish_cli.cli.main import cli\n"
+        f"cli({list(args)!r}, standalone_mode=False)\n"
+        f"print('loaded:', *({HEAVY!r} & sys.modules.keys()))"
+    ).replace(repr(HEAVY), repr(set(HEAVY)))
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return done.stdout.splitlines()[-1]
+
+
+def test_help_is_quick() -> None:
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([*CUBICFISH, "--help"], capture_output=True, check=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 0.3
+
+
+@pytest.mark.parametrize("args", [["--help"], ["calibrate", "-h"], ["project", "--help"]])
+def test_help_loads_no_heavy_library(args: list[str]) -> None:
+    assert heavy_modules_after(*args) == "loaded:"
+
+
+def test_the_check_for_heavy_libraries_sees_them(calibrated: Path, tmp_path: Path) -> None:
+    points = tmp_path / "points.csv"
+    points.write_text("0,0,1\n")
+    said = heavy_modules_after("project", str(points), "-m", str(calibrated / "camera.yaml"))
+    assert "numpy" in said
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_help_with_an_example(run: Run, name: str) -> None:
+    said = run(name, "-h").output
+    assert run(name, "--help").output == said
+    assert "Examples:\n" in said
+    assert f"cubicfish {name}" in said.split("Examples:")[1]
+    assert "--debug" in said
+    first = cli.get_command(None, name).get_short_help_str(200)  # type: ignore[union-attr,arg-type]
+    assert first[:60].rstrip(".") in run("--help").output
+
+
+def test_the_installed_program_runs() -> None:
+    program = Path(sys.executable).with_name("cubicfish")
+    if not program.exists():
+        pytest.skip("cubicfish is not installed beside this Python")
+    done = subprocess.run([program, "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"cubicfish, version {__version__}\n"
+
+
+def test_an_unknown_command_is_wrong_usage_and_the_nearest_is_named(run: Run) -> None:
+    result = run("calibrat", code=2)
+    assert "No such command 'calibrat': did you mean 'calibrate'?" in result.stderr
+    assert result.stdout == ""
+
+
+def test_a_known_error_is_one_line_on_stderr(run: Run, tmp_path: Path) -> None:
+    result = run("project", "-m", tmp_path / "no.yaml", input="0,0,1\n", code=1)
+    assert result.stdout == ""
+    assert result.stderr.startswith("Error: ")
+    assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("place", ["before", "after"])
+def test_debug_shows_where_an_error_came_from(tmp_path: Path, place: str) -> None:
+    args = ["project", "-m", str(tmp_path / "no.yaml")]
+    args = ["--debug", *args] if place == "before" else [*args, "--debug"]
+    result = CliRunner().invoke(cli, args, input="0,0,1\n")
+    assert isinstance(result.exception, CameraFileError)
+
+
+@pytest.mark.parametrize(
+    ("error", "said", "code"),
+    [
+        (FitError("the fit failed: do this"), "Error: the fit failed: do this\n", 1),
+        (KeyboardInterrupt(), "Interrupted.\n", 130),
+        (
+            OSError(28, "No space left on device", "/x/y"),
+            "Error: /x/y: No space left on device\n",
+            1,
+        ),
+        (OSError("odd"), "Error: odd\n", 1),
+        (MemoryError(), "Error: not enough memory: use smaller photos", 1),
+    ],
+)
+def test_what_a_user_can_cause_has_an_exit_code(
+    run: Run, monkeypatch: pytest.MonkeyPatch, error: BaseException, said: str, code: int
+) -> None:
+    def fail(path: Path) -> Any:
+        raise error
+
+    monkeypatch.setattr(camera_yaml, "load_camera", fail)
+    result = run("project", "-m", "any.yaml", input="0,0,1\n", code=code)
+    assert result.stderr.startswith(said)
+    assert result.stdout == ""
+
+
+def test_a_bug_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(path: Path) -> Any:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(camera_yaml, "load_camera", fail)
+    result = CliRunner().invoke(cli, ["project", "-m", "any.yaml"], input="0,0,1\n")
+    assert isinstance(result.exception, ZeroDivisionError)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+def test_an_interrupt_ends_with_130(tmp_path: Path) -> None:
+    model = tmp_path / "camera.yaml"
+    os.mkfifo(model)
+    with (
+        subprocess.Popen(
+            [*CUBICFISH, "project", "-m", str(model)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        ) as process,
+        model.open("w"),
+    ):  # returns when the program reads its model
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert said == "Interrupted.\n"
+
+
+def test_a_reader_that_leaves_ends_it_quietly(calibrated: Path, tmp_path: Path) -> None:
+    points = tmp_path / "points.csv"
+    points.write_text("0.1,0.2,1\n" * 20_000)
+    with subprocess.Popen(
+        [*CUBICFISH, "project", str(points), "-m", str(calibrated / "camera.yaml")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"},
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.read(10)
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 141
+
+
+def test_a_terminal_without_the_letters_still_gets_its_text(calibrated: Path) -> None:
+    target = SAMPLE / "target.yaml"
+    args = ["calibrate", calibrated / "corners.csv", "-t", target, "-o", "~", "--json", "-j", "–"]
+    done = subprocess.run(
+        [*CUBICFISH, *args],
+        env={**os.environ, "PYTHONIOENCODING": "latin-1"},
+        capture_output=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert rb"\u2013" in done.stderr
+
+
+def test_the_default_model_is_below_the_current_folder(
+    run: Run, calibrated: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = run("project", input="0,0,1\n", code=1).stderr
+    assert "there is no calibration/camera.yaml here: run 'cubicfish calibrate' first" in said
+    monkeypatch.chdir(calibrated.parent)
+    by_default = run("project", input="0,0,1\n").stdout
+    assert by_default.count(",") == 1
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("CUBICFISH_MODEL", str(calibrated / "camera.yaml"))
+    assert run("project", input="0,0,1\n").stdout == by_default
+    said = run("project", "-m", "other.yaml", input="0,0,1\n", code=1).stderr
+    assert "other.yaml" in said
