@@ -5,12 +5,17 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from hypothesis import settings
 
 from cubicfish_cli.cli.main import cli
 from cubicfish_cli.correspondences import load_corners, pair
 from cubicfish_cli.fitting import calibrate
 from cubicfish_cli.fitting.calibrate import Calibration
 from cubicfish_cli.target import load_target
+
+# Loaded machines are slow at times; no test judges by the clock.
+settings.register_profile("untimed", deadline=None)
+settings.load_profile("untimed")
 
 SAMPLE = Path(__file__).parents[1] / "sample_data"
 

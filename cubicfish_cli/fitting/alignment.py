@@ -31,7 +31,8 @@ def aligned_difference(
     same camera.
 
     Args:
-        first, second: the lenses.
+        first: one lens.
+        second: the other.
         rays: (N, 3) unit rays in the second lens's frame.
 
     Returns:

@@ -89,7 +89,8 @@ class RadialCamera:
                 ],
                 axis=-1,
             )
-        seen = (theta <= self.max_angle) & (norm > 0) & ((theta < 3) | (rho > _NEAR_AXIS * norm))
+        seen = (theta <= self.max_angle) & (norm > 0) & np.isfinite(norm)
+        seen &= (points[..., 2] > 0) | (rho > _NEAR_AXIS * norm)  # straight back has no azimuth
         return np.where(seen[..., None], pixel, np.nan)
 
     def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
@@ -102,7 +103,8 @@ class RadialCamera:
         sine = np.sin(theta)
         with np.errstate(divide="ignore", invalid="ignore"):
             scale = np.where(radius > 0, sine / radius, 1.0)
-        return np.stack([x * scale, y * scale, np.cos(theta)], axis=-1)
+            rays = np.stack([x * scale, y * scale, np.cos(theta)], axis=-1)
+        return np.where(np.isfinite(theta)[..., None], rays, np.nan)
 
     def angle(self, radius: npt.ArrayLike) -> FloatArray:
         """Invert the profile: normalised radius (...,) -> θ, radians; NaN beyond its end."""

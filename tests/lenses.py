@@ -1,0 +1,74 @@
+"""Cameras that tests share: cubic ones that are no one's radial lens, and radial ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.fitting.linear import linear_coefficients
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.model.lift import sphere_basis
+from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.model.soundness import cone_rays
+
+
+def radial_camera(
+    half_angle_deg: float = 100.0,
+    *,
+    k: tuple[float, float, float, float] = (-0.03, -0.002, 0.0005, -0.00005),
+    centre: tuple[float, float] = (488.0, 351.0),
+    image_size: tuple[int, int] = (960, 720),
+) -> RadialCamera:
+    """A Kannala–Brandt lens whose cone of ``half_angle_deg`` fills the photo's height."""
+    theta = np.deg2rad(half_angle_deg)
+    unit = RadialCamera(image_size=image_size, fx=1, fy=1, cx=0, cy=0, k=np.array(k))
+    focal = 0.48 * min(image_size) / float(unit.profile(theta))
+    return RadialCamera(
+        image_size=image_size,
+        fx=focal,
+        fy=1.003 * focal,
+        cx=centre[0],
+        cy=centre[1],
+        k=np.array(k),
+    )
+
+
+def cubic_camera(
+    half_angle_deg: float = 100.0, *, bend: float = 0.004, seed: int = 0
+) -> CubicCamera:
+    """A cubic camera near a radial lens: every coefficient is off by a little of its own."""
+    radial = radial_camera(half_angle_deg)
+    rays = cone_rays(np.deg2rad(half_angle_deg), 400)
+    centre, scale = np.array([radial.cx, radial.cy]), radial.fx
+    coefficients = linear_coefficients(
+        rays, (radial.project(rays) - centre) / scale, denominator_pull=1e-3
+    )
+    noise = np.random.default_rng(seed).standard_normal(coefficients.shape)
+    coefficients = coefficients + bend * noise
+    normalisation = np.array([[scale, 0, centre[0]], [0, scale, centre[1]], [0, 0, 1]])
+    P = normalisation @ coefficients @ sphere_basis().T
+    return CubicCamera(
+        image_size=radial.image_size,
+        P=P / np.linalg.norm(P),
+        max_angle_deg=half_angle_deg - 5,
+        radial=radial,
+    )
+
+
+def random_rays(half_angle_deg: float, count: int, seed: int = 0) -> npt.NDArray[np.float64]:
+    """Unit rays (count, 3) spread evenly over a cone."""
+    rng = np.random.default_rng(seed)
+    z = rng.uniform(np.cos(np.deg2rad(half_angle_deg)), 1, count)
+    turn = rng.uniform(-np.pi, np.pi, count)
+    across = np.sqrt(1 - z * z)
+    return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=-1)
+
+
+def numeric_jacobian(function, point, step: float = 1e-6):
+    """Central differences of function: (N, 3) -> (N, R) at each point: (N, R, 3)."""
+    columns = []
+    for axis in range(point.shape[-1]):
+        shift = np.zeros(point.shape[-1])
+        shift[axis] = step
+        columns.append((function(point + shift) - function(point - shift)) / (2 * step))
+    return np.stack(columns, axis=-1)
