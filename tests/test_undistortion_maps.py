@@ -93,6 +93,42 @@ def test_the_cubic_cameras_fast_way_agrees_with_the_plain_one(angles, field):
         check_against_truth(camera, view, 2e-5)
 
 
+class Crop:
+    """A camera whose photo is a part of the view, shifted by a part of a pixel."""
+
+    image_size = (10, 8)
+    max_angle_deg = 89.0
+
+    def __init__(self, view, shift):
+        self.view, self.shift = view, shift
+
+    def project(self, points):
+        pixel = points @ self.view.camera_matrix.T
+        return pixel[..., :2] / pixel[..., 2:] - 5 + self.shift
+
+
+@pytest.mark.parametrize(
+    ("shift", "columns", "rows"), [(0.0, 10, 8), (0.25, 9, 7), (-0.25, 9, 7), (0.75, 9, 7)]
+)
+def test_only_pixels_with_four_neighbours_in_the_photo_are_valid(shift, columns, rows):
+    view = PerspectiveView(size=(20, 20), focal=8.0)
+    made = build_map(Crop(view, shift), view)
+    assert made.valid.any(axis=0).sum() == columns
+    assert made.valid.any(axis=1).sum() == rows
+    assert made.valid.sum() == columns * rows
+    assert made.map_x[made.valid].min() >= 0
+    assert made.map_x[made.valid].max() <= 9
+    assert made.map_y[made.valid].max() <= 7
+
+
+def test_the_cubic_camera_takes_the_fast_way(monkeypatch):
+    def slow(*_):
+        raise AssertionError("projected ray by ray")
+
+    monkeypatch.setattr(CubicCamera, "project", slow)
+    assert build_map(cubic_camera(), PerspectiveView(size=(9, 9), focal=5.0)).valid.all()
+
+
 def test_the_cone_ends_where_the_camera_says():
     camera = cubic_camera(max_angle_deg=50.0)
     view = PerspectiveView.with_field(140, (201, 151))
@@ -215,19 +251,39 @@ def test_files_that_are_no_map_are_refused(saved):
         load_map(path.with_name("absent.npz"))
 
 
-def test_damage_anywhere_in_a_map_is_an_error_of_one_kind(saved):
-    path, made = saved
+@pytest.mark.parametrize("compressed", [False, True])
+def test_damage_anywhere_in_a_map_is_an_error_of_one_kind(tmp_path, compressed):
+    made = build_map(LENS, PerspectiveView.with_field(120, (8, 6)))
+    path = tmp_path / "undistort_map.npz"
+    save_map(path, made, overwrite=False)
+    if compressed:  # as a user's own numpy might write it again
+        with np.load(path) as data:
+            np.savez_compressed(path, **data)
     data = path.read_bytes()
     rng = np.random.default_rng(0)
-    for at in rng.integers(0, len(data), 300):
+    for at in range(0, len(data), 2):
         hurt = bytearray(data)
-        hurt[at] ^= int(rng.integers(1, 256))
+        hurt[at] ^= int(rng.choice([1, 2, 8, 32, 64, 128, 255]))
         path.write_bytes(bytes(hurt))
         try:
             again = load_map(path)
         except ViewError:
             continue
         np.testing.assert_array_equal(again.map_x, made.map_x)
+
+
+def test_a_header_that_claims_a_huge_map_is_refused(saved):
+    path, _ = saved
+    header = "{'descr': '<f4', 'fortran_order': False, 'shape': (1000000000, 10000000), }"
+    text = header.ljust(117) + "\n"
+    array = b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text.encode()
+    with zipfile.ZipFile(path) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in (parts | {"map_x.npy": array}).items():
+            archive.writestr(name, content)
+    with pytest.raises(ViewError, match="damaged"):
+        load_map(path)
 
 
 def test_a_small_file_that_unpacks_to_a_huge_one_is_refused(tmp_path, monkeypatch):
