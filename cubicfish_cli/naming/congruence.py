@@ -72,9 +72,7 @@ def is_symmetry(motion: Similarity, sides: Sides) -> bool:
     return True
 
 
-def _lands_on(
-    frame: FloatArray, world: FloatArray, one: int, other: np.intp, sides: Sides
-) -> bool:
+def _lands_on(frame: FloatArray, world: FloatArray, one: int, other: np.intp, sides: Sides) -> bool:
     """Whether board ``one``, moved to ``frame`` and end corners ``world``, covers ``other``."""
     square = sides.square[other]
     if abs(sides.square[one] - square) > 1e-3 * square:
@@ -95,4 +93,3 @@ def _lands_on(
     # A quarter turn, and each odd step of the first corner, swap the two colours.
     flips = turn + int(corners[0].sum())
     return bool(sides.colour[one] == sides.colour[other] * (-1) ** flips)
-

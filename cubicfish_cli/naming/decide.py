@@ -23,6 +23,11 @@ BoolArray = npt.NDArray[np.bool_]
 CLEAR_RATIO = 1.3
 # No RMS is believed to be smaller than this: what is below is not what tells labelings apart.
 _NOISE_FLOOR_PX = 0.05
+# A rival that has no place for a grid which the winner places well misses it by this share of
+# the distance of neighbouring corners: a grid that is none of the boards hardly fits by chance.
+_LEFT_OUT_STEPS = 0.3
+# Part of a board that may slide is kept only if its corners are at least one in so many.
+_LEAST_SHARE = 3
 # No solid has more rotations than the cube's 24: more places than that are not symmetries.
 _MOST_SYMMETRIES = 24
 
@@ -50,7 +55,8 @@ class Decision:
         ratio: (G,) RMS of the best labeling that differs in this grid over the chosen one's,
             both over the grids in which they differ; inf without a rival.
         rms_px: (G,) of the chosen labeling, pixels; NaN where there is none.
-        rotation, translation: camera_from_world of the chosen labeling, None without one.
+        rotation, translation: (3, 3), (3,) camera_from_world of the chosen labeling; NaN
+            without one.
 
     """
 
@@ -59,8 +65,8 @@ class Decision:
     offset: IntArray
     ratio: FloatArray
     rms_px: FloatArray
-    rotation: FloatArray | None = None
-    translation: FloatArray | None = None
+    rotation: FloatArray
+    translation: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,9 +85,7 @@ class _Photo:
         return world
 
     def worlds(self, side: IntArray, offset: IntArray) -> FloatArray:
-        return np.concatenate(
-            [self.world(g, int(side[g]), offset[g]) for g in np.flatnonzero(side >= 0)]
-        )
+        return np.concatenate([self.world(g, int(side[g]), offset[g]) for g in _named(side)])
 
     def whole(self, grid: int, side: int) -> bool:
         """Whether the grid fills a board of this side's size without a gap."""
@@ -92,7 +96,7 @@ class _Photo:
         )
 
     def whole_count(self, side: IntArray) -> int:
-        return sum(self.whole(g, int(side[g])) for g in np.flatnonzero(side >= 0))
+        return sum(self.whole(g, int(side[g])) for g in _named(side))
 
     def symmetric(self, labelings: Labelings, first: int, second: int) -> bool:
         """Whether a symmetry of the whole target takes one labeling to the other."""
@@ -113,7 +117,7 @@ class _Photo:
     def off_middle(self, side: IntArray, offset: IntArray) -> float:
         """Squares between the middles of the grids and of their boards, summed."""
         total = 0.0
-        for g in np.flatnonzero(side >= 0):
+        for g in _named(side):
             cells = self.sides.board_cells(int(side[g]), offset[g], self.grids[g].cells)
             middle = (cells.min(axis=0) + cells.max(axis=0)) / 2
             total += float(np.abs(middle - (self.sides.size[side[g]] - 1) / 2).sum())
@@ -122,7 +126,7 @@ class _Photo:
     def uprightness(self, side: IntArray, offset: IntArray) -> float:
         """How far columns run to the right and rows down in the photo, over all grids."""
         total = 0.0
-        for g in np.flatnonzero(side >= 0):
+        for g in _named(side):
             grid = self.grids[g]
             cells = self.sides.board_cells(int(side[g]), offset[g], grid.cells)
             cells = cells - cells.mean(axis=0)
@@ -137,7 +141,7 @@ class _Photo:
             cells = np.concatenate(
                 [
                     self.sides.board_cells(int(side[g]), offset[g], self.grids[g].cells)
-                    for g in np.flatnonzero(board == name)
+                    for g in np.flatnonzero(board == name).tolist()
                 ]
             )
             if len(np.unique(cells, axis=0)) < len(cells):
@@ -175,6 +179,7 @@ def decide(
     chosen = photo.most_upright(labelings, same)
 
     named = labelings.side[chosen] >= 0
+    left_out = counts * np.square([_LEFT_OUT_STEPS * grid.step for grid in grids])
     ratio = np.full(len(grids), np.inf)
     for k in sorted(set(range(len(labelings))) - set(alike)):
         # The symmetry's image that the rival shares most names with is the one to compare with.
@@ -186,7 +191,8 @@ def decide(
             continue
         own = labelings.grid_cost[chosen][differs].sum()
         own = max(own, counts[differs].sum() * _NOISE_FLOOR_PX**2)
-        excess = max(0.0, labelings.cost[k] - labelings.cost[chosen])
+        rival = np.where(named & (labelings.side[k] < 0), left_out, labelings.grid_cost[k])
+        excess = max(0.0, rival.sum() - labelings.cost[chosen])
         ratio[differs] = np.minimum(ratio[differs], np.sqrt((own + excess) / own))
     verdict = np.full(len(grids), Verdict.NO_FIT, object)
     verdict[named] = Verdict.AMBIGUOUS
@@ -248,7 +254,12 @@ def decide_alone(grid: Grid, sides: Sides, reach: Reach, ends: Ends | None) -> D
     if not len(side):
         return _alone(Verdict.TOO_LARGE, -1, np.zeros(2, np.intp))
     places = _without_pose(side, offset)
-    missing = ends.missing(sides, side, offset) if ends else np.zeros(len(side), np.intp)
+    # Which of several boards it is cannot rest on what is not seen; nor can anything when most
+    # of the board is hidden, since what hides a board looks like its end.
+    one_board = len(sides.board) == 4
+    missing = np.zeros(len(side), np.intp)
+    if ends is not None and one_board and 2 * len(grid) >= sides.size[0].prod():
+        missing = ends.missing(sides, side, offset)
     same, settled = _up_to_symmetry(photo, places, list(range(len(side))), missing)
     chosen = photo.most_upright(places, same)
     verdict = Verdict.NAMED if settled else _by_convention(sides, len(grid))
@@ -256,8 +267,8 @@ def decide_alone(grid: Grid, sides: Sides, reach: Reach, ends: Ends | None) -> D
 
 
 def _by_convention(sides: Sides, corners: int) -> Verdict:
-    """Whether grids that may slide are kept: only on a board that is alone, and mostly seen."""
-    if len(sides.board) == 4 and 2 * corners >= sides.size[0].prod():
+    """Whether grids that may slide are kept: only on a board that is alone, and seen well."""
+    if len(sides.board) == 4 and _LEAST_SHARE * corners >= sides.size[0].prod():
         return Verdict.CONVENTION
     return Verdict.SLIDE
 
@@ -269,6 +280,8 @@ def _alone(verdict: Verdict, side: int, offset: IntArray) -> Decision:
         offset=offset[None],
         ratio=np.array([np.inf]),
         rms_px=np.array([np.nan]),
+        rotation=np.full((3, 3), np.nan),
+        translation=np.full(3, np.nan),
     )
 
 
@@ -282,6 +295,11 @@ def _without_pose(side: IntArray, offset: IntArray) -> Labelings:
         pivot=np.full((count, 3), np.nan),
         grid_cost=np.zeros((count, 1)),
     )
+
+
+def _named(side: IntArray) -> list[int]:
+    """The grids that a labeling gives a place."""
+    return [int(grid) for grid in np.flatnonzero(side >= 0)]
 
 
 def _place(labelings: Labelings, k: int) -> tuple[IntArray, IntArray]:

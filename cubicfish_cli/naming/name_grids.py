@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -28,6 +27,10 @@ BoolArray = npt.NDArray[np.bool_]
 
 # Times the lens is fitted again with the names so far, before what is left is given up.
 _ROUNDS = 3
+# Named grids must be this many before their RMS says which is too large, and how much that is.
+_LEAST_GRIDS_TO_COMPARE = 6
+_MISFIT_RATIO = 6.0
+_NO_POSE = (np.full((3, 3), np.nan), np.full(3, np.nan))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -144,7 +147,9 @@ def _task(
     known: Sequence[Sequence[Place | None]] | None,
 ) -> _Task:
     sides = sides_of(target)
-    flat, reach, photos = [], [], []
+    flat: list[Grid] = []
+    reach: list[Reach] = []
+    photos: list[list[int]] = []
     for photo, own in enumerate(grids):
         first = len(flat)
         for number, grid in enumerate(own):
@@ -183,7 +188,56 @@ def _decide_all(
             break
         before = names
         companion = _named_lens(task, companion, decisions, poses) or companion
+    if companion is not None:
+        decisions = _without_misfits(task, companion.camera, poses, decisions)
     return decisions, companion.camera if companion else None
+
+
+def _without_misfits(
+    task: _Task,
+    camera: RadialCamera,
+    poses: list[GridPose | None],
+    decisions: list[Decision | None],
+) -> list[Decision | None]:
+    """Decide photos again without grids that fit far worse than the grids of the other photos.
+
+    A grid that is no board of the target may fit a place by chance, within the width of the
+    first gate, which must allow for targets that are not as drawn.
+    """
+    rms = np.concatenate([np.empty(0), *(d.rms_px for d in decisions if d is not None)])
+    rms = rms[np.isfinite(rms)]
+    if len(rms) < _LEAST_GRIDS_TO_COMPARE:
+        return decisions
+    limit = _MISFIT_RATIO * float(np.median(rms))
+    checked = list(decisions)
+    for photo, (own, decision) in enumerate(zip(task.photos, decisions, strict=True)):
+        if decision is None or not (decision.rms_px > limit).any():
+            continue
+        good = [index for n, index in enumerate(own) if not decision.rms_px[n] > limit]
+        again = _decide_photo(task, good, camera, poses)
+        checked[photo] = _spread(again, [own.index(index) for index in good], len(own))
+    return checked
+
+
+def _spread(found: Decision | None, part: Sequence[int], count: int) -> Decision:
+    """A decision on some grids as one on ``count`` grids, of which the others fit nowhere."""
+    verdict = np.full(count, Verdict.NO_FIT, object)
+    side, offset = np.full(count, -1, np.intp), np.zeros((count, 2), np.intp)
+    ratio, rms = np.full(count, np.inf), np.full(count, np.nan)
+    if found is not None:
+        part = list(part)
+        verdict[part] = found.verdict
+        side[part], offset[part] = found.side, found.offset
+        ratio[part], rms[part] = found.ratio, found.rms_px
+    return Decision(
+        verdict=tuple(verdict),
+        side=side,
+        offset=offset,
+        ratio=ratio,
+        rms_px=rms,
+        rotation=found.rotation if found else _NO_POSE[0],
+        translation=found.translation if found else _NO_POSE[1],
+    )
 
 
 def _names(decision: Decision | None) -> tuple[object, ...]:
@@ -214,19 +268,10 @@ def _decide_photo(
     """Verdicts for one photo's grids, in the order of ``own``; None without grids."""
     if not own:
         return None
-    verdict = np.full(len(own), Verdict.NO_FIT, object)
-    side = np.full(len(own), -1, np.intp)
-    offset = np.zeros((len(own), 2), np.intp)
-    ratio = np.full(len(own), np.inf)
-    rms = np.full(len(own), np.nan)
-    usable = []
-    for n, index in enumerate(own):
-        if task.reach[index].count == 0:
-            verdict[n] = Verdict.TOO_LARGE
-        elif camera is not None and poses[index] is None:
-            verdict[n] = Verdict.NOT_PLANE
-        else:
-            usable.append(n)
+    usable = [
+        n for n, index in enumerate(own)
+        if task.reach[index].count > 0 and (camera is None or poses[index] is not None)
+    ]  # fmt: skip
     found = None
     if camera is not None and len(usable) > 1:
         views = []
@@ -243,19 +288,17 @@ def _decide_photo(
         index = own[part[0]]
         ends_alone = _ends(task, camera, own, index, poses) if camera else None
         found = decide_alone(task.grids[index], task.sides, task.reach[index], ends_alone)
-    if found is not None:
-        verdict[part] = found.verdict
-        side[part], offset[part] = found.side, found.offset
-        ratio[part], rms[part] = found.ratio, found.rms_px
-    return Decision(
-        verdict=tuple(verdict),
-        side=side,
-        offset=offset,
-        ratio=ratio,
-        rms_px=rms,
-        rotation=found.rotation if found else None,
-        translation=found.translation if found else None,
-    )
+        alone = poses[index]
+        if alone is not None:
+            found = replace(found, rms_px=np.array([alone.rms_px]))
+    decision = _spread(found, part, len(own))
+    verdict = list(decision.verdict)
+    for n, index in enumerate(own):
+        if task.reach[index].count == 0:
+            verdict[n] = Verdict.TOO_LARGE
+        elif n not in usable:
+            verdict[n] = Verdict.NOT_PLANE
+    return replace(decision, verdict=tuple(verdict))
 
 
 def _ends(
@@ -283,17 +326,13 @@ def _named_lens(
     parts: list[tuple[FloatArray, FloatArray]] = []
     rotation, translation = [], []
     for own, decision in zip(task.photos, decisions, strict=True):
-        rigid = []
-        if decision is not None and decision.rotation is not None:
-            rigid = [n for n in range(len(own)) if decision.verdict[n] is Verdict.NAMED]
-        if len(rigid) > 1 and decision is not None:
+        rigid = _rigid(decision)
+        if decision is not None and rigid:
             world = np.concatenate([_world(task, own[n], decision, n) for n in rigid])
             pixel = np.concatenate([task.grids[own[n]].pixel for n in rigid])
             parts.append((world, pixel))
             rotation.append(decision.rotation)
             translation.append(decision.translation)
-        else:
-            rigid = []
         for n, index in enumerate(own):
             pose = poses[index]
             if n in rigid or pose is None:
@@ -322,8 +361,18 @@ def _named_lens(
     return refit_companion(companion, pairs, start)
 
 
+def _rigid(decision: Decision | None) -> list[int]:
+    """The named grids of a photo that are posed together: none or at least two."""
+    if decision is None or np.isnan(decision.rotation).any():
+        return []
+    named = [n for n, verdict in enumerate(decision.verdict) if verdict is Verdict.NAMED]
+    return named if len(named) > 1 else []
+
+
 def _world(task: _Task, index: int, decision: Decision, n: int) -> FloatArray:
-    cells = task.sides.board_cells(int(decision.side[n]), decision.offset[n], task.grids[index].cells)
+    cells = task.sides.board_cells(
+        int(decision.side[n]), decision.offset[n], task.grids[index].cells
+    )
     board = int(task.sides.board[decision.side[n]])
     return task.target.boards[board].world_points(cells[:, 0], cells[:, 1])
 
@@ -402,6 +451,3 @@ def _sorted(corners: Corners) -> Corners:
         pixel=corners.pixel[order],
         weight=corners.weight[order],
     )
-
-
-_ = Counter

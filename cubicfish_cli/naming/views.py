@@ -86,9 +86,7 @@ def grid_poses(
     if fit is None:
         return found
     rms = _rms(fit.residual, own)
-    middle = np.stack(
-        [own.world[own.image == k].mean(axis=0) for k in range(len(placed))]
-    )
+    middle = np.stack([own.world[own.image == k].mean(axis=0) for k in range(len(placed))])
     mirror = adjust(
         FixedLens(camera=camera),
         _mirrored(fit.poses, middle),
@@ -148,6 +146,4 @@ def _mirrored(poses: Poses, middle: FloatArray) -> Poses:
     columns = columns - 2 * sight[:, :, None] * depth
     normal = np.cross(columns[..., 0], columns[..., 1])
     rotation = np.concatenate([columns, normal[..., None]], axis=-1)
-    return Poses(
-        rotation=rotation, translation=centre - (rotation @ middle[:, :, None])[:, :, 0]
-    )
+    return Poses(rotation=rotation, translation=centre - (rotation @ middle[:, :, None])[:, :, 0])
