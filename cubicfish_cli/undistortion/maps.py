@@ -180,7 +180,6 @@ def _read_npz(path: Path) -> dict[str, npt.NDArray[Any]]:
         zipfile.BadZipFile,
         zlib.error,
         ValueError,
-        KeyError,
         EOFError,
         NotImplementedError,
         RuntimeError,
