@@ -176,7 +176,7 @@ def read_picture(path: Path) -> Picture:
     _refuse_bombs(path, data)
     picture = None
     if not _is_cut_jpeg(data):
-        with _quiet_stderr():
+        with quiet_stderr():
             try:
                 picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
             except cv2.error:
@@ -325,7 +325,7 @@ def _tiff_size(data: bytes, order: str) -> tuple[int, int] | None:
 
 
 @contextmanager
-def _quiet_stderr() -> Iterator[None]:
+def quiet_stderr() -> Iterator[None]:
     """Send what C libraries write to stderr nowhere: decoders complain there by themselves."""
     with _stderr_lock:
         try:

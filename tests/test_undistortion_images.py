@@ -95,12 +95,13 @@ def test_jpeg_has_quality_95(tmp_path):
         (".ppm", np.uint8, 3),
     ],
 )
-def test_what_a_kind_of_file_can_hold_comes_back(tmp_path, suffix, dtype, channels):
+def test_what_a_kind_of_file_can_hold_comes_back(tmp_path, capfd, suffix, dtype, channels):
     values = picture(dtype, channels)
     if channels == 4:
         values[..., 3] |= 1  # WebP drops the colour of what is wholly transparent
     write_picture(tmp_path / f"p{suffix}", values, overwrite=False)
     np.testing.assert_array_equal(read_picture(tmp_path / f"p{suffix}"), values)
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import numpy as np
 
 from cubicfish_cli.errors import OutputError, ViewError
 from cubicfish_cli.files import refuse_existing, whole_file
-from cubicfish_cli.photos import Picture, read_picture, shown
+from cubicfish_cli.photos import Picture, quiet_stderr, read_picture, shown
 from cubicfish_cli.undistortion.maps import UndistortMap
 
 JPEG_QUALITY = 95
@@ -97,7 +97,8 @@ def write_picture(path: Path, picture: Picture, *, overwrite: bool) -> None:
     """
     path = Path(path)
     check_suffix(path)
-    depths, channels = _HOLDS[path.suffix.lower()]
+    suffix = path.suffix.lower()
+    depths, channels = _HOLDS[suffix]
     depth = 8 * picture.dtype.itemsize
     channel_count = 1 if picture.ndim == 2 else picture.shape[2]
     if depth not in depths or channel_count not in channels:
@@ -108,11 +109,11 @@ def write_picture(path: Path, picture: Picture, *, overwrite: bool) -> None:
             f"{shown(path)}: a {path.suffix} file cannot hold {kind} of {depth} bits: "
             "write .png or .tif"
         )
+    options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if suffix in (".jpg", ".jpeg") else []
     with whole_file(path, overwrite=overwrite) as temporary:
         try:
-            done, data = cv2.imencode(
-                path.suffix.lower(), picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
-            )
+            with quiet_stderr():
+                done, data = cv2.imencode(suffix, picture, options)
         except cv2.error:
             done, data = False, np.empty(0, np.uint8)
         if not done:
