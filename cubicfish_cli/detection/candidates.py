@@ -44,7 +44,7 @@ def saddle_response(image: Float32Array, scale: float, noise: float) -> tuple[Fl
     xx = cv2.Sobel(smooth, cv2.CV_32F, 2, 0, ksize=3, scale=0.25)
     yy = cv2.Sobel(smooth, cv2.CV_32F, 0, 2, ksize=3, scale=0.25)
     xy = cv2.Sobel(smooth, cv2.CV_32F, 1, 1, ksize=3, scale=0.25)
-    box = 2 * int(round(2.5 * scale)) + 1
+    box = 2 * round(2.5 * scale) + 1
     mean = cv2.boxFilter(image, cv2.CV_32F, (box, box))
     variance = cv2.sqrBoxFilter(image, cv2.CV_32F, (box, box))
     variance -= mean * mean
@@ -60,7 +60,7 @@ def saddle_response(image: Float32Array, scale: float, noise: float) -> tuple[Fl
 def find_saddles(image: Float32Array, scale: float, noise: float) -> Saddles:
     """Find local maxima of the saddle response; ``scale`` and the result are in pixels."""
     response, xx, xy, yy, smooth = saddle_response(image, scale, noise)
-    window = 2 * int(round(1.2 * scale)) + 1
+    window = 2 * round(1.2 * scale) + 1
     peak = cv2.dilate(response, np.ones((window, window), np.uint8))
     found = (response >= peak) & (response > RESPONSE_THRESHOLD)
     found[:2], found[-2:], found[:, :2], found[:, -2:] = False, False, False, False

@@ -10,18 +10,20 @@ import numpy.typing as npt
 from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
 from cubicfish_cli.detection.lattice import LocalFit
 
-_ROUNDS = 8
-_CONVERGED = 1e-3  # px: the last step of a fit that ended early
+_ROUNDS = 12
+_CONVERGED = 2e-3  # px: the last step of a fit that is done; steps shrink tenfold near the end
 _STILL_MOVING = 0.05  # px: a fit whose last step was longer has not found its minimum
 # A pixel averages light over its area: no edge is sharper than that (1/sqrt(12) px, and a little
 # more for the shape of tanh).
 _SHARPEST = 0.35
-# How far a fit may turn an edge against the local grid (radians) and how the blur may differ
-# from one pixel (logarithm): weak prior knowledge that keeps hardly determined fits in place.
-_TURN_SPREAD, _BLUR_SPREAD, _SHIFT_SPREAD = 0.15, 0.7, 1.0
-_LOG_BLUR = np.log(0.8)
-# Windows end before the next edge: in sides, along each axis of the grid.
-_WITHIN = 0.45
+_TANH = 0.8  # tanh(0.8 z) has the slope of the Gaussian's own step at its middle
+# Shift (px), turn (radians) and logarithm of the blur (px) of both edges: weak prior knowledge
+# that keeps hardly determined fits in place, and the longest single step.
+_PRIOR_MEAN = np.array([0.0, 0.0, 0.0, 0.0, np.log(0.7), np.log(0.7)])
+_PRIOR_SPREAD = np.array([1.0, 1.0, 0.15, 0.15, 0.7, 0.7])
+_LONGEST_STEP = np.array([0.7, 0.7, 0.3, 0.3, 0.7, 0.7])
+# Windows end before the next edge, fading out: in sides, along each axis of the grid.
+_WITHIN, _FADE = 0.45, 0.1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,104 +99,179 @@ def fit_crossings(
 def _fit(
     image: npt.NDArray[np.generic],
     out: Crossings,
-    rows: npt.NDArray[np.intp],
+    rows: IntArray,
     fit: LocalFit,
     half: FloatArray,
     radius: int,
     noise: float,
 ) -> None:
+    """Fit the corners of some rows, all with windows of (2 radius + 1) pixels, into ``out``."""
     height, width = image.shape
     centre = np.rint(out.pixel[rows]).astype(int)
     inside = (centre >= radius).all(1) & (centre < (width - radius, height - radius)).all(1)
+    inside &= fit.sound[rows]
     rows, centre, half = rows[inside], centre[inside], half[inside]
     if not len(rows):
         return
-    start = out.pixel[rows]
-    offsets = np.arange(-radius, radius + 1)
-    y, x = (part.ravel() for part in np.meshgrid(offsets, offsets, indexing="ij"))
-    value = image[centre[:, 1:] + y, centre[:, :1] + x].astype(float)
-    apart = np.stack([x + (centre[:, :1] - start[:, :1]), y + (centre[:, 1:] - start[:, 1:])], -1)
+    frame = _frame(out.pixel[rows], centre, fit.select(rows), half, radius)
+    offset = frame.offset
+    value = image[centre[:, 1:] + offset[:, 1], centre[:, :1] + offset[:, 0]].astype(float)
+    state = _minimise(value, frame, max(noise, 0.3))
 
-    step, bend = fit.step[rows], fit.bend[rows]
-    inverse = np.linalg.inv(step)
-    cell = apart @ inverse.transpose(0, 2, 1)
+    # Where the turned, shifted edges cross.
+    turn = state.shape[:, 2:4] * frame.lean[:, None]
+    shift = state.shape[:, :2]
+    closing = 1 - turn[:, 0] * turn[:, 1]
+    distance = (shift + turn * shift[:, ::-1]) / closing[:, None]
+    q = distance / frame.height
+    second = np.stack([0.5 * q[:, 0] ** 2, q[:, 0] * q[:, 1], 0.5 * q[:, 1] ** 2], -1)
+    out.pixel[rows] += (fit.step[rows] @ q[..., None])[..., 0]
+    out.pixel[rows] += (fit.bend[rows] @ second[..., None])[..., 0]
+    out.ok[rows] = (state.last_move < _STILL_MOVING) & (closing > 0.5)
+    signs = np.array([(1, 1, 1, 1), (1, -1, 1, -1), (1, -1, -1, 1), (1, 1, -1, -1)])
+    out.level[rows] = state.levels @ signs.T
+    out.blur[rows] = np.hypot(_SHARPEST, np.exp(state.shape[:, 4:]))
+    out.misfit[rows] = state.misfit
+    covariance = np.linalg.inv(state.normal)
+    out.spread[rows] = frame.lean * np.sqrt(0.5 * (covariance[:, 0, 0] + covariance[:, 1, 1]))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Frame:
+    """The windows of n corners, K pixels each, in the grid's own bent coordinates."""
+
+    offset: IntArray  # (K, 2) pixels from the window's middle
+    across: FloatArray  # (n, K, 2) distance from the edge along j and from the edge along i, px
+    along: FloatArray  # (n, K, 2) place along those edges, px
+    root_weight: FloatArray  # (n, K)
+    height: FloatArray  # (n, 2) distance between neighbouring edges, px
+    lean: FloatArray  # (n,) 1 / sine of the angle between the edges
+
+    def select(self, rows: BoolArray) -> _Frame:
+        return _Frame(
+            offset=self.offset,
+            across=self.across[rows],
+            along=self.along[rows],
+            root_weight=self.root_weight[rows],
+            height=self.height[rows],
+            lean=self.lean[rows],
+        )
+
+
+def _frame(
+    start: FloatArray, centre: IntArray, fit: LocalFit, half: FloatArray, radius: int
+) -> _Frame:
+    side = np.arange(-radius, radius + 1)
+    offset = np.stack(np.meshgrid(side, side), -1).reshape(-1, 2)
+    # Corners of the square window lie beyond the round one.
+    offset = offset[(offset**2).sum(1) <= (half.max() + 1) ** 2]
+    apart = offset + (centre - start)[:, None]
+    inverse = np.linalg.inv(fit.step).transpose(0, 2, 1)
+    cell = apart @ inverse
     for _ in range(2):
         di, dj = cell[..., 0], cell[..., 1]
-        second = np.stack([0.5 * di * di, di * dj, 0.5 * dj * dj], -1) @ bend.transpose(0, 2, 1)
-        cell = (apart - second) @ inverse.transpose(0, 2, 1)
-    length = np.hypot(step[:, 0], step[:, 1])
-    area = np.abs(np.linalg.det(step))
-    # Distances across an edge and along it, pixels: axis 0 crosses the edge that runs along j.
-    across = cell * (area[:, None] / length[:, ::-1])[:, None]
-    along = cell[..., ::-1] * length[:, None, ::-1]
-    radial = (apart**2).sum(-1) / (half[:, None] + 0.5) ** 2
-    weight = np.maximum(1 - radial, 0)
-    weight = np.minimum(1.0, 2 * weight)
-    weight *= np.clip((_WITHIN - np.abs(cell).max(-1)) / 0.1, 0, 1)
+        bent = np.stack([0.5 * di * di, di * dj, 0.5 * dj * dj], -1)
+        cell = (apart - bent @ fit.bend.transpose(0, 2, 1)) @ inverse
+    length = np.hypot(fit.step[:, 0], fit.step[:, 1])
+    area = np.abs(np.linalg.det(fit.step))
+    height = area[:, None] / length[:, ::-1]
+    weight = np.clip(2 - 2 * (apart**2).sum(-1) / (half[:, None] + 0.5) ** 2, 0, 1)
+    weight *= np.clip((_WITHIN - np.abs(cell).max(-1)) / _FADE, 0, 1)
+    return _Frame(
+        offset=offset,
+        across=cell * height[:, None],
+        along=(cell * length[:, None])[..., ::-1],
+        root_weight=np.sqrt(weight),
+        height=height,
+        lean=length.prod(1) / area,
+    )
 
-    n = len(rows)
-    shape = np.zeros((n, 6))  # shift u, shift v, turn u, turn v, log blur u, log blur v
-    shape[:, 4:] = _LOG_BLUR
-    scale = max(noise, 0.3)
-    prior = np.array([_SHIFT_SPREAD] * 2 + [_TURN_SPREAD] * 2 + [_BLUR_SPREAD] * 2)
-    expected = np.array([0, 0, 0, 0, _LOG_BLUR, _LOG_BLUR])
-    levels = np.zeros((n, 4))
-    covariance = np.zeros((n, 2, 2))
-    done = np.zeros(n, bool)
-    sqrt_weight = np.sqrt(weight)
+
+@dataclass(kw_only=True, eq=False)
+class _State:
+    """Best fit so far of n corners."""
+
+    shape: FloatArray  # (n, 6) shift u, v (px), turn u, v (radians), log blur u, v
+    levels: FloatArray  # (n, 4) c0..c3
+    cost: FloatArray  # (n,)
+    misfit: FloatArray  # (n,) grey levels
+    normal: FloatArray  # (n, 6, 6)
+    right: FloatArray  # (n, 6)
+    last_move: FloatArray  # (n,) px
+
+
+def _minimise(value: FloatArray, frame: _Frame, noise: float) -> _State:
+    """Levenberg-Marquardt on all corners at once; those that are done no longer take part."""
+    count = len(value)
+    state = _State(
+        shape=np.tile(_PRIOR_MEAN, (count, 1)),
+        levels=np.zeros((count, 4)),
+        cost=np.full(count, np.inf),
+        misfit=np.zeros(count),
+        normal=np.tile(np.eye(6), (count, 1, 1)),
+        right=np.zeros((count, 6)),
+        last_move=np.full(count, np.inf),
+    )
+    # The spread of the levels keeps the weight of the prior in scale before the fit is good.
+    sigma2 = np.full(count, noise**2)
+    damping = np.full(count, 1e-3)
+    active = np.arange(count)
+    trial = state.shape.copy()
     for round_ in range(_ROUNDS):
-        own = np.exp(2 * shape[:, None, 4:])
-        blur = np.sqrt(_SHARPEST**2 + own)
-        growth = own / blur**2  # d log blur / d shape
-        z = (across - shape[:, None, :2] - shape[:, None, 2:4] * along) / blur
-        t = np.tanh(0.8 * z)
-        slope = 0.8 * (1 - t * t)
-        u, v = t[..., 0], t[..., 1]
-        basis = np.stack([np.ones_like(u), u, v, u * v], -1) * sqrt_weight[..., None]
-        target = value * sqrt_weight
-        normal = basis.transpose(0, 2, 1) @ basis + 1e-6 * np.eye(4)
-        levels = np.linalg.solve(normal, basis.transpose(0, 2, 1) @ target[..., None])[..., 0]
-        residual = target - (basis @ levels[..., None])[..., 0]
-        by_u = (levels[:, 1:2] + levels[:, 3:4] * v) * slope[..., 0] * sqrt_weight
-        by_v = (levels[:, 2:3] + levels[:, 3:4] * u) * slope[..., 1] * sqrt_weight
-        columns = np.stack(
-            [
-                -by_u / blur[..., 0],
-                -by_v / blur[..., 1],
-                -by_u * along[..., 0] / blur[..., 0],
-                -by_v * along[..., 1] / blur[..., 1],
-                -by_u * z[..., 0] * growth[..., 0],
-                -by_v * z[..., 1] * growth[..., 1],
-            ],
-            -1,
-        )
-        # Kaufman's variable projection: the levels follow the shape.
-        columns -= basis @ np.linalg.solve(normal, basis.transpose(0, 2, 1) @ columns)
-        used = np.maximum(weight.sum(1) - 10, 1)
-        sigma = np.sqrt(np.maximum((residual**2).sum(1) / used, scale**2))
-        inner = columns.transpose(0, 2, 1) @ columns / (sigma**2)[:, None, None]
-        inner += np.diag(1 / prior**2)
-        right = (columns.transpose(0, 2, 1) @ residual[..., None])[..., 0] / (sigma**2)[:, None]
-        right += (expected - shape) / prior**2
-        move = np.linalg.solve(inner, right[..., None])[..., 0]
-        move = np.clip(move, [-0.7, -0.7, -0.3, -0.3, -0.5, -0.5], [0.7, 0.7, 0.3, 0.3, 0.5, 0.5])
-        if round_ < _ROUNDS - 1:
-            shape += move
-        done = np.abs(move[:, :2]).max(1) < _STILL_MOVING
-        if np.abs(move[:, :2]).max() < _CONVERGED:
+        levels, residual, columns = _model(trial[active], value, frame)
+        squares = (residual**2).sum(1)
+        misfit2 = squares / np.maximum((frame.root_weight**2).sum(1) - 10, 1)
+        if round_ == 1:  # after the first step the misfit tells how well the model can do
+            sigma2[active] = np.maximum(misfit2, noise**2)
+            state.cost[active] = np.inf
+        away = (_PRIOR_MEAN - trial[active]) / _PRIOR_SPREAD
+        cost = squares / sigma2[active] + (away**2).sum(1)
+        better = cost < state.cost[active]
+        rows = active[better]
+        columns = columns[better] / np.sqrt(sigma2[rows])[:, None, None]
+        scaled = residual[better] / np.sqrt(sigma2[rows])[:, None]
+        state.shape[rows] = trial[rows]
+        state.levels[rows] = levels[better]
+        state.cost[rows] = cost[better]
+        state.misfit[rows] = np.sqrt(misfit2[better])
+        state.normal[rows] = columns.transpose(0, 2, 1) @ columns + np.diag(_PRIOR_SPREAD**-2.0)
+        state.right[rows] = (columns.transpose(0, 2, 1) @ scaled[..., None])[..., 0]
+        state.right[rows] += away[better] / _PRIOR_SPREAD
+        damping[active] *= np.where(better, 0.1, 10.0)
+
+        normal = state.normal[active]
+        damped = normal + damping[active, None, None] * normal * np.eye(6)
+        move = np.linalg.solve(damped, state.right[active][..., None])[..., 0]
+        move = np.clip(move, -_LONGEST_STEP, _LONGEST_STEP)
+        trial[active] = state.shape[active] + move
+        state.last_move[active] = np.abs(move[:, :2]).max(1)
+        going = (state.last_move[active] > _CONVERGED) | (round_ < 1)
+        if not going.all():
+            active, value, frame = active[going], value[going], frame.select(going)
+        if not len(active):
             break
-    covariance = np.linalg.inv(inner)[:, :2, :2]
-    # Where the turned, shifted edges cross.
-    lean = length.prod(1) / area
-    ru, rv = shape[:, 2] * lean, shape[:, 3] * lean
-    su = (shape[:, 0] + ru * shape[:, 1]) / (1 - ru * rv)
-    sv = (shape[:, 1] + rv * shape[:, 0]) / (1 - ru * rv)
-    q = np.stack([su, sv], -1) / (area[:, None] / length[:, ::-1])
-    second = np.stack([0.5 * q[:, 0] ** 2, q[:, 0] * q[:, 1], 0.5 * q[:, 1] ** 2], -1)
-    out.pixel[rows] = start + (step @ q[..., None])[..., 0] + (bend @ second[..., None])[..., 0]
-    out.ok[rows] = done & (np.abs(ru * rv) < 0.5)
-    signs = np.array([(1, 1, 1, 1), (1, -1, 1, -1), (1, -1, -1, 1), (1, 1, -1, -1)])
-    out.level[rows] = levels @ signs.T
-    out.blur[rows] = blur[:, 0]
-    out.misfit[rows] = np.sqrt((residual**2).sum(1) / np.maximum(weight.sum(1) - 10, 1))
-    out.spread[rows] = np.sqrt(0.5 * (covariance[:, 0, 0] + covariance[:, 1, 1])) * lean
+    return state
+
+
+def _model(
+    shape: FloatArray, value: FloatArray, frame: _Frame
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Levels (n, 4) that fit best, weighted residuals (n, K) and derivatives (n, K, 6)."""
+    own = np.exp(2 * shape[:, None, 4:])
+    blur = np.sqrt(_SHARPEST**2 + own)
+    z = (frame.across - shape[:, None, :2] - shape[:, None, 2:4] * frame.along) / blur
+    step = np.tanh(_TANH * z)
+    u, v = step[..., 0], step[..., 1]
+    basis = np.stack([np.ones_like(u), u, v, u * v], -1) * frame.root_weight[..., None]
+    normal = basis.transpose(0, 2, 1) @ basis + 1e-6 * np.eye(4)
+    target = value * frame.root_weight
+    levels = np.linalg.solve(normal, basis.transpose(0, 2, 1) @ target[..., None])
+    residual = target - (basis @ levels)[..., 0]
+    c = levels[:, 1:, 0]
+    slope = _TANH * (1 - step * step) / blur
+    slope[..., 0] *= (c[:, :1] + c[:, 2:] * v) * frame.root_weight
+    slope[..., 1] *= (c[:, 1:2] + c[:, 2:] * u) * frame.root_weight
+    columns = -np.concatenate([slope, slope * frame.along, slope * z * (own / blur)], -1)
+    # Kaufman's variable projection: the levels follow the shape.
+    columns -= basis @ np.linalg.solve(normal, basis.transpose(0, 2, 1) @ columns)
+    return levels[..., 0], residual, columns

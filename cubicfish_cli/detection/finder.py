@@ -10,8 +10,8 @@ from cubicfish_cli.detection.grids import BoolArray, FloatArray, FoundGrids, Gri
 from cubicfish_cli.detection.growth import clean, grow, measure_contrast
 from cubicfish_cli.detection.lattice import Lattice
 from cubicfish_cli.detection.links import find_links, keep_squares
-from cubicfish_cli.detection.patches import Patch, find_patches
 from cubicfish_cli.detection.nearby import nearest
+from cubicfish_cli.detection.patches import Patch, find_patches
 from cubicfish_cli.detection.pyramid import Pyramid, build_pyramid
 from cubicfish_cli.detection.refine import refine_pixels
 from cubicfish_cli.detection.verify import whole_corners

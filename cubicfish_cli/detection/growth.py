@@ -18,11 +18,11 @@ from cubicfish_cli.detection.squares import (
 )
 
 _MOST_ROUNDS = 60
-# A prediction extrapolates by one square: what the local quadratic misses there is well under
-# a third of a side on any lens, and the next corner is a whole side away.
-_SEARCH = 0.3
-# Leave-one-out: a corner that far (in sides) from what its neighbours say is not a corner.
-_OUTLIER = 0.22
+# A prediction extrapolates by one cell. From two rows it is linear, and near a board held close
+# to the lens one square can be 1.6 times as long as the last; the next corner is a cell away.
+_SEARCH = 0.5
+# Leave-one-out: a corner that many cells from what its neighbours say is not a corner.
+_OUTLIER = 0.3
 
 
 def grow(
@@ -53,13 +53,13 @@ def _frontier(lattice: Lattice) -> IntArray:
 def _grow_once(pyramid: Pyramid, lattice: Lattice, free: FloatArray, cells: IntArray) -> bool:
     fit = lattice.fit(cells)
     usable = fit.sound & pyramid.inside(fit.pixel, 2.0)
-    cells, fit = cells[usable], select(fit, usable)
+    cells, fit = cells[usable], fit.select(usable)
     if not len(cells):
         return False
     pixel, found = _look(pyramid, fit, free)
     found &= pyramid.inside(pixel, 2.0)
     found &= ~_crowded(lattice, pixel, fit)
-    cells, pixel, fit = cells[found], pixel[found], select(fit, found)
+    cells, pixel, fit = cells[found], pixel[found], fit.select(found)
     if not len(cells):
         return False
     good, contrast = looks_like_corner(pyramid, lattice, cells, pixel, fit)
@@ -67,31 +67,22 @@ def _grow_once(pyramid: Pyramid, lattice: Lattice, free: FloatArray, cells: IntA
     return bool(good.any())
 
 
-def select(fit: LocalFit, rows: BoolArray | IntArray) -> LocalFit:
-    """Take some rows of a fit."""
-    return LocalFit(
-        pixel=fit.pixel[rows],
-        step=fit.step[rows],
-        bend=fit.bend[rows],
-        neighbours=fit.neighbours[rows],
-        side=fit.side[rows],
-        sound=fit.sound[rows],
-    )
-
-
 def _look(pyramid: Pyramid, fit: LocalFit, free: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Nearest free candidate, else a saddle at the prediction."""
     pixel = fit.pixel.copy()
     found = np.zeros(len(pixel), bool)
     if len(free):
-        distance, index = nearest(pixel, free, 1)
-        near = distance[:, 0] < _SEARCH * fit.side
-        pixel[near], found[near] = free[index[near, 0]], True
+        _, index = nearest(pixel, free, 4)
+        away = fit.cells_away(free[index])
+        best = away.argmin(1)
+        rows = np.arange(len(pixel))
+        found = away[rows, best] < _SEARCH
+        pixel[found] = free[index[rows, best]][found]
     rest = ~found
     if rest.any():
         half = np.clip(0.2 * fit.side[rest], 2.0, 6.0)
         saddle = fit_saddles(
-            pyramid.levels[0], pixel[rest], half, np.maximum(_SEARCH * fit.side[rest], 1.0)
+            pyramid.levels[0], pixel[rest], half, np.maximum(0.3 * fit.side[rest], 1.0)
         )
         pixel[rest], found[rest] = saddle.pixel, saddle.ok
     return pixel, found
@@ -159,7 +150,7 @@ def clean(lattice: Lattice) -> int:
         lonely = ~beside.any(1)
         fit = lattice.fit(cells, without_itself=True)
         pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
-        miss = np.hypot(*(pixel - fit.pixel).T) / np.maximum(fit.side, 1e-6)
+        miss = fit.cells_away(pixel)
         miss[~fit.sound] = 0
         # One wrong corner spoils the prediction of all its neighbours: only the worst one of a
         # neighbourhood goes.

@@ -8,7 +8,9 @@ import numpy as np
 
 from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
 
-_REACH = 2  # the local fit looks at the 5x5 cells around
+# The local fit looks at the 7x7 cells around: three in a row are needed to see how the steps
+# change along it, which matters most where a grid is extended.
+_REACH = 3
 _WINDOW = np.stack(np.meshgrid(*[np.arange(-_REACH, _REACH + 1)] * 2, indexing="ij"), -1).reshape(
     -1, 2
 )
@@ -26,9 +28,9 @@ _TERMS = np.stack(
 ).astype(float)
 _PRODUCTS = (_TERMS[:, :, None] * _TERMS[:, None, :]).reshape(len(_WINDOW), 36)
 # Second-order terms are damped until enough neighbours determine them.
-_RIDGE = np.diag([1e-9, 1e-6, 1e-6, 0.1, 0.1, 0.1])
+_RIDGE = np.diag([1e-9, 1e-6, 1e-6, 0.005, 0.005, 0.005])
 _CENTRE = len(_WINDOW) // 2
-_MARGIN = _REACH + 2
+_MARGIN = _REACH + 1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,13 +67,31 @@ class LocalFit:
             + quadratic @ self.bend.transpose(0, 2, 1)
         )
 
-    def along(self, offset: FloatArray) -> FloatArray:
-        """Derivative dp/d(di, dj) at (K, 2) offsets -> (N, K, 2, 2)."""
-        di, dj = offset[:, 0][:, None], offset[:, 1][:, None]
-        bend = self.bend[:, None]
-        first = self.step[:, None, :, 0] + bend[..., 0] * di + bend[..., 1] * dj
-        second = self.step[:, None, :, 1] + bend[..., 1] * di + bend[..., 2] * dj
-        return np.stack([first, second], axis=-1)
+    def cells_away(self, pixel: FloatArray) -> FloatArray:
+        """Distance (N,) of (N, 2) or (N, K, 2) pixels from the prediction, in cells.
+
+        Counted along the grid's own steps, so that it means the same in squares that are seen
+        flat. Infinite where the fit is not sound.
+        """
+        away = pixel - (self.pixel if pixel.ndim == 2 else self.pixel[:, None])
+        a, b, c, d = self.step.reshape(-1, 4).T
+        area = np.where(self.sound, a * d - b * c, 1.0)
+        inverse = np.stack([d, -b, -c, a], axis=-1).reshape(-1, 2, 2) / area[:, None, None]
+        cell = (away.reshape(len(away), -1, 2) @ inverse.transpose(0, 2, 1)).reshape(away.shape)
+        distance = np.hypot(cell[..., 0], cell[..., 1])
+        sound = self.sound if pixel.ndim == 2 else self.sound[:, None]
+        return np.where(sound, distance, np.inf)
+
+    def select(self, rows: BoolArray | IntArray) -> LocalFit:
+        """Take some of the cells."""
+        return LocalFit(
+            pixel=self.pixel[rows],
+            step=self.step[rows],
+            bend=self.bend[rows],
+            neighbours=self.neighbours[rows],
+            side=self.side[rows],
+            sound=self.sound[rows],
+        )
 
 
 @dataclass(kw_only=True, eq=False)
@@ -158,7 +178,7 @@ class Lattice:
         return total[5:, 5:] - total[:-5, 5:] - total[5:, :-5] + total[:-5, :-5]
 
     def fit(self, cells: IntArray, *, without_itself: bool = False) -> LocalFit:
-        """Fit position against cell around (N, 2) cells at least 2 from the maps' border."""
+        """Fit position against cell around (N, 2) cells at least 3 from the maps' border."""
         around = cells[:, None] + _WINDOW
         pixel = self.pixel[around[..., 0], around[..., 1]]
         known = ~np.isnan(pixel[..., 0])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -82,14 +82,7 @@ def edges_seen(
         return seen
     direction = NEIGHBOUR_STEPS[arm].astype(float)
     offset = direction[:, None] * ALONG_EDGE[:, None]
-    part = LocalFit(
-        pixel=pixel[row],
-        step=fit.step[row],
-        bend=fit.bend[row],
-        neighbours=fit.neighbours[row],
-        side=fit.side[row],
-        sound=fit.sound[row],
-    )
+    part = replace(fit.select(row), pixel=pixel[row])
     # The fit's curve, moved so that it ends at the neighbour.
     end = part.at(direction[:, None])[:, 0]
     points = part.at(offset) + ALONG_EDGE[:, None] * (neighbour[row, arm] - end)[:, None]

@@ -11,7 +11,7 @@ from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
 # as much as bright and sharp ones.
 _SEPARATION = 0.30  # darker bright minus brighter dark square, of the corner's contrast
 _CONTRAST = 0.15  # of the median contrast around: a shadow may take that much
-_MISFIT = 0.12  # of the contrast
+_MISFIT = 0.18  # of the contrast
 _BLUR = 2.5  # times the median around
 _TRAVEL = 0.15  # of the side
 _MOST_SPREAD = 0.05  # predicted standard deviation, of the side
