@@ -1,6 +1,7 @@
 """What tests of the command line share."""
 
 from collections.abc import Callable
+from inspect import signature
 from pathlib import Path
 
 import pytest
@@ -24,7 +25,11 @@ Run = Callable[..., Result]
 
 def run_cli(*args: object, input: str | None = None, code: int = 0) -> Result:
     """Run the command line in this process and check its exit code."""
-    result = CliRunner().invoke(cli, [str(arg) for arg in args], input=input, prog_name="cubicfish")
+    # Before click 8.2 stderr is kept apart only when asked for, and since then it always is.
+    apart = {"mix_stderr": False} if "mix_stderr" in signature(CliRunner).parameters else {}
+    result = CliRunner(**apart).invoke(
+        cli, [str(arg) for arg in args], input=input, prog_name="cubicfish"
+    )
     assert result.exit_code == code, (result.output, result.stderr, result.exception)
     return result
 
