@@ -87,7 +87,7 @@ def test_edge_of_the_cone():
         assert np.isfinite(camera.unproject(pixel)).all() == seen
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(st.integers(0, 10_000), st.floats(25, 120))
 def test_round_trip_of_random_cubics(seed, angle):
     camera = cubic_camera(angle, bend=0.001, seed=seed)
@@ -165,7 +165,9 @@ def test_derivatives_by_the_point(lens):
     points = random_rays(95, 60) * np.linspace(0.5, 3, 60)[:, None]
     pixel, d_point, _ = lens.project_jacobian(points)
     np.testing.assert_allclose(pixel, lens.project(points), atol=1e-9)
-    np.testing.assert_allclose(d_point, numeric_jacobian(lens.project, points), atol=1e-3, rtol=1e-5)
+    np.testing.assert_allclose(
+        d_point, numeric_jacobian(lens.project, points), atol=1e-3, rtol=1e-5
+    )
 
 
 def test_derivatives_on_the_axis():

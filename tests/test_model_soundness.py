@@ -59,7 +59,9 @@ def test_a_narrow_pole_between_corners_is_caught():
     """A pole that numerators all but cancel moves few pixels, and still is one."""
     camera = cubic_camera()
     P = camera.P.copy()
-    P[2] -= 1.02 * (np.abs(P[2, MONOMIALS.index("1")]) + P[2, MONOMIALS.index("Z")]) * np.eye(20)[
-        MONOMIALS.index("X")
-    ]
+    P[2] -= (
+        1.02
+        * (np.abs(P[2, MONOMIALS.index("1")]) + P[2, MONOMIALS.index("Z")])
+        * np.eye(20)[MONOMIALS.index("X")]
+    )
     assert not check_soundness(P, camera.max_angle_deg).sound

@@ -41,6 +41,16 @@ _KEYS = (
 _RADIAL_KEYS = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
 
 
+_SafeDumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+
+
+class _Dumper(_SafeDumper):
+    """Writes parts that are shared twice over, since the reader refuses aliases."""
+
+    def ignore_aliases(self, data: object) -> bool:
+        return True
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CameraFile:
     """What a camera.yaml holds.
@@ -89,9 +99,8 @@ def camera_text(camera: CubicCamera, *, fit: Mapping[str, Any], made_by: Mapping
         "fit": dict(fit),
         "made_by": dict(made_by),
     }
-    dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     return yaml.dump(
-        record, Dumper=dumper, sort_keys=False, default_flow_style=None, width=2**31 - 1
+        record, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=2**31 - 1
     )
 
 

@@ -1,0 +1,268 @@
+"""The whole fit on known truth: it recovers, says how right it is, and refuses what cannot be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import synthetic
+from scipy.spatial.transform import Rotation
+
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.alignment import aligned_difference
+from cubicfish_cli.fitting.calibrate import calibrate
+from cubicfish_cli.fitting.companion import fit_companion
+from cubicfish_cli.fitting.cubic_fit import fit_cubic
+from cubicfish_cli.fitting.evaluate import evaluate
+from cubicfish_cli.fitting.subset import select, select_photos
+from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.model.soundness import check_soundness, cone_rays
+
+TARGET = synthetic.corner_of_three()
+NOISE = 0.1
+
+
+@pytest.fixture(scope="module")
+def pairs():
+    poses = synthetic.poses_around(TARGET, 12, seed=21)
+    return synthetic.synthetic_correspondences(TARGET, poses, noise=NOISE, seed=22)
+
+
+@pytest.fixture(scope="module")
+def fitted(pairs):
+    return calibrate(pairs)
+
+
+def difference_px(camera, truth, angle_deg):
+    """RMS pixel difference over a cone after the best rotation."""
+    miss, _ = aligned_difference(camera, truth, cone_rays(np.deg2rad(angle_deg), 2000))
+    assert np.isfinite(miss).all()
+    return float(np.sqrt(np.mean(np.sum(miss**2, axis=1))))
+
+
+def test_exact_corners_give_the_exact_camera():
+    poses = synthetic.poses_around(TARGET, 10, seed=1)
+    exact = synthetic.synthetic_correspondences(TARGET, poses)
+    result = calibrate(exact, hold_out=False)
+    # Twenty coefficients meet a lens of another family, decentred and tilted, this closely.
+    assert result.errors.rms_px < 0.005
+    assert difference_px(result.camera, synthetic.TRUE_LENS, result.covered_deg) < 0.05
+    assert result.companion_rms_px > 10 * result.errors.rms_px
+
+
+def test_residuals_spread_as_the_noise_does(pairs, fitted):
+    parameters = 44 + 6 * 12
+    expected = NOISE * np.sqrt(2 - parameters / len(pairs.pixel))
+    assert fitted.errors.rms_px == pytest.approx(expected, rel=0.04)
+    assert fitted.held_out is not None
+    assert fitted.errors.rms_px < fitted.held_out.rms_px < 1.2 * expected
+    assert fitted.held_out.rms_px < fitted.held_out.companion_rms_px
+    assert fitted.rank == 16
+    assert not fitted.dropped
+    assert not fitted.unfit
+
+
+def test_camera_is_sound_to_the_margin(fitted):
+    assert fitted.camera.max_angle_deg == pytest.approx(fitted.covered_deg + 5)
+    assert check_soundness(fitted.camera.P, fitted.camera.max_angle_deg).sound
+    assert np.linalg.norm(fitted.camera.P) == pytest.approx(1, abs=1e-12)
+
+
+def test_poses_are_the_true_ones_up_to_the_gauge(fitted):
+    """One rotation, the gauge, turns all fitted poses into the true ones."""
+    truth = synthetic.poses_around(TARGET, 12, seed=21)
+    true_rotation = Rotation.from_matrix(
+        np.stack([np.asarray(Rotation.from_rotvec(v).as_matrix()) for v, _ in truth])
+        if np.shape(truth[0][0]) == (3,)
+        else np.stack([np.asarray(r) for r, _ in truth])
+    )
+    turned = true_rotation * Rotation.from_matrix(fitted.poses.rotation).inv()
+    mean = turned.mean()
+    assert np.abs((turned * mean.inv()).magnitude()).max() < 2e-3
+    centre = -np.einsum("mji,mj->mi", fitted.poses.rotation, fitted.poses.translation)
+    true_centre = np.stack(
+        [-r.T @ np.asarray(t) for r, (_, t) in zip(true_rotation.as_matrix(), truth, strict=True)]
+    )
+    np.testing.assert_allclose(centre, true_centre, atol=0.3)
+
+
+@pytest.mark.parametrize(
+    ("half_angle", "focal"), [(35, 640), (60, 380), (110, 195)], ids=["70", "120", "220"]
+)
+def test_fields_from_narrow_to_beyond_180_degrees(half_angle, focal):
+    lens = replace(
+        synthetic.TRUE_LENS, fx=float(focal), fy=float(focal) + 0.5, max_angle_deg=half_angle
+    )
+    target = synthetic.box_of_four()
+    poses = synthetic.poses_around(
+        target, 12, seed=3, distance=(0.3, 0.6), off_axis_deg=min(80, half_angle)
+    )
+    pairs = synthetic.synthetic_correspondences(target, poses, lens=lens, noise=0.05, seed=4)
+    result = calibrate(pairs, hold_out=False)
+    assert result.covered_deg > 0.85 * half_angle
+    assert not result.unfit
+    angle = min(result.covered_deg, half_angle - 0.1)
+    assert difference_px(result.camera, lens, angle) < 0.12
+
+
+def test_one_photo_of_an_object_with_walls_is_enough():
+    target = synthetic.box_of_four()
+    pose = synthetic.poses_around(target, 1, seed=8, distance=(0.3, 0.35), off_axis_deg=20)
+    one = synthetic.synthetic_correspondences(target, pose, noise=0.05, seed=1)
+    result = calibrate(one)
+    assert result.held_out is None
+    assert result.errors.rms_px < 0.08
+    others = synthetic.synthetic_correspondences(
+        target, synthetic.poses_around(target, 6, seed=9), noise=0.05, seed=2
+    )
+    assert evaluate(result.camera, others).errors.rms_px < 0.3
+
+
+def test_ten_percent_of_gross_outliers_change_nothing(pairs, fitted):
+    rng = np.random.default_rng(5)
+    bad = rng.random(len(pairs.pixel)) < 0.1
+    shift = rng.uniform(4, 60, bad.sum())[:, None] * _directions(rng, bad.sum())
+    spoilt = replace(pairs, pixel=pairs.pixel.copy())
+    spoilt.pixel[bad] += shift
+    result = calibrate(spoilt, hold_out=False)
+    assert len(result.dropped) == bad.sum()
+    assert result.errors.corners == (~bad).sum()
+    dropped = {(c.image, c.board, c.column, c.row) for c in result.dropped}
+    first = np.flatnonzero(bad)[0]
+    assert (
+        pairs.images[pairs.image[first]],
+        pairs.boards[pairs.board[first]],
+        pairs.column[first],
+        pairs.row[first],
+    ) in dropped
+    clean = calibrate(select(pairs, ~bad)[0], hold_out=False)
+    assert result.errors.rms_px == pytest.approx(clean.errors.rms_px, rel=0.05)
+    probe = fitted.covered_deg - 1
+    assert difference_px(result.camera, clean.camera, probe) < 0.05
+
+
+def _directions(rng, count):
+    turn = rng.uniform(-np.pi, np.pi, count)
+    return np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+
+
+def test_small_errors_are_never_dropped(pairs):
+    nudged = replace(pairs, pixel=pairs.pixel.copy())
+    nudged.pixel[::50] += [1.7, -1.7]
+    assert not calibrate(nudged, hold_out=False).dropped
+
+
+def test_order_of_photos_and_corners_does_not_matter(pairs, fitted):
+    rng = np.random.default_rng(7)
+    photos = rng.permutation(len(pairs.images))
+    order = rng.permutation(len(pairs.pixel))
+    image = np.argsort(photos)[pairs.image[order]]
+    order = order[np.argsort(image, kind="stable")]
+    shuffled = replace(
+        pairs,
+        images=tuple(pairs.images[photo] for photo in photos),
+        image=np.argsort(photos)[pairs.image[order]],
+        world=pairs.world[order],
+        pixel=pairs.pixel[order],
+        board=pairs.board[order],
+        column=pairs.column[order],
+        row=pairs.row[order],
+    )
+    again = calibrate(shuffled, hold_out=False)
+    assert difference_px(again.camera, fitted.camera, fitted.covered_deg) < 1e-4
+
+
+@pytest.mark.parametrize("change", ["metres", "moved world"])
+def test_units_and_world_frame_do_not_matter(pairs, fitted, change):
+    if change == "metres":
+        other = replace(pairs, world=pairs.world / 1000)
+    else:
+        turn = Rotation.from_rotvec([0.5, -1.0, 2.0]).as_matrix()
+        other = replace(pairs, world=pairs.world @ turn.T + [300.0, -200.0, 1000.0])
+    again = calibrate(other, hold_out=False)
+    assert difference_px(again.camera, fitted.camera, fitted.covered_deg) < 1e-4
+    if change == "metres":
+        np.testing.assert_allclose(
+            again.poses.translation * 1000, fitted.poses.translation, atol=1e-2
+        )
+
+
+def test_scaling_the_photos_scales_the_camera(pairs, fitted):
+    width, height = pairs.image_size
+    half = replace(pairs, image_size=(2 * width, 2 * height), pixel=(pairs.pixel + 0.5) * 2 - 0.5)
+    again = calibrate(half, hold_out=False)
+    rays = cone_rays(np.deg2rad(fitted.covered_deg), 500)
+    expected = (fitted.camera.project(rays) + 0.5) * 2 - 0.5
+    miss, _ = aligned_difference(again.camera, _Pixels(rays, expected), rays)
+    assert np.sqrt(np.mean(miss**2)) < 0.02
+
+
+class _Pixels:
+    """A lens that knows its pixels at given rays only."""
+
+    def __init__(self, rays, pixel):
+        self._rays, self._pixel = rays, pixel
+
+    def project(self, points):
+        np.testing.assert_array_equal(points, self._rays)
+        return self._pixel
+
+
+def test_too_few_corners_are_refused(pairs):
+    few, _ = select(pairs, np.arange(len(pairs.pixel)) < 29)
+    with pytest.raises(FitError, match="29 corners are too few"):
+        calibrate(few)
+
+
+def test_one_photo_of_one_flat_board_is_refused_with_what_to_add():
+    target = synthetic.flat_board()
+    pose = synthetic.poses_around(target, 1, seed=3)
+    one = synthetic.synthetic_correspondences(target, pose)
+    with pytest.raises(FitError, match=r"one flat board.*add photos") as caught:
+        calibrate(one)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_target_that_does_not_fit_is_refused(pairs):
+    world = pairs.world.copy()
+    right = pairs.board == 2
+    world[right] = world[right] * [1, 1, 2.5] + [80, 0, 0]
+    with pytest.raises(FitError, match="do not fit the target"):
+        calibrate(replace(pairs, world=world))
+
+
+def test_random_pixels_are_refused(pairs):
+    rng = np.random.default_rng(0)
+    pixel = rng.uniform([0, 0], pairs.image_size, pairs.pixel.shape)
+    with pytest.raises(FitError, match="do not fit the target"):
+        calibrate(replace(pairs, pixel=pixel))
+
+
+def test_flat_boards_all_seen_head_on_are_refused():
+    """Without tilt, distance and focal length cannot be told apart on a perspective lens."""
+    lens = RadialCamera(
+        image_size=(960, 720), fx=900, fy=900, cx=480, cy=360, k=np.array([1 / 3, 2 / 15, 0, 0])
+    )
+    target = synthetic.flat_board()
+    middle = synthetic.object_middle(target)
+    poses = [(np.zeros(3), np.array([0, 0, far]) - middle) for far in (500.0, 600.0, 700.0)]
+    pairs = synthetic.synthetic_correspondences(target, poses, lens=lens, noise=0.1)
+    with pytest.raises(FitError, match="do not determine the lens"):
+        calibrate(pairs)
+
+
+def test_held_out_needs_three_photos(pairs):
+    assert calibrate(select_photos(pairs, np.arange(2))).held_out is None
+
+
+def test_held_out_counts_what_a_fold_never_saw(pairs):
+    """Spoil the names of one photo a little: in-sample follows it, held-out tells."""
+    result = calibrate(select_photos(pairs, np.arange(6)))
+    assert result.held_out is not None
+    assert result.held_out.folds == 5
+    assert result.held_out.rms_px > result.errors.rms_px
+
+
+def test_weak_prior_still_gives_a_sound_camera(pairs):
+    result = fit_cubic(fit_companion(pairs), weight=1e-4)
+    assert result.soundness.sound
+    assert result.prior_weight >= 1e-4

@@ -1,0 +1,130 @@
+"""Poses and a start lens from corners alone, without any guess."""
+
+import numpy as np
+import pytest
+import synthetic
+from scipy.spatial.transform import Rotation
+
+from cubicfish_cli.fitting.companion import fit_companion
+from cubicfish_cli.fitting.known_lens import fit_poses
+from cubicfish_cli.fitting.poses import Poses, cross_matrix, rotation_from_vector
+from cubicfish_cli.fitting.radial_pose import depth_shift, radial_poses
+from cubicfish_cli.fitting.start import start_at_centre
+from cubicfish_cli.model.radial import RadialCamera
+
+RNG = np.random.default_rng(3)
+EQUIDISTANT = RadialCamera(image_size=(960, 720), fx=250, fy=250, cx=470, cy=380, k=np.zeros(4))
+FLAT = np.stack(np.meshgrid(np.arange(7.0), np.arange(5.0), [0.0]), -1).reshape(-1, 3)
+SOLID = np.vstack([FLAT, FLAT[:, [1, 2, 0]] + [0, -1, 1]])
+
+
+def _random_pose(far: float = 4.0):
+    rotation = Rotation.random(random_state=RNG).as_matrix()
+    return rotation, RNG.standard_normal(3) + rotation @ [-3, -2, 0] + [0, 0, far * RNG.uniform()]
+
+
+def test_steps_turn_the_camera_frame():
+    poses = Poses(
+        rotation=rotation_from_vector(RNG.standard_normal((4, 3))),
+        translation=RNG.standard_normal((4, 3)),
+    )
+    step = np.zeros((4, 6))
+    step[:, :3] = 1e-7 * RNG.standard_normal((4, 3))
+    image, world = np.arange(4), RNG.standard_normal((4, 3))
+    rotated = poses.apply(image, world) - poses.translation
+    moved = poses.moved(step).apply(image, world) - poses.apply(image, world)
+    np.testing.assert_allclose(
+        moved, (-cross_matrix(rotated) @ step[:, :3, None])[:, :, 0], atol=1e-12
+    )
+    np.testing.assert_allclose(
+        rotation_from_vector(poses.rotation_vector), poses.rotation, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(("world", "candidates"), [(SOLID, 1), (FLAT, 2)], ids=["solid", "flat"])
+def test_radial_equations_find_the_pose_beyond_90_degrees(world, candidates):
+    """Among the candidates is the true rotation and shift; depth then follows from the lens."""
+    beyond = 0
+    for _ in range(60):
+        rotation, translation = _random_pose()
+        points = world @ rotation.T + translation
+        theta = np.arctan2(np.hypot(points[:, 0], points[:, 1]), points[:, 2])
+        # A photo sees the printed side of a board, and nothing straight behind it.
+        if theta.max() > 2.5 or (world is FLAT and (rotation @ [0, 0, 1]) @ translation < 0.3):
+            continue
+        beyond += int(theta.max() > np.pi / 2)
+        offset = EQUIDISTANT.project(points) - [EQUIDISTANT.cx, EQUIDISTANT.cy]
+        found = radial_poses(world, offset)
+        assert len(found) == candidates
+        miss = [np.abs(pose.rotation - rotation).max() for pose in found]
+        pose = found[int(np.argmin(miss))]
+        np.testing.assert_allclose(pose.rotation, rotation, atol=1e-5)
+        np.testing.assert_allclose(pose.shift, translation[:2], atol=1e-4)
+        depth, angle = depth_shift(pose, world, np.hypot(offset[:, 0], offset[:, 1]) / 250)
+        assert depth == pytest.approx(translation[2], abs=1e-3)
+        np.testing.assert_allclose(angle, theta, atol=1e-4)
+    assert beyond > 5
+
+
+@pytest.mark.parametrize(
+    "world",
+    [FLAT[:4], FLAT[FLAT[:, 1] == 2], np.zeros((20, 3)), SOLID[[0, 1, 5, 40, 50, 60]]],
+    ids=["few", "collinear", "one place", "too few in space"],
+)
+def test_degenerate_points_give_no_pose(world):
+    offset = RNG.uniform(-100, 100, (len(world), 2))
+    assert radial_poses(world, offset) == []
+
+
+def test_start_finds_an_equidistant_lens_exactly():
+    target = synthetic.box_of_four()
+    poses = synthetic.poses_around(target, 6, seed=4)
+    pairs = synthetic.synthetic_correspondences(target, poses, lens=EQUIDISTANT)
+    start = start_at_centre(pairs, np.array([470.0, 380.0]))
+    # The scan of focal lengths has steps of 10 %.
+    assert start.focal == pytest.approx(250, rel=0.06)
+    assert start.score < 8
+
+
+@pytest.mark.parametrize(
+    "target",
+    [synthetic.corner_of_three(), synthetic.box_of_four(), synthetic.flat_board()],
+    ids=["corner", "box", "flat"],
+)
+def test_companion_recovers_a_radial_lens_and_the_poses(target):
+    truth = RadialCamera(
+        image_size=(960, 720), fx=255, fy=256, cx=500, cy=340, k=np.array([-0.03, 0.002, 0, 0])
+    )
+    poses = synthetic.poses_around(target, 8, seed=11)
+    pairs = synthetic.synthetic_correspondences(target, poses, lens=truth)
+    companion = fit_companion(pairs)
+    np.testing.assert_allclose(companion.residual, 0, atol=1e-5)
+    np.testing.assert_allclose(companion.camera.parameters[:4], truth.parameters[:4], atol=1e-3)
+    assert not companion.unfit
+    known, _, photos = fit_poses(truth, pairs)
+    np.testing.assert_array_equal(photos, np.arange(8))
+    np.testing.assert_allclose(known.poses.rotation, companion.poses.rotation, atol=1e-6)
+
+
+@pytest.mark.parametrize("centre", [(300, 420), (680, 250)])
+def test_a_principal_point_far_off_the_middle_is_found(centre):
+    truth = RadialCamera(
+        image_size=(960, 720), fx=240, fy=240, cx=centre[0], cy=centre[1], k=np.zeros(4)
+    )
+    target = synthetic.corner_of_three()
+    poses = synthetic.poses_around(target, 8, seed=5)
+    pairs = synthetic.synthetic_correspondences(target, poses, lens=truth, noise=0.1)
+    camera = fit_companion(pairs).camera
+    assert (camera.cx, camera.cy) == pytest.approx(centre, abs=1)
+
+
+def test_a_photo_with_wrong_names_is_named_and_left_out():
+    target = synthetic.corner_of_three()
+    poses = synthetic.poses_around(target, 8, seed=6)
+    pairs = synthetic.synthetic_correspondences(target, poses, noise=0.1, seed=1)
+    own = np.flatnonzero(pairs.image == 3)
+    pairs.pixel[own] = pairs.pixel[np.roll(own, 7)]
+    companion = fit_companion(pairs)
+    assert list(companion.unfit) == ["03.png"]
+    assert "03.png" not in companion.pairs.images
+    assert np.median(np.hypot(*companion.residual.T)) < 0.4
