@@ -25,7 +25,7 @@ CLEAR_RATIO = 1.3
 _NOISE_FLOOR_PX = 0.05
 # A rival that has no place for a grid which the winner places well misses it by this share of
 # the distance of neighbouring corners: a grid that is none of the boards hardly fits by chance.
-_LEFT_OUT_STEPS = 0.3
+_LEFT_OUT_STEPS = 0.5
 # Part of a board that may slide is kept only if its corners are at least one in so many.
 _LEAST_SHARE = 3
 # No solid has more rotations than the cube's 24: more places than that are not symmetries.

@@ -288,6 +288,8 @@ def _decide_photo(
         index = own[part[0]]
         ends_alone = _ends(task, camera, own, index, poses) if camera else None
         found = decide_alone(task.grids[index], task.sides, task.reach[index], ends_alone)
+        if found.verdict[0] is Verdict.CONVENTION and _rivalled(task, own, usable):
+            found = replace(found, verdict=(Verdict.AMBIGUOUS,))
         alone = poses[index]
         if alone is not None:
             found = replace(found, rms_px=np.array([alone.rms_px]))
@@ -299,6 +301,12 @@ def _decide_photo(
         elif n not in usable:
             verdict[n] = Verdict.NOT_PLANE
     return replace(decision, verdict=tuple(verdict))
+
+
+def _rivalled(task: _Task, own: list[int], usable: list[int]) -> bool:
+    """Whether another grid is nearly as large as the largest: which one is the board then?"""
+    counts = [len(task.grids[own[n]]) for n in usable]
+    return len(counts) > 1 and 2 * counts[1] > counts[0]
 
 
 def _ends(

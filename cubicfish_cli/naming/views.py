@@ -28,9 +28,10 @@ from cubicfish_cli.naming.search import View
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
 
-# RMS, as a share of the distance of neighbouring corners, from which a grid fits no plane or no
-# place. One step along the board, or another board, misses by several times as much.
-_GATE_STEPS = 0.1
+# RMS, as a share of the distance of neighbouring corners, from which a grid is no plane of
+# squares, and from which it does not fit a place: objects are never quite as drawn, while one
+# step along the board, or another board, misses by several times as much.
+_PLANE_STEPS, _PLACE_STEPS = 0.1, 0.25
 _SMALLEST_GATE_PX = 1.0
 # A mirrored pose counts as possible too while its error is at most this many times the other's.
 _MIRROR_RATIO = 1.5
@@ -38,9 +39,8 @@ _MIRROR_SLACK_PX = 0.05
 _DIFFERENT_DEG = 3.0
 
 
-def gate_px(grid: Grid) -> float:
-    """RMS in pixels from which ``grid`` does not fit."""
-    return max(_SMALLEST_GATE_PX, _GATE_STEPS * grid.step)
+def _gate_px(grid: Grid, steps: float) -> float:
+    return max(_SMALLEST_GATE_PX, steps * grid.step)
 
 
 def anonymous_pairs(grids: Sequence[Grid], image_size: tuple[int, int]) -> Correspondences:
@@ -97,7 +97,7 @@ def grid_poses(
     mirror_rms = _rms(mirror.residual, own)
     for k, index in enumerate(placed):
         rivals = sorted([(rms[k], 0), (mirror_rms[k], 1)])
-        if rivals[0][0] > gate_px(grids[index]):
+        if rivals[0][0] > _gate_px(grids[index], _PLANE_STEPS):
             continue
         both = Poses(
             rotation=np.stack([fit.poses.rotation[k], mirror.poses.rotation[k]]),
@@ -127,7 +127,7 @@ def view_of(camera: RadialCamera, grid: Grid, pose: GridPose, reach: Reach) -> V
         camera_middle=pose.rotation[:, :, :2] @ middle[:2] + pose.translation,
         moments=grid_moments(camera, grid.cells, grid.pixel, camera_from_grid),
         corners=len(grid),
-        gate_px=gate_px(grid),
+        gate_px=_gate_px(grid, _PLACE_STEPS),
     )
 
 
