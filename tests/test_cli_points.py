@@ -44,6 +44,7 @@ def test_what_is_outside_the_field_is_nan(run: Run, model: Path) -> None:
 def test_a_header_in_gives_a_header_out(run: Run, model: Path) -> None:
     plain = run("project", "-m", model, input="0,0,1\n").stdout
     assert run("project", "-m", model, input="\ufeffX,Y,Z\r\n0,0,1\r\n").stdout == "x,y\n" + plain
+    assert run("project", "-m", model, input="\ufeff0,0,1\n").stdout == plain
     assert run("unproject", "-m", model, input="x,y\n").stdout == "X,Y,Z\n"
     assert run("unproject", "-m", model, input="").stdout == ""
 

@@ -148,6 +148,8 @@ def test_planes_are_counted_once(tmp_path: Path) -> None:
     assert load(tmp_path, FLOOR).plane_count() == 1
     assert load(tmp_path, FLOOR, beside, back).plane_count() == 1
     assert load(tmp_path, FLOOR, above).plane_count() == 2
+    crossing = {**FLOOR, "name": "crossing", "x_axis": [0, 0, 1]}
+    assert load(tmp_path, FLOOR, crossing).plane_count() == 2
     assert load(tmp_path, FLOOR, beside, WALL).plane_count() == 2
     flat = {**POINTS, "points": [[0, 0, 5], [1, 0, 5], [0, 1, 5], [2, 2, 5]]}
     solid = {**POINTS, "points": [[0, 0, 5], [1, 0, 5], [0, 1, 5], [2, 2, 6]]}

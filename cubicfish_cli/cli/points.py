@@ -69,7 +69,6 @@ def read_points(path: Path, columns: Sequence[str]) -> Points:
             )
         rows.append(row)
     values = np.array(rows, float).reshape(-1, len(columns))
-    values[np.isinf(values).any(axis=1)] = np.nan
     return Points(values=values, has_header=has_header)
 
 
