@@ -1,0 +1,333 @@
+"""Photos -> named corners of the target's boards, with what became of every photo."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from cubicfish_cli.correspondences import Corners
+from cubicfish_cli.detection.finder import find_grids
+from cubicfish_cli.detection.grids import FoundGrids, Grid
+from cubicfish_cli.errors import DetectionError, PhotoError
+from cubicfish_cli.naming.decide import Verdict
+from cubicfish_cli.naming.name_grids import GridReport, Naming, name_grids
+from cubicfish_cli.photos import Photo, Picture, read_grey
+from cubicfish_cli.target import Board, Target
+
+# Fewer photos than this are not worth starting other processes for.
+_PHOTOS_FOR_POOL = 4
+# Share of the grey scale below which nearly all of a photo is dark, or all of it is alike.
+_DARK, _UNIFORM = 0.15, 0.08
+_WHY = {
+    Verdict.AMBIGUOUS: "several places on the target fit nearly as well",
+    Verdict.SLIDE: "no end of a board is seen, so it could be anywhere along it",
+    Verdict.NO_FIT: "fits no place on the target",
+    Verdict.TOO_LARGE: "larger than every board of the target",
+    Verdict.NOT_PLANE: "its corners are no plane of squares",
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PhotoReport:
+    """What became of one photo.
+
+    Attributes:
+        name: the photo's name.
+        problem: one line that says why it gave no corners; None when it did.
+        notes: one line for each grid that was left out, or named by convention.
+        boards: names of the boards that were found in it, in the target's order.
+        corners: how many corners were named.
+        exact: whether these are surely the corners that they are named as; see
+            :class:`cubicfish_cli.naming.name_grids.Naming`.
+        found: everything that was found in it, named or not; None when it could not be used.
+        grids: what became of each of ``found.grids``.
+
+    """
+
+    name: str
+    problem: str | None
+    notes: tuple[str, ...] = ()
+    boards: tuple[str, ...] = ()
+    corners: int = 0
+    exact: bool = True
+    found: FoundGrids | None = None
+    grids: tuple[GridReport, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Detection:
+    """The corners found in a set of photos.
+
+    Attributes:
+        corners: the named corners; ``images`` are the photos that have some.
+        photos: a report on every photo, in the order given.
+
+    """
+
+    corners: Corners
+    photos: tuple[PhotoReport, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Found:
+    """What a worker hands back: the grids, or why there are none."""
+
+    grids: FoundGrids | None
+    problem: str | None
+
+
+def detect_corners(
+    photos: Sequence[Photo],
+    target: Target,
+    *,
+    jobs: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Detection:
+    """Find and name the corners of ``target`` in photos.
+
+    Photos that cannot be read, or are not of the size that most have, are reported and passed
+    over. The result does not depend on ``jobs``.
+
+    Args:
+        photos: where the photos are.
+        target: the object.
+        jobs: processes to use; None for one a processor.
+        progress: called with photos done and all photos.
+
+    Raises:
+        DetectionError: no corner could be named in any photo; the text says what to check.
+
+    """
+    found = []
+    for one in _find_all(photos, _workers(jobs, len(photos))):
+        found.append(one)
+        if progress is not None:
+            progress(len(found), len(photos))
+    size = _common_size(found)
+    if size is None:
+        raise DetectionError(_nothing_read(found))
+    found = [_of_size(one, size) for one in found]
+    usable = [index for index, one in enumerate(found) if one.grids is not None]
+    grids = [_grids(found[index]) for index in usable]
+    naming = name_grids(grids, target, size, [photos[index].name for index in usable])
+    _refuse_counted_squares(grids, naming, target)
+    if not len(naming.corners.pixel):
+        raise DetectionError(_nothing_named(found, naming, target))
+    reports = [
+        PhotoReport(name=photo.name, problem=one.problem)
+        for photo, one in zip(photos, found, strict=True)
+    ]
+    for number, index in enumerate(usable):
+        reports[index] = _report(photos[index].name, found[index], naming, number, target)
+    return Detection(corners=_only_seen(naming.corners), photos=tuple(reports))
+
+
+def _workers(jobs: int | None, photos: int) -> int:
+    if jobs is None:
+        if photos < _PHOTOS_FOR_POOL:
+            return 1
+        jobs = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return max(1, min(jobs or 1, photos))
+
+
+def _find_all(photos: Sequence[Photo], workers: int) -> Iterator[_Found]:
+    """The grids of every photo, in order."""
+    if workers == 1:
+        with _single_thread():
+            yield from map(_find, photos)
+        return
+    # A forked copy of a process whose OpenCV has threads may hang; a fresh one does not.
+    pool = ProcessPoolExecutor(
+        workers, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker
+    )
+    try:
+        yield from pool.map(_find, photos)
+    except BrokenProcessPool as error:
+        raise DetectionError(
+            "a process that looked for corners was ended from outside, as happens when memory "
+            "runs out: try again with --jobs 1"
+        ) from error
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _start_worker() -> None:
+    # The parent alone answers Ctrl-C, and the workers together use one thread a processor.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    cv2.setNumThreads(1)
+
+
+@contextmanager
+def _single_thread() -> Iterator[None]:
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)
+
+
+def _find(photo: Photo) -> _Found:
+    try:
+        picture = read_grey(photo.path)
+    except PhotoError as error:
+        return _Found(grids=None, problem=str(error))
+    grids = find_grids(picture)
+    return _Found(grids=grids, problem=None if grids.grids else _why_nothing(picture))
+
+
+def _why_nothing(picture: Picture) -> str:
+    full = 65535.0 if picture.dtype == np.uint16 else 255.0
+    low, high = np.percentile(picture[::4, ::4], [2, 98]) / full
+    if high < _DARK:
+        return "no checkerboard found: the photo is nearly black, expose it longer"
+    if high - low < _UNIFORM:
+        return "no checkerboard found: the photo has hardly any contrast"
+    return (
+        "no checkerboard found: is a board in view, sharp, and are its squares at least about "
+        "10 pixels wide?"
+    )
+
+
+def _common_size(found: Sequence[_Found]) -> tuple[int, int] | None:
+    """The size that most photos have; of equally frequent ones the first."""
+    sizes = Counter(one.grids.image_size for one in found if one.grids is not None)
+    return sizes.most_common(1)[0][0] if sizes else None
+
+
+def _of_size(one: _Found, size: tuple[int, int]) -> _Found:
+    if one.grids is None or one.grids.image_size == size:
+        return one
+    width, height = one.grids.image_size
+    return _Found(
+        grids=None,
+        problem=(
+            f"is {width}x{height} pixels, most photos are {size[0]}x{size[1]}: "
+            "calibrate each size by itself"
+        ),
+    )
+
+
+def _grids(one: _Found) -> tuple[Grid, ...]:
+    return one.grids.grids if one.grids is not None else ()
+
+
+def _report(name: str, one: _Found, naming: Naming, number: int, target: Target) -> PhotoReport:
+    grids = naming.grids[number]
+    named = [grid for grid in grids if grid.place is not None]
+    boards = sorted({grid.place.board for grid in grids if grid.place is not None})
+    notes = tuple(note for note in map(_note, grids) if note)
+    problem = one.problem
+    if problem is None and not named:
+        problem = "; ".join(notes)
+    return PhotoReport(
+        name=name,
+        problem=problem,
+        notes=notes,
+        boards=tuple(target.boards[board].name for board in boards),
+        corners=sum(grid.corners for grid in named),
+        exact=bool(naming.exact[number]),
+        found=one.grids,
+        grids=grids,
+    )
+
+
+def _note(grid: GridReport) -> str | None:
+    what = f"a grid of {grid.size[0]}x{grid.size[1]} with {grid.corners} corners"
+    if grid.verdict is Verdict.NAMED:
+        return None
+    if grid.verdict is Verdict.CONVENTION:
+        return (
+            f"{what}: part of the board, placed in its middle; a lens does not depend on where, "
+            "measuring the board would"
+        )
+    return f"{what} is left out: {_WHY[grid.verdict]}"
+
+
+def _only_seen(corners: Corners) -> Corners:
+    """The same corners, without the photos that have none."""
+    seen, image = np.unique(corners.image, return_inverse=True)
+    return replace(
+        corners,
+        images=tuple(corners.images[index] for index in seen),
+        image=image.astype(np.intp),
+    )
+
+
+def _nothing_read(found: Sequence[_Found]) -> str:
+    if not found:
+        return "no photo was given: name photos or the folder they are in"
+    first = next(one.problem for one in found if one.problem)
+    more = f" (and {len(found) - 1} more that cannot be used)" if len(found) > 1 else ""
+    return f"no photo can be used: {first}{more}"
+
+
+def _refuse_counted_squares(
+    grids: Sequence[Sequence[Grid]], naming: Naming, target: Target
+) -> None:
+    """Raise when photo after photo shows one board whole, one corner smaller both ways."""
+    boards = _grid_boards(target)
+    if len(boards) != 1:
+        return
+    columns, rows = sorted((boards[0].columns, boards[0].rows))
+    largest = [max(own, key=len) for own in grids if own]
+    sizes = [tuple(sorted((np.ptp(grid.cells, axis=0) + 1).tolist())) for grid in largest]
+    counted = (columns - 1, rows - 1)
+    whole = sum(
+        size == counted and len(grid) == size[0] * size[1]
+        for grid, size in zip(largest, sizes, strict=True)
+    )
+    larger = any(size[0] > counted[0] or size[1] > counted[1] for size in sizes)
+    if whole and 2 * whole >= len(largest) and not larger:
+        raise DetectionError(_counted_squares(boards[0], whole))
+
+
+def _counted_squares(board: Board, photos: int) -> str:
+    return (
+        f"found {board.columns - 1}x{board.rows - 1} inner corners in {photos} "
+        f"photo{'s' * (photos != 1)}, but the target says {board.columns}x{board.rows}: were "
+        "squares counted? The target's corners are those where four squares meet"
+    )
+
+
+def _grid_boards(target: Target) -> list[Board]:
+    return [board for board in target.boards if board.kind in ("checkerboard", "charuco")]
+
+
+def _nothing_named(found: Sequence[_Found], naming: Naming, target: Target) -> str:
+    photos = f"{len(found)} photo{'s' * (len(found) != 1)}"
+    grids = [grid for own in naming.grids for grid in own]
+    if not grids:
+        problems = Counter(one.problem for one in found if one.problem)
+        return f"{photos}, no checkerboard: {problems.most_common(1)[0][0]}"
+    says = ", ".join(f"{board.columns}x{board.rows}" for board in _grid_boards(target)[:6])
+    largest = max(grids, key=lambda grid: grid.corners)
+    size = f"{largest.size[0]}x{largest.size[1]}"
+    if all(grid.verdict is Verdict.TOO_LARGE for grid in grids):
+        return (
+            f"found {size} inner corners, more than any board of the target has ({says}): count "
+            "the inner corners along both sides of the board again"
+        )
+    for board in _grid_boards(target):
+        if sorted(largest.size) == sorted((board.columns - 1, board.rows - 1)):
+            return _counted_squares(board, 1)
+    why = Counter(grid.verdict for grid in grids).most_common(1)[0][0]
+    advice = (
+        "check corners, square, origin and axes of the boards in the target file"
+        if why in (Verdict.NO_FIT, Verdict.NOT_PLANE)
+        else "take photos that show two boards, or a board with its ends"
+    )
+    return (
+        f"found {len(grids)} grid{'s' * (len(grids) != 1)} of up to {size} inner corners in "
+        f"{photos}, but none can be placed on the target ({says}): {_WHY[why]}; {advice}"
+    )
