@@ -20,7 +20,7 @@ _TANH = 0.8  # tanh(0.8 z) has the slope of the Gaussian's own step at its middl
 # Shift (px), turn (radians) and logarithm of the blur (px) of both edges: weak prior knowledge
 # that keeps hardly determined fits in place, and the longest single step.
 _PRIOR_MEAN = np.array([0.0, 0.0, 0.0, 0.0, np.log(0.7), np.log(0.7)])
-_PRIOR_SPREAD = np.array([1.0, 1.0, 0.15, 0.15, 0.7, 0.7])
+_PRIOR_SPREAD = np.array([1.0, 1.0, 0.15, 0.15, 0.5, 0.5])
 _LONGEST_STEP = np.array([0.7, 0.7, 0.3, 0.3, 0.7, 0.7])
 # Windows end before the next edge, fading out: in sides, along each axis of the grid.
 _WITHIN, _FADE = 0.45, 0.1
@@ -237,7 +237,8 @@ def _minimise(value: FloatArray, frame: _Frame, noise: float) -> _State:
         state.normal[rows] = columns.transpose(0, 2, 1) @ columns + np.diag(_PRIOR_SPREAD**-2.0)
         state.right[rows] = (columns.transpose(0, 2, 1) @ scaled[..., None])[..., 0]
         state.right[rows] += away[better] / _PRIOR_SPREAD
-        damping[active] *= np.where(better, 0.1, 10.0)
+        now = damping[active]
+        damping[active] = np.where(better, np.maximum(0.2 * now, 1e-4), np.maximum(10 * now, 0.3))
 
         normal = state.normal[active]
         damped = normal + damping[active, None, None] * normal * np.eye(6)

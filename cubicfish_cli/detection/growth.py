@@ -21,8 +21,9 @@ _MOST_ROUNDS = 60
 # A prediction extrapolates by one cell. From two rows it is linear, and near a board held close
 # to the lens one square can be 1.6 times as long as the last; the next corner is a cell away.
 _SEARCH = 0.5
-# Leave-one-out: a corner that many cells from what its neighbours say is not a corner.
-_OUTLIER = 0.3
+# Leave-one-out: a corner that many cells from what its neighbours say is not a corner; more where
+# the neighbours lie on one side only.
+_OUTLIER = 0.15
 
 
 def grow(
@@ -150,7 +151,7 @@ def clean(lattice: Lattice) -> int:
         lonely = ~beside.any(1)
         fit = lattice.fit(cells, without_itself=True)
         pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
-        miss = fit.cells_away(pixel)
+        miss = fit.cells_away(pixel) / (1 + np.sqrt(fit.leverage))
         miss[~fit.sound] = 0
         # One wrong corner spoils the prediction of all its neighbours: only the worst one of a
         # neighbourhood goes.

@@ -44,6 +44,8 @@ class LocalFit:
         step: (N, 2, 2) columns dp/di, dp/dj, pixels.
         bend: (N, 2, 3) second derivatives ii, ij, jj, pixels.
         neighbours: (N,) how many cells the fit rests on.
+        leverage: (N,) variance of the prediction when each neighbour beside the cell has 1: small
+            in the middle of a grid, large where the fit extrapolates.
         side: (N,) the shorter of the two steps, pixels.
         sound: (N,) the steps are not degenerate and turn the right way.
 
@@ -53,6 +55,7 @@ class LocalFit:
     step: FloatArray
     bend: FloatArray
     neighbours: IntArray
+    leverage: FloatArray
     side: FloatArray
     sound: BoolArray
 
@@ -89,6 +92,7 @@ class LocalFit:
             step=self.step[rows],
             bend=self.bend[rows],
             neighbours=self.neighbours[rows],
+            leverage=self.leverage[rows],
             side=self.side[rows],
             sound=self.sound[rows],
         )
@@ -205,6 +209,7 @@ class Lattice:
             step=step,
             bend=solution[:, :, 3:],
             neighbours=neighbours,
+            leverage=np.linalg.inv(normal)[:, 0, 0] * _WEIGHT[_CENTRE + 1],
             side=side,
             sound=sound,
         )

@@ -16,7 +16,10 @@ from cubicfish_cli.detection.pyramid import Pyramid
 _NEIGHBOURS = 28
 _POINTING = np.radians(28)  # an arm may point that far past the neighbour: edges are bent
 _CONTRAST_RATIO = 3.0
-ALONG_EDGE = np.linspace(0.12, 0.88, 7)
+# Where an edge is looked at: this far along it and, of its length, to either side. Edges that meet
+# at 27 degrees or more are then not mixed up.
+ALONG_EDGE = np.linspace(0.2, 0.8, 7)
+ASIDE, LEAST_ASIDE = 0.1, 1.2  # of the length, px
 # Of the corner's contrast: what an edge shows, in the middle of its samples and at worst.
 EDGE_MEDIAN, EDGE_LEAST = 0.30, 0.10
 
@@ -94,24 +97,21 @@ def edge_is_seen(difference: FloatArray) -> BoolArray:
 
 
 def edge_difference(
-    pyramid: Pyramid, points: FloatArray, tangent: FloatArray, length: FloatArray
+    pyramid: Pyramid, points: FloatArray, aside: FloatArray, length: FloatArray
 ) -> FloatArray:
-    """Brightness clockwise of a curve minus counter-clockwise.
+    """Brightness on one side of a curve minus that on the other.
 
     Args:
         pyramid: the photo.
         points: (N, K, 2) points of each curve, pixels.
-        tangent: (N, K, 2) its direction there, any length.
-        length: (N,) distance of its ends, pixels; the offset to either side is 0.14 of it.
+        aside: (N, K, 2) from the curve to where its first side is measured, pixels.
+        length: (N,) distance of the curve's ends, pixels.
 
     Returns:
         (N, K) grey levels.
 
     """
-    normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
-    normal /= np.maximum(np.hypot(normal[..., 0], normal[..., 1]), 1e-9)[..., None]
-    normal *= np.maximum(0.14 * length, 1.2)[:, None, None]
-    both = pyramid.sample(np.stack([points + normal, points - normal], axis=1), length)
+    both = pyramid.sample(np.stack([points + aside, points - aside], axis=1), length)
     return both[:, 0].astype(float) - both[:, 1]
 
 
@@ -147,7 +147,10 @@ def _edge(
         + (1 - t) * (1 - 3 * t) * leaving[:, None]
         + t * (3 * t - 2) * arriving[:, None]
     )
-    return edge_difference(pyramid, points, tangent, length)
+    normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)  # clockwise of the curve
+    normal /= np.maximum(np.hypot(normal[..., 0], normal[..., 1]), 1e-9)[..., None]
+    offset = np.maximum(ASIDE * length, LEAST_ASIDE)
+    return edge_difference(pyramid, points, normal * offset[:, None, None], length)
 
 
 def _mutual(

@@ -12,6 +12,9 @@ from cubicfish_cli.detection.grids import Float32Array, FloatArray
 
 # Side of the smallest level: below it there is no room for a ring test.
 SMALLEST_SIDE = 24
+# Standard deviation, pixels, at full size: just enough that a photo sharpened by its camera is not
+# undersampled for the sub-pixel fit.
+SMOOTHING = 0.5
 # cv2.remap takes no more rows than fit a short.
 _MOST_ROWS = 30_000
 
@@ -21,15 +24,13 @@ class Pyramid:
     """A photo at full size and at halves of it; pixel x of level k lies at ``x * 2**k``.
 
     Attributes:
-        image: the photo itself, float32 grey levels 0..255.
-        levels: float32 images, grey levels 0..255; level 0 is lightly smoothed (sigma 0.7 px),
+        levels: float32 images, grey levels 0..255; level 0 is lightly smoothed (SMOOTHING),
             the others by the pyramid's own low-pass filter.
         noise: standard deviation of the pixel noise before smoothing, in the same grey levels.
         gain: grey level of the pyramid / grey level of the photo.
 
     """
 
-    image: Float32Array
     levels: tuple[Float32Array, ...]
     noise: float
     gain: float
@@ -126,9 +127,9 @@ def build_pyramid(grey: npt.NDArray[np.generic], deepest: int = 6) -> Pyramid:
     quantum = gain if np.issubdtype(grey.dtype, np.integer) else gain * (high - low) / 65_535
     # Rounding to whole grey levels is noise of 1/sqrt(12) of a level; 0.5 to be on the safe side.
     noise = max(estimate_noise(image), 0.5 * quantum)
-    levels = [cv2.GaussianBlur(image, (5, 5), 0.7)]
+    levels = [cv2.GaussianBlur(image, (5, 5), SMOOTHING)]
     reduced = image
     while len(levels) <= deepest and min(reduced.shape) >= 2 * SMALLEST_SIDE:
         reduced = cv2.pyrDown(reduced)
         levels.append(reduced)
-    return Pyramid(image=image, levels=tuple(levels), noise=noise, gain=gain)
+    return Pyramid(levels=tuple(levels), noise=noise, gain=gain)

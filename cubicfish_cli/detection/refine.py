@@ -22,14 +22,14 @@ def refine_pixels(pyramid: Pyramid, pixel: FloatArray, fit: LocalFit) -> Crossin
     """Sub-pixel positions of N corners, starting within about a tenth of a side.
 
     A saddle fit brings the start to within a fraction of a pixel, two crossing edges are then
-    fitted to the unsmoothed pixels.
+    fitted to the pixels.
     """
     saddle = fit_saddles(
         pyramid.levels[0], pixel, np.clip(0.2 * fit.side, 2.0, 2.5), np.maximum(1.5, 0.1 * fit.side)
     )
     start = np.where(saddle.ok[:, None], saddle.pixel, pixel)
     half = np.clip(_OF_SIDE * fit.side, _SMALLEST_HALF, _LARGEST_HALF)
-    return fit_crossings(pyramid.image, start, fit, half, pyramid.noise)
+    return fit_crossings(pyramid.levels[0], start, fit, half, pyramid.noise)
 
 
 def refine_corners(
@@ -69,6 +69,7 @@ def refine_corners(
         step=jacobians[rows],
         bend=np.zeros((len(rows), 2, 3)) if bends is None else bends[rows],
         neighbours=np.full(len(rows), 4),
+        leverage=np.zeros(len(rows)),
         side=side[rows],
         sound=np.ones(len(rows), bool),
     )

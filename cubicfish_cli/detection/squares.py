@@ -8,7 +8,13 @@ import numpy as np
 
 from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
 from cubicfish_cli.detection.lattice import LocalFit
-from cubicfish_cli.detection.links import ALONG_EDGE, edge_difference, edge_is_seen
+from cubicfish_cli.detection.links import (
+    ALONG_EDGE,
+    ASIDE,
+    LEAST_ASIDE,
+    edge_difference,
+    edge_is_seen,
+)
 from cubicfish_cli.detection.pyramid import Pyramid
 
 # Along the diagonal of each square, in sides: beyond the blur, within the white margin that
@@ -86,10 +92,14 @@ def edges_seen(
     # The fit's curve, moved so that it ends at the neighbour.
     end = part.at(direction[:, None])[:, 0]
     points = part.at(offset) + ALONG_EDGE[:, None] * (neighbour[row, arm] - end)[:, None]
-    ahead = part.at(offset + 0.05 * direction[:, None]) - part.at(offset)
     length = np.hypot(*(neighbour[row, arm] - pixel[row]).T)
-    difference = edge_difference(pyramid, points, ahead, length)
-    # Clockwise of +i lies the quadrant (+, +), clockwise of +j the quadrant (-, +), and so on.
+    # To the clockwise side along the grid's other axis: it does not leave the two squares, however
+    # flat they are seen. There lies quadrant (+, +) for +i, quadrant (-, +) for +j, and so on.
+    across = (part.step @ np.stack([-direction[:, 1], direction[:, 0]], -1)[..., None])[..., 0]
+    area = np.abs(np.linalg.det(part.step))
+    height = area / np.hypot(*(part.step @ direction[..., None])[..., 0].T)
+    share = np.clip(LEAST_ASIDE / height, ASIDE, 0.4)
+    difference = edge_difference(pyramid, points, (share[:, None] * across)[:, None], length)
     difference *= (sign[row] * np.where(arm % 2 == 0, 1, -1))[:, None]
     difference /= np.maximum(contrast[row], 1e-6)[:, None]
     seen[row, arm] = edge_is_seen(difference)
