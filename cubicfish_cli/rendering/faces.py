@@ -13,6 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import TargetError
+from cubicfish_cli.rendering.aprilgrid import aprilgrid_extent, aprilgrid_is_dark
+from cubicfish_cli.rendering.charuco import charuco_is_dark
 from cubicfish_cli.rendering.checkerboard import checkerboard_extent, checkerboard_is_dark
 from cubicfish_cli.target import Board, BoardKind
 
@@ -50,7 +52,21 @@ def _checkerboard(board: Board, margin: float) -> Face:
     return Face(lower=lower, upper=upper, is_dark=lambda plane: checkerboard_is_dark(board, plane))
 
 
-_FACES: Mapping[BoardKind, Callable[[Board, float], Face]] = {"checkerboard": _checkerboard}
+def _charuco(board: Board, margin: float) -> Face:
+    lower, upper = checkerboard_extent(board, margin)
+    return Face(lower=lower, upper=upper, is_dark=charuco_is_dark(board))
+
+
+def _aprilgrid(board: Board, margin: float) -> Face:
+    lower, upper = aprilgrid_extent(board, margin)
+    return Face(lower=lower, upper=upper, is_dark=aprilgrid_is_dark(board))
+
+
+_FACES: Mapping[BoardKind, Callable[[Board, float], Face]] = {
+    "checkerboard": _checkerboard,
+    "charuco": _charuco,
+    "aprilgrid": _aprilgrid,
+}
 
 
 def face(board: Board, *, margin: float) -> Face:
