@@ -11,7 +11,7 @@ import click
 
 from cubicfish_cli import __version__
 from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_photos
-from cubicfish_cli.cli.inputs import Pairs, load_pairs
+from cubicfish_cli.cli.inputs import Pairs, load_pairs, photo_problems
 from cubicfish_cli.cli.options import (
     FILE,
     common_options,
@@ -93,6 +93,9 @@ def command(
     loaded = load_pairs(
         inputs, correspondences=correspondences, target=target, size=size, jobs=jobs
     )
+    if loaded.detection is not None:
+        for line in photo_problems(loaded.detection):
+            say(line)
     if loaded.corners is None:  # the input held pairs
         outputs.pop("corners", None)
     say(f"Fitting to {count(len(loaded.pairs.pixel), 'corner')}.")

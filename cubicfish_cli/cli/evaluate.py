@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_photos
-from cubicfish_cli.cli.inputs import load_pairs
+from cubicfish_cli.cli.inputs import load_pairs, photo_problems
 from cubicfish_cli.cli.options import (
     FILE,
     common_options,
@@ -73,6 +73,8 @@ def command(
             f"{count(evaluation.outside, 'corner')} not counted: beyond the "
             f"{camera.max_angle_deg:.0f}° where the camera may be trusted."
         )
+    for line in photo_problems(loaded.detection) if loaded.detection is not None else []:
+        say(line)
     for photo in evaluation.unplaced:
         say(f"{photo}: too few corners to place it; not counted.")
     hold_gate(record["rms_px"], max_rms)

@@ -120,6 +120,15 @@ def _from_photos(inputs: Sequence[Path], target_path: Path, jobs: int | None) ->
     )
 
 
+def photo_problems(detection: Detection) -> list[str]:
+    """One line for every photo that gave nothing, and for every grid that was left out."""
+    lines = []
+    for photo in detection.photos:
+        for problem in photo.notes if photo.problem is None else (photo.problem,):
+            lines.append(problem if photo.name in problem else f"{photo.name}: {problem}")
+    return lines
+
+
 def detect(
     inputs: Sequence[Path], target: Target, jobs: int | None
 ) -> tuple[Detection, tuple[Path, ...]]:

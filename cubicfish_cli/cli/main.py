@@ -24,6 +24,7 @@ EXIT_BROKEN_PIPE = 141  # what a shell reports for a program that SIGPIPE ended
 
 COMMANDS = (
     "calibrate",
+    "detect",
     "evaluate",
     "undistort",
     "map",

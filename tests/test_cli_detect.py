@@ -1,0 +1,127 @@
+"""detect, and calibrate and evaluate from photos: what comes of good photos and of bad ones."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from conftest import SAMPLE, Run
+
+from cubicfish_cli.correspondences import load_corners
+from cubicfish_cli.target import load_target
+
+TARGET = SAMPLE / "target.yaml"
+PHOTOS = [SAMPLE / "photos" / f"corner_{number:02d}.jpg" for number in (1, 3)]
+
+
+@pytest.fixture(scope="module")
+def detected(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """corners.csv of two sample photos and a black one, with what was printed beside it."""
+    from conftest import run_cli
+
+    folder = tmp_path_factory.mktemp("detected")
+    cv2.imwrite(str(folder / "black.png"), np.zeros((720, 960), np.uint8))
+    args = ["detect", *PHOTOS, folder / "black.png", "-t", TARGET, "-o", folder / "corners.csv"]
+    result = run_cli(*args, "--json")
+    (folder / "stdout").write_text(result.stdout)
+    (folder / "stderr").write_text(result.stderr)
+    return folder
+
+
+def test_found_corners_are_where_the_lens_put_them(detected: Path) -> None:
+    target = load_target(TARGET)
+    found = load_corners(detected / "corners.csv", target)
+    true = load_corners(SAMPLE / "true_corners.csv", target)
+
+    def table(corners: object) -> dict[tuple[object, ...], np.ndarray]:
+        names = (corners.images[i] for i in corners.image)  # type: ignore[attr-defined]
+        keys = zip(names, corners.board, corners.column, corners.row, strict=True)  # type: ignore[attr-defined]
+        return dict(zip(keys, corners.pixel, strict=True))  # type: ignore[attr-defined]
+
+    truth = table(true)
+    assert found.images == ("corner_01.jpg", "corner_03.jpg")
+    assert len(found.pixel) > 200
+    off = [
+        np.linalg.norm(pixel - truth[key]) for key, pixel in table(found).items() if key in truth
+    ]
+    assert len(off) > 200
+    assert max(off) < 0.5
+
+
+def test_json_has_a_row_for_every_photo(detected: Path) -> None:
+    record = json.loads((detected / "stdout").read_text())
+    assert record["file"] == str(detected / "corners.csv")
+    assert record["images"] == 2
+    assert record["corners"] == sum(photo["corners"] for photo in record["per_image"])
+    first, _, black = sorted(record["per_image"], key=lambda photo: -photo["corners"])
+    assert set(first["boards"]) == {"floor", "left", "right"}
+    assert first["problem"] is None
+    assert (black["image"], black["corners"], black["boards"]) == ("black.png", 0, [])
+    said = (detected / "stderr").read_text()
+    assert "Looking for corners in 3 photos." in said
+    assert f"black.png: {black['problem']}" in said
+
+
+def test_existing_corners_are_refused_before_the_work(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        pytest.fail("the work must not start")
+
+    monkeypatch.setattr("cubicfish_cli.naming.detect.detect_corners", fail)
+    path = tmp_path / "corners.csv"
+    path.write_text("old")
+    said = run("detect", *PHOTOS, "-t", TARGET, "-o", path, code=1).stderr
+    assert "corners.csv exists already" in said
+    assert path.read_text() == "old"
+
+
+def test_a_camera_is_evaluated_on_photos(run: Run, calibrated: Path) -> None:
+    args = ["evaluate", PHOTOS[0], "-t", TARGET, "-m", calibrated / "camera.yaml"]
+    record = json.loads(run(*args, "--json").stdout)
+    assert record["images"] == 1
+    assert record["corners"] > 100
+    assert record["rms_px"] < 0.1
+
+
+def test_a_camera_is_calibrated_from_one_photo_of_several_boards(run: Run, tmp_path: Path) -> None:
+    out = tmp_path / "c"
+    said = run("calibrate", PHOTOS[0], "-t", TARGET, "--no-hold-out", "-o", out).stdout
+    assert said.startswith("1 photo, ")
+    names = sorted(path.name for path in out.iterdir())
+    assert names == ["camera.yaml", "corners.csv", "undistort_map.npz"]
+    record = json.loads(
+        run("evaluate", PHOTOS[1], "-t", TARGET, "-m", out / "camera.yaml", "--json").stdout
+    )
+    assert record["rms_px"] < 1
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "message"),
+    [
+        (["detect", "-t", TARGET], 2, "Missing argument"),
+        (["detect", *PHOTOS], 2, "name the calibration object with --target target.yaml"),
+        (["detect", "black.png", "-t", TARGET], 1, "nearly black"),
+        (["detect", "text.png", "-t", TARGET], 1, "text.png"),
+        (["detect", "empty", "-t", TARGET], 1, "empty"),
+        (["calibrate", "black.png", "-t", TARGET], 1, "nearly black"),
+    ],
+)
+def test_photos_without_corners_say_why_and_leave_nothing(
+    run: Run,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    args: list[object],
+    code: int,
+    message: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    cv2.imwrite("black.png", np.zeros((720, 960), np.uint8))
+    Path("text.png").write_text("not a picture")
+    Path("empty").mkdir()
+    result = run(*args, code=code)
+    assert message in result.stderr.splitlines()[-1]
+    assert result.stdout == ""
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["black.png", "empty", "text.png"]
