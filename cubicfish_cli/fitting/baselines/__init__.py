@@ -1,0 +1,1 @@
+"""Other lens models, fitted like the cubic one to stand beside it in figures."""

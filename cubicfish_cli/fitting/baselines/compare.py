@@ -1,0 +1,347 @@
+"""One table of lens models: the same corners, the same loss, the same folds."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import least_squares
+
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.adjustment import Adjustment, FitLens, adjust
+from cubicfish_cli.fitting.baselines.base import BaselineLens
+from cubicfish_cli.fitting.baselines.division import DivisionLens
+from cubicfish_cli.fitting.baselines.double_sphere import DoubleSphereLens
+from cubicfish_cli.fitting.baselines.field_of_view import FieldOfViewLens
+from cubicfish_cli.fitting.baselines.rational import RationalLens
+from cubicfish_cli.fitting.baselines.scaramuzza import ScaramuzzaLens
+from cubicfish_cli.fitting.baselines.unified import UnifiedLens
+from cubicfish_cli.fitting.calibrate import Calibration
+from cubicfish_cli.fitting.companion import Companion, angles, refit_companion
+from cubicfish_cli.fitting.cubic_fit import fit_cubic
+from cubicfish_cli.fitting.held_out import FOLDS, MIN_PHOTOS
+from cubicfish_cli.fitting.lenses import RadialFit
+from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.robust import huber_px
+from cubicfish_cli.fitting.statistics import rms_px
+from cubicfish_cli.fitting.subset import select, select_photos, world_scale
+from cubicfish_cli.model.cubic import tangent_basis
+from cubicfish_cli.model.soundness import cone_rays
+
+FloatArray = npt.NDArray[np.float64]
+
+CUBIC = "cubic"
+KANNALA_BRANDT = "Kannala–Brandt"
+BASELINES: tuple[type[BaselineLens], ...] = (
+    DivisionLens,
+    FieldOfViewLens,
+    ScaramuzzaLens,
+    UnifiedLens,
+    DoubleSphereLens,
+    RationalLens,
+)
+# Free numbers of the cubic: 3 x 16 on the sphere, less the scale and the frame's rotation.
+_CUBIC_PARAMETERS = 44
+_START_RAYS = 400
+_PROBE_STEP_DEG = 0.5
+_LARGEST_PROBE_DEG = 175.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelFigures:
+    """How one lens model did.
+
+    Attributes:
+        model: its name.
+        parameters: how many numbers of the lens are free, poses not counted.
+        rms_px: reprojection error over all corners; None when the model could not be fitted.
+        held_out_rms_px: the same over photos that took no part; None when not measured, or
+            when a fold could not be fitted.
+        largest_angle_deg: how far from its axis the fitted model is still a camera: every
+            pixel finite, the picture neither folded nor mirrored.
+        seconds: for the fit to all photos, from the common start.
+
+    """
+
+    model: str
+    parameters: int
+    rms_px: float | None
+    held_out_rms_px: float | None
+    largest_angle_deg: float | None
+    seconds: float
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "model": self.model,
+            "parameters": self.parameters,
+            "rms_px": self.rms_px,
+            "held_out_rms_px": self.held_out_rms_px,
+            "largest_angle_deg": self.largest_angle_deg,
+            "seconds": self.seconds,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Fold:
+    """Photos to learn from, and corners of the others to be judged on."""
+
+    companion: Companion
+    left_out: Correspondences
+    poses: Poses
+
+
+# From a companion to a fitted lens.
+_Fit = Callable[[Companion], tuple[FitLens, FloatArray]]
+
+
+def compare_baselines(calibration: Calibration, *, hold_out: bool = True) -> list[ModelFigures]:
+    """Fit every lens model to the corners that a calibration used, the cubic among them.
+
+    Each starts at the radial companion: first the model is fitted to the companion's pixels on
+    the covered cone, then lens and poses are adjusted jointly. The Huber loss follows the noise
+    of each model's own residuals by one rule. Held-out errors count the corners within the
+    cubic's cone, the same ones for every model.
+
+    Args:
+        calibration: the fit of the cubic camera.
+        hold_out: also measure the held-out error (five more fits a model).
+
+    Returns:
+        One row a model: the cubic, Kannala–Brandt, then :data:`BASELINES`.
+
+    """
+    companion = _companion(calibration)
+    weight = calibration.prior_weight
+    folds = _folds(companion, weight) if hold_out else []
+    rows = [
+        _figures(CUBIC, _CUBIC_PARAMETERS, _fit_cubic(None), companion, folds, _fit_cubic(weight)),
+        _figures(KANNALA_BRANDT, 4 + companion.terms, _fit_radial, companion, folds),
+    ]
+    camera = calibration.camera
+    rows[0] = replace(
+        rows[0],
+        largest_angle_deg=float(min(rows[0].largest_angle_deg or np.inf, camera.max_angle_deg)),
+    )
+    for kind in BASELINES:
+        count = len(kind.starts(companion.camera, companion.covered)[0].parameters)
+        rows.append(_figures(kind.name, count, _fit_baseline(kind), companion, folds))
+    return rows
+
+
+def _companion(calibration: Calibration) -> Companion:
+    """The companion of the corners that were used, adjusted to just these."""
+    scale = world_scale(calibration.pairs)
+    pairs = replace(calibration.pairs, world=calibration.pairs.world / scale)
+    poses = Poses(
+        rotation=calibration.poses.rotation, translation=calibration.poses.translation / scale
+    )
+    camera = calibration.camera.radial
+    seen = camera.project(poses.apply(pairs.image, pairs.world)) - pairs.pixel
+    start = Companion(
+        camera=camera,
+        poses=poses,
+        pairs=pairs,
+        residual=np.nan_to_num(seen, nan=1e3),
+        unfit={},
+        terms=int(np.flatnonzero(np.append(1.0, camera.k)).max()),
+        focal_uncertainty=0.0,
+    )
+    return refit_companion(start, pairs, poses)
+
+
+def _folds(companion: Companion, weight: float) -> list[_Fold]:
+    """The same folds as :func:`cubicfish_cli.fitting.held_out.held_out_error`."""
+    pairs = companion.pairs
+    photos = np.arange(len(pairs.images))
+    if len(photos) < MIN_PHOTOS:
+        return []
+    count = min(FOLDS, len(photos))
+    folds = []
+    for fold in range(count):
+        train, test = photos[photos % count != fold], photos[photos % count == fold]
+        try:
+            fitted = refit_companion(companion, select_photos(pairs, train), companion.poses[train])
+            cone = np.deg2rad(fit_cubic(fitted, weight=weight).max_angle_deg)
+        except FitError:
+            return []
+        left_out, poses = select_photos(pairs, test), companion.poses[test]
+        inside = angles(poses.apply(left_out.image, left_out.world)) <= cone
+        counted, kept = select(left_out, inside)
+        folds.append(_Fold(companion=fitted, left_out=counted, poses=poses[kept]))
+    return folds
+
+
+def _figures(
+    name: str,
+    parameters: int,
+    fit: _Fit,
+    companion: Companion,
+    folds: Sequence[_Fold],
+    fit_fold: _Fit | None = None,
+) -> ModelFigures:
+    begun = time.perf_counter()
+    try:
+        lens, residual = fit(companion)
+    except FitError:
+        return ModelFigures(
+            model=name,
+            parameters=parameters,
+            rms_px=None,
+            held_out_rms_px=None,
+            largest_angle_deg=None,
+            seconds=time.perf_counter() - begun,
+        )
+    seconds = time.perf_counter() - begun
+    return ModelFigures(
+        model=name,
+        parameters=parameters,
+        rms_px=rms_px(residual),
+        held_out_rms_px=_held_out(fit_fold or fit, folds),
+        largest_angle_deg=usable_angle_deg(lens),
+        seconds=seconds,
+    )
+
+
+def _held_out(fit: _Fit, folds: Sequence[_Fold]) -> float | None:
+    residuals = []
+    for fold in folds:
+        try:
+            lens, _ = fit(fold.companion)
+            frozen = FrozenLens(lens=lens)
+            judged = adjust(frozen, fold.poses, fold.left_out, huber_px=10.0)
+            judged = _adjusted(frozen, judged.poses, fold.left_out, huber_px(judged.residual))
+        except FitError:
+            return None
+        residuals.append(judged.residual)
+    return rms_px(np.vstack(residuals)) if residuals else None
+
+
+def _adjusted(lens: FitLens, poses: Poses, pairs: Correspondences, limit: float) -> Adjustment:
+    """Adjust with a loss that then follows the residuals."""
+    fit = adjust(lens, poses, pairs, huber_px=limit)
+    return adjust(fit.lens, fit.poses, pairs, huber_px=huber_px(fit.residual))
+
+
+def _fit_cubic(weight: float | None) -> _Fit:
+    def fit(companion: Companion) -> tuple[FitLens, FloatArray]:
+        result = fit_cubic(companion, weight=weight)
+        return result.lens, result.residual
+
+    return fit
+
+
+def _fit_radial(companion: Companion) -> tuple[FitLens, FloatArray]:
+    lens = RadialFit(values=companion.camera.parameters, terms=companion.terms)
+    fit = _adjusted(lens, companion.poses, companion.pairs, huber_px(companion.residual))
+    return fit.lens, fit.residual
+
+
+def _fit_baseline(kind: type[BaselineLens]) -> _Fit:
+    def fit(companion: Companion) -> tuple[FitLens, FloatArray]:
+        lens = nearest_lens(kind, companion)
+        seen = lens.project(companion.poses.apply(companion.pairs.image, companion.pairs.world))
+        with np.errstate(invalid="ignore"):
+            miss = np.nan_to_num(seen - companion.pairs.pixel, nan=1e6, posinf=1e6, neginf=-1e6)
+        fitted = _adjusted(
+            lens,
+            companion.poses,
+            companion.pairs,
+            max(huber_px(miss), huber_px(companion.residual)),
+        )
+        return fitted.lens, fitted.residual
+
+    return fit
+
+
+def nearest_lens(kind: type[BaselineLens], companion: Companion) -> BaselineLens:
+    """The lens of a kind that agrees best with the companion's pixels on the covered cone.
+
+    Raises:
+        FitError: the model cannot see that cone at all.
+
+    """
+    camera = companion.camera
+    rays = cone_rays(companion.covered, _START_RAYS)
+    wanted = camera.project(rays)
+    rays, wanted = rays[np.isfinite(wanted[:, 0])], wanted[np.isfinite(wanted[:, 0])]
+    found = [
+        _least_squares(start, rays, wanted)
+        for start in kind.starts(camera, companion.covered)
+        if np.isfinite(start.project(rays)).all()
+    ]
+    if not found:
+        raise FitError(f"the {kind.name} model does not reach {np.rad2deg(companion.covered):.0f}°")
+    return min(found, key=lambda lens: rms_px(lens.project(rays) - wanted))
+
+
+def _least_squares(start: BaselineLens, rays: FloatArray, pixel: FloatArray) -> BaselineLens:
+    """The lens of the start's kind that sees rays (N, 3) nearest to pixels (N, 2)."""
+
+    def residual(parameters: FloatArray) -> FloatArray:
+        return (start.with_parameters(parameters).project(rays) - pixel).reshape(-1)
+
+    def slope(parameters: FloatArray) -> FloatArray:
+        _, _, jacobian = start.with_parameters(parameters).project_jacobian(rays)
+        return jacobian.reshape(2 * len(rays), -1)
+
+    fit = least_squares(residual, start.parameters, jac=slope, x_scale="jac", max_nfev=200)
+    return start.with_parameters(fit.x)
+
+
+def usable_angle_deg(lens: FitLens) -> float:
+    """How far from its axis a lens is still a camera: pixels finite, no fold, no mirroring."""
+    theta = np.deg2rad(np.arange(_PROBE_STEP_DEG, _LARGEST_PROBE_DEG, _PROBE_STEP_DEG))
+    azimuth = np.linspace(0, 2 * np.pi, 36, endpoint=False)
+    sine = np.sin(theta)[:, None]
+    rays = np.stack(
+        [
+            sine * np.cos(azimuth),
+            sine * np.sin(azimuth),
+            np.broadcast_to(np.cos(theta)[:, None], (len(theta), len(azimuth))),
+        ],
+        axis=-1,
+    ).reshape(-1, 3)
+    with np.errstate(all="ignore"):
+        pixel, d_point, _ = lens.project_jacobian(rays)
+        # The basis has the sense of (d, first, second): at the axis that is the pixels' own.
+        across = d_point @ tangent_basis(rays)
+        sense = across[:, 0, 0] * across[:, 1, 1] - across[:, 0, 1] * across[:, 1, 0]
+        good = np.isfinite(pixel).all(axis=1) & (sense > 0)
+    bad = np.flatnonzero(~good.reshape(len(theta), -1).all(axis=1))
+    last = len(theta) if not bad.size else int(bad[0])
+    return float(np.rad2deg(theta[last - 1])) if last else 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrozenLens:
+    """A fitted lens of which nothing is free any more: only poses are."""
+
+    lens: FitLens
+
+    @property
+    def parameters(self) -> FloatArray:
+        """(0,)."""
+        return np.zeros(0)
+
+    def with_parameters(self, parameters: FloatArray) -> FrozenLens:
+        """Itself."""
+        return self
+
+    def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
+        pixel, d_point, _ = self.lens.project_jacobian(points)
+        return pixel, d_point, np.zeros((len(points), 2, 0))
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
+        return self.lens.project(points)
+
+    def prior(self) -> tuple[FloatArray, FloatArray]:
+        """None."""
+        return np.zeros(0), np.zeros((0, 0))

@@ -1,0 +1,56 @@
+"""The field-of-view model (Devernay & Faugeras 2001): r = atan(2 tan θ tan(ω/2)) / ω.
+
+With the arc tangent of two arguments it holds beyond 180° too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from cubicfish_cli.fitting.baselines.base import FloatArray, Scale, SymmetricLens
+from cubicfish_cli.model.radial import RadialCamera
+
+# Below this share of ρ in |X| the series replaces quotients that are 0/0 on the axis.
+_NEAR_AXIS = 1e-5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FieldOfViewLens(SymmetricLens):
+    """Values: fx, fy, cx, cy, ω in radians."""
+
+    name = "field of view"
+
+    @classmethod
+    def starts(cls, camera: RadialCamera, covered: float) -> tuple[Self, ...]:
+        """2 tan(ω/2) = 1 makes it the equidistant lens."""
+        omega = 2 * np.arctan(0.5)
+        return (cls.near(camera, [omega], stretch=omega),)
+
+    def scale(self, points: FloatArray) -> Scale:
+        """The profile over ρ: s = atan2(aρ, Z) / (ωρ) with a = 2 tan(ω/2)."""
+        omega = self.values[4]
+        a = 2 * np.tan(omega / 2)
+        z = points[:, 2]
+        rho_squared = np.sum(points[:, :2] ** 2, axis=1)
+        rho = np.sqrt(rho_squared)
+        axis = (rho < _NEAR_AXIS * np.abs(z)) & (z > 0)
+        bottom = z * z + a * a * rho_squared
+        safe = np.where(axis, 1, rho)
+        value = np.where(axis, a / (omega * z), np.arctan2(a * rho, z) / (omega * safe))
+        # da/dω = 1 + (a/2)²; d atan2(aρ, Z)/da = ρZ/(Z² + a²ρ²).
+        d_omega = (1 + a * a / 4) * z / (omega * bottom) - value / omega
+        d_across = np.where(
+            axis,
+            -2 * a**3 / (3 * omega * z**3),
+            (a * z / (omega * bottom) - value) / (safe * safe),
+        )
+        usable = 0 < omega < np.pi
+        return Scale(
+            value=np.where(usable & (bottom > 0), value, np.inf),
+            d_across=d_across,
+            d_along=-a / (omega * bottom),
+            d_shape=d_omega[:, None],
+        )
