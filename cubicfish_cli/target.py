@@ -62,6 +62,29 @@ class Markers:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class BoardShape:
+    """How a real board departs from the drawn plane, as a calibration found it.
+
+    With x̂ and ŷ running from -1 to 1 across the board's corners, a corner drawn at (x, y) from
+    the board's middle is at ((1 + stretch x) x, (1 + stretch y) y) in its plane and
+    bend x · x̂² + bend y · ŷ² + twist · x̂ ŷ behind it (along x_axis × y_axis), plus its offset.
+
+    Attributes:
+        bend: (2,) how far the edges lie behind the middle, along x and along y.
+        twist: how far two opposite corners lie behind the middle, and the others before it.
+        stretch: (2,) relative stretch along x and along y.
+        offsets: (rows, columns, 3) each corner's own offset along x_axis, y_axis and
+            x_axis × y_axis; zeros where there is none.
+
+    """
+
+    bend: FloatArray
+    twist: float
+    stretch: FloatArray
+    offsets: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Board:
     """One rigid part of the object: a planar grid of corners, or a list of points.
 
@@ -79,6 +102,7 @@ class Board:
         markers: the markers of a ``charuco`` or ``aprilgrid`` board, else None.
         spacing: for ``aprilgrid``, gap between tags / side of a tag; else 0.
         points: (N, 3) world points of a ``points`` board, else None.
+        shape: how the board departs from the drawing; None where it is as drawn.
 
     """
 
@@ -94,6 +118,17 @@ class Board:
     markers: Markers | None = None
     spacing: float = 0.0
     points: FloatArray | None = None
+    shape: BoardShape | None = None
+
+    @cached_property
+    def axes(self) -> FloatArray:
+        """(3, 3) rows x_axis, y_axis and x_axis × y_axis, which points into the board."""
+        return np.stack([self.x_axis, self.y_axis, np.cross(self.x_axis, self.y_axis)])
+
+    def normalised(self, plane: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """x̂, ŷ of plane positions (..., 2), and the board's middle (2,), also its half extent."""
+        end = self.plane_points(self.columns - 1, self.rows - 1)
+        return (plane - end / 2) / (end / 2), end / 2
 
     def plane_points(self, column: npt.ArrayLike, row: npt.ArrayLike) -> FloatArray:
         """Positions in the board's own plane: (...,) columns and rows -> (..., 2) in units."""
@@ -126,9 +161,25 @@ class Board:
     def world_points(self, column: npt.ArrayLike, row: npt.ArrayLike) -> FloatArray:
         """World points of corners: (...,) columns and rows -> (..., 3), in the target's units."""
         if self.points is not None:
-            return self.points[np.asarray(column, int)]
-        plane = self.plane_points(column, row)
-        return self.origin + plane[..., :1] * self.x_axis + plane[..., 1:] * self.y_axis
+            drawn = self.points[np.asarray(column, int)]
+        else:
+            plane = self.plane_points(column, row)
+            drawn = self.origin + plane[..., :1] * self.x_axis + plane[..., 1:] * self.y_axis
+        if self.shape is None:
+            return drawn
+        return drawn + self._departure(self.shape, np.asarray(column, int), np.asarray(row, int))
+
+    def _departure(
+        self, shape: BoardShape, column: npt.NDArray[np.intp], row: npt.NDArray[np.intp]
+    ) -> FloatArray:
+        """World vectors from the drawn corners to the real ones: (..., 3)."""
+        local = shape.offsets[row, column].copy()
+        if self.points is None:
+            plane = self.plane_points(column, row)
+            hat, middle = self.normalised(plane)
+            local[..., :2] += shape.stretch * (plane - middle)
+            local[..., 2] += hat * hat @ shape.bend + shape.twist * hat[..., 0] * hat[..., 1]
+        return local @ self.axes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import synthetic
+from scipy.linalg import block_diag
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting import adjustment
@@ -10,7 +11,11 @@ from cubicfish_cli.fitting.adjustment import adjust, huber_cost, huber_weight
 from cubicfish_cli.fitting.companion import fit_companion
 from cubicfish_cli.fitting.cubic_fit import fit_cubic
 from cubicfish_cli.fitting.lenses import RadialFit
+from cubicfish_cli.fitting.normal_equations import _damped
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.refined_world import RefinedWorld
+from cubicfish_cli.fitting.subset import select
+from cubicfish_cli.fitting.world import DrawnWorld
 from cubicfish_cli.model.radial import RadialCamera
 
 TRUTH = RadialCamera(
@@ -18,6 +23,16 @@ TRUTH = RadialCamera(
 )
 TARGET = synthetic.corner_of_three()
 POSES = synthetic.poses_around(TARGET, 5, seed=2)
+
+
+def normal_equations(lens, poses, pairs, huber_px, world=None):
+    world = DrawnWorld(pairs.world) if world is None else world
+    return adjustment._normal_equations(adjustment._State(lens, poses, world), pairs, huber_px)
+
+
+def cost(lens, poses, pairs, huber_px, world=None):
+    world = DrawnWorld(pairs.world) if world is None else world
+    return adjustment._cost(adjustment._State(lens, poses, world), pairs, huber_px)[0]
 
 
 @pytest.fixture(scope="module")
@@ -34,49 +49,88 @@ def test_at_the_truth_residual_and_gradient_are_zero():
     exact = synthetic.synthetic_correspondences(TARGET, POSES, lens=TRUTH)
     companion = fit_companion(exact)
     lens = RadialFit(values=TRUTH.parameters)
-    normal = adjustment._normal_equations(lens, companion.poses, exact, 1.0)
+    normal = normal_equations(lens, companion.poses, exact, 1.0)
     assert np.abs(companion.residual).max() < 1e-6
-    assert np.abs(normal.lens_gradient).max() < 1e-2 * np.sqrt(np.diag(normal.lens)).max() * 1e-3
+    assert (
+        np.abs(normal.shared_gradient).max() < 1e-2 * np.sqrt(np.diag(normal.shared)).max() * 1e-3
+    )
     assert np.abs(normal.pose_gradient).max() < 1e-5 * np.sqrt(normal.pose.max())
 
 
-def test_schur_complement_is_the_dense_step(pairs, cubic):
-    normal = adjustment._normal_equations(cubic.lens, cubic.poses, pairs, 0.5)
-    lens_step, pose_step = adjustment._solve(normal, 1e-3)
-    count, photos = len(lens_step), len(pose_step)
-    dense = np.zeros((count + 6 * photos, count + 6 * photos))
-    dense[:count, :count] = adjustment._damped(normal.lens, 1e-3)
-    gradient = np.concatenate([normal.lens_gradient, normal.pose_gradient.ravel()])
-    for photo in range(photos):
-        own = slice(count + 6 * photo, count + 6 * photo + 6)
-        dense[:count, own] = normal.cross[photo]
-        dense[own, :count] = normal.cross[photo].T
-        dense[own, own] = adjustment._damped(normal.pose[photo], 1e-3)
+def dense_step(normal, damping):
+    """The damped step from the whole Hessian at once."""
+    shared, pose, corner = (
+        _damped(block, damping) for block in (normal.shared, normal.pose, normal.corner)
+    )
+    blocks = block_diag(shared, *pose, *corner)
+    count, photos = len(shared), 6 * len(pose)
+    blocks[:count, count : count + photos] = normal.shared_pose
+    blocks[:count, count + photos :] = normal.shared_corner
+    blocks[count : count + photos, count + photos :] = normal.pose_corner
+    upper = np.triu(blocks)
+    dense = upper + np.triu(blocks, 1).T
+    gradient = np.concatenate(
+        [
+            normal.shared_gradient,
+            normal.pose_gradient.ravel(),
+            normal.corner_gradient.ravel(),
+        ]
+    )
     scale = 1 / np.sqrt(np.diag(dense))
-    expected = -scale * np.linalg.solve(dense * scale * scale[:, None], scale * gradient)
-    np.testing.assert_allclose(lens_step, expected[:count], rtol=1e-5, atol=1e-9)
-    np.testing.assert_allclose(pose_step.ravel(), expected[count:], rtol=1e-5, atol=1e-9)
+    return -scale * np.linalg.solve(dense * scale * scale[:, None], scale * gradient)
+
+
+@pytest.mark.parametrize("level", ["off", "shape", "points", "points, many photos"])
+def test_schur_complement_is_the_dense_step(pairs, cubic, level):
+    if level == "points, many photos":  # more pose than corner unknowns: poses are eliminated
+        pairs, _ = select(pairs, (pairs.board == 0) & (pairs.column < 2) & (pairs.row < 4))
+    poses = cubic.poses[np.arange(len(pairs.images))]
+    world = None
+    if level != "off":
+        world = RefinedWorld.drawn(
+            pairs, TARGET, noise=0.2, offset_spread=0.01 if level.startswith("points") else None
+        )
+    normal = normal_equations(cubic.lens, poses, pairs, 0.5, world)
+    assert (len(normal.corner) > 0) == level.startswith("points")
+    step = np.concatenate([part.ravel() for part in normal.solve(1e-3)])
+    np.testing.assert_allclose(step, dense_step(normal, 1e-3), rtol=1e-4, atol=1e-9)
+
+
+def test_reduced_hessian_is_the_inverse_of_the_covariance(pairs, cubic):
+    world = RefinedWorld.drawn(pairs, TARGET, noise=0.2, offset_spread=0.01)
+    normal = normal_equations(cubic.lens, cubic.poses, pairs, 0.5, world)
+    count = len(normal.shared)
+    blocks = block_diag(normal.shared, *normal.pose, *normal.corner)
+    blocks[:count, count : count + 30] = normal.shared_pose
+    blocks[:count, count + 30 :] = normal.shared_corner
+    blocks[count : count + 30, count + 30 :] = normal.pose_corner
+    dense = np.triu(blocks) + np.triu(blocks, 1).T
+    scale = 1 / np.sqrt(np.diag(dense))
+    covariance = scale * scale[:, None] * np.linalg.inv(dense * scale * scale[:, None])
+    expected = np.linalg.inv(normal.reduced_shared())
+    sigma = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(
+        covariance[:count, :count] / sigma / sigma[:, None],
+        expected / sigma / sigma[:, None],
+        atol=1e-4,
+    )
 
 
 def test_gradient_is_the_slope_of_the_cost(pairs, cubic):
     """Away from the optimum, against the cost itself: Huber loss and prior included."""
     lens = cubic.lens.with_parameters(cubic.lens.parameters * (1 + 1e-3))
-    normal = adjustment._normal_equations(lens, cubic.poses, pairs, 0.3)
+    normal = normal_equations(lens, cubic.poses, pairs, 0.3)
     for index in (0, 5, 20, 33, 46):
         step = np.zeros(47)
         step[index] = 1e-7
-        up, _ = adjustment._cost(
-            lens.with_parameters(lens.parameters + step), cubic.poses, pairs, 0.3
-        )
-        down, _ = adjustment._cost(
-            lens.with_parameters(lens.parameters - step), cubic.poses, pairs, 0.3
-        )
-        assert normal.lens_gradient[index] == pytest.approx((up - down) / 2e-7, rel=1e-4)
+        up = cost(lens.with_parameters(lens.parameters + step), cubic.poses, pairs, 0.3)
+        down = cost(lens.with_parameters(lens.parameters - step), cubic.poses, pairs, 0.3)
+        assert normal.shared_gradient[index] == pytest.approx((up - down) / 2e-7, rel=1e-4)
     for index in range(6):
         step = np.zeros((5, 6))
         step[2, index] = 1e-6
-        up, _ = adjustment._cost(lens, cubic.poses.moved(step), pairs, 0.3)
-        down, _ = adjustment._cost(lens, cubic.poses.moved(-step), pairs, 0.3)
+        up = cost(lens, cubic.poses.moved(step), pairs, 0.3)
+        down = cost(lens, cubic.poses.moved(-step), pairs, 0.3)
         assert normal.pose_gradient[2, index] == pytest.approx((up - down) / 2e-6, rel=1e-4)
 
 

@@ -1,8 +1,4 @@
-"""Levenberg–Marquardt over a lens and the poses of all photos (Zhu & Yin 2010, Eq. 10).
-
-The normal equations have an arrow's shape: the lens touches every photo, a pose only its own.
-The poses are eliminated by the Schur complement, so the work grows linearly with the photos.
-"""
+"""Levenberg–Marquardt over a lens, the poses of all photos and the object (Zhu & Yin, Eq. 10)."""
 
 from __future__ import annotations
 
@@ -14,7 +10,9 @@ import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.normal_equations import NormalEquations, corner_terms, shared_terms
 from cubicfish_cli.fitting.poses import Poses, cross_matrix
+from cubicfish_cli.fitting.world import DrawnWorld, World
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -49,19 +47,21 @@ class Adjustment:
     Attributes:
         lens: the adjusted lens.
         poses: camera_from_world of every photo.
+        world: the adjusted object.
         residual: (N, 2) projection less pixel, unweighted, pixels.
-        cost: robust cost at the end, prior included.
+        cost: robust cost at the end, priors included.
         iterations: how many steps were tried.
-        hessian: (K, K) Gauss-Newton Hessian of the lens with the poses eliminated.
+        normal: the normal equations at the end.
 
     """
 
     lens: FitLens
     poses: Poses
+    world: World
     residual: FloatArray
     cost: float
     iterations: int
-    hessian: FloatArray
+    normal: NormalEquations
 
 
 def huber_weight(distance: FloatArray, scale: float) -> FloatArray:
@@ -74,13 +74,19 @@ def huber_cost(distance: FloatArray, scale: float) -> FloatArray:
     return np.where(distance <= scale, 0.5 * np.square(distance), scale * (distance - 0.5 * scale))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Normal:
-    lens: FloatArray  # (K, K)
-    cross: FloatArray  # (M, K, 6)
-    pose: FloatArray  # (M, 6, 6)
-    lens_gradient: FloatArray  # (K,)
-    pose_gradient: FloatArray  # (M, 6)
+@dataclass(frozen=True, eq=False)
+class _State:
+    lens: FitLens
+    poses: Poses
+    world: World
+
+    def moved(self, shared: FloatArray, pose: FloatArray, corner: FloatArray) -> _State:
+        count = len(self.lens.parameters)
+        return _State(
+            self.lens.with_parameters(self.lens.parameters + shared[:count]),
+            self.poses.moved(pose),
+            self.world.moved(shared[count:], corner),
+        )
 
 
 def adjust(
@@ -89,133 +95,109 @@ def adjust(
     pairs: Correspondences,
     *,
     huber_px: float,
+    world: World | None = None,
     max_iterations: int = _MAX_ITERATIONS,
     relative_decrease: float = _RELATIVE_DECREASE,
 ) -> Adjustment:
-    """Minimise the Huber loss of the reprojection error over lens and poses.
+    """Minimise the Huber loss of the reprojection error over lens, poses and object.
 
     Args:
         lens: the start; its prior is part of the cost.
         poses: the start, one for each of ``pairs.images``.
         pairs: 2D-3D pairs, sorted by photo.
         huber_px: distance in pixels from which a pair's pull stops growing.
+        world: the object's points and what of them is free; by default ``pairs.world``, fixed.
         max_iterations: steps to try at most.
         relative_decrease: stop when a step lowers the cost by less than this share.
 
     Returns:
-        The best lens and poses found. A step that does not lower the cost is never taken.
+        The best state found. A step that does not lower the cost is never taken.
 
     Raises:
         FitError: the start itself sees a point at infinity.
 
     """
+    state = _State(lens, poses, DrawnWorld(pairs.world) if world is None else world)
     damping = 1e-4
-    cost, residual = _cost(lens, poses, pairs, huber_px)
+    cost, residual = _cost(state, pairs, huber_px)
     if not np.isfinite(cost):
         raise FitError(
             "the start of the fit sees corners at infinity: check that the corners are named "
             "rightly and that the camera belongs to these photos"
         )
-    normal = _normal_equations(lens, poses, pairs, huber_px)
+    normal = _normal_equations(state, pairs, huber_px)
     iterations = 0
     while iterations < max_iterations:
         iterations += 1
-        lens_step, pose_step = _solve(normal, damping)
-        new_lens = lens.with_parameters(lens.parameters + lens_step)
-        new_poses = poses.moved(pose_step)
-        new_cost, new_residual = _cost(new_lens, new_poses, pairs, huber_px)
+        candidate = state.moved(*normal.solve(damping))
+        new_cost, new_residual = _cost(candidate, pairs, huber_px)
         if new_cost < cost:
             decrease = (cost - new_cost) / max(cost, 1e-300)
-            lens, poses, cost, residual = new_lens, new_poses, new_cost, new_residual
+            state, cost, residual = candidate, new_cost, new_residual
             damping = max(damping / 10, 1e-12)
-            normal = _normal_equations(lens, poses, pairs, huber_px)
+            normal = _normal_equations(state, pairs, huber_px)
             if decrease < relative_decrease:
                 break
         else:
             damping *= 10
             if damping > 1e8:
                 break
-    inverse = np.linalg.pinv(normal.pose, hermitian=True)
-    reduced = normal.lens - np.einsum("mik,mkl,mjl->ij", normal.cross, inverse, normal.cross)
     return Adjustment(
-        lens=lens,
-        poses=poses,
+        lens=state.lens,
+        poses=state.poses,
+        world=state.world,
         residual=residual,
         cost=cost,
         iterations=iterations,
-        hessian=reduced,
+        normal=normal,
     )
 
 
-def _cost(
-    lens: FitLens, poses: Poses, pairs: Correspondences, huber_px: float
-) -> tuple[float, FloatArray]:
-    residual = lens.project(poses.apply(pairs.image, pairs.world)) - pairs.pixel
-    prior, _ = lens.prior()
+def _cost(state: _State, pairs: Correspondences, huber_px: float) -> tuple[float, FloatArray]:
+    points = state.poses.apply(pairs.image, state.world.points)
+    residual = state.lens.project(points) - pairs.pixel
     distance = np.hypot(residual[:, 0], residual[:, 1])
+    prior = np.concatenate([state.lens.prior()[0], state.world.prior()[0]])
+    offset = state.world.offset_weight * state.world.offsets
     with np.errstate(over="ignore"):
         cost = float(
-            np.sum(pairs.weight * huber_cost(distance, huber_px)) + 0.5 * np.sum(prior * prior)
+            np.sum(pairs.weight * huber_cost(distance, huber_px))
+            + 0.5 * np.sum(prior * prior)
+            + 0.5 * np.sum(offset * offset)
         )
     return (cost if np.isfinite(cost) else np.inf), residual
 
 
-def _normal_equations(
-    lens: FitLens, poses: Poses, pairs: Correspondences, huber_px: float
-) -> _Normal:
-    rotated = (poses.rotation[pairs.image] @ pairs.world[:, :, None])[:, :, 0]
-    points = rotated + poses.translation[pairs.image]
-    pixel, d_point, d_lens = lens.project_jacobian(points)
+def _normal_equations(state: _State, pairs: Correspondences, huber_px: float) -> NormalEquations:
+    rotation = state.poses.rotation[pairs.image]
+    rotated = (rotation @ state.world.points[:, :, None])[:, :, 0]
+    points = rotated + state.poses.translation[pairs.image]
+    pixel, d_point, d_lens = state.lens.project_jacobian(points)
     residual = pixel - pairs.pixel
     distance = np.hypot(residual[:, 0], residual[:, 1])
-    root = np.sqrt(pairs.weight * huber_weight(distance, huber_px))[:, None]
-    count = d_lens.shape[2]
-    jacobian = np.empty((len(points), 2, count + 7))
-    jacobian[:, :, :count] = d_lens
-    jacobian[:, :, count : count + 3] = -d_point @ cross_matrix(rotated)
-    jacobian[:, :, count + 3 : count + 6] = d_point
-    jacobian[:, :, count + 6] = residual
-    jacobian *= root[:, :, None]
-
-    # One Gram matrix a photo holds every block, the gradient in its last column.
-    photos = len(poses)
-    gram = np.zeros((photos, count + 7, count + 7))
-    bounds = np.searchsorted(pairs.image, np.arange(photos + 1))
-    for photo in range(photos):
-        rows = jacobian[bounds[photo] : bounds[photo + 1]].reshape(-1, count + 7)
-        gram[photo] = rows.T @ rows
-    prior, d_prior = lens.prior()
-    total = gram.sum(axis=0)
-    return _Normal(
-        lens=total[:count, :count] + d_prior.T @ d_prior,
-        cross=gram[:, :count, count : count + 6],
-        pose=gram[:, count : count + 6, count : count + 6],
-        lens_gradient=total[:count, -1] + d_prior.T @ prior,
-        pose_gradient=gram[:, count : count + 6, -1],
+    root = np.sqrt(pairs.weight * huber_weight(distance, huber_px))[:, None, None]
+    d_point = d_point * root
+    d_pose = np.concatenate([-d_point @ cross_matrix(rotated), d_point], axis=2)
+    d_shared = d_lens * root
+    world = state.world
+    free_world = len(world.parameters) > 0 or len(world.offsets) > 0
+    d_world = d_point @ rotation if free_world else d_point
+    if len(world.parameters):
+        d_shared = np.concatenate([d_shared, world.chain(d_world)], axis=2)
+    residual = residual * root[:, :, 0]
+    normal = shared_terms(
+        d_shared, d_pose, residual, pairs.image, len(state.poses), _priors(state.lens, world)
     )
+    if len(world.offsets):
+        normal = corner_terms(normal, d_shared, d_pose, d_world, residual, pairs.image, world)
+    return normal
 
 
-def _solve(normal: _Normal, damping: float) -> tuple[FloatArray, FloatArray]:
-    """One damped Gauss-Newton step, by the Schur complement over the poses."""
-    pose = _damped(normal.pose, damping)
-    solved = np.linalg.solve(
-        pose, np.concatenate([np.swapaxes(normal.cross, 1, 2), normal.pose_gradient[..., None]], 2)
-    )
-    reduced = _damped(normal.lens, damping) - np.einsum(
-        "mkp,mpl->kl", normal.cross, solved[:, :, :-1]
-    )
-    gradient = normal.lens_gradient - np.einsum("mkp,mp->k", normal.cross, solved[:, :, -1])
-    lens_step = -np.linalg.lstsq(reduced, gradient, rcond=None)[0] if len(gradient) else gradient
-    pose_step = -solved[:, :, -1] - solved[:, :, :-1] @ lens_step
-    return lens_step, pose_step
-
-
-def _damped(matrix: FloatArray, damping: float) -> FloatArray:
-    """Marquardt's scaling: each unknown is damped in its own unit."""
-    diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
-    # A direction that no observation touches still needs a pivot.
-    floor = 1e-12 * np.max(diagonal, axis=-1, keepdims=True, initial=1e-300)
-    damped = matrix.copy()
-    index = np.arange(matrix.shape[-1])
-    damped[..., index, index] += damping * np.maximum(diagonal, floor) + floor * 1e-3
-    return damped
+def _priors(lens: FitLens, world: World) -> tuple[FloatArray, FloatArray]:
+    """The priors of lens and object as one block-diagonal set of pseudo-observations."""
+    lens_prior, d_lens = lens.prior()
+    world_prior, d_world = world.prior()
+    jacobian = np.zeros((len(lens_prior) + len(world_prior), d_lens.shape[1] + d_world.shape[1]))
+    jacobian[: len(lens_prior), : d_lens.shape[1]] = d_lens
+    jacobian[len(lens_prior) :, d_lens.shape[1] :] = d_world
+    return np.concatenate([lens_prior, world_prior]), jacobian

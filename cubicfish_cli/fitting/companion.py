@@ -287,6 +287,8 @@ def _sound_profile(fit: Adjustment, pairs: Correspondences) -> tuple[Adjustment,
 
 
 def _focal_uncertainty(fit: Adjustment) -> float:
-    covariance = np.linalg.pinv(fit.hessian, hermitian=True) * noise_px(fit.residual) ** 2
+    covariance = (
+        np.linalg.pinv(fit.normal.reduced_shared(), hermitian=True) * noise_px(fit.residual) ** 2
+    )
     values = _values(fit)
     return float(np.sqrt(max(covariance[0, 0], covariance[1, 1], 0.0)) / abs(values[0]))

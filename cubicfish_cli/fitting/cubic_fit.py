@@ -222,6 +222,6 @@ def _negative_log_evidence(fit: Adjustment, pairs: Correspondences) -> float:
     """
     _, prior_jacobian = fit.lens.prior()
     freedom = _EVIDENCE_SHARE * max(2 * len(pairs.pixel) - 6 * len(pairs.images), 1)
-    _, posterior = np.linalg.slogdet(fit.hessian)
+    _, posterior = np.linalg.slogdet(fit.normal.reduced_shared())
     _, prior = np.linalg.slogdet(prior_jacobian.T @ prior_jacobian)
     return float(0.5 * (freedom * np.log(max(fit.cost, 1e-300)) + posterior - prior))

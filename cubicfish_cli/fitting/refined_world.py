@@ -1,0 +1,247 @@
+"""The object as it really is: boards that bend, twist, stretch and sit a little off their places,
+and corners that are a little off theirs.
+
+No print is exactly as drawn, and what an object is off by repeats in every photo, so it can be
+told from noise. The overall scale cannot be seen and stays as drawn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.fitting.poses import cross_matrix, rotation_from_vector
+from cubicfish_cli.target import Board, BoardShape, Target
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+
+# What a board may be off by: one standard deviation of the pull to the drawing, relative to the
+# board's half diagonal (for turns, radians). Prints stretch and walls bend by some thousandths.
+_SHAPE_SPREAD = 0.01
+_PLACE_SPREAD = 0.02
+_SHAPE_TERMS = 5  # bend x, bend y, twist, stretch x, stretch y
+_PLACE_TERMS = 6  # rotation vector, shift
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BoardPart:
+    """One board's pairs, and where its parameters stand among all.
+
+    Attributes:
+        board: index of the board in the target.
+        pairs: indices of its pairs.
+        basis: (n, 3, F) world displacement of each pair by each shape parameter; F is 5, or 0
+            for a board that is a list of points.
+        shape: the places of the F shape parameters.
+        place: the places of the 6 of rotation and shift; empty for the board that holds still.
+        middle: (3,) about which the board turns.
+        size: half diagonal, in the world's units.
+
+    """
+
+    board: int
+    pairs: IntArray
+    basis: FloatArray
+    shape: slice
+    place: slice
+    middle: FloatArray
+    size: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RefinedWorld:
+    """World points that follow the boards' shapes and places, and corners' own offsets.
+
+    Attributes:
+        as_drawn: (N, 3) world point of each pair in the drawing.
+        parts: the boards that were seen.
+        parameters: (S,) relative to each board's half diagonal; zero is the drawing.
+        spread: (S,) standard deviation of each parameter's pull to zero.
+        noise: standard deviation of a corner's coordinate, pixels: what one spread costs.
+        corner: (N,) which free corner each pair is of; empty when corners have no offsets.
+        offsets: (Q, 3) world offset of each free corner; Q is 0 when corners have none.
+        offset_weight: pixels that an offset of one unit counts as.
+
+    """
+
+    as_drawn: FloatArray
+    parts: tuple[BoardPart, ...]
+    parameters: FloatArray
+    spread: FloatArray
+    noise: float
+    corner: IntArray
+    offsets: FloatArray
+    offset_weight: float
+
+    @classmethod
+    def drawn(
+        cls,
+        pairs: Correspondences,
+        target: Target,
+        *,
+        noise: float,
+        offset_spread: float | None = None,
+        scale: float = 1.0,
+    ) -> RefinedWorld:
+        """The object as drawn, free to depart from it.
+
+        Args:
+            pairs: pairs whose boards are the target's; their world points are the drawing.
+            target: the drawing.
+            noise: standard deviation of a corner's coordinate, pixels.
+            offset_spread: standard deviation of corners' own offsets, in the pairs' units; None
+                where corners have none.
+            scale: the target's units in one unit of the pairs.
+
+        """
+        parts: list[BoardPart] = []
+        spread: list[float] = []
+        seen = np.unique(pairs.board)
+        for index in seen:
+            part = _part(pairs, target.boards[index], int(index), scale, len(spread), not parts)
+            spread += [_SHAPE_SPREAD] * part.basis.shape[2]
+            spread += [_PLACE_SPREAD] * (part.place.stop - part.place.start)
+            parts.append(part)
+        corner, count = np.zeros(0, np.intp), 0
+        if offset_spread is not None:
+            keys = np.stack([pairs.board, pairs.row, pairs.column], axis=1)
+            unique, corner = np.unique(keys, axis=0, return_inverse=True)
+            corner, count = corner.reshape(-1), len(unique)
+        return cls(
+            as_drawn=pairs.world,
+            parts=tuple(parts),
+            parameters=np.zeros(len(spread)),
+            spread=np.array(spread),
+            noise=noise,
+            corner=corner,
+            offsets=np.zeros((count, 3)),
+            offset_weight=0.0 if offset_spread is None else noise / offset_spread,
+        )
+
+    @property
+    def points(self) -> FloatArray:
+        """(N, 3) world point of each pair."""
+        points = self.as_drawn.copy()
+        if len(self.corner):
+            points += self.offsets[self.corner]
+        for part in self.parts:
+            own = points[part.pairs] + part.basis @ self.parameters[part.shape]
+            points[part.pairs] = self._placed(part, own)
+        return points
+
+    def _placed(self, part: BoardPart, points: FloatArray) -> FloatArray:
+        place = self.parameters[part.place]
+        if not len(place):
+            return points
+        rotation = rotation_from_vector(place[:3])
+        return part.middle + (points - part.middle) @ rotation.T + place[3:] * part.size
+
+    def moved(self, parameters: FloatArray, offsets: FloatArray) -> RefinedWorld:
+        """The same object after steps (S,) and (Q, 3)."""
+        return replace(
+            self, parameters=self.parameters + parameters, offsets=self.offsets + offsets
+        )
+
+    def chain(self, d_world: FloatArray) -> FloatArray:
+        """From d pixel / d world point (N, 2, 3) to d pixel / d parameters (N, 2, S).
+
+        Turns of a board are small (some hundredths of a radian at most): the derivatives of its
+        shape and of its corners' offsets leave the turn out.
+        """
+        chained = np.zeros((len(d_world), 2, len(self.parameters)))
+        points = self.points
+        for part in self.parts:
+            own = d_world[part.pairs]
+            columns = [own @ part.basis]
+            place = self.parameters[part.place]
+            if len(place):
+                arm = points[part.pairs] - part.middle - place[3:] * part.size
+                columns += [-own @ cross_matrix(arm), own * part.size]
+            stop = part.place.stop
+            chained[part.pairs, :, part.shape.start : stop] = np.concatenate(columns, axis=2)
+        return chained
+
+    def prior(self) -> tuple[FloatArray, FloatArray]:
+        """Pull of the parameters to zero: (S,) pixels and (S, S)."""
+        weight = self.noise / self.spread
+        return weight * self.parameters, np.diag(weight)
+
+    def refined_target(self, target: Target, pairs: Correspondences, *, scale: float) -> Target:
+        """The target with these shapes, places and offsets, in its own units."""
+        boards = list(target.boards)
+        for part in self.parts:
+            boards[part.board] = self._refined_board(boards[part.board], part, pairs, scale)
+        return replace(target, boards=tuple(boards))
+
+    def _refined_board(
+        self, board: Board, part: BoardPart, pairs: Correspondences, scale: float
+    ) -> Board:
+        place = self.parameters[part.place]
+        if not len(place):
+            place = np.zeros(_PLACE_TERMS)
+        rotation = rotation_from_vector(place[:3])
+        shift = place[3:] * part.size * scale
+        middle = part.middle * scale
+        offsets = np.zeros((board.rows, board.columns, 3))
+        if len(self.corner):
+            own = self.offsets[self.corner[part.pairs]] * scale
+            offsets[pairs.row[part.pairs], pairs.column[part.pairs]] = own @ board.axes.T
+        shape = np.zeros(_SHAPE_TERMS)
+        if part.basis.shape[2]:
+            shape = self.parameters[part.shape] * part.size * scale
+        half = board.normalised(np.zeros(2))[1] if board.points is None else np.ones(2)
+        moved = {
+            "origin": middle + rotation @ (board.origin - middle) + shift,
+            "x_axis": rotation @ board.x_axis,
+            "y_axis": rotation @ board.y_axis,
+        }
+        if board.points is not None:
+            moved = {"points": middle + (board.points - middle) @ rotation.T + shift}
+            # The board's axes stay the world's: its offsets turn with the points.
+            offsets = offsets @ rotation.T
+        return replace(
+            board,
+            **moved,
+            shape=BoardShape(
+                bend=shape[:2], twist=float(shape[2]), stretch=shape[3:] / half, offsets=offsets
+            ),
+        )
+
+
+def _part(
+    pairs: Correspondences, board: Board, index: int, scale: float, first: int, still: bool
+) -> BoardPart:
+    own = np.flatnonzero(pairs.board == index)
+    if board.points is None:
+        plane = board.plane_points(pairs.column[own], pairs.row[own])
+        hat, half = board.normalised(plane)
+        middle = board.world_points((board.columns - 1) / 2, (board.rows - 1) / 2) / scale
+        size = float(np.hypot(*half)) / scale
+        basis = np.zeros((len(own), 3, _SHAPE_TERMS))
+        x_axis, y_axis, normal = board.axes
+        basis[:, :, 0] = np.outer(hat[:, 0] ** 2, normal)
+        basis[:, :, 1] = np.outer(hat[:, 1] ** 2, normal)
+        basis[:, :, 2] = np.outer(hat[:, 0] * hat[:, 1], normal)
+        basis[:, :, 3] = np.outer(hat[:, 0], x_axis)
+        basis[:, :, 4] = np.outer(hat[:, 1], y_axis)
+        basis *= size
+    else:
+        extent = np.ptp(board.points, axis=0)
+        middle = (board.points.min(axis=0) + extent / 2) / scale
+        size = float(np.linalg.norm(extent)) / 2 / scale
+        basis = np.zeros((len(own), 3, 0))
+    terms = basis.shape[2]
+    places = 0 if still else _PLACE_TERMS
+    return BoardPart(
+        board=index,
+        pairs=own,
+        basis=basis,
+        shape=slice(first, first + terms),
+        place=slice(first + terms, first + terms + places),
+        middle=middle,
+        size=size,
+    )
