@@ -23,7 +23,7 @@ def detected(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("detected")
     cv2.imwrite(str(folder / "black.png"), np.zeros((720, 960), np.uint8))
     args = ["detect", *PHOTOS, folder / "black.png", "-t", TARGET, "-o", folder / "corners.csv"]
-    result = run_cli(*args, "--json")
+    result = run_cli(*args, "--draw", folder / "seen", "--json")
     (folder / "stdout").write_text(result.stdout)
     (folder / "stderr").write_text(result.stderr)
     return folder
@@ -63,6 +63,14 @@ def test_json_has_a_row_for_every_photo(detected: Path) -> None:
     assert f"black.png: {black['problem']}" in said
 
 
+def test_every_photo_is_drawn(detected: Path) -> None:
+    names = sorted(path.name for path in (detected / "seen").iterdir())
+    assert names == ["black.png.png", "corner_01.jpg.png", "corner_03.jpg.png"]
+    drawn = cv2.imread(str(detected / "seen" / "corner_01.jpg.png"))
+    assert drawn.shape == (720, 960, 3)
+    assert np.ptp(drawn.astype(int), axis=2).max() > 100
+
+
 def test_existing_corners_are_refused_before_the_work(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -75,6 +83,9 @@ def test_existing_corners_are_refused_before_the_work(
     said = run("detect", *PHOTOS, "-t", TARGET, "-o", path, code=1).stderr
     assert "corners.csv exists already" in said
     assert path.read_text() == "old"
+    (tmp_path / "corner_03.jpg.png").write_text("old")
+    args = ["detect", *PHOTOS, "-t", TARGET, "-o", tmp_path / "new.csv", "--draw", tmp_path]
+    assert "corner_03.jpg.png exists already" in run(*args, code=1).stderr
 
 
 def test_a_camera_is_evaluated_on_photos(run: Run, calibrated: Path) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli import __version__
-from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_photos
+from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_models, print_photos
 from cubicfish_cli.cli.inputs import Pairs, load_pairs, photo_problems
 from cubicfish_cli.cli.options import (
     FILE,
@@ -62,6 +62,11 @@ if TYPE_CHECKING:
     show_default=True,
     help="Also measure the error on photos left out of the fit (five more fits).",
 )
+@click.option(
+    "--compare",
+    is_flag=True,
+    help="Also fit other lens models to the same corners, and print one table.",
+)
 @max_rms_option
 @overwrite_option
 @json_option
@@ -74,6 +79,7 @@ def command(
     size: tuple[int, int] | None,
     output: Path,
     hold_out: bool,
+    compare: bool,
     max_rms: float | None,
     overwrite: bool,
     as_json: bool,
@@ -104,10 +110,12 @@ def command(
     made_by = _made_by(options, target if loaded.target else None, loaded.files)
     _write(outputs, calibration, loaded, made_by, overwrite=overwrite)
     record = calibration.as_record()
+    models = _compared(calibration, hold_out=hold_out) if compare else []
     if as_json:
-        print_json({**record, "model": str(outputs["camera"])})
+        compared = {"models": models} if compare else {}
+        print_json({**record, **compared, "model": str(outputs["camera"])})
     else:
-        _print(calibration, record, outputs)
+        _print(calibration, record, models, outputs)
     for corner in record["dropped_corners"]:
         detail(
             "dropped: {image} {board} column {column} row {row}: {error_px:.1f} px off".format(
@@ -127,6 +135,13 @@ def _outputs(folder: Path, inputs: Sequence[Path]) -> dict[str, Path]:
     if inputs and not is_input:
         outputs["corners"] = corners
     return outputs
+
+
+def _compared(calibration: Calibration, *, hold_out: bool) -> list[dict[str, Any]]:
+    from cubicfish_cli.fitting.baselines.compare import compare_baselines
+
+    say("Fitting other lens models to the same corners.")
+    return [row.as_record() for row in compare_baselines(calibration, hold_out=hold_out)]
 
 
 def _made_by(
@@ -169,7 +184,10 @@ def _write(
 
 
 def _print(
-    calibration: Calibration, record: Mapping[str, Any], outputs: Mapping[str, Path]
+    calibration: Calibration,
+    record: Mapping[str, Any],
+    models: Sequence[Mapping[str, Any]],
+    outputs: Mapping[str, Path],
 ) -> None:
     dropped = len(calibration.dropped)
     result(
@@ -194,6 +212,8 @@ def _print(
         f"trusted to {camera.max_angle_deg:.1f}°\n"
     )
     print_photos(record["per_image"])
+    if models:
+        print_models(models)
     result()
     for path in outputs.values():
         result(f"wrote {path}")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -17,7 +19,11 @@ from cubicfish_cli.cli.options import (
     overwrite_option,
     target_option,
 )
-from cubicfish_cli.cli.terminal import print_json, print_table, result, say
+from cubicfish_cli.cli.terminal import print_json, print_table, progress, result, say
+
+if TYPE_CHECKING:
+    from cubicfish_cli.naming.detect import Detection
+    from cubicfish_cli.photos import Photo
 
 
 @click.command(
@@ -25,7 +31,7 @@ from cubicfish_cli.cli.terminal import print_json, print_table, result, say
     short_help="Find and name the corners of the object in photos.",
     epilog=examples(
         "cubicfish detect photos/ --target target.yaml",
-        "cubicfish detect 'run7/*.png' --target target.yaml -o run7.csv --json",
+        "cubicfish detect 'run7/*.png' --target target.yaml -o run7.csv --draw seen/",
     ),
 )
 @click.argument("photos", type=FILE, nargs=-1, required=True, metavar="PHOTOS...")
@@ -39,6 +45,13 @@ from cubicfish_cli.cli.terminal import print_json, print_table, result, say
     metavar="FILE",
     help="Where the corners go.",
 )
+@click.option(
+    "--draw",
+    type=FILE,
+    metavar="FOLDER",
+    help="Also write a picture of each photo with its corners, a colour a board, red what was "
+    "left out.",
+)
 @overwrite_option
 @json_option
 @jobs_option
@@ -47,6 +60,7 @@ def command(
     photos: tuple[Path, ...],
     target: Path | None,
     output: Path,
+    draw: Path | None,
     overwrite: bool,
     as_json: bool,
     jobs: int | None,
@@ -57,13 +71,20 @@ def command(
     """
     from cubicfish_cli.correspondences import save_corners
     from cubicfish_cli.files import refuse_existing
+    from cubicfish_cli.photos import find_photos
     from cubicfish_cli.target import load_target
 
     if target is None:
         raise click.UsageError("name the calibration object with --target target.yaml")
     refuse_existing(output, overwrite=overwrite)
-    detection, _ = detect(photos, load_target(target), jobs)
+    found = find_photos(photos)
+    pictures = {photo.name: draw / f"{photo.name}.png" for photo in found} if draw else {}
+    for picture in pictures.values():
+        refuse_existing(picture, overwrite=overwrite)
+    detection = detect(found, load_target(target), jobs)
     save_corners(output, detection.corners, overwrite=overwrite)
+    if draw is not None:
+        _draw(found, detection, pictures, overwrite=overwrite)
     corners, images = len(detection.corners.pixel), len(detection.corners.images)
     if as_json:
         per_image = [
@@ -97,3 +118,23 @@ def command(
         result(f"\nwrote {output}: {count(corners, 'corner')} in {count(images, 'photo')}")
     for line in photo_problems(detection):
         say(line)
+
+
+def _draw(
+    photos: Sequence[Photo],
+    detection: Detection,
+    pictures: Mapping[str, Path],
+    *,
+    overwrite: bool,
+) -> None:
+    """Write a picture of what was found in each photo that could be read."""
+    from cubicfish_cli.naming.draw import draw_found
+    from cubicfish_cli.photos import read_grey
+    from cubicfish_cli.undistortion.images import write_picture
+
+    with progress("Drawing") as callback:
+        for done, (photo, report) in enumerate(zip(photos, detection.photos, strict=True)):
+            callback(done, len(photos))
+            if report.found is not None:
+                drawn = draw_found(read_grey(photo.path), report, detection.corners)
+                write_picture(pictures[photo.name], drawn, overwrite=overwrite)

@@ -50,6 +50,29 @@ def print_photos(records: Sequence[Mapping[str, Any]]) -> None:
     )
 
 
+def print_models(records: Sequence[Mapping[str, Any]]) -> None:
+    """Print one row a lens model: how large it is, how well it does, how far it reaches."""
+    result("\nOther lens models: the same corners, loss and folds")
+    print_table(
+        ("model", "parameters", "rms px", "held-out px", "usable to °", "seconds"),
+        [
+            (
+                str(record["model"]),
+                str(record["parameters"]),
+                px(record["rms_px"]),
+                px(record["held_out_rms_px"]),
+                _degrees(record["largest_angle_deg"]),
+                f"{record['seconds']:.2f}",
+            )
+            for record in records
+        ],
+    )
+
+
+def _degrees(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f}"
+
+
 def hold_gate(rms_px: float, max_rms: float | None) -> None:
     """Exit with 3 when the RMS is above the gate that the user set."""
     if max_rms is not None and not rms_px <= max_rms:

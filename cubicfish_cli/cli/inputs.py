@@ -16,6 +16,7 @@ from cubicfish_cli.wording import quoted
 if TYPE_CHECKING:
     from cubicfish_cli.correspondences import Corners, Correspondences
     from cubicfish_cli.naming.detect import Detection
+    from cubicfish_cli.photos import Photo
     from cubicfish_cli.target import Target
 
 
@@ -107,16 +108,18 @@ def _from_corners(path: Path, target_path: Path, size: tuple[int, int] | None) -
 
 def _from_photos(inputs: Sequence[Path], target_path: Path, jobs: int | None) -> Pairs:
     from cubicfish_cli.correspondences import pair
+    from cubicfish_cli.photos import find_photos
     from cubicfish_cli.target import load_target
 
     target = load_target(target_path)
-    detection, photos = detect(inputs, target, jobs)
+    photos = find_photos(inputs)
+    detection = detect(photos, target, jobs)
     return Pairs(
         pairs=pair(detection.corners, target),
         corners=detection.corners,
         target=target,
         detection=detection,
-        files=photos,
+        files=tuple(photo.path for photo in photos),
     )
 
 
@@ -129,16 +132,10 @@ def photo_problems(detection: Detection) -> list[str]:
     return lines
 
 
-def detect(
-    inputs: Sequence[Path], target: Target, jobs: int | None
-) -> tuple[Detection, tuple[Path, ...]]:
+def detect(photos: Sequence[Photo], target: Target, jobs: int | None) -> Detection:
     """Find and name the corners of a target in photos, with a progress bar."""
-    from cubicfish_cli.photos import find_photos
-
-    photos = find_photos(inputs)
     from cubicfish_cli.naming.detect import detect_corners
 
     say(f"Looking for corners in {count(len(photos), 'photo')}.")
     with progress("Finding corners") as callback:
-        detection = detect_corners(photos, target, jobs=jobs, progress=callback)
-    return detection, tuple(photo.path for photo in photos)
+        return detect_corners(photos, target, jobs=jobs, progress=callback)

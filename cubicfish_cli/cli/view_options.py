@@ -13,7 +13,7 @@ from cubicfish_cli.cli.options import Decorated, SizeType
 
 if TYPE_CHECKING:
     from cubicfish_cli.model.cubic import CubicCamera
-    from cubicfish_cli.undistortion.views import PerspectiveView
+    from cubicfish_cli.undistortion.views import CentralView
 
 _ANGLE = click.FloatRange(-360, 360)
 
@@ -28,7 +28,7 @@ class ViewOptions:
     pitch_deg: float
     roll_deg: float
 
-    def view_of(self, camera: CubicCamera) -> PerspectiveView:
+    def view_of(self, camera: CubicCamera) -> CentralView:
         """The view of this camera.
 
         Without a field of its own it keeps the default view's field at any size.
@@ -113,7 +113,7 @@ def view_options(function: Decorated) -> Decorated:
     return result
 
 
-def describe(view: PerspectiveView) -> str:
+def describe(view: CentralView) -> str:
     """A view in a few words."""
     width, height = view.size
     return f"{width}x{height} pixels, {view.hfov_deg:.1f}° across, focal length {view.focal:.2f} px"
