@@ -47,6 +47,11 @@ class Crossings:
     misfit: FloatArray
     spread: FloatArray
 
+    def replace(self, rows: IntArray, other: Crossings) -> None:
+        """Put other results in the place of some rows."""
+        for name in ("pixel", "ok", "level", "blur", "misfit", "spread"):
+            getattr(self, name)[rows] = getattr(other, name)
+
     def bright(self, sign: IntArray) -> FloatArray:
         """Levels (N, 2) of the squares that should be bright: (+,+), (-,-) where sign is +1."""
         return np.where((sign > 0)[:, None], self.level[:, 0::2], self.level[:, 1::2])
@@ -221,7 +226,7 @@ def _minimise(value: FloatArray, frame: _Frame, noise: float) -> _State:
         levels, residual, columns = _model(trial[active], value, frame)
         squares = (residual**2).sum(1)
         misfit2 = squares / np.maximum((frame.root_weight**2).sum(1) - 10, 1)
-        if round_ == 1:  # after the first step the misfit tells how well the model can do
+        if round_ in (1, 4):  # the misfit tells by now how well the model can do
             sigma2[active] = np.maximum(misfit2, noise**2)
             state.cost[active] = np.inf
         away = (_PRIOR_MEAN - trial[active]) / _PRIOR_SPREAD

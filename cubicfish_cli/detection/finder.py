@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.detection.believe import is_board, is_large_enough
 from cubicfish_cli.detection.corners import XCorners, find_corners
 from cubicfish_cli.detection.grids import BoolArray, FloatArray, FoundGrids, Grid, IntArray
 from cubicfish_cli.detection.growth import clean, grow, measure_contrast
@@ -15,10 +16,6 @@ from cubicfish_cli.detection.patches import Patch, find_patches
 from cubicfish_cli.detection.pyramid import Pyramid, build_pyramid
 from cubicfish_cli.detection.refine import refine_pixels
 from cubicfish_cli.detection.verify import whole_corners
-
-# A grid must have this much to be believed: chance alignments of texture close single squares.
-LEAST_CORNERS = 8
-LEAST_SQUARES = 3
 
 
 def find_grids(image: npt.NDArray[np.generic]) -> FoundGrids:
@@ -35,9 +32,9 @@ def find_grids(image: npt.NDArray[np.generic]) -> FoundGrids:
         if len(patch.corner) < 4 or not free[patch.corner].all():
             continue
         lattice = _raise(pyramid, corners, patch, free)
-        cells = lattice.cells()
-        if not _believable(lattice.known):
+        if not is_large_enough(lattice) or not _is_board(pyramid, lattice):
             continue
+        cells = lattice.cells()
         pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
         free &= ~_taken(corners.pixel, pixel, lattice.fit(cells).side)
         grids.append(_grid(lattice, pyramid.gain))
@@ -95,9 +92,12 @@ def _median_around(values: FloatArray, known: BoolArray, cells: IntArray) -> Flo
     return np.nanmedian(value, axis=1)
 
 
-def _believable(known: BoolArray) -> bool:
-    squares = known[1:, 1:] & known[:-1, 1:] & known[1:, :-1] & known[:-1, :-1]
-    return bool(known.sum() >= LEAST_CORNERS and squares.sum() >= LEAST_SQUARES)
+def _is_board(pyramid: Pyramid, lattice: Lattice) -> bool:
+    lattice.make_room()
+    cells = lattice.cells()
+    pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
+    found = refine_pixels(pyramid, pixel, lattice.fit(cells))
+    return is_board(lattice, cells, found, _median_around(lattice.contrast, lattice.known, cells))
 
 
 def _taken(points: FloatArray, pixel: FloatArray, side: FloatArray) -> BoolArray:

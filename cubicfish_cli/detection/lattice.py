@@ -61,7 +61,6 @@ class LocalFit:
 
     def at(self, offset: FloatArray) -> FloatArray:
         """Positions at (N, K, 2) or (K, 2) offsets in cells -> (N, K, 2) pixels."""
-        offset = np.broadcast_to(offset, (len(self.pixel), *offset.shape[-2:]))
         di, dj = offset[..., 0], offset[..., 1]
         quadratic = np.stack([0.5 * di * di, di * dj, 0.5 * dj * dj], axis=-1)
         return (

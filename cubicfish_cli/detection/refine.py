@@ -14,8 +14,8 @@ from cubicfish_cli.detection.saddle import fit_saddles
 from cubicfish_cli.detection.verify import whole_corners
 
 # Half-size of the window, pixels.
-_SMALLEST_HALF, _LARGEST_HALF = 3.0, 5.0
-_OF_SIDE = 0.4
+_SMALLEST_HALF, _USUAL_HALF, _LARGEST_HALF = 3.0, 5.0, 12.0
+_OF_SIDE, _OF_BLUR = 0.4, 3.5
 
 
 def refine_pixels(pyramid: Pyramid, pixel: FloatArray, fit: LocalFit) -> Crossings:
@@ -28,8 +28,18 @@ def refine_pixels(pyramid: Pyramid, pixel: FloatArray, fit: LocalFit) -> Crossin
         pyramid.levels[0], pixel, np.clip(0.2 * fit.side, 2.0, 2.5), np.maximum(1.5, 0.1 * fit.side)
     )
     start = np.where(saddle.ok[:, None], saddle.pixel, pixel)
-    half = np.clip(_OF_SIDE * fit.side, _SMALLEST_HALF, _LARGEST_HALF)
-    return fit_crossings(pyramid.levels[0], start, fit, half, pyramid.noise)
+    half = np.clip(_OF_SIDE * fit.side, _SMALLEST_HALF, _USUAL_HALF)
+    found = fit_crossings(pyramid.levels[0], start, fit, half, pyramid.noise)
+    # A window within the blur sees no more than a slope.
+    wider = np.clip(_OF_BLUR * found.blur.max(1), half, _LARGEST_HALF)
+    wider = np.minimum(wider, np.maximum(_OF_SIDE * fit.side, half))
+    rows = np.nonzero(wider > half + 0.5)[0]
+    if len(rows):
+        again = fit_crossings(
+            pyramid.levels[0], start[rows], fit.select(rows), wider[rows], pyramid.noise
+        )
+        found.replace(rows, again)
+    return found
 
 
 def refine_corners(

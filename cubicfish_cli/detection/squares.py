@@ -17,9 +17,10 @@ from cubicfish_cli.detection.links import (
 )
 from cubicfish_cli.detection.pyramid import Pyramid
 
-# Along the diagonal of each square, in sides: beyond the blur, within the white margin that
-# ChArUco boards leave around a marker (0.1 to 0.15 of the square).
-DIAGONAL = np.array([0.10, 0.16, 0.22])
+# Along the diagonal of each square, in sides: within the white margin that ChArUco boards leave
+# around a marker (0.1 to 0.15 of a square), but beyond the blur where squares are small.
+_DIAGONAL, _LEAST_DIAGONAL_PX, _LONGEST_DIAGONAL = 0.09, 1.2, 0.25
+_ALONG_DIAGONAL = np.array([0.7, 1.0, 1.3])
 # Quadrants (+,+), (-,+), (-,-), (+,-): clockwise; the first and third share their colour.
 _QUADRANTS = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
 SEPARATION = 0.30  # darker bright minus brighter dark quadrant, of the corner's contrast
@@ -53,9 +54,10 @@ class Quadrants:
 
 def quadrants(pyramid: Pyramid, pixel: FloatArray, fit: LocalFit, sign: IntArray) -> Quadrants:
     """Sample the four squares at (N, 2) pixels; ``sign`` +1 where quadrant (+, +) is bright."""
-    offset = (_QUADRANTS[:, None, :] * DIAGONAL[None, :, None]).reshape(-1, 2)
-    points = fit.at(offset) + (pixel - fit.pixel)[:, None]
-    level = pyramid.sample(points, fit.side).reshape(len(pixel), 4, len(DIAGONAL)).astype(float)
+    away = np.clip(_LEAST_DIAGONAL_PX / fit.side, _DIAGONAL, _LONGEST_DIAGONAL)
+    offset = (_QUADRANTS[:, None, :] * _ALONG_DIAGONAL[None, :, None]).reshape(-1, 2)
+    points = fit.at(away[:, None, None] * offset) + (pixel - fit.pixel)[:, None]
+    level = pyramid.sample(points, fit.side).reshape(len(pixel), 4, -1).astype(float)
     plus = (sign > 0)[:, None, None]
     return Quadrants(
         bright=np.where(plus, level[:, 0::2], level[:, 1::2]),

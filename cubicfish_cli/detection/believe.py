@@ -1,0 +1,59 @@
+"""Is a grid the image of a checkerboard, or an accident of texture?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cubicfish_cli.detection.crossing import Crossings
+from cubicfish_cli.detection.grids import FloatArray, IntArray
+from cubicfish_cli.detection.lattice import Lattice
+
+# Chance closes single squares now and then: random black and white cells make a run of four whole
+# squares once in some ten thousand places.
+LEAST_CORNERS = 8
+LEAST_SQUARES = 4
+# What a printed board keeps low, as medians over its corners: the distance from what the other
+# corners predict (cells, relative to the fit's own uncertainty), the blur (sides), and the change
+# of contrast from corner to corner (natural logarithm). Grids that grow in smooth noise have about
+# 0.06, 0.17 and 0.22; boards on rendered and on real fisheye photos stay under 0.03, 0.13 (squares
+# of 6 px) and 0.17, mostly far under.
+_MISS, _BLUR, _CONTRAST = 0.04, 0.15, 0.25
+# The sum of squares may be 1 for the smallest grids, and more for large ones, which chance cannot
+# make.
+_LARGE = 40
+# A sum or product of sines is a grid of perfect saddles, with the edges of a blur of a quarter of
+# a side: nothing that a lens in use does to a print.
+_MOST_BLUR = 0.2
+
+
+def is_large_enough(lattice: Lattice) -> bool:
+    """Tell whether there are corners and whole squares enough."""
+    known = lattice.known
+    squares = known[1:, 1:] & known[:-1, 1:] & known[1:, :-1] & known[:-1, :-1]
+    return bool(known.sum() >= LEAST_CORNERS and squares.sum() >= LEAST_SQUARES)
+
+
+def is_board(
+    lattice: Lattice, cells: IntArray, found: Crossings, contrast_around: FloatArray
+) -> bool:
+    """Judge a whole grid.
+
+    Args:
+        lattice: the grid.
+        cells: (N, 2) its corners in the lattice.
+        found: the sub-pixel fits of these corners.
+        contrast_around: (N,) median contrast of the corners around each.
+
+    """
+    fit = lattice.fit(cells, without_itself=True)
+    pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
+    miss = fit.cells_away(pixel)[fit.sound] / (1 + np.sqrt(fit.leverage[fit.sound]))
+    if not len(miss):
+        return False
+    side = lattice.fit(cells).side
+    blur = float(np.median(found.blur.max(1) / side))
+    contrast = lattice.contrast[cells[:, 0], cells[:, 1]]
+    change = np.abs(np.log(np.maximum(contrast, 1e-6) / np.maximum(contrast_around, 1e-6)))
+    score = np.array([np.median(miss) / _MISS, blur / _BLUR, np.median(change) / _CONTRAST])
+    limit = 1 + min(1.0, max(0.0, (len(cells) - LEAST_CORNERS) / (_LARGE - LEAST_CORNERS)))
+    return bool((score**2).sum() < limit and blur < _MOST_BLUR)

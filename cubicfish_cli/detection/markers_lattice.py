@@ -1,0 +1,260 @@
+"""The corners of one board in a photo, by name: prediction, growth and the tests of each corner.
+
+Unlike :mod:`.lattice`, cells have names from the start, columns and rows may stand at uneven
+distances (tags and the gaps between them), and markers come close to the corners.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
+from cubicfish_cli.detection.lattice import LocalFit
+from cubicfish_cli.detection.nearby import nearest
+from cubicfish_cli.detection.pyramid import Pyramid
+from cubicfish_cli.detection.refine import refine_corners
+from cubicfish_cli.detection.saddle import fit_saddles
+from cubicfish_cli.target import Board
+
+# A local fit looks this many corners to each side: three squares, or two tags.
+_REACH = 4
+_WINDOW = np.stack(np.meshgrid(*[np.arange(-_REACH, _REACH + 1)] * 2, indexing="ij"), -1).reshape(
+    -1, 2
+)
+_CENTRE = len(_WINDOW) // 2
+# Second-order terms are damped until enough neighbours determine them.
+_RIDGE = np.diag([1e-9, 1e-6, 1e-6, 0.005, 0.005, 0.005])
+# How far from its prediction a corner may be, of the distance to the next corner: far below
+# one half, so that a corner cannot take its neighbour's name.
+_SEARCH = 0.3
+# Leave-one-out: a corner that many such distances from what its neighbours say is not one.
+_OUTLIER = 0.2
+_MOST_ROUNDS = 80
+_STEPS = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
+# Sub-pixel windows end at 0.45 cells, fading from 0.35 on.
+_WINDOW_CELLS = 0.4
+
+
+@dataclass(kw_only=True, eq=False)
+class BoardLattice:
+    """The corners of a board that are known in a photo.
+
+    Attributes:
+        board: the board.
+        pixel: (columns, rows, 2) where each corner is, NaN where unknown.
+        x, y: (columns,), (rows,) places of columns and rows, in squares (tags).
+        closest: the shortest distance of neighbouring corners, squares (tags).
+        quiet: how far from a corner the next ink is that is not one of its own two edges.
+        tried: (columns, rows) known neighbours at the last failed try of a corner.
+
+    """
+
+    board: Board
+    pixel: FloatArray = field(init=False)
+    x: FloatArray = field(init=False)
+    y: FloatArray = field(init=False)
+    closest: float = field(init=False)
+    quiet: float = field(init=False)
+    tried: IntArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Start with no corner known."""
+        board = self.board
+        self.pixel = np.full((board.columns, board.rows, 2), np.nan)
+        self.x = board.plane_points(np.arange(board.columns), 0)[:, 0] / board.square
+        self.y = board.plane_points(0, np.arange(board.rows))[:, 1] / board.square
+        self.closest, self.quiet = 1.0, 1.0
+        if board.kind == "aprilgrid":
+            # Frames of tags are at least a tenth of a tag wide in every family.
+            self.closest = min(1.0, board.spacing)
+            self.quiet = min(0.1, board.spacing)
+        elif board.markers is not None:
+            self.quiet = 0.5 * (1 - board.markers.side / board.square)
+        self.tried = np.zeros(self.pixel.shape[:2], np.intp)
+
+    @property
+    def known(self) -> BoolArray:
+        """(columns, rows) which corners are known."""
+        return ~np.isnan(self.pixel[..., 0])
+
+    def cells(self) -> IntArray:
+        """(N, 2) columns and rows of the known corners."""
+        return np.argwhere(self.known)
+
+    def at(self, cells: IntArray) -> FloatArray:
+        """Pixels (N, 2) of (N, 2) cells, NaN where unknown."""
+        return self.pixel[cells[:, 0], cells[:, 1]]
+
+    def put(self, cells: IntArray, pixel: FloatArray) -> None:
+        """Set corners; NaN removes them."""
+        self.pixel[cells[:, 0], cells[:, 1]] = pixel
+
+    def inside(self, cells: IntArray) -> BoolArray:
+        """Which of (N, 2) cells are corners of the board."""
+        return ((cells >= 0) & (cells < self.pixel.shape[:2])).all(axis=-1)
+
+    def sign(self, cells: IntArray) -> IntArray:
+        """+1 where the quadrant to the right and below of a corner is bright, else -1."""
+        dark = 0 if self.board.first_square == "dark" else 1
+        return np.where(cells.sum(axis=-1) % 2 == dark, -1, 1)
+
+    def fit(self, cells: IntArray, *, without_itself: bool = False) -> LocalFit:
+        """Position as a quadratic function of the place on the board, around (N, 2) cells."""
+        around = cells[:, None] + _WINDOW
+        inside = self.inside(around)
+        i, j = np.where(inside, around[..., 0], 0), np.where(inside, around[..., 1], 0)
+        pixel = self.pixel[i, j]
+        known = inside & ~np.isnan(pixel[..., 0])
+        if without_itself:
+            known[:, _CENTRE] = False
+        u, v = self.x[i] - self.x[cells[:, :1]], self.y[j] - self.y[cells[:, 1:]]
+        weight = known / (0.3 + u * u + v * v) ** 2
+        pixel = np.where(known[..., None], pixel, 0.0)
+        total = np.maximum(weight.sum(axis=1), 1e-12)
+        mean = (weight[..., None] * pixel).sum(axis=1) / total[:, None]
+        pixel = np.where(known[..., None], pixel - mean[:, None], 0.0)
+        terms = np.stack([np.ones_like(u), u, v, 0.5 * u * u, u * v, 0.5 * v * v], axis=-1)
+        weighted = (terms * weight[..., None]).transpose(0, 2, 1)
+        solution = np.linalg.solve(weighted @ terms + _RIDGE, weighted @ pixel)
+        solution = solution.transpose(0, 2, 1)
+        step = solution[:, :, 1:3]
+        length = np.hypot(step[:, 0], step[:, 1])
+        area = step[:, 0, 0] * step[:, 1, 1] - step[:, 0, 1] * step[:, 1, 0]
+        neighbours = known.sum(axis=1)
+        side = length.min(axis=1)
+        return LocalFit(
+            pixel=solution[:, :, 0] + mean,
+            step=step,
+            bend=solution[:, :, 3:],
+            neighbours=neighbours,
+            side=side,
+            sound=(neighbours >= 3)
+            & (side * self.closest > 2)
+            & (area > 0.15 * length.prod(axis=1)),
+        )
+
+    def refined(
+        self, pyramid: Pyramid, cells: IntArray, pixel: FloatArray, fit: LocalFit
+    ) -> tuple[FloatArray, BoolArray]:
+        """Sub-pixel positions near (N, 2) pixels and which of them are whole corners."""
+        scale = min(1.0, self.quiet / _WINDOW_CELLS)
+        # Small squares: a window must hold enough pixels, even if a marker's rim enters it.
+        scale = np.clip(_SMALLEST_CELL_PX / np.maximum(fit.side, 1e-6), scale, 1.0)
+        return refine_corners(
+            pyramid,
+            pixel,
+            fit.step * scale[:, None, None],
+            self.sign(cells),
+            fit.bend * (scale**2)[:, None, None],
+        )
+
+
+_SMALLEST_CELL_PX = 8.0
+
+
+def grow(pyramid: Pyramid, lattice: BoardLattice, free: FloatArray) -> None:
+    """Add the corners beside the known ones until nothing changes; ``free`` (N, 2): candidates."""
+    for _ in range(_MOST_ROUNDS):
+        cells = _frontier(lattice)
+        if not len(cells) or not try_cells(pyramid, lattice, cells, free):
+            return
+
+
+def try_cells(pyramid: Pyramid, lattice: BoardLattice, cells: IntArray, free: FloatArray) -> bool:
+    """Look for (N, 2) unknown cells where their neighbours say; whether any was found."""
+    fit = lattice.fit(cells)
+    usable = fit.sound & pyramid.inside(fit.pixel, 2.0)
+    cells, fit = cells[usable], fit.select(usable)
+    if not len(cells):
+        return False
+    pixel, found = snap(pyramid, fit.pixel, fit, lattice.closest, free)
+    cells, pixel, fit = cells[found], pixel[found], fit.select(found)
+    if not len(cells):
+        return False
+    pixel, good = lattice.refined(pyramid, cells, pixel, fit)
+    good &= fit.cells_away(pixel) < _SEARCH * lattice.closest
+    good[good] &= _alone(lattice, pixel[good], fit.select(good))
+    lattice.put(cells[good], pixel[good])
+    return bool(good.any())
+
+
+def snap(
+    pyramid: Pyramid, start: FloatArray, fit: LocalFit, closest: float, free: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Saddle points near (N, 2) starts: the nearest candidate, else what the photo shows there."""
+    reach = _SEARCH * closest
+    pixel, found = start.copy(), np.zeros(len(start), bool)
+    if len(free):
+        _, index = nearest(start, free, 4)
+        moved = free[index] - start[:, None] + fit.pixel[:, None]
+        away = fit.cells_away(moved)
+        rows, best = np.arange(len(start)), away.argmin(axis=1)
+        found = away[rows, best] < reach
+        pixel[found] = free[index[rows, best]][found]
+    rest = np.nonzero(~found)[0]
+    if len(rest):
+        near = fit.side[rest] * closest
+        saddle = fit_saddles(
+            pyramid.levels[0],
+            start[rest],
+            np.clip(0.2 * near, 2.0, 6.0),
+            np.maximum(reach * fit.side[rest], 1.0),
+        )
+        pixel[rest], found[rest] = saddle.pixel, saddle.ok
+    return pixel, found & pyramid.inside(pixel, 2.0)
+
+
+def clean(lattice: BoardLattice) -> None:
+    """Drop corners that contradict their neighbours or have none."""
+    for _ in range(10):
+        cells = lattice.cells()
+        if not len(cells):
+            return
+        around = cells[:, None] + _STEPS
+        inside = lattice.inside(around)
+        i, j = np.where(inside, around[..., 0], 0), np.where(inside, around[..., 1], 0)
+        lonely = ~(inside & lattice.known[i, j]).any(axis=1)
+        fit = lattice.fit(cells, without_itself=True)
+        miss = np.where(fit.sound, fit.cells_away(lattice.at(cells)), 0.0)
+        # One wrong corner spoils its neighbours' predictions: only the worst around goes.
+        spread = np.zeros(lattice.known.shape)
+        spread[cells[:, 0], cells[:, 1]] = miss
+        worst = np.lib.stride_tricks.sliding_window_view(np.pad(spread, 1), (3, 3)).max((2, 3))
+        bad = miss > _OUTLIER * lattice.closest
+        bad &= miss >= worst[cells[:, 0], cells[:, 1]]
+        bad |= lonely
+        if not bad.any():
+            return
+        lattice.put(cells[bad], np.full((int(bad.sum()), 2), np.nan))
+
+
+def verify(pyramid: Pyramid, lattice: BoardLattice) -> None:
+    """Refine all corners together, each judged among its neighbours, and drop those that fail."""
+    cells = lattice.cells()
+    if not len(cells):
+        return
+    pixel, good = lattice.refined(pyramid, cells, lattice.at(cells), lattice.fit(cells))
+    lattice.put(cells, np.where(good[:, None], pixel, np.nan))
+
+
+def _frontier(lattice: BoardLattice) -> IntArray:
+    """Unknown cells beside a known one whose surroundings changed since they were tried."""
+    known = lattice.known
+    padded = np.pad(known, 1)
+    beside = padded[2:, 1:-1] | padded[:-2, 1:-1] | padded[1:-1, 2:] | padded[1:-1, :-2]
+    count = np.lib.stride_tricks.sliding_window_view(np.pad(known, 3), (7, 7)).sum((2, 3))
+    fresh = beside & ~known & (count != lattice.tried)
+    lattice.tried[fresh] = count[fresh]
+    return np.argwhere(fresh)
+
+
+def _alone(lattice: BoardLattice, pixel: FloatArray, fit: LocalFit) -> BoolArray:
+    """Which new corners are not on top of a known one or of each other."""
+    limit = 0.4 * lattice.closest * fit.side
+    known = lattice.pixel[lattice.known]
+    alone: BoolArray = nearest(pixel, known, 1)[0][:, 0] > limit
+    if len(pixel) > 1:
+        alone &= nearest(pixel, pixel, 2)[0][:, 1] > limit
+    return alone
