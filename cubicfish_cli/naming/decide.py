@@ -28,6 +28,8 @@ _NOISE_FLOOR_PX = 0.05
 _LEFT_OUT_STEPS = 0.5
 # Part of a board that may slide is kept only if its corners are at least one in so many.
 _LEAST_SHARE = 3
+# Labelings cost the same up to this factor where a symmetry is exact.
+_SAME_COST = 1.001
 # No solid has more rotations than the cube's 24: more places than that are not symmetries.
 _MOST_SYMMETRIES = 24
 
@@ -176,7 +178,10 @@ def decide(
     missing = _missing(labelings, sides, ends)
     alike = _congruent_to_best(photo, labelings)
     same, settled = _up_to_symmetry(photo, labelings, alike, missing.sum(axis=1))
-    chosen = photo.most_upright(labelings, same)
+    cheapest = labelings.cost[same].min()
+    chosen = photo.most_upright(
+        labelings, [k for k in same if labelings.cost[k] <= _SAME_COST * cheapest]
+    )
 
     named = labelings.side[chosen] >= 0
     left_out = counts * np.square([_LEFT_OUT_STEPS * grid.step for grid in grids])

@@ -14,6 +14,7 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.companion import Companion, fit_companion, refit_companion
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.naming.as_built import Sighting, built_sides
 from cubicfish_cli.naming.decide import Decision, Verdict, decide, decide_alone
 from cubicfish_cli.naming.ends import Ends, ends_of, farthest_radius
 from cubicfish_cli.naming.places import Reach, Sides, reach_of, sides_of
@@ -30,6 +31,13 @@ _ROUNDS = 3
 # Named grids must be this many before their RMS says which is too large, and how much that is.
 _LEAST_GRIDS_TO_COMPARE = 6
 _MISFIT_RATIO = 6.0
+# Grids that fit the object this much worse than planes of their own, and miss it by this share
+# of the distance of neighbouring corners: it is not as drawn.
+_OFF_RATIO, _OFF_STEPS = 1.5, 0.01
+# One photo fits whatever it measures, so that several must show boards together.
+_LEAST_PHOTOS_TO_MEASURE = 3
+# A lens whose focal length is known this well, as a share of it, gains nothing from names.
+_GOOD_FOCAL = 0.005
 _NO_POSE = (np.full((3, 3), np.nan), np.full(3, np.nan))
 
 
@@ -176,7 +184,7 @@ def _decide_all(
         camera = companion.camera if companion else None
         poses = _poses(task, camera)
         for photo, own in enumerate(task.photos):
-            decisions[photo] = _decide_photo(task, own, camera, poses)
+            decisions[photo] = _decide_photo(task, task.sides, own, camera, poses)
             if progress is not None:
                 progress(photo + 1, len(task.photos))
         names = [_names(decision) for decision in decisions]
@@ -186,15 +194,110 @@ def _decide_all(
         )  # fmt: skip
         if companion is None or not unsettled or names == before:
             break
+        if companion.focal_uncertainty < _GOOD_FOCAL:
+            break
         before = names
         companion = _named_lens(task, companion, decisions, poses) or companion
     if companion is not None:
-        decisions = _without_misfits(task, companion.camera, poses, decisions)
+        sides, decisions = _with_built(task, companion.camera, poses, decisions)
+        decisions = _without_misfits(task, sides, companion.camera, poses, decisions)
     return decisions, companion.camera if companion else None
+
+
+def _with_built(
+    task: _Task,
+    camera: RadialCamera,
+    poses: list[GridPose | None],
+    decisions: list[Decision | None],
+) -> tuple[Sides, list[Decision | None]]:
+    """Decide again with the boards where the photos have them, if they are not as drawn.
+
+    The photo that shows most says how the boards lie first, so that all names agree with one
+    photo's; all photos say it then. Kept only if it explains more, or the same better.
+    """
+    sides, kept = task.sides, decisions
+    together = sum(bool(_rigid(decision)) for decision in decisions)
+    if together < _LEAST_PHOTOS_TO_MEASURE or not _off_the_drawing(task, poses, decisions):
+        return sides, kept
+    trial = decisions
+    reference = max(range(len(decisions)), key=lambda photo: _extent(task, decisions, photo))
+    for photos in ([reference], range(len(decisions))):
+        sightings = [one for photo in photos for one in _sightings(task, poses, trial, photo)]
+        built = built_sides(sides, sightings)
+        trial = [_decide_photo(task, built, own, camera, poses) for own in task.photos]
+        sides = built
+    others = [photo for photo in range(len(decisions)) if photo != reference]
+    if _merit(task, trial, others) > _merit(task, kept, others):
+        return sides, trial
+    return task.sides, kept
+
+
+def _off_the_drawing(
+    task: _Task, poses: list[GridPose | None], decisions: list[Decision | None]
+) -> bool:
+    """Whether named grids fit the object clearly worse than planes of their own."""
+    ratio, share = [], []
+    for own, decision in zip(task.photos, decisions, strict=True):
+        for n in _rigid(decision):
+            pose = poses[own[n]]
+            if pose is not None and decision is not None:
+                ratio.append(decision.rms_px[n] / max(pose.rms_px, 1e-3))
+                share.append(decision.rms_px[n] / task.grids[own[n]].step)
+    return bool(ratio) and bool(np.median(ratio) > _OFF_RATIO and np.median(share) > _OFF_STEPS)
+
+
+def _extent(task: _Task, decisions: list[Decision | None], photo: int) -> tuple[int, int]:
+    """Boards and corners that a photo shows together."""
+    decision = decisions[photo]
+    named = _rigid(decision)
+    if decision is None or not named:
+        return 0, 0
+    boards = len(np.unique(task.sides.board[decision.side[named]]))
+    return boards, sum(len(task.grids[task.photos[photo][n]]) for n in named)
+
+
+def _sightings(
+    task: _Task, poses: list[GridPose | None], decisions: list[Decision | None], photo: int
+) -> list[Sighting]:
+    decision, seen = decisions[photo], []
+    for n in _rigid(decision):
+        index = task.photos[photo][n]
+        pose = poses[index]
+        if pose is None or decision is None:
+            continue
+        middle = task.grids[index].cells.mean(axis=0)
+        rotation = pose.rotation[0]
+        seen.append(
+            Sighting(
+                side=int(decision.side[n]),
+                offset=decision.offset[n],
+                middle=middle,
+                rotation=rotation,
+                camera_middle=rotation[:, :2] @ middle + pose.translation[0],
+                camera_from_world=(decision.rotation, decision.translation),
+                corners=len(task.grids[index]),
+            )
+        )
+    return seen
+
+
+def _merit(
+    task: _Task, decisions: list[Decision | None], photos: Sequence[int]
+) -> tuple[int, float]:
+    """Corners named exactly, then how well they fit, in some photos."""
+    corners, square = 0, 0.0
+    for photo in photos:
+        decision = decisions[photo]
+        for n, index in enumerate(task.photos[photo]):
+            if decision is not None and decision.verdict[n] is Verdict.NAMED:
+                corners += len(task.grids[index])
+                square += len(task.grids[index]) * np.nan_to_num(decision.rms_px[n]) ** 2
+    return corners, -float(square)
 
 
 def _without_misfits(
     task: _Task,
+    sides: Sides,
     camera: RadialCamera,
     poses: list[GridPose | None],
     decisions: list[Decision | None],
@@ -214,7 +317,7 @@ def _without_misfits(
         if decision is None or not (decision.rms_px > limit).any():
             continue
         good = [index for n, index in enumerate(own) if not decision.rms_px[n] > limit]
-        again = _decide_photo(task, good, camera, poses)
+        again = _decide_photo(task, sides, good, camera, poses)
         checked[photo] = _spread(again, [own.index(index) for index in good], len(own))
     return checked
 
@@ -263,9 +366,16 @@ def _poses(task: _Task, camera: RadialCamera | None) -> list[GridPose | None]:
 
 
 def _decide_photo(
-    task: _Task, own: list[int], camera: RadialCamera | None, poses: list[GridPose | None]
+    task: _Task,
+    sides: Sides,
+    own: list[int],
+    camera: RadialCamera | None,
+    poses: list[GridPose | None],
 ) -> Decision | None:
-    """Verdicts for one photo's grids, in the order of ``own``; None without grids."""
+    """Verdicts for one photo's grids, in the order of ``own``; None without grids.
+
+    ``sides`` are the boards where they are, ``task.sides`` as they are drawn.
+    """
     if not own:
         return None
     usable = [
@@ -279,7 +389,7 @@ def _decide_photo(
             pose = poses[own[n]]
             if pose is not None:
                 views.append(view_of(camera, task.grids[own[n]], pose, task.reach[own[n]]))
-        labelings = search(views, task.sides)
+        labelings = search(views, sides)
         ends = [_ends(task, camera, own, own[n], poses) for n in usable]
         found = decide([task.grids[own[n]] for n in usable], task.sides, labelings, ends)
     part = usable
