@@ -26,6 +26,7 @@ COMMANDS = (
     "calibrate",
     "detect",
     "evaluate",
+    "compare",
     "undistort",
     "map",
     "project",

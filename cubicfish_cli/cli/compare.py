@@ -1,0 +1,118 @@
+"""``cubicfish compare``: how far apart two cameras are, in pixels."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from cubicfish_cli.cli.figures import hold_gate, px
+from cubicfish_cli.cli.options import (
+    FILE,
+    common_options,
+    examples,
+    json_option,
+    max_rms_option,
+    overwrite_option,
+)
+from cubicfish_cli.cli.terminal import print_json, print_table, result
+
+_DRAWN_PIXELS = 150_000
+
+if TYPE_CHECKING:
+    from cubicfish_cli.fitting.comparison import Comparison
+
+
+@click.command(
+    "compare",
+    short_help="How far apart two cameras are, in pixels.",
+    epilog=examples(
+        "cubicfish compare last_year/camera.yaml calibration/camera.yaml",
+        "cubicfish compare a.yaml b.yaml --picture difference.png --max-rms 0.3",
+    ),
+)
+@click.argument("first", type=FILE, metavar="A")
+@click.argument("second", type=FILE, metavar="B")
+@click.option(
+    "--picture",
+    type=FILE,
+    metavar="FILE",
+    help="Also draw the difference at every pixel of camera A.",
+)
+@max_rms_option
+@overwrite_option
+@json_option
+@common_options
+def command(
+    first: Path,
+    second: Path,
+    picture: Path | None,
+    max_rms: float | None,
+    overwrite: bool,
+    as_json: bool,
+) -> None:
+    """Say how far from A's pixels the camera B sees the same rays, over their common field.
+
+    A and B are camera.yaml files. The rotation between the two camera frames that makes the
+    differences smallest is taken out first, since poses make up for it. Photos of one size, or of
+    sizes that are an exact rescale; differences are in A's pixels.
+    """
+    from cubicfish_cli.files import refuse_existing
+    from cubicfish_cli.fitting.comparison import compare_cameras
+    from cubicfish_cli.formats.camera_yaml import load_camera
+    from cubicfish_cli.undistortion.images import check_suffix
+
+    if picture is not None:
+        refuse_existing(picture, overwrite=overwrite)
+        check_suffix(picture)
+    comparison = compare_cameras(load_camera(first).camera, load_camera(second).camera)
+    if picture is not None:
+        _draw(comparison, picture, overwrite=overwrite)
+    record = comparison.as_record()
+    if as_json:
+        print_json({**record, **({"picture": str(picture)} if picture else {})})
+    else:
+        _print(record)
+        if picture is not None:
+            result(f"\nwrote {picture}")
+    hold_gate(record["rms_px"], max_rms)
+
+
+def _draw(comparison: Comparison, path: Path, *, overwrite: bool) -> None:
+    import numpy as np
+
+    from cubicfish_cli.rendering.difference_picture import difference_picture
+    from cubicfish_cli.undistortion.images import write_picture
+
+    width, height = comparison.first.image_size
+    # Differences are smooth: one in each small block tells all.
+    step = max(1, round((width * height / _DRAWN_PIXELS) ** 0.5))
+    y, x = np.mgrid[:height:step, :width:step] + (step - 1) / 2
+    coarse = np.linalg.norm(comparison.difference(np.stack([x, y], axis=-1)), axis=-1)
+    magnitude = np.kron(coarse, np.ones((step, step)))[:height, :width]
+    write_picture(path, difference_picture(magnitude), overwrite=overwrite)
+
+
+def _print(record: dict[str, Any]) -> None:
+    result(f"{'RMS difference':<24}{px(record['rms_px']):>7} px  sqrt(mean(dx² + dy²)) over pixels")
+    spread = ", ".join(px(record[key]) for key in ("median_px", "p95_px", "max_px"))
+    result(f"{'median, 95 %, largest':<24}{spread:>7} px")
+    share = 100 * record["common_share"]
+    result(f"{'common field':<24}{share:>7.1f} %   of what A sees")
+    result(f"{'rotation taken out':<24}{record['rotation_deg']:>7.3f}°")
+    if record["scale"] != 1:
+        result(f"{'scale taken out':<24}{record['scale']:>7.3f}    A's pixels for one of B's")
+    result()
+    print_table(
+        ("from °", "to °", "rms px", "largest"),
+        [
+            (
+                f"{ring['from_deg']:.0f}",
+                f"{ring['to_deg']:.0f}",
+                px(ring["rms_px"]),
+                px(ring["max_px"]),
+            )
+            for ring in record["by_angle"]
+        ],
+    )

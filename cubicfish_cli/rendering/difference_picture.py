@@ -1,0 +1,91 @@
+"""A picture of magnitudes over a photo, with a scale, in colours that everyone can tell apart."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+Picture = npt.NDArray[np.uint8]
+
+# Cividis (Nuñez, Anderton & Renslow 2018) in ten bands, RGB: lightness grows all the way, and
+# people with and without colour blindness see nearly the same.
+_BANDS = bytes.fromhex("00204d 00336f 39486b 575c6d 707173 8a8779 a69d75 c4b56c e4cf5b ffea46")
+COLOURS = np.frombuffer(_BANDS, np.uint8).reshape(10, 3)
+_PAPER = 255
+_INK = 0
+# Letters of 3 x 5 dots, a row a digit in octal: 4 is the left dot, 1 the right one.
+_LETTERS = {
+    "0": "75557",
+    "1": "26227",
+    "2": "71747",
+    "3": "71717",
+    "4": "55711",
+    "5": "74717",
+    "6": "74757",
+    "7": "71122",
+    "8": "75757",
+    "9": "75717",
+    ".": "00002",
+    "p": "06564",
+    "x": "05225",
+    " ": "00000",
+}
+
+
+def round_up(value: float) -> float:
+    """The next of 1, 2, 5 times a power of ten at or above a positive value."""
+    power = 10.0 ** np.floor(np.log10(max(value, 1e-6)))
+    return float(next(power * step for step in (1, 2, 5, 10) if power * step >= value * 0.999999))
+
+
+def difference_picture(magnitude: FloatArray, *, top: float | None = None) -> Picture:
+    """Draw magnitudes in ten bands of colour, with a scale below.
+
+    Args:
+        magnitude: (H, W) pixels; NaN is left white.
+        top: where the last band ends, and beyond which all is of its colour; by default a round
+            number at or above 99 of 100 magnitudes.
+
+    Returns:
+        (H + scale, W, 3) uint8, BGR as :mod:`cv2` writes it.
+
+    """
+    known = np.isfinite(magnitude)
+    if top is None:
+        top = round_up(float(np.percentile(magnitude[known], 99)) if known.any() else 1.0)
+    share = np.where(known, magnitude, 0) / top
+    band = np.clip((share * len(COLOURS)).astype(int), 0, len(COLOURS) - 1)
+    picture = np.where(known[..., None], COLOURS[band], np.uint8(_PAPER)).astype(np.uint8)
+    return np.ascontiguousarray(np.vstack([picture, _scale(magnitude.shape[1], top)])[..., ::-1])
+
+
+def _scale(width: int, top: float) -> Picture:
+    dot = max(1, width // 240)
+    margin, bar = 4 * dot, 8 * dot
+    picture = np.full((2 * margin + bar + 8 * dot, width, 3), _PAPER, np.uint8)
+    edges = np.linspace(8 * dot, width - 24 * dot, len(COLOURS) + 1).astype(int)
+    for left, right, colour in zip(edges[:-1], edges[1:], COLOURS, strict=True):
+        picture[margin : margin + bar, left:right] = colour
+    for share in (0.0, 0.5, 1.0):
+        text = f"{share * top:.6g}" + (" px" if share == 1 else "")
+        ink = _letters(text, dot)
+        middle = int(edges[0] + share * (edges[-1] - edges[0]))
+        left = max(0, min(middle - 2 * dot, width - ink.shape[1]))
+        part = picture[margin + bar + 2 * dot :, left : left + ink.shape[1]]
+        part[: ink.shape[0]][ink[: part.shape[0], : part.shape[1]]] = _INK
+    return picture
+
+
+def _letters(text: str, dot: int) -> npt.NDArray[np.bool_]:
+    """Text as ink (5 dot, 4 dot · letters), True where it is black."""
+    rows = [
+        [
+            bool(int(row) & bit)
+            for letter in text
+            for row in _LETTERS[letter][i]
+            for bit in (4, 2, 1, 0)
+        ]
+        for i in range(5)
+    ]
+    return np.kron(np.array(rows, bool), np.ones((dot, dot), bool))

@@ -1,0 +1,46 @@
+"""Magnitudes as colours, with a scale that says which."""
+
+import numpy as np
+import pytest
+
+from cubicfish_cli.rendering.difference_picture import COLOURS, difference_picture, round_up
+
+
+@pytest.mark.parametrize(
+    ("value", "up"), [(0.3, 0.5), (0.5, 0.5), (0.51, 1), (1, 1), (1.2, 2), (77, 100), (0, 1e-6)]
+)
+def test_round_numbers(value, up):
+    assert round_up(value) == pytest.approx(up)
+
+
+def test_each_band_has_its_colour_and_the_unknown_is_white():
+    magnitude = np.tile(np.arange(10) * 0.1 + 0.05, (40, 24))
+    magnitude[0] = np.nan
+    picture = difference_picture(magnitude, top=1.0)
+    assert picture.dtype == np.uint8
+    assert (picture[0] == 255).all()
+    np.testing.assert_array_equal(picture[1, :10, ::-1], COLOURS)
+    above = difference_picture(magnitude + 5, top=1.0)
+    assert (above[1, :10, ::-1] == COLOURS[-1]).all()
+
+
+def test_colours_grow_lighter_so_that_everyone_can_order_them():
+    lightness = COLOURS @ [0.299, 0.587, 0.114]
+    assert (np.diff(lightness) > 12).all()
+
+
+def test_the_scale_is_below_and_shows_every_colour_and_numbers():
+    magnitude = np.full((50, 480), 0.25)
+    picture = difference_picture(magnitude)
+    below = picture[50:, :, ::-1]
+    assert picture.shape[1] == 480
+    for colour in COLOURS:
+        assert (below == colour).all(axis=-1).sum() > 100
+    ink = (below == 0).all(axis=-1)
+    assert 60 < ink.sum() < 2000
+    wider = difference_picture(magnitude, top=20)[50:]
+    assert not np.array_equal(wider, picture[50:])
+
+
+def test_nothing_known_is_drawn_too():
+    assert (difference_picture(np.full((30, 300), np.nan))[:30] == 255).all()
