@@ -62,9 +62,12 @@ def find_saddles(image: Float32Array, scale: float, noise: float) -> Saddles:
     response, xx, xy, yy, smooth = saddle_response(image, scale, noise)
     window = 2 * round(1.2 * scale) + 1
     peak = cv2.dilate(response, np.ones((window, window), np.uint8))
-    found = (response >= peak) & (response > RESPONSE_THRESHOLD)
-    found[:2], found[-2:], found[:, :2], found[:, -2:] = False, False, False, False
-    y, x = np.nonzero(found)
+    np.maximum(peak, RESPONSE_THRESHOLD, out=peak)
+    found = cv2.compare(response[2:-2, 2:-2], peak[2:-2, 2:-2], cv2.CMP_GE)
+    places = cv2.findNonZero(found)
+    if places is None:
+        return Saddles(pixel=np.zeros((0, 2)), response=np.zeros(0))
+    x, y = places.reshape(-1, 2).T + 2
     gx = 0.5 * (smooth[y, x + 1] - smooth[y, x - 1])
     gy = 0.5 * (smooth[y + 1, x] - smooth[y - 1, x])
     hxx, hxy, hyy = xx[y, x], xy[y, x], yy[y, x]

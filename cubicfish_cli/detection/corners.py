@@ -20,7 +20,10 @@ from cubicfish_cli.detection.saddle import fit_saddles
 # twice that.
 _NOISE_CONTRAST = 3.0
 # Beyond this many only the clearest are kept: a bound on time and memory for textures.
-MOST_CORNERS = 20_000
+MOST_CORNERS = 8_000
+
+# Positions, arm angles, radii, contrasts.
+_Part = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,21 +46,16 @@ class XCorners:
 
 def find_corners(pyramid: Pyramid) -> XCorners:
     """Search all levels of the pyramid from fine to coarse; a finer find hides a coarser one."""
-    width, height = pyramid.size
-    taken = np.zeros((height, width), np.uint8)
-    parts: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]] = []
+    parts: list[_Part] = []
     for level, image in enumerate(pyramid.levels):
         zoom = 2**level
         noise = max(pyramid.noise / zoom, 0.5)
         for scale in SCALES:
-            part = _at_scale(image, scale, noise, _shrunk(taken, zoom, image.shape))
-            if part is None:
-                continue
-            pixel, angle, radius, contrast = part
-            parts.append((pixel * zoom, angle, radius * zoom, contrast))
-            column, row = np.rint(pixel * zoom).astype(int).T
-            inside = (column >= 0) & (row >= 0) & (column < width) & (row < height)
-            taken[row[inside], column[inside]] = 1
+            taken = _near(parts, zoom, image.shape)
+            part = _at_scale(image, scale, noise, taken)
+            if part is not None:
+                pixel, angle, radius, contrast = part
+                parts.append((pixel * zoom, angle, radius * zoom, contrast))
     if not parts:
         none = np.zeros(0)
         return XCorners(pixel=np.zeros((0, 2)), angle=np.zeros((0, 4)), radius=none, contrast=none)
@@ -68,22 +66,18 @@ def find_corners(pyramid: Pyramid) -> XCorners:
     return XCorners(pixel=pixel, angle=angle, radius=radius, contrast=contrast)
 
 
-def _shrunk(
-    taken: npt.NDArray[np.uint8], zoom: int, shape: tuple[int, ...]
-) -> npt.NDArray[np.uint8]:
-    """Mask at a level of the pyramid of what lies within 2 px (of that level) of a taken pixel."""
-    if zoom > 1:
-        row, column = np.nonzero(taken)
-        taken = np.zeros(shape, np.uint8)
-        row = np.minimum((row + zoom // 2) // zoom, shape[0] - 1)
-        column = np.minimum((column + zoom // 2) // zoom, shape[1] - 1)
-        taken[row, column] = 1
-    return cv2.dilate(taken, np.ones((5, 5), np.uint8)).astype(np.uint8)
+def _near(parts: list[_Part], zoom: int, shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
+    """Mask at a level of the pyramid of what lies within 2 px (of that level) of a found corner."""
+    taken = np.zeros(shape, np.uint8)
+    for pixel, *_ in parts:
+        column, row = np.rint(pixel / zoom).astype(int).T
+        taken[np.clip(row, 0, shape[0] - 1), np.clip(column, 0, shape[1] - 1)] = 1
+    return np.asarray(cv2.dilate(taken, np.ones((5, 5), np.uint8)))
 
 
 def _at_scale(
     image: Float32Array, scale: float, noise: float, taken: npt.NDArray[np.uint8]
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray] | None:
+) -> _Part | None:
     saddles = find_saddles(image, scale, noise)
     if not len(saddles.pixel):
         return None

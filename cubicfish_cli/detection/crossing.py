@@ -25,6 +25,8 @@ _LONGEST_STEP = np.array([0.7, 0.7, 0.3, 0.3, 0.7, 0.7])
 # Windows end before the next edge, fading out: in sides, along each axis of the grid.
 _WITHIN, _FADE = 0.45, 0.1
 
+_FIELDS = ("pixel", "ok", "level", "blur", "misfit", "spread")
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Crossings:
@@ -47,9 +49,13 @@ class Crossings:
     misfit: FloatArray
     spread: FloatArray
 
+    def select(self, rows: BoolArray | IntArray) -> Crossings:
+        """Take some rows."""
+        return Crossings(**{name: getattr(self, name)[rows] for name in _FIELDS})
+
     def replace(self, rows: IntArray, other: Crossings) -> None:
         """Put other results in the place of some rows."""
-        for name in ("pixel", "ok", "level", "blur", "misfit", "spread"):
+        for name in _FIELDS:
             getattr(self, name)[rows] = getattr(other, name)
 
     def bright(self, sign: IntArray) -> FloatArray:

@@ -7,62 +7,113 @@ import numpy.typing as npt
 
 from cubicfish_cli.detection.believe import is_board, is_large_enough
 from cubicfish_cli.detection.corners import XCorners, find_corners
+from cubicfish_cli.detection.crossing import Crossings
 from cubicfish_cli.detection.grids import BoolArray, FloatArray, FoundGrids, Grid, IntArray
 from cubicfish_cli.detection.growth import clean, grow, measure_contrast
 from cubicfish_cli.detection.lattice import Lattice
 from cubicfish_cli.detection.links import find_links, keep_squares
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.patches import Patch, find_patches
-from cubicfish_cli.detection.pyramid import Pyramid, build_pyramid
-from cubicfish_cli.detection.refine import refine_pixels
+from cubicfish_cli.detection.pyramid import (
+    SMALLEST_SIDE,
+    Pyramid,
+    build_pyramid,
+    enlarged,
+    reduced,
+)
+from cubicfish_cli.detection.refine import refine_at_full_size, refine_pixels
 from cubicfish_cli.detection.verify import whole_corners
+
+# A photo of more pixels is searched at half its size, or a quarter...
+MOST_PIXELS = 16_000_000
+# Texture has squares by the hundred. Boards have the largest pieces, so they come first; after
+# this many pieces that did not grow into a board the search is over.
+_MOST_FAILURES = 40
+# Growing again after wrong corners went: they may have stood in the way.
+_PASSES = 2
 
 
 def find_grids(image: npt.NDArray[np.generic]) -> FoundGrids:
-    """Find all checkerboard grids, whole or in part, in a 2-D grey photo (uint8/uint16/float)."""
+    """Find all checkerboard grids, whole or in part, in a grey photo.
+
+    Boards may be cut by the photo's border, the image circle or each other, bent by a fisheye
+    lens beyond 180 degrees, dim or bright. Squares may be 6 px small, in a photo of more than
+    MOST_PIXELS 6 px of the reduced photo that it is searched in; corners are then refined in
+    the photo itself. Memory beyond the photo's own is at most about 1 GB.
+
+    Args:
+        image: (H, W) grey levels, uint8, uint16 or float.
+
+    """
     height, width = image.shape
-    if min(height, width) < 8:
-        return FoundGrids(grids=(), refused=np.zeros((0, 2)), image_size=(width, height))
-    pyramid = build_pyramid(image)
+    size = (width, height)
+    if min(height, width) < SMALLEST_SIDE:
+        return FoundGrids(grids=(), refused=np.zeros((0, 2)), image_size=size)
+    zoom = 1
+    while height * width > MOST_PIXELS * zoom * zoom:
+        zoom *= 2
+    pyramid = build_pyramid(reduced(image, zoom))
+    lattices, refused = _search(pyramid)
+    grids = [_grid(lattice, image, pyramid, zoom) for lattice in lattices]
+    grids.sort(key=lambda grid: -len(grid))
+    return FoundGrids(grids=tuple(grids), refused=enlarged(refused, zoom), image_size=size)
+
+
+def _search(pyramid: Pyramid) -> tuple[list[Lattice], FloatArray]:
+    """All grids in the pyramid, and the corners that belong to none."""
     corners = find_corners(pyramid)
-    patches = find_patches(keep_squares(find_links(pyramid, corners)))
+    links = keep_squares(find_links(pyramid, corners))
     free = np.ones(len(corners.pixel), bool)
-    grids = []
-    for patch in patches:
+    lattices: list[Lattice] = []
+    failures = 0
+    for patch in find_patches(links, corners.contrast * corners.radius):
         if len(patch.corner) < 4 or not free[patch.corner].all():
             continue
         lattice = _raise(pyramid, corners, patch, free)
-        if not is_large_enough(lattice) or not _is_board(pyramid, lattice):
+        if lattice is None:
+            failures += 1
+            if failures == _MOST_FAILURES:
+                break
             continue
         cells = lattice.cells()
         pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
         free &= ~_taken(corners.pixel, pixel, lattice.fit(cells).side)
-        grids.append(_grid(lattice, pyramid.gain))
-    grids.sort(key=lambda grid: -len(grid))
-    return FoundGrids(grids=tuple(grids), refused=corners.pixel[free], image_size=(width, height))
+        lattices.append(lattice)
+    return lattices, corners.pixel[free]
 
 
-def _raise(pyramid: Pyramid, corners: XCorners, patch: Patch, free: BoolArray) -> Lattice:
+def _raise(pyramid: Pyramid, corners: XCorners, patch: Patch, free: BoolArray) -> Lattice | None:
+    """Grow a patch into a grid; None when it turns out not to be a board."""
     lattice = Lattice.from_cells(
         patch.cells, corners.pixel[patch.corner], corners.contrast[patch.corner], patch.parity
     )
     measure_contrast(pyramid, lattice)
-    for _ in range(2):
+    candidates = corners.pixel[free]
+    for _ in range(_PASSES):
         clean(lattice)
         if lattice.known.sum() < 4:
-            break
-        grow(pyramid, lattice, corners.pixel[free])
+            return None
+        before = lattice.known.sum()
+        grow(pyramid, lattice, candidates)
         clean(lattice)
-        refine_and_verify(pyramid, lattice)
-    return lattice
+        grown = lattice.known.sum() > before
+        found, dropped = refine_and_verify(pyramid, lattice)
+        if not is_large_enough(lattice):
+            return None
+        if not (grown and dropped):
+            break
+    cells = lattice.cells()
+    around = _median_around(lattice.contrast, lattice.known, cells)
+    return lattice if is_board(lattice, cells, found, around) else None
 
 
-def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> None:
-    """Move corners to their sub-pixel positions and drop those that fail a test."""
+def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> tuple[Crossings, int]:
+    """Move corners to their sub-pixel positions and drop those that fail a test.
+
+    Returns the fits of the corners that stay, in the order of the cells, and how many went.
+    """
     lattice.make_room()
     cells = lattice.cells()
-    if not len(cells):
-        return
     fit = lattice.fit(cells)
     pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
     found = refine_pixels(pyramid, pixel, fit)
@@ -81,6 +132,8 @@ def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> None:
     )
     lattice.drop(cells[~good])
     clean(lattice)
+    kept = lattice.known[cells[:, 0], cells[:, 1]]
+    return found.select(kept), int((~kept).sum())
 
 
 def _median_around(values: FloatArray, known: BoolArray, cells: IntArray) -> FloatArray:
@@ -92,14 +145,6 @@ def _median_around(values: FloatArray, known: BoolArray, cells: IntArray) -> Flo
     return np.nanmedian(value, axis=1)
 
 
-def _is_board(pyramid: Pyramid, lattice: Lattice) -> bool:
-    lattice.make_room()
-    cells = lattice.cells()
-    pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
-    found = refine_pixels(pyramid, pixel, lattice.fit(cells))
-    return is_board(lattice, cells, found, _median_around(lattice.contrast, lattice.known, cells))
-
-
 def _taken(points: FloatArray, pixel: FloatArray, side: FloatArray) -> BoolArray:
     if not len(points):
         return np.zeros(0, bool)
@@ -107,22 +152,23 @@ def _taken(points: FloatArray, pixel: FloatArray, side: FloatArray) -> BoolArray
     return distance[:, 0] < 0.3 * side[index[:, 0]]
 
 
-def _grid(lattice: Lattice, gain: float) -> Grid:
+def _grid(lattice: Lattice, image: npt.NDArray[np.generic], pyramid: Pyramid, zoom: int) -> Grid:
+    lattice.make_room()
     cells = lattice.cells()
     origin = cells.min(0)
-    pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
-    right = np.diff(lattice.pixel, axis=0)
-    down = np.diff(lattice.pixel, axis=1)
-    lengths = np.concatenate(
-        [
-            np.hypot(right[..., 0], right[..., 1]).ravel(),
-            np.hypot(down[..., 0], down[..., 1]).ravel(),
-        ]
-    )
+    contrast = lattice.contrast[cells[:, 0], cells[:, 1]]
+    if zoom > 1:
+        lattice.pixel = enlarged(lattice.pixel, zoom)
+        fit = lattice.fit(cells)
+        found = refine_at_full_size(
+            image, lattice.pixel[cells[:, 0], cells[:, 1]], fit, zoom, pyramid.noise / pyramid.gain
+        )
+        lattice.put(cells, found, contrast)
+    steps = np.concatenate([np.diff(lattice.pixel, axis=axis).reshape(-1, 2) for axis in (0, 1)])
     return Grid(
         cells=cells - origin,
-        pixel=pixel,
+        pixel=lattice.pixel[cells[:, 0], cells[:, 1]],
         parity=int(lattice.sign(origin[None])[0]),
-        step=float(np.nanmedian(lengths)),
-        contrast=lattice.contrast[cells[:, 0], cells[:, 1]] / gain,
+        step=float(np.nanmedian(np.hypot(steps[:, 0], steps[:, 1]))),
+        contrast=contrast / pyramid.gain,
     )

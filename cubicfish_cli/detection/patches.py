@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cubicfish_cli.detection.grids import IntArray
+from cubicfish_cli.detection.grids import FloatArray, IntArray
 from cubicfish_cli.detection.links import Links
 
 # Step of arm 0, 1, 2, 3 of a corner that is not rotated: clockwise on screen.
@@ -30,8 +30,10 @@ class Patch:
     parity: int
 
 
-def find_patches(links: Links) -> list[Patch]:
+def find_patches(links: Links, strength: FloatArray) -> list[Patch]:
     """Walk along the links of :func:`~.links.keep_squares`; largest piece first.
+
+    Pieces of the same size come in the order of their corners' summed ``strength`` (N,).
 
     A corner that is reached with two different coordinates stays where it was first put, a
     second corner in the same cell is left out; growing repairs either.
@@ -75,4 +77,4 @@ def find_patches(links: Links) -> list[Patch]:
                 parity=1 if 2 * bright.sum() >= len(bright) else -1,
             )
         )
-    return sorted(patches, key=lambda patch: -len(patch.corner))
+    return sorted(patches, key=lambda p: (-len(p.corner), -float(strength[p.corner].sum())))

@@ -133,3 +133,21 @@ def build_pyramid(grey: npt.NDArray[np.generic], deepest: int = 6) -> Pyramid:
         reduced = cv2.pyrDown(reduced)
         levels.append(reduced)
     return Pyramid(levels=tuple(levels), noise=noise, gain=gain)
+
+
+def reduced(image: npt.NDArray[np.generic], zoom: int) -> npt.NDArray[np.generic]:
+    """Reduce a photo by a whole factor, each pixel the mean of zoom x zoom pixels."""
+    if zoom == 1:
+        return image
+    height, width = image.shape[0] // zoom * zoom, image.shape[1] // zoom * zoom
+    source = image[:height, :width]
+    if source.dtype not in (np.uint8, np.uint16, np.float32):
+        source = source.astype(np.float32)
+    return np.asarray(
+        cv2.resize(source, (width // zoom, height // zoom), interpolation=cv2.INTER_AREA)
+    )
+
+
+def enlarged(pixel: FloatArray, zoom: int) -> FloatArray:
+    """Pixels of a photo reduced by a whole factor -> pixels of the photo itself."""
+    return (pixel + 0.5) * zoom - 0.5

@@ -42,6 +42,28 @@ def refine_pixels(pyramid: Pyramid, pixel: FloatArray, fit: LocalFit) -> Crossin
     return found
 
 
+def refine_at_full_size(
+    image: npt.NDArray[np.generic], pixel: FloatArray, fit: LocalFit, zoom: int, noise: float
+) -> FloatArray:
+    """Refine corners of a photo that was searched at 1/zoom of its size.
+
+    Args:
+        image: (H, W) the photo.
+        pixel: (N, 2) corners, pixels of the photo.
+        fit: their local shape, pixels of the photo.
+        zoom: how many times smaller the photo was that they were found in.
+        noise: standard deviation of the noise of the reduced photo, its grey levels.
+
+    Returns:
+        (N, 2) refined pixels; the given ones where the photo shows nothing better.
+
+    """
+    half = np.clip(_OF_SIDE * fit.side, _SMALLEST_HALF, _USUAL_HALF + zoom)
+    found = fit_crossings(image, pixel, fit, half, noise * zoom)
+    near = found.ok & (np.hypot(*(found.pixel - pixel).T) < zoom)
+    return np.where(near[:, None], found.pixel, pixel)
+
+
 def refine_corners(
     image: npt.NDArray[np.generic] | Pyramid,
     pixel: FloatArray,

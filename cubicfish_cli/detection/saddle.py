@@ -10,7 +10,7 @@ import numpy.typing as npt
 from cubicfish_cli.detection.grids import BoolArray, FloatArray
 
 _ITERATIONS = 8
-_CONVERGED = 1e-3  # px; ten times below what the best photos resolve
+_CONVERGED = 0.02  # px: the crossing fit starts from here and does the rest
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,7 +103,6 @@ def _fit(
         done = saddle & (length < _CONVERGED)
         ok[active[done]] = True
         active = active[saddle & ~done]
-    # What still creeps by less than 0.02 px a step is as good as converged.
     ok &= np.hypot(*(pixel - start).T) <= travel
     return pixel, ok, curvature
 
