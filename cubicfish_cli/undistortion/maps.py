@@ -5,6 +5,7 @@ from __future__ import annotations
 import zipfile
 import zlib
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,21 +16,20 @@ import numpy.typing as npt
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.files import whole_file
 from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.undistortion.cubic_grid import CubicGrid
-from cubicfish_cli.undistortion.views import (
-    MAX_SIDE,
-    Camera,
-    PerspectiveView,
-    View,
-    view_from_json,
-)
+from cubicfish_cli.undistortion.cube import CrossView
+from cubicfish_cli.undistortion.cubic_grid import grid_of
+from cubicfish_cli.undistortion.view import MAX_SIDE, Camera, View
+from cubicfish_cli.undistortion.views import view_from_json
 
 FloatArray = npt.NDArray[np.float64]
 
 FORMAT = "cubicfish undistort_map 1"
 OUTSIDE = -1.0
 _KEYS = ("map_x", "map_y", "valid", "view", "format", "image_size")
-_PIXELS_A_BLOCK = 65_536
+# A block's arrays stay in the processor's cache; fewer pixels than these are not worth a thread.
+_PIXELS_A_BLOCK = 32_768
+_PIXELS_FOR_THREADS = 250_000
+_THREADS = 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,7 +57,8 @@ class UndistortMap:
 def build_map(camera: Camera, view: View) -> UndistortMap:
     """The map that renders ``view`` from the camera's photos.
 
-    Rows are done in blocks, so the memory needed beyond the map is bounded.
+    Rows are done in blocks, on two threads when there are many, so the memory needed beyond
+    the map is bounded.
 
     Raises:
         ViewError: the camera's photos are larger than ``cv2.remap`` can take.
@@ -70,36 +71,67 @@ def build_map(camera: Camera, view: View) -> UndistortMap:
             f"a side may have {MAX_SIDE} pixels at most"
         )
     width, height = view.size
+    if isinstance(view, CrossView):
+        return _cross_map(camera, view)
     map_x, map_y = np.empty((2, height, width), np.float32)
     valid = np.empty((height, width), bool)
     pixels = _pixels_of_rows(camera, view)
-    rows_a_block = max(1, _PIXELS_A_BLOCK // width)
-    for top in range(0, height, rows_a_block):
+
+    def fill(top: int) -> None:
         rows = slice(top, min(height, top + rows_a_block))
-        u, v = pixels(np.arange(rows.start, rows.stop))
-        map_x[rows], map_y[rows] = u, v
+        u, v = pixels(rows)
         x, y = map_x[rows], map_y[rows]
+        x[...], y[...] = u, v
         # Comparisons with NaN are false. Beyond the outer pixels' centres cv2.remap would
         # blend with the black around the photo.
-        valid[rows] = (x >= 0) & (x <= photo_width - 1) & (y >= 0) & (y <= photo_height - 1)
-        x[~valid[rows]] = y[~valid[rows]] = OUTSIDE
+        if (
+            x.min() >= 0 and x.max() <= photo_width - 1 and y.min() >= 0
+        ) and y.max() <= photo_height - 1:
+            valid[rows] = True
+            return
+        inside = (x >= 0) & (x <= photo_width - 1) & (y >= 0) & (y <= photo_height - 1)
+        valid[rows] = inside
+        np.logical_not(inside, out=inside)
+        np.copyto(x, OUTSIDE, where=inside)
+        np.copyto(y, OUTSIDE, where=inside)
+
+    rows_a_block = max(1, _PIXELS_A_BLOCK // width)
+    tops = range(0, height, rows_a_block)
+    if width * height < _PIXELS_FOR_THREADS:
+        for top in tops:
+            fill(top)
+    else:
+        with ThreadPoolExecutor(_THREADS) as threads:
+            list(threads.map(fill, tops))
     return UndistortMap(
         map_x=map_x, map_y=map_y, valid=valid, view=view, image_size=camera.image_size
     )
 
 
-def _pixels_of_rows(
-    camera: Camera, view: View
-) -> Callable[[npt.NDArray[np.intp]], tuple[FloatArray, FloatArray]]:
-    """A function from rows of the view (h,) to the photo's pixels u, v, (h, W) each."""
-    if isinstance(camera, CubicCamera) and isinstance(view, PerspectiveView):
-        x, y = view.slopes()
-        grid = CubicGrid(camera, view.camera_from_view, x)
-        return lambda rows: grid.pixels(y[rows])
+def _cross_map(camera: Camera, view: CrossView) -> UndistortMap:
+    """The faces of a cube, each by its own map, in their places."""
+    width, height = view.size
+    map_x, map_y = np.full((2, height, width), OUTSIDE, np.float32)
+    valid = np.zeros((height, width), bool)
+    for (column, row), face in view.placed_faces():
+        place = np.s_[row : row + view.side, column : column + view.side]
+        part = build_map(camera, face)
+        map_x[place], map_y[place], valid[place] = part.map_x, part.map_y, part.valid
+    return UndistortMap(
+        map_x=map_x, map_y=map_y, valid=valid, view=view, image_size=camera.image_size
+    )
 
-    def plain(rows: npt.NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+
+def _pixels_of_rows(camera: Camera, view: View) -> Callable[[slice], tuple[FloatArray, FloatArray]]:
+    """A function from rows of the view to the photo's pixels u, v, (h, W) each."""
+    grid = grid_of(camera, view) if isinstance(camera, CubicCamera) else None
+    if grid is not None:
+        return grid.pixels
+
+    def plain(rows: slice) -> tuple[FloatArray, FloatArray]:
         columns = np.arange(view.size[0])
-        pixel = np.stack(np.broadcast_arrays(columns, rows[:, None]), axis=-1)
+        index = np.arange(rows.start, rows.stop)
+        pixel = np.stack(np.broadcast_arrays(columns, index[:, None]), axis=-1)
         u, v = np.moveaxis(camera.project(view.rays(pixel)), -1, 0)
         return u, v
 

@@ -1,0 +1,165 @@
+"""The scale of a view that suits a camera: no empty pixel, nothing lost, or between the two.
+
+Both ends are found from what the camera really sees: the rays within its cone whose pixels lie
+in the photo. That region is connected, so the border of the picture tells: inside it
+everywhere, no pixel is empty; nowhere, nothing is lost.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.errors import ViewError
+from cubicfish_cli.model.soundness import cone_rays
+from cubicfish_cli.undistortion.view import Camera, CentralView, FloatArray, Rotation, View
+
+INNER, OUTER = 0.0, 1.0
+
+_MOST_FOCAL_SIDES = 60.0  # a field of one degree
+_BISECTIONS = 40
+_REGION_RAYS = 4000
+# Pixels inside the photo by this much stay inside whatever the map's rounding does.
+_SAFE_PX = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fitted:
+    """A view whose scale was found.
+
+    Attributes:
+        view: the view.
+        at_limit: whether the camera sees more than this kind of view can show, so that the
+            field ends where the view's own limit is.
+
+    """
+
+    view: CentralView
+    at_limit: bool
+
+
+def fit_view(
+    camera: Camera,
+    kind: type[CentralView],
+    size: tuple[int, int],
+    rotation: Rotation = (0.0, 0.0, 0.0),
+    *,
+    share: float,
+) -> Fitted:
+    """The view of this kind, size and direction whose field suits the camera.
+
+    Args:
+        camera: the camera.
+        kind: the kind of view.
+        size: (width, height), pixels.
+        rotation: where it looks, as in :class:`CentralView`.
+        share: 0 for the widest field without an empty pixel (inner), 1 for the narrowest that
+            loses nothing (outer), and between them evenly in the logarithm of the scale.
+
+    Raises:
+        ViewError: the camera does not see the picture's middle, or the share is not in 0..1.
+
+    """
+    if not 0 <= share <= 1:
+        raise ViewError("a fit is 'inner', 'outer' or a share from 0 to 1")
+    view = kind(size=size, focal=1.0, rotation=rotation)
+    least = kind.least_focal(size)
+    most = _MOST_FOCAL_SIDES * max(size)
+    ends = []
+    if share < OUTER:
+        ends.append(_inner(camera, view, least, most))
+    if share > INNER:
+        ends.append(_outer(camera, view, least, most))
+    if len(ends) == 2:
+        (inner, _), (outer, at_limit) = ends
+        focal = math.exp((1 - share) * math.log(inner) + share * math.log(outer))
+        return Fitted(view=replace(view, focal=focal), at_limit=at_limit)
+    ((focal, at_limit),) = ends
+    return Fitted(view=replace(view, focal=focal), at_limit=at_limit)
+
+
+def sees(camera: Camera, rays: FloatArray, *, margin: float = 0.0) -> npt.NDArray[np.bool_]:
+    """Whether the camera's photo holds the rays (..., 3), by ``margin`` pixels at least."""
+    width, height = camera.image_size
+    u, v = np.moveaxis(camera.project(rays), -1, 0)
+    with np.errstate(invalid="ignore"):
+        across = (u >= margin) & (u <= width - 1 - margin)
+        return np.asarray(across & (v >= margin) & (v <= height - 1 - margin))
+
+
+def kept_share(camera: Camera, view: View) -> float:
+    """Share of the solid angle that the camera sees which is in the view."""
+    rays = _region(camera)
+    return float(_shows(view, rays).mean()) if len(rays) else 0.0
+
+
+def _region(camera: Camera) -> FloatArray:
+    rays = cone_rays(math.radians(camera.max_angle_deg), _REGION_RAYS)
+    return np.asarray(rays[sees(camera, rays)])
+
+
+def _shows(view: View, rays: FloatArray) -> npt.NDArray[np.bool_]:
+    width, height = view.size
+    x, y = np.moveaxis(view.pixels(rays), -1, 0)
+    with np.errstate(invalid="ignore"):
+        return np.asarray((x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5))
+
+
+def _border(size: tuple[int, int], margin: float) -> FloatArray:
+    """Points around a picture, ``margin`` pixels beyond the outer pixels' centres: (N, 2).
+
+    With no margin they are the outer pixels themselves.
+    """
+    width, height = size
+    low, right, bottom = -margin, width - 1 + margin, height - 1 + margin
+    across = np.linspace(low, right, width if margin == 0 else width + 1)
+    down = np.linspace(low, bottom, height if margin == 0 else height + 1)
+    x = [across, across, np.full(len(down), low), np.full(len(down), right)]
+    y = [np.full(len(across), low), np.full(len(across), bottom), down, down]
+    return np.stack([np.concatenate(x), np.concatenate(y)], axis=-1)
+
+
+def _inner(camera: Camera, view: CentralView, least: float, most: float) -> tuple[float, bool]:
+    border = np.vstack([_border(view.size, 0.0), [view.middle]])
+
+    def no_empty(focal: float) -> bool:
+        rays = replace(view, focal=focal).rays(border)
+        return bool(sees(camera, rays, margin=_SAFE_PX).all())
+
+    if not no_empty(most):
+        raise ViewError(
+            "the camera does not see the middle of this view: look elsewhere with --rotate, "
+            "or take --fit outer"
+        )
+    if no_empty(least):
+        return least, True
+    return _bisect(no_empty, good=most, bad=least), False
+
+
+def _outer(camera: Camera, view: CentralView, least: float, most: float) -> tuple[float, bool]:
+    border, region = _border(view.size, 0.5), _region(camera)
+
+    def nothing_lost(focal: float) -> bool:
+        trial = replace(view, focal=focal)
+        return bool(_shows(trial, region).all()) and not sees(camera, trial.rays(border)).any()
+
+    if not len(region):
+        raise ViewError("the camera sees nothing within its cone: calibrate it again")
+    if not nothing_lost(least):
+        return least, True
+    return _bisect(nothing_lost, good=least, bad=most), False
+
+
+def _bisect(holds: Callable[[float], bool], *, good: float, bad: float) -> float:
+    """The focal length at the edge of what holds, on the good side."""
+    for _ in range(_BISECTIONS):
+        middle = math.sqrt(good * bad)
+        if holds(middle):
+            good = middle
+        else:
+            bad = middle
+    return good

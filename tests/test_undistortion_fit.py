@@ -1,0 +1,132 @@
+"""Fields found from what the camera sees: nothing empty, nothing lost, and no more than that."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from lenses import cubic_camera
+from synthetic import TRUE_LENS
+
+from cubicfish_cli.errors import ViewError
+from cubicfish_cli.model.soundness import cone_rays
+from cubicfish_cli.rendering.lens import TrueLens
+from cubicfish_cli.undistortion.fit import Fitted, fit_view, kept_share, sees
+from cubicfish_cli.undistortion.maps import build_map
+from cubicfish_cli.undistortion.view import CentralView, rotation_from_angles
+from cubicfish_cli.undistortion.views import CENTRAL_KINDS
+
+SIZE = (120, 90)
+
+
+def lens(field_deg: float) -> TrueLens:
+    """A decentred lens whose circle of this field fills most of the photo's height."""
+    half = field_deg / 2
+    focal = 0.46 * 360 / np.radians(half)
+    return replace(
+        TRUE_LENS,
+        image_size=(480, 360),
+        fx=focal,
+        fy=1.01 * focal,
+        cx=244.0,
+        cy=176.0,
+        k=(-0.01, 0.0, 0.0, 0.0),
+        max_angle_deg=half,
+    )
+
+
+def regions_rays(camera) -> np.ndarray:
+    angle = np.radians(camera.max_angle_deg)
+    turn = np.linspace(0, 2 * np.pi, 3000)
+    rim = [np.sin(angle) * np.cos(turn), np.sin(angle) * np.sin(turn), 0 * turn + np.cos(angle)]
+    rays = np.vstack([cone_rays(angle, 20_000), np.stack(rim, axis=-1) + np.array([0, 0, 1e-9])])
+    return rays[sees(camera, rays)]
+
+
+def lost(camera, view: CentralView) -> int:
+    """How many of many rays that the camera sees are not in the view, by 1/50 of its pixels."""
+    pixel = view.pixels(regions_rays(camera))
+    limit = np.array(view.size) - 0.48
+    return int((~((pixel >= -0.52) & (pixel <= limit)).all(axis=-1)).sum())
+
+
+def narrower(fitted: Fitted, by: float) -> CentralView:
+    return replace(fitted.view, focal=fitted.view.focal * by)
+
+
+@pytest.mark.parametrize("kind", list(CENTRAL_KINDS))
+@pytest.mark.parametrize("field", [60, 100, 140, 180, 220])
+@pytest.mark.parametrize("angles", [{}, {"yaw_deg": 12, "pitch_deg": -7, "roll_deg": 40}])
+def test_inner_has_no_empty_pixel_and_could_not_be_wider(kind, field, angles):
+    camera = lens(field)
+    fitted = fit_view(camera, CENTRAL_KINDS[kind], SIZE, rotation_from_angles(**angles), share=0.0)
+    assert build_map(camera, fitted.view).valid.all()
+    if fitted.at_limit:
+        assert field >= 180
+    else:
+        assert not build_map(camera, narrower(fitted, 0.99)).valid.all()
+
+
+@pytest.mark.parametrize("kind", list(CENTRAL_KINDS))
+@pytest.mark.parametrize("field", [60, 100, 140, 180, 220])
+@pytest.mark.parametrize("angles", [{}, {"yaw_deg": 12, "pitch_deg": -7, "roll_deg": 40}])
+def test_outer_loses_nothing_and_could_not_be_narrower(kind, field, angles):
+    camera = lens(field)
+    fitted = fit_view(camera, CENTRAL_KINDS[kind], SIZE, rotation_from_angles(**angles), share=1.0)
+    if fitted.at_limit:
+        # Only these two have directions that no picture of theirs can reach.
+        assert kind in ("perspective", "cylindrical")
+        assert lost(camera, fitted.view) > 0
+        assert max(fitted.view.hfov_deg, fitted.view.vfov_deg) == pytest.approx(160, abs=1e-3) or (
+            kind == "cylindrical"
+        )
+    else:
+        assert lost(camera, fitted.view) == 0
+        assert kept_share(camera, fitted.view) == 1
+        assert lost(camera, narrower(fitted, 1.02)) > 0
+
+
+@pytest.mark.parametrize("kind", list(CENTRAL_KINDS))
+def test_a_view_that_looks_aside_loses_nothing_either(kind):
+    camera = lens(220)
+    for angles in ({"yaw_deg": 90}, {"pitch_deg": 90}, {"yaw_deg": 180}):
+        fitted = fit_view(
+            camera, CENTRAL_KINDS[kind], SIZE, rotation_from_angles(**angles), share=1.0
+        )
+        assert fitted.at_limit or lost(camera, fitted.view) == 0
+        if kind in ("equirectangular", "equidistant"):
+            assert not fitted.at_limit
+
+
+def test_shares_run_from_inner_to_outer():
+    camera = cubic_camera(85.0)
+    kind = CENTRAL_KINDS["equidistant"]
+    views = [fit_view(camera, kind, SIZE, share=s).view for s in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    fields = [view.hfov_deg for view in views]
+    assert fields == sorted(fields)
+    kept = [kept_share(camera, view) for view in views]
+    empty = [1 - build_map(camera, view).valid.mean() for view in views]
+    assert kept == sorted(kept)
+    assert empty == sorted(empty)
+    assert empty[0] == 0
+    assert kept[-1] == 1
+    assert views[2].focal == pytest.approx(np.sqrt(views[0].focal * views[4].focal))
+
+
+def test_a_view_whose_middle_is_unseen_has_no_inner_fit():
+    rotation = rotation_from_angles(yaw_deg=150)
+    with pytest.raises(ViewError, match="does not see the middle"):
+        fit_view(lens(180), CENTRAL_KINDS["perspective"], SIZE, rotation, share=0.0)
+
+
+@pytest.mark.parametrize("share", [-0.1, 1.1, float("nan")])
+def test_other_shares_are_refused(share):
+    with pytest.raises(ViewError, match="from 0 to 1"):
+        fit_view(lens(180), CENTRAL_KINDS["perspective"], SIZE, share=share)
+
+
+def test_the_photos_corners_count_where_the_circle_is_cut():
+    # A wide lens on a small sensor: the photo's frame, not the cone, ends what is seen.
+    camera = replace(lens(180), fx=300.0, fy=300.0)
+    fitted = fit_view(camera, CENTRAL_KINDS["equidistant"], (480, 360), share=1.0)
+    assert fitted.view.hfov_deg < 120
+    assert lost(camera, fitted.view) == 0
