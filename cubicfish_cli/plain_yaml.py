@@ -129,3 +129,21 @@ def _scalar(path: Path, node: Any, error: type[CubicfishError]) -> Any:
     if kind == "float":
         return float(re.sub(r"\.(?=[iInN])", "", text))  # YAML writes .inf and .nan
     return text
+
+
+_SafeDumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+
+
+class _Dumper(_SafeDumper):
+    """Writes out parts that are shared twice over, since the reader refuses aliases."""
+
+    def ignore_aliases(self, data: object) -> bool:
+        return True
+
+
+def plain_yaml_text(record: Any) -> str:
+    """YAML of plain data, keys in their order, numbers at full precision, inner lists on a line."""
+    text: str = yaml.dump(
+        record, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=2**31 - 1
+    )
+    return text

@@ -21,6 +21,8 @@ FloatArray = npt.NDArray[np.float64]
 BoardKind = Literal["checkerboard", "charuco", "aprilgrid", "points"]
 FirstSquare = Literal["dark", "light"]
 
+# A refined object of some ten thousand corners, each with its offset.
+MAX_BYTES = 4_000_000
 MAX_COUNT = 1000
 MAX_BOARDS = 256
 MIN_LENGTH, MAX_LENGTH = 1e-9, 1e9
@@ -82,6 +84,15 @@ class BoardShape:
     twist: float
     stretch: FloatArray
     offsets: FloatArray
+
+    def plus(self, other: BoardShape) -> BoardShape:
+        """Both departures together."""
+        return BoardShape(
+            bend=self.bend + other.bend,
+            twist=self.twist + other.twist,
+            stretch=self.stretch + other.stretch,
+            offsets=self.offsets + other.offsets,
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -226,7 +237,7 @@ def load_target(path: Path) -> Target:
             names the file, the board and the key.
 
     """
-    data = load_plain_yaml(Path(path), error=TargetError)
+    data = load_plain_yaml(Path(path), error=TargetError, max_bytes=MAX_BYTES)
     if not isinstance(data, dict):
         raise TargetError(f"{path}: must hold the keys units and boards")
     top = _Section(str(path), data)
@@ -316,6 +327,16 @@ class _Section:
             self.refuse(key, f"must be a marker's id, 0 or more, not {quoted(value)}")
         return value
 
+    def pair(self, key: str, limit: float) -> FloatArray:
+        value = self.data.get(key) or [0.0, 0.0]
+        if (
+            not isinstance(value, list)
+            or len(value) != 2
+            or not all(_is_number(x) and abs(x) <= limit for x in value)
+        ):
+            self.refuse(key, f"must be two finite numbers, [along x, along y], within ±{limit:g}")
+        return np.array(value, float)
+
     def vector(self, key: str, hint: str) -> FloatArray:
         value = self.required(key, hint)
         if not _is_point(value):
@@ -336,13 +357,17 @@ def _is_point(value: object) -> bool:
 
 
 _PLACE_KEYS = ("origin", "x_axis", "y_axis")
+_SHAPE_KEYS = ("bend", "twist", "stretch", "offsets")
 _KEYS: dict[str, tuple[str, ...]] = {
-    "checkerboard": ("corners", "square", "first_square", *_PLACE_KEYS),
+    "checkerboard": ("corners", "square", "first_square", *_PLACE_KEYS, *_SHAPE_KEYS),
     "charuco": (
         "corners", "square", "first_square", "dictionary", "marker", "first_marker", *_PLACE_KEYS,
+        *_SHAPE_KEYS,
     ),
-    "aprilgrid": ("tags", "tag", "spacing", "family", "first_marker", *_PLACE_KEYS),
-    "points": ("points",),
+    "aprilgrid": (
+        "tags", "tag", "spacing", "family", "first_marker", *_PLACE_KEYS, *_SHAPE_KEYS,
+    ),
+    "points": ("points", "offsets"),
 }  # fmt: skip
 
 
@@ -377,6 +402,7 @@ def _board(path: str, number: int, entry: object, *, alone: bool) -> Board:
             y_axis=y_axis,
             markers=markers,
             spacing=spacing,
+            shape=_shape(section, 2 * tag_columns, 2 * tag_rows),
         )
     columns, rows = section.counts("corners", "inner corners, not squares")
     square = section.length("square", hint="the side of a square")
@@ -405,6 +431,7 @@ def _board(path: str, number: int, entry: object, *, alone: bool) -> Board:
         y_axis=y_axis,
         first_square=first,
         markers=charuco_markers,
+        shape=_shape(section, columns, rows),
     )
 
 
@@ -431,7 +458,42 @@ def _points_board(section: _Section, name: str) -> Board:
         x_axis=np.array([1.0, 0.0, 0.0]),
         y_axis=np.array([0.0, 1.0, 0.0]),
         points=points,
+        shape=_shape(section, len(points), 1),
     )
+
+
+def _shape(section: _Section, columns: int, rows: int) -> BoardShape | None:
+    """The keys that a calibration adds to a refined target; None where there are none."""
+    if not any(section.data.get(key) is not None for key in _SHAPE_KEYS):
+        return None
+    offsets = np.zeros((rows, columns, 3))
+    entries = section.data.get("offsets") or []
+    hint = "a list of [column, row, along x_axis, along y_axis, into the board]"
+    if not isinstance(entries, list):
+        section.refuse("offsets", f"must be {hint}")
+    for entry in entries:
+        if (
+            not isinstance(entry, list)
+            or len(entry) != 5
+            or not _is_corner(entry[0], columns)
+            or not _is_corner(entry[1], rows)
+            or not _is_point(entry[2:])
+        ):
+            section.refuse("offsets", f"{quoted(entry)} does not fit: {hint}")
+        offsets[entry[1], entry[0]] = entry[2:]
+    twist = section.data.get("twist", 0.0)
+    if not _is_number(twist) or abs(twist) > MAX_LENGTH:
+        section.refuse("twist", f"must be a finite number, not {quoted(twist)}")
+    return BoardShape(
+        bend=section.pair("bend", MAX_LENGTH),
+        twist=float(twist),
+        stretch=section.pair("stretch", 0.5),
+        offsets=offsets,
+    )
+
+
+def _is_corner(value: object, count: int) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < count
 
 
 def _place(section: _Section, *, alone: bool) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -35,7 +35,7 @@ ALLOWED: dict[str, set[str]] = {
         "fitting",
     },
     "undistortion": {"errors", "files", "photos", "model", "wording"},
-    "formats": {"errors", "files", "plain_yaml", "model", "wording"},
+    "formats": {"errors", "files", "plain_yaml", "target", "model", "wording"},
     "rendering": {"errors", "target"},
 }
 ALLOWED["cli"] = {*ALLOWED}
@@ -47,7 +47,7 @@ CONFINED: dict[str, set[str]] = {
     "scipy": {"fitting"},
     "click": {"cli"},
     "rich": {"cli"},
-    "yaml": {"plain_yaml", "formats"},
+    "yaml": {"plain_yaml"},
     "numpy": {*ALLOWED} - {"__init__", "errors", "wording", "files", "plain_yaml"},
 }
 

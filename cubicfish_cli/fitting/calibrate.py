@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,7 @@ from cubicfish_cli.fitting.companion import Companion, fit_companion, refit_comp
 from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
 from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.refinement import LEVELS, Drawing, Level, ObjectFit, refine_object
 from cubicfish_cli.fitting.robust import gross_px
 from cubicfish_cli.fitting.statistics import (
     ErrorStatistics,
@@ -24,6 +25,7 @@ from cubicfish_cli.fitting.statistics import (
 from cubicfish_cli.fitting.subset import flatness, select, world_scale
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lift import lift
+from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -34,6 +36,10 @@ _FLAT = 1e-4
 # Beyond this relative uncertainty of the focal length the photos do not determine the lens.
 _MAX_FOCAL_UNCERTAINTY = 0.05
 _DROP_ROUNDS = 3
+# A richer object must lower the held-out error at least to this share of the poorer one's.
+_WORTH = 0.99
+
+RefineTarget = Literal["off", "shape", "points", "auto"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,11 +75,15 @@ class Calibration:
         errors: reprojection errors over the used pairs.
         companion_rms_px: RMS of the radial companion on the same pairs.
         held_out: cross-validated errors; None when the photos are too few.
+        held_out_by_level: held-out RMS of every level of ``refine_target`` that was tried.
         rank: numerical rank of Φ over the used rays (16 on the sphere).
         covered_deg: angle from the axis of the farthest used corner.
         prior_weight: how strongly P was held to the companion.
         dropped: corners left out because they were grossly off.
         unfit: photos left out, with the reason.
+        refined: what of the object was fitted: ``off``, ``shape`` or ``points``.
+        target: the object as fitted (the given one where nothing was refined); None for pairs
+            that came without one.
 
     """
 
@@ -84,11 +94,14 @@ class Calibration:
     errors: ErrorStatistics
     companion_rms_px: float
     held_out: HeldOut | None
+    held_out_by_level: dict[Level, float]
     rank: int
     covered_deg: float
     prior_weight: float
     dropped: tuple[DroppedCorner, ...]
     unfit: dict[str, str]
+    refined: Level
+    target: Target | None
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: ``fit`` of camera.yaml and the command's JSON."""
@@ -100,6 +113,8 @@ class Calibration:
             "held_out_folds": held_out.folds if held_out else 0,
             "companion_rms_px": self.companion_rms_px,
             "companion_held_out_rms_px": held_out.companion_rms_px if held_out else None,
+            "refine_target": self.refined,
+            "held_out_by_level": dict(self.held_out_by_level),
             "rank": self.rank,
             "covered_deg": self.covered_deg,
             "prior_weight": self.prior_weight,
@@ -112,15 +127,26 @@ class Calibration:
         }
 
 
-def calibrate(pairs: Correspondences, *, hold_out: bool = True) -> Calibration:
+def calibrate(
+    pairs: Correspondences,
+    *,
+    target: Target | None = None,
+    refine_target: RefineTarget = "auto",
+    hold_out: bool = True,
+) -> Calibration:
     """Fit the cubic camera (``ray`` lift) and the pose of every photo to 2D-3D pairs.
 
     Zhu & Yin (2010): poses and the radial companion first, without any guess; then P by the
-    linear equations 8–9 and Levenberg–Marquardt on Eq. 10, jointly with all poses.
+    linear equations 8–9 and Levenberg–Marquardt on Eq. 10, jointly with all poses and, where it
+    helps photos that were left out, with the object itself.
 
     Args:
         pairs: 2D-3D pairs of one or more photos of one rigid object.
-        hold_out: also measure the held-out error (five more fits).
+        target: the object; without it (pairs that came as such) it stays as it is.
+        refine_target: what of the object is fitted too: ``off``, ``shape`` (boards bend, twist,
+            stretch and move a little), ``points`` (each corner has an offset of its own as
+            well), or ``auto``: the richest of these that lowers the held-out error.
+        hold_out: also measure the held-out error (five more fits a level); ``auto`` needs it.
 
     Raises:
         FitError: the pairs are too few, all in one photo of one flat board, do not fit the
@@ -129,8 +155,40 @@ def calibrate(pairs: Correspondences, *, hold_out: bool = True) -> Calibration:
     """
     _refuse_too_little(pairs)
     scale = world_scale(pairs)
-    unit = replace(pairs, world=pairs.world / scale)
-    companion = fit_companion(unit)
+    companion = fit_companion(replace(pairs, world=pairs.world / scale))
+    fit, dropped = _without_gross(companion)
+    _refuse_undetermined(fit.companion)
+    drawing = Drawing(target=target, pairs=fit.companion.pairs, scale=scale)
+    fit, held_out = _climb(fit, drawing, refine_target, hold_out)
+    held_out_by_level = {level: error.rms_px for level, error in held_out.items() if error}
+    cubic, companion = fit.cubic, fit.companion
+    used = replace(companion.pairs, world=companion.pairs.world * scale)
+    return Calibration(
+        camera=CubicCamera(
+            image_size=pairs.image_size,
+            P=cubic.lens.P,
+            max_angle_deg=cubic.max_angle_deg,
+            radial=companion.camera,
+        ),
+        poses=Poses(rotation=cubic.poses.rotation, translation=cubic.poses.translation * scale),
+        pairs=used,
+        residual=cubic.residual,
+        errors=error_statistics(cubic.residual),
+        companion_rms_px=rms_px(companion.residual),
+        held_out=held_out.get(fit.level),
+        held_out_by_level=held_out_by_level,
+        rank=_rank(companion, cubic),
+        covered_deg=float(np.rad2deg(companion.covered)),
+        prior_weight=cubic.prior_weight,
+        dropped=dropped,
+        unfit=companion.unfit,
+        refined=fit.level,
+        target=fit.refined_target(drawing),
+    )
+
+
+def _without_gross(companion: Companion) -> tuple[ObjectFit, tuple[DroppedCorner, ...]]:
+    """Fit to the object as drawn, dropping grossly wrong corners until none is left."""
     cubic = fit_cubic(companion)
     dropped: list[DroppedCorner] = []
     for _ in range(_DROP_ROUNDS):
@@ -142,28 +200,33 @@ def calibrate(pairs: Correspondences, *, hold_out: bool = True) -> Calibration:
         kept, photos = select(companion.pairs, ~gross)
         companion = refit_companion(companion, kept, cubic.poses[photos])
         cubic = fit_cubic(companion)
-    _refuse_undetermined(companion)
-    camera = CubicCamera(
-        image_size=pairs.image_size,
-        P=cubic.lens.P,
-        max_angle_deg=cubic.max_angle_deg,
-        radial=companion.camera,
-    )
-    used = replace(companion.pairs, world=companion.pairs.world * scale)
-    return Calibration(
-        camera=camera,
-        poses=Poses(rotation=cubic.poses.rotation, translation=cubic.poses.translation * scale),
-        pairs=used,
-        residual=cubic.residual,
-        errors=error_statistics(cubic.residual),
-        companion_rms_px=rms_px(companion.residual),
-        held_out=held_out_error(companion, weight=cubic.prior_weight) if hold_out else None,
-        rank=_rank(companion, cubic),
-        covered_deg=float(np.rad2deg(companion.covered)),
-        prior_weight=cubic.prior_weight,
-        dropped=tuple(dropped),
-        unfit=companion.unfit,
-    )
+    return ObjectFit(level="off", companion=companion, cubic=cubic), tuple(dropped)
+
+
+def _climb(
+    fit: ObjectFit, drawing: Drawing, refine_target: RefineTarget, hold_out: bool
+) -> tuple[ObjectFit, dict[Level, HeldOut | None]]:
+    """Refine the object up to the level asked for, or as far as held-out photos gain by it."""
+    measured: dict[Level, HeldOut | None] = {}
+    auto = refine_target == "auto"
+    if auto and (drawing.target is None or not hold_out):
+        refine_target = "off"
+    if hold_out and (auto or refine_target == "off"):
+        measured["off"] = held_out_error(fit, drawing)
+    if drawing.target is None or refine_target == "off" or (auto and measured["off"] is None):
+        return fit, measured
+    for level in LEVELS[1:]:
+        richer = refine_object(fit, drawing, level)
+        if hold_out and (auto or level == refine_target):
+            measured[level] = held_out_error(richer, drawing)
+        if auto:
+            before, after = measured[fit.level], measured[level]
+            if before is None or after is None or after.rms_px > _WORTH * before.rms_px:
+                break
+        fit = richer
+        if level == refine_target:
+            break
+    return fit, measured
 
 
 def _refuse_too_little(pairs: Correspondences) -> None:

@@ -20,6 +20,7 @@ from cubicfish_cli.fitting.lenses import CubicFit, RayPrior
 from cubicfish_cli.fitting.linear import linear_coefficients
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px, noise_px
+from cubicfish_cli.fitting.world import World
 from cubicfish_cli.model.lift import lift, sphere_basis
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.model.soundness import Soundness, check_soundness, cone_rays
@@ -43,6 +44,8 @@ _DENOMINATOR_PULL = 1e-4
 # Expected relative departure of P3Φ from that of the companion's cubic.
 _DENOMINATOR_SPREAD = 0.1
 _SCAN_ITERATIONS = 30
+# For fits that only lead to the next one.
+_ROUGH_DECREASE = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,12 +72,20 @@ class CubicResult:
     soundness: Soundness
 
 
-def fit_cubic(companion: Companion, *, weight: float | None = None) -> CubicResult:
+def fit_cubic(
+    companion: Companion,
+    *,
+    weight: float | None = None,
+    world: World | None = None,
+    relative_decrease: float = 1e-10,
+) -> CubicResult:
     """Fit P and all poses (Eq. 10) from a companion's lens and poses.
 
     Args:
         companion: the radial fit to start from and to lean on.
         weight: weight of the prior; by default the one with the best evidence.
+        world: the object, where it is free; its points are those of the companion's pairs.
+        relative_decrease: when to stop, as in :func:`~cubicfish_cli.fitting.adjustment.adjust`.
 
     Raises:
         FitError: no weight of the prior gives a camera without poles and folds.
@@ -89,8 +100,22 @@ def fit_cubic(companion: Companion, *, weight: float | None = None) -> CubicResu
         poses = companion.poses
     while True:
         lens = _with_weight(start, weight)
-        fit = adjust(lens, poses, pairs, huber_px=huber_px(companion.residual))
-        fit = adjust(fit.lens, fit.poses, pairs, huber_px=huber_px(fit.residual))
+        fit = adjust(
+            lens,
+            poses,
+            pairs,
+            huber_px=huber_px(companion.residual),
+            world=world,
+            relative_decrease=max(relative_decrease, _ROUGH_DECREASE),
+        )
+        fit = adjust(
+            fit.lens,
+            fit.poses,
+            pairs,
+            huber_px=huber_px(fit.residual),
+            world=fit.world,
+            relative_decrease=relative_decrease,
+        )
         result = _result(fit, weight, max_angle_deg)
         if result.soundness.sound:
             return result
@@ -192,7 +217,7 @@ def _best_weight(start: CubicFit, companion: Companion) -> tuple[float, CubicFit
             companion.pairs,
             huber_px=limit,
             max_iterations=_SCAN_ITERATIONS,
-            relative_decrease=1e-6,
+            relative_decrease=_ROUGH_DECREASE,
         )
         lens, poses = _cubic(fit), fit.poses
         tried.append((_negative_log_evidence(fit, companion.pairs), weight, lens, poses))

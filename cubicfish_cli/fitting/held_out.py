@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -10,10 +10,9 @@ import numpy.typing as npt
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.companion import Companion, refit_companion
-from cubicfish_cli.fitting.cubic_fit import fit_cubic
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.refinement import Drawing, ObjectFit, refit_object
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select, select_photos
@@ -45,19 +44,23 @@ class HeldOut:
     folds: int
 
 
-def held_out_error(companion: Companion, *, weight: float) -> HeldOut | None:
+def held_out_error(fit: ObjectFit, drawing: Drawing) -> HeldOut | None:
     """Cross-validation by photo: each photo is judged by a camera that never saw it.
 
-    Photo i belongs to fold i modulo the number of folds. In each fold the companion and P are
-    fitted to the other photos; then only the poses of the photos left out are fitted. The
-    prior's weight is the one that the fit to all photos chose.
+    Photo i belongs to fold i modulo the number of folds. In each fold companion, P and, at its
+    level, the object are fitted to the other photos; then only the poses of the photos left out
+    are fitted. The weights of the priors are those that the fit to all photos chose.
+
+    Args:
+        fit: the fit to all photos.
+        drawing: the object as drawn, with the same pairs.
 
     Returns:
         None with fewer than :data:`MIN_PHOTOS` photos, or when a fold's training photos alone
         cannot determine a camera.
 
     """
-    pairs = companion.pairs
+    pairs = drawing.pairs
     photos = np.arange(len(pairs.images))
     if len(photos) < MIN_PHOTOS:
         return None
@@ -66,20 +69,24 @@ def held_out_error(companion: Companion, *, weight: float) -> HeldOut | None:
     radial: list[FloatArray] = []
     for fold in range(folds):
         train, test = photos[photos % folds != fold], photos[photos % folds == fold]
+        training = drawing.of(select_photos(pairs, train))
         try:
-            fitted = refit_companion(companion, select_photos(pairs, train), companion.poses[train])
-            result = fit_cubic(fitted, weight=weight)
+            trained = refit_object(fit, training, fit.cubic.poses[train])
         except FitError:
             return None
         camera = CubicCamera(
             image_size=pairs.image_size,
-            P=result.lens.P,
-            max_angle_deg=result.max_angle_deg,
-            radial=fitted.camera,
+            P=trained.cubic.lens.P,
+            max_angle_deg=trained.cubic.max_angle_deg,
+            radial=trained.companion.camera,
         )
-        left_out, poses = select_photos(pairs, test), companion.poses[test]
+        left_out, poses = select_photos(pairs, test), fit.cubic.poses[test]
+        target = trained.refined_target(training)
+        if target is not None:
+            world = target.world_points(left_out.board, left_out.column, left_out.row)
+            left_out = replace(left_out, world=world / drawing.scale)
         cubic.append(pose_only_residual(camera, left_out, poses)[1])
-        radial.append(pose_only_residual(fitted.camera, left_out, poses)[1])
+        radial.append(pose_only_residual(camera.radial, left_out, poses)[1])
     return HeldOut(
         rms_px=rms_px(np.vstack(cubic)),
         companion_rms_px=rms_px(np.vstack(radial)),

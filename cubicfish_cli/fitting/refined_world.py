@@ -24,6 +24,9 @@ IntArray = npt.NDArray[np.intp]
 _SHAPE_SPREAD = 0.01
 _PLACE_SPREAD = 0.02
 _SHAPE_TERMS = 5  # bend x, bend y, twist, stretch x, stretch y
+_STRETCH = 3  # the first of them that stretches
+# The mean stretch of all boards is held to zero this closely: no photo shows the overall scale.
+_SCALE_SPREAD = 1e-6
 _PLACE_TERMS = 6  # rotation vector, shift
 
 
@@ -122,6 +125,11 @@ class RefinedWorld:
             offset_weight=0.0 if offset_spread is None else noise / offset_spread,
         )
 
+    def with_noise(self, noise: float, offset_spread: float | None) -> RefinedWorld:
+        """The same object under pulls that follow another noise, pixels, and offsets' spread."""
+        weight = 0.0 if offset_spread is None else noise / offset_spread
+        return replace(self, noise=noise, offset_weight=weight)
+
     @property
     def points(self) -> FloatArray:
         """(N, 3) world point of each pair."""
@@ -166,9 +174,23 @@ class RefinedWorld:
         return chained
 
     def prior(self) -> tuple[FloatArray, FloatArray]:
-        """Pull of the parameters to zero: (S,) pixels and (S, S)."""
+        """Pull of the parameters to zero, and of the mean stretch far more: the overall scale.
+
+        (S + 1,) pixels and (S + 1, S); without a grid among the boards (S,) and (S, S).
+        """
         weight = self.noise / self.spread
-        return weight * self.parameters, np.diag(weight)
+        residual, jacobian = weight * self.parameters, np.diag(weight)
+        stretches = [
+            place
+            for part in self.parts
+            if part.basis.shape[2]
+            for place in range(part.shape.start + _STRETCH, part.shape.stop)
+        ]
+        if not stretches:
+            return residual, jacobian
+        mean = np.zeros(len(self.parameters))
+        mean[stretches] = self.noise / (_SCALE_SPREAD * len(stretches))
+        return np.append(residual, mean @ self.parameters), np.vstack([jacobian, mean])
 
     def refined_target(self, target: Target, pairs: Correspondences, *, scale: float) -> Target:
         """The target with these shapes, places and offsets, in its own units."""
@@ -194,21 +216,21 @@ class RefinedWorld:
         if part.basis.shape[2]:
             shape = self.parameters[part.shape] * part.size * scale
         half = board.normalised(np.zeros(2))[1] if board.points is None else np.ones(2)
-        moved = {
-            "origin": middle + rotation @ (board.origin - middle) + shift,
-            "x_axis": rotation @ board.x_axis,
-            "y_axis": rotation @ board.y_axis,
-        }
+        departed = BoardShape(
+            bend=shape[:2], twist=float(shape[2]), stretch=shape[3:] / half, offsets=offsets
+        )
+        shape_now = departed if board.shape is None else board.shape.plus(departed)
         if board.points is not None:
-            moved = {"points": middle + (board.points - middle) @ rotation.T + shift}
-            # The board's axes stay the world's: its offsets turn with the points.
-            offsets = offsets @ rotation.T
+            # A list of points has no axes of its own that could turn: its offsets do.
+            points = middle + (board.points - middle) @ rotation.T + shift
+            turned = replace(shape_now, offsets=shape_now.offsets @ rotation.T)
+            return replace(board, points=points, shape=turned)
         return replace(
             board,
-            **moved,
-            shape=BoardShape(
-                bend=shape[:2], twist=float(shape[2]), stretch=shape[3:] / half, offsets=offsets
-            ),
+            origin=middle + rotation @ (board.origin - middle) + shift,
+            x_axis=rotation @ board.x_axis,
+            y_axis=rotation @ board.y_axis,
+            shape=shape_now,
         )
 
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import yaml
 
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.files import write_text
@@ -17,7 +16,7 @@ from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lift import SIZE
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.model.soundness import check_soundness
-from cubicfish_cli.plain_yaml import load_plain_yaml
+from cubicfish_cli.plain_yaml import load_plain_yaml, plain_yaml_text
 from cubicfish_cli.wording import did_you_mean, quoted
 
 FloatArray = npt.NDArray[np.float64]
@@ -39,16 +38,6 @@ _KEYS = (
     "made_by",
 )
 _RADIAL_KEYS = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
-
-
-_SafeDumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-
-
-class _Dumper(_SafeDumper):
-    """Writes parts that are shared twice over, since the reader refuses aliases."""
-
-    def ignore_aliases(self, data: object) -> bool:
-        return True
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,9 +88,7 @@ def camera_text(camera: CubicCamera, *, fit: Mapping[str, Any], made_by: Mapping
         "fit": dict(fit),
         "made_by": dict(made_by),
     }
-    return yaml.dump(
-        record, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=2**31 - 1
-    )
+    return plain_yaml_text(record)
 
 
 def _unit_norm(P: FloatArray) -> FloatArray:

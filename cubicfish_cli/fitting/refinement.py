@@ -1,0 +1,240 @@
+"""How much of the object is fitted along with the camera: nothing, the boards' shapes and places,
+or each corner's own place as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.fitting.adjustment import Adjustment, adjust
+from cubicfish_cli.fitting.companion import Companion, refit_companion
+from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
+from cubicfish_cli.fitting.lenses import CubicFit
+from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.refined_world import RefinedWorld
+from cubicfish_cli.fitting.robust import huber_px, noise_px
+from cubicfish_cli.target import Target
+
+FloatArray = npt.NDArray[np.float64]
+Level = Literal["off", "shape", "points"]
+LEVELS: tuple[Level, ...] = ("off", "shape", "points")
+
+_ROUGH_DECREASE = 1e-5
+# Median length of a 3D normal vector of unit standard deviation a component.
+_MEDIAN_OF_MAXWELL = 1.53817
+# Corners' offsets start from this share of the object's typical extent.
+_FIRST_SPREAD = 1e-4
+_SMALLEST_SPREAD = 1e-7
+_SPREAD_ROUNDS = 6
+_SPREAD_SETTLED = 0.1
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Drawing:
+    """The object as drawn, and its pairs in units in which it is of order 1.
+
+    Attributes:
+        target: the drawing; None for pairs that came without one.
+        pairs: pairs whose world points are the drawing's, divided by ``scale``.
+        scale: the target's units in one unit of ``pairs``.
+
+    """
+
+    target: Target | None
+    pairs: Correspondences
+    scale: float
+
+    def of(self, pairs: Correspondences) -> Drawing:
+        """The same object for some of the pairs."""
+        return replace(self, pairs=pairs)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ObjectFit:
+    """A camera, its companion and the object, fitted together.
+
+    Attributes:
+        level: how much of the object was free.
+        companion: the radial fit, its pairs with the refined world points.
+        cubic: the cubic fit.
+        offset_spread: standard deviation of corners' own offsets that the data showed, in the
+            pairs' units; None below the level ``points``.
+
+    """
+
+    level: Level
+    companion: Companion
+    cubic: CubicResult
+    offset_spread: float | None = None
+
+    def refined_target(self, drawing: Drawing) -> Target | None:
+        """The object as fitted, in the target's units; the drawing itself at level ``off``."""
+        world = self.cubic.fit.world
+        if drawing.target is None or not isinstance(world, RefinedWorld):
+            return drawing.target
+        return world.refined_target(drawing.target, drawing.pairs, scale=drawing.scale)
+
+
+def refine_object(
+    fit: ObjectFit, drawing: Drawing, level: Level, *, weight: float | None = None
+) -> ObjectFit:
+    """Let the object depart from its drawing, as far as the pairs say, at the next level.
+
+    Args:
+        fit: a fit at a lower level, from whose camera and poses to start.
+        drawing: the object as drawn, with the pairs of ``fit``.
+        level: ``shape`` or ``points``.
+        weight: weight of the cubic's prior; by default the one with the best evidence.
+
+    Raises:
+        FitError: no sound camera was found.
+        ValueError: the drawing is unknown.
+
+    """
+    if drawing.target is None:
+        raise ValueError("pairs without a target have no boards to refine")
+    spread = _FIRST_SPREAD if level == "points" else None
+    free = free_world(drawing, noise=noise_px(fit.cubic.residual), offset_spread=spread)
+    previous = fit.cubic.fit.world
+    if isinstance(previous, RefinedWorld):
+        free = replace(free, parameters=previous.parameters)
+    adjusted = _adjusted(fit.cubic.lens, fit.cubic.poses, drawing.pairs, free)
+    if spread is not None:
+        adjusted, spread = _settled_spread(adjusted, drawing.pairs, spread)
+    return _joint(fit, drawing, level, adjusted, spread, weight=weight, relative_decrease=1e-10)
+
+
+def refit_object(fit: ObjectFit, drawing: Drawing, poses: Poses) -> ObjectFit:
+    """Fit the same model to other pairs of the same object, its weights as they were.
+
+    Used for the training part of a fold: the object starts from its drawing again, so that
+    nothing it learnt from the pairs left out can stay.
+
+    Args:
+        fit: the fit whose camera serves as a start.
+        drawing: the object as drawn, with the pairs to fit.
+        poses: a start for each of their photos.
+
+    """
+    weight = fit.cubic.prior_weight
+    if fit.level == "off":
+        companion = refit_companion(fit.companion, drawing.pairs, poses)
+        cubic = fit_cubic(companion, weight=weight, relative_decrease=_ROUGH_DECREASE)
+        return replace(fit, companion=companion, cubic=cubic)
+    noise = noise_px(fit.cubic.residual)
+    free = free_world(drawing, noise=noise, offset_spread=fit.offset_spread)
+    adjusted = _adjusted(fit.cubic.lens, poses, drawing.pairs, free)
+    return _joint(
+        fit,
+        drawing,
+        fit.level,
+        adjusted,
+        fit.offset_spread,
+        weight=weight,
+        relative_decrease=_ROUGH_DECREASE,
+    )
+
+
+def free_world(drawing: Drawing, *, noise: float, offset_spread: float | None) -> RefinedWorld:
+    """The object as drawn, free to depart from it."""
+    if drawing.target is None:
+        raise ValueError("pairs without a target have no boards to refine")
+    return RefinedWorld.drawn(
+        drawing.pairs,
+        drawing.target,
+        noise=noise,
+        offset_spread=offset_spread,
+        scale=drawing.scale,
+    )
+
+
+def _adjusted(
+    lens: CubicFit, poses: Poses, pairs: Correspondences, world: RefinedWorld
+) -> Adjustment:
+    # As drawn, residuals are too large to set the loss's scale by: settle it in two rounds.
+    fit = adjust(
+        lens,
+        poses,
+        pairs,
+        huber_px=2 * huber_px(np.full((1, 2), world.noise)),
+        world=world,
+        relative_decrease=1e-3,
+    )
+    return _continued(fit, pairs)
+
+
+def _continued(
+    fit: Adjustment, pairs: Correspondences, world: RefinedWorld | None = None
+) -> Adjustment:
+    return adjust(
+        fit.lens,
+        fit.poses,
+        pairs,
+        huber_px=huber_px(fit.residual),
+        world=world or fit.world,
+        relative_decrease=_ROUGH_DECREASE,
+    )
+
+
+def _settled_spread(
+    fit: Adjustment, pairs: Correspondences, spread: float
+) -> tuple[Adjustment, float]:
+    """Let the offsets' spread follow the data: expectation and maximisation in turn.
+
+    A variance is what was found plus what the pairs leave open. Medians stand for means, since
+    a few corners (a smudge, a knock) are off by much more than the rest.
+    """
+    seen = np.bincount(_refined(fit).corner, minlength=len(_refined(fit).offsets))
+    often = seen >= 2
+    if not often.any():
+        return fit, spread
+    for _ in range(_SPREAD_ROUNDS):
+        world = _refined(fit)
+        noise = noise_px(fit.residual)
+        length = np.linalg.norm(world.offsets[often], axis=1)
+        covariance = noise**2 * np.linalg.inv(fit.normal.corner[often])
+        left_open = np.trace(covariance, axis1=1, axis2=2) / 3
+        found = np.median(length) / _MEDIAN_OF_MAXWELL
+        new = max(float(np.sqrt(found**2 + np.median(left_open))), _SMALLEST_SPREAD)
+        settled = abs(new / spread - 1) < _SPREAD_SETTLED
+        spread = new
+        fit = _continued(fit, pairs, world.with_noise(noise, spread))
+        if settled:
+            break
+    return fit, spread
+
+
+def _refined(fit: Adjustment) -> RefinedWorld:
+    if not isinstance(fit.world, RefinedWorld):
+        raise TypeError("the adjustment must be of a free object")
+    return fit.world
+
+
+def _joint(
+    fit: ObjectFit,
+    drawing: Drawing,
+    level: Level,
+    adjusted: Adjustment,
+    spread: float | None,
+    *,
+    weight: float | None,
+    relative_decrease: float,
+) -> ObjectFit:
+    """With the object near its place: the companion anew, the prior's weight, then all at once."""
+    world = _refined(adjusted)
+    pairs = replace(drawing.pairs, world=world.points)
+    companion = refit_companion(fit.companion, pairs, adjusted.poses)
+    world = world.with_noise(noise_px(adjusted.residual), spread)
+    cubic = fit_cubic(companion, weight=weight, world=world, relative_decrease=relative_decrease)
+    pairs = replace(pairs, world=cubic.fit.world.points)
+    return ObjectFit(
+        level=level,
+        companion=replace(companion, pairs=pairs),
+        cubic=cubic,
+        offset_spread=spread,
+    )

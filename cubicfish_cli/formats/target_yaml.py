@@ -1,0 +1,58 @@
+"""Writing target.yaml: a refined object is a target file like any other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cubicfish_cli.plain_yaml import plain_yaml_text
+from cubicfish_cli.target import TAG_FAMILIES, Board, Target
+
+
+def target_text(target: Target) -> str:
+    """The text of a target file: what :func:`cubicfish_cli.target.load_target` reads back."""
+    boards = [_board_record(board) for board in target.boards]
+    return plain_yaml_text({"units": target.units, "boards": boards})
+
+
+def _board_record(board: Board) -> dict[str, Any]:
+    record: dict[str, Any] = {"name": board.name, "type": board.kind}
+    if board.points is not None:
+        record["points"] = board.points.tolist()
+    elif board.kind == "aprilgrid" and board.markers is not None:
+        family = next(tag for tag, name in TAG_FAMILIES.items() if name == board.markers.dictionary)
+        record |= {
+            "tags": [board.columns // 2, board.rows // 2],
+            "tag": board.square,
+            "spacing": board.spacing,
+            "family": family,
+            "first_marker": board.markers.first,
+        }
+    else:
+        record |= {"corners": [board.columns, board.rows], "square": board.square}
+        record["first_square"] = board.first_square
+        if board.markers is not None:
+            record |= {
+                "dictionary": board.markers.dictionary,
+                "marker": board.markers.side,
+                "first_marker": board.markers.first,
+            }
+    if board.points is None:
+        record |= {key: getattr(board, key).tolist() for key in ("origin", "x_axis", "y_axis")}
+    shape = board.shape
+    if shape is None:
+        return record
+    if board.points is None:
+        record |= {
+            "bend": shape.bend.tolist(),
+            "twist": shape.twist,
+            "stretch": shape.stretch.tolist(),
+        }
+    row, column = np.nonzero(shape.offsets.any(axis=2))
+    if len(row):
+        record["offsets"] = [
+            [int(c), int(r), *shape.offsets[r, c].tolist()]
+            for c, r in zip(column, row, strict=True)
+        ]
+    return record
