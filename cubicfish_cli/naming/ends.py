@@ -24,10 +24,10 @@ BoolArray = npt.NDArray[np.bool_]
 
 # Lines beyond the grid's box that are looked at. What lies further is no better known.
 _LINES = 2
-# A corner is expected only where its squares are in the picture, not smaller than nearly all
+# A corner is expected only where its squares are in the picture, hardly smaller than nearly all
 # squares that were found, and no farther out than nearly all corners of all photos.
 _MARGIN_STEPS = 0.6
-_SMALLEST_PERCENTILE = 10
+_SMALLEST_PERCENTILE, _SMALLEST_SHARE = 10, 0.8
 _FARTHEST_PERCENTILE = 98
 _SAME_CORNER_STEPS = 0.4
 # A place promises clearly more than another with this factor and this many corners more.
@@ -96,7 +96,8 @@ def ends_of(
     pixel = camera.project(np.concatenate([cell, np.ones((*found.shape, 1))], axis=-1) @ form)
     spacing = _spacing(pixel)
     missing = _near(found) & ~found & _visible(camera, pixel, spacing, farthest)
-    missing &= spacing >= np.nanpercentile(spacing[found], _SMALLEST_PERCENTILE)
+    smallest = np.percentile(spacing[found], _SMALLEST_PERCENTILE)
+    missing &= spacing >= _SMALLEST_SHARE * smallest
     rows = np.argwhere(missing)
     at = pixel[missing]
     distance = np.linalg.norm(at[:, None] - photo_pixel[None], axis=-1).min(axis=1, initial=np.inf)

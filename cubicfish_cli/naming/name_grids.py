@@ -41,7 +41,7 @@ _GOOD_FOCAL = 0.005
 _NO_POSE = (np.full((3, 3), np.nan), np.full(3, np.nan))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True)
 class Place:
     """A place on the target that is known beforehand, from markers for instance.
 
