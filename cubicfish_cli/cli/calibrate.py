@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli import __version__
-from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_models, print_photos
+from cubicfish_cli.cli import calibrate_points
+from cubicfish_cli.cli.figures import (
+    count,
+    hold_gate,
+    print_errors,
+    print_models,
+    print_photos,
+    px,
+)
 from cubicfish_cli.cli.inputs import Pairs, load_pairs, photo_problems
 from cubicfish_cli.cli.options import (
     FILE,
@@ -23,10 +31,10 @@ from cubicfish_cli.cli.options import (
     size_option,
     target_option,
 )
-from cubicfish_cli.cli.terminal import detail, print_json, result, say
+from cubicfish_cli.cli.terminal import detail, print_json, print_table, result, say
 
 if TYPE_CHECKING:
-    from cubicfish_cli.fitting.calibrate import Calibration
+    from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
 
 
 @click.command(
@@ -57,10 +65,27 @@ if TYPE_CHECKING:
     help="Where camera.yaml, undistort_map.npz and corners.csv go.",
 )
 @click.option(
+    "--refine-target",
+    type=click.Choice(["off", "shape", "points", "auto"]),
+    default="auto",
+    show_default=True,
+    help="Fit the object too: boards' shapes and places, or each corner's own place as well; "
+    "auto goes as far as it lowers the held-out error.",
+)
+@click.option(
     "--hold-out/--no-hold-out",
     default=True,
     show_default=True,
-    help="Also measure the error on photos left out of the fit (five more fits).",
+    help="Measure the error on photos left out of the fit (five more fits; "
+    "--refine-target auto needs it).",
+)
+@click.option(
+    "--lift",
+    type=click.Choice(["ray", "point"]),
+    default="ray",
+    show_default=True,
+    help="What the cubics are of: the viewing ray, a camera for everything else here; or the 3D "
+    "point itself, as the paper prints it, which holds only where the corners were.",
 )
 @click.option(
     "--compare",
@@ -78,7 +103,9 @@ def command(
     correspondences: Path | None,
     size: tuple[int, int] | None,
     output: Path,
+    refine_target: RefineTarget,
     hold_out: bool,
+    lift: str,
     compare: bool,
     max_rms: float | None,
     overwrite: bool,
@@ -93,6 +120,8 @@ def command(
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.fitting.calibrate import calibrate
 
+    if lift == "point" and compare:
+        raise click.UsageError("--compare is of cameras with rays: it goes with --lift ray")
     outputs = _outputs(output, inputs)
     for path in outputs.values():
         refuse_existing(path, overwrite=overwrite)
@@ -105,8 +134,22 @@ def command(
     if loaded.corners is None:  # the input held pairs
         outputs.pop("corners", None)
     say(f"Fitting to {count(len(loaded.pairs.pixel), 'corner')}.")
-    calibration = calibrate(loaded.pairs, hold_out=hold_out)
-    options = {"hold_out": hold_out}
+    if lift == "point":
+        calibrate_points.run(
+            loaded,
+            outputs,
+            _made_by({"lift": lift}, target if loaded.target else None, loaded.files),
+            as_json=as_json,
+            max_rms=max_rms,
+            overwrite=overwrite,
+        )
+        return
+    calibration = calibrate(
+        loaded.pairs, target=loaded.target, refine_target=refine_target, hold_out=hold_out
+    )
+    if calibration.refined == "off":
+        outputs.pop("target")
+    options = {"hold_out": hold_out, "refine_target": refine_target}
     made_by = _made_by(options, target if loaded.target else None, loaded.files)
     _write(outputs, calibration, loaded, made_by, overwrite=overwrite)
     record = calibration.as_record()
@@ -124,11 +167,18 @@ def command(
         )
     for photo, reason in calibration.unfit.items():
         say(f"left out: {photo}: {reason}")
+    for departure in calibration.departures:
+        for doubt in departure.doubts:
+            say(f"warning: board {departure.board} seems {doubt}")
     hold_gate(calibration.errors.rms_px, max_rms)
 
 
 def _outputs(folder: Path, inputs: Sequence[Path]) -> dict[str, Path]:
-    outputs = {"camera": folder / "camera.yaml", "map": folder / "undistort_map.npz"}
+    outputs = {
+        "camera": folder / "camera.yaml",
+        "map": folder / "undistort_map.npz",
+        "target": folder / "target.refined.yaml",
+    }
     corners = folder / "corners.csv"
     # Corners that were read from this very file need not be written again.
     is_input = corners.exists() and any(path.exists() and path.samefile(corners) for path in inputs)
@@ -168,8 +218,9 @@ def _write(
 ) -> None:
     """Write every output, all or none."""
     from cubicfish_cli.correspondences import save_corners
-    from cubicfish_cli.files import whole_files
+    from cubicfish_cli.files import whole_files, write_text
     from cubicfish_cli.formats.camera_yaml import save_camera
+    from cubicfish_cli.formats.target_yaml import target_text
     from cubicfish_cli.undistortion.maps import build_map, save_map
     from cubicfish_cli.undistortion.views import default_view
 
@@ -179,6 +230,8 @@ def _write(
         save_camera(names["camera"], calibration.camera, fit=fit, made_by=made_by, overwrite=False)
         view = default_view(calibration.camera)
         save_map(names["map"], build_map(calibration.camera, view), overwrite=False)
+        if "target" in names and calibration.target is not None:
+            write_text(names["target"], target_text(calibration.target), overwrite=False)
         if "corners" in names and loaded.corners is not None:
             save_corners(names["corners"], loaded.corners, overwrite=False)
 
@@ -211,6 +264,7 @@ def _print(
         f"{'field':<24}{calibration.covered_deg:>7.1f}°   from the axis covered by corners; "
         f"trusted to {camera.max_angle_deg:.1f}°\n"
     )
+    _print_object(calibration)
     print_photos(record["per_image"])
     if models:
         print_models(models)
@@ -218,3 +272,32 @@ def _print(
     for path in outputs.values():
         result(f"wrote {path}")
     result(f"\nNext: cubicfish undistort PHOTO flat.png --model {outputs['camera']}")
+
+
+def _print_object(calibration: Calibration) -> None:
+    """Say in one line a board what was found of the object, where any of it was fitted."""
+    if not calibration.departures or calibration.target is None:
+        return
+    units = calibration.target.units
+    what = {"shape": "boards' shapes and places", "points": "shapes, places and single corners"}
+    tried = ", ".join(f"{level} {px(rms)}" for level, rms in calibration.held_out_by_level.items())
+    result(
+        f"object fitted too: {what[calibration.refined]}" + f" (held-out: {tried})" * bool(tried)
+    )
+    print_table(
+        ("board", f"bend {units}", f"twist {units}", "stretch %", f"moved {units}", "turned °",
+         f"corners {units}"),
+        [
+            (
+                part.board,
+                "{:.2g} {:.2g}".format(*part.bend),
+                f"{part.twist:.2g}",
+                "{:.2f} {:.2f}".format(*(100 * share for share in part.stretch)),
+                f"{part.shift:.2g}",
+                f"{part.turn_deg:.2f}",
+                f"{part.offset_rms:.2g}",
+            )
+            for part in calibration.departures
+        ],
+    )  # fmt: skip
+    result()

@@ -106,6 +106,10 @@ def cli() -> None:
 
 def main() -> None:
     """Run the command line."""
+    # The matrices here are small: a second BLAS thread gains nothing, and where other processes
+    # run it waits for its turn again and again. Work is shared out by processes instead.
+    for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(threads, "1")
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a terminal may lack some characters
             stream.reconfigure(errors="backslashreplace")

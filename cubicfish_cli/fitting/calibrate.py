@@ -12,6 +12,7 @@ from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.companion import Companion, fit_companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
+from cubicfish_cli.fitting.departures import Departure, departures
 from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refinement import LEVELS, Drawing, Level, ObjectFit, refine_object
@@ -84,6 +85,7 @@ class Calibration:
         refined: what of the object was fitted: ``off``, ``shape`` or ``points``.
         target: the object as fitted (the given one where nothing was refined); None for pairs
             that came without one.
+        departures: by how much the object departs from its drawing, a board each.
 
     """
 
@@ -102,6 +104,7 @@ class Calibration:
     unfit: dict[str, str]
     refined: Level
     target: Target | None
+    departures: tuple[Departure, ...]
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: ``fit`` of camera.yaml and the command's JSON."""
@@ -115,6 +118,7 @@ class Calibration:
             "companion_held_out_rms_px": held_out.companion_rms_px if held_out else None,
             "refine_target": self.refined,
             "held_out_by_level": dict(self.held_out_by_level),
+            "departures": [departure.as_record() for departure in self.departures],
             "rank": self.rank,
             "covered_deg": self.covered_deg,
             "prior_weight": self.prior_weight,
@@ -163,6 +167,7 @@ def calibrate(
     held_out_by_level = {level: error.rms_px for level, error in held_out.items() if error}
     cubic, companion = fit.cubic, fit.companion
     used = replace(companion.pairs, world=companion.pairs.world * scale)
+    refined = fit.refined_target(drawing)
     return Calibration(
         camera=CubicCamera(
             image_size=pairs.image_size,
@@ -183,7 +188,8 @@ def calibrate(
         dropped=dropped,
         unfit=companion.unfit,
         refined=fit.level,
-        target=fit.refined_target(drawing),
+        target=refined,
+        departures=tuple(departures(target, refined)) if target and refined else (),
     )
 
 

@@ -1,0 +1,115 @@
+"""By how much a refined object departs from its drawing, and what no print or wall explains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cubicfish_cli.target import Board, BoardShape, Target
+
+# Beyond these a departure is no property of paper, plate or wall but a mistake in the drawing
+# or in the names of the corners. Shares are of the board's half diagonal.
+_MOST_BEND_SHARE = 0.03
+_MOST_STRETCH = 0.015
+_MOST_SHIFT_SHARE = 0.03
+_MOST_TURN_DEG = 2.0
+_MOST_OFFSET_SHARE = 0.02
+
+
+@dataclass(frozen=True, kw_only=True)
+class Departure:
+    """One board's departure from its drawing, in the target's units.
+
+    Attributes:
+        board: its name.
+        bend, twist, stretch: as :class:`~cubicfish_cli.target.BoardShape` has them.
+        shift: how far the board's middle moved.
+        turn_deg: how far the board turned.
+        offset_rms: root mean square length of its corners' own offsets.
+        doubts: what of this is more than an object like this explains, in words.
+
+    """
+
+    board: str
+    bend: tuple[float, float]
+    twist: float
+    stretch: tuple[float, float]
+    shift: float
+    turn_deg: float
+    offset_rms: float
+    doubts: tuple[str, ...]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON and YAML."""
+        return {
+            "board": self.board,
+            "bend": list(self.bend),
+            "twist": self.twist,
+            "stretch": list(self.stretch),
+            "shift": self.shift,
+            "turn_deg": self.turn_deg,
+            "offset_rms": self.offset_rms,
+            "doubts": list(self.doubts),
+        }
+
+
+def departures(drawn: Target, refined: Target) -> list[Departure]:
+    """Each board's departure; boards that are as drawn are left out."""
+    return [
+        _departure(before, after, drawn.units)
+        for before, after in zip(drawn.boards, refined.boards, strict=True)
+        if after is not before
+    ]
+
+
+def _departure(drawn: Board, refined: Board, units: str) -> Departure:
+    shape = refined.shape
+    if shape is None:
+        shape = BoardShape(
+            bend=np.zeros(2),
+            twist=0.0,
+            stretch=np.zeros(2),
+            offsets=np.zeros((refined.rows, refined.columns, 3)),
+        )
+    if drawn.points is not None and refined.points is not None:
+        middle, moved = drawn.points.mean(axis=0), refined.points.mean(axis=0)
+        size = float(np.linalg.norm(np.ptp(drawn.points, axis=0))) / 2
+        turn = 0.0
+    else:
+        half = drawn.normalised(np.zeros(2))[1]
+        size = float(np.hypot(*half))
+        middle, moved = (board.origin + half @ board.axes[:2] for board in (drawn, refined))
+        cosine = (np.trace(refined.axes @ drawn.axes.T) - 1) / 2
+        turn = float(np.rad2deg(np.arccos(np.clip(cosine, -1, 1))))
+    shift = float(np.linalg.norm(moved - middle))
+    length = np.linalg.norm(shape.offsets, axis=2)
+    offset_rms = float(np.sqrt(np.mean(length[length > 0] ** 2))) if length.any() else 0.0
+    bend = (float(shape.bend[0]), float(shape.bend[1]))
+    stretch = (float(shape.stretch[0]), float(shape.stretch[1]))
+    pitch = drawn.square or size
+    deepest = max(abs(bend[0]), abs(bend[1]), abs(shape.twist))
+    doubts = []
+    if deepest > _MOST_BEND_SHARE * size:
+        doubts.append(f"bent by {deepest:.3g} {units}: is it flat, and its place right?")
+    if max(map(abs, stretch)) > _MOST_STRETCH:
+        doubts.append(
+            f"stretched by {100 * max(stretch, key=abs):.1f} %: is its square size right?"
+        )
+    if shift > _MOST_SHIFT_SHARE * size or turn > _MOST_TURN_DEG:
+        doubts.append(
+            f"{shift:.3g} {units} and {turn:.1f}° off its place: are origin and axes right?"
+        )
+    if offset_rms > _MOST_OFFSET_SHARE * pitch:
+        doubts.append(f"corners off by {offset_rms:.3g} {units}: are they named and found right?")
+    return Departure(
+        board=drawn.name,
+        bend=bend,
+        twist=float(shape.twist),
+        stretch=stretch,
+        shift=shift,
+        turn_deg=turn,
+        offset_rms=offset_rms,
+        doubts=tuple(doubts),
+    )
