@@ -12,7 +12,15 @@ from hypothesis import strategies as st
 from lenses import cubic_camera, random_rays
 
 from cubicfish_cli.errors import CameraFileError, OutputError
-from cubicfish_cli.formats.camera_yaml import camera_text, load_camera, save_camera
+from cubicfish_cli.formats.camera_yaml import (
+    CameraFile,
+    PointCameraFile,
+    camera_text,
+    load_any_camera,
+    load_camera,
+    save_camera,
+)
+from cubicfish_cli.model.point_cubic import PointCamera
 
 FIT = {"rms_px": 0.1, "per_image": [{"image": "ä b.png", "corners": 3}], "held_out_rms_px": None}
 MADE_BY = {"version": "0", "options": {"target": "no"}}
@@ -108,7 +116,8 @@ def _changed(path, change):
         (lambda r: r["radial"].pop("k3"), "k3"),
         (lambda r: r["radial"].update(fx=-1), "above 0"),
         (lambda r: r.update(radial=[1]), "radial"),
-        (lambda r: r.update(lift="point"), "lift"),
+        (lambda r: r.update(lift="cube"), "lift"),
+        (lambda r: r.update(lift="point"), "point_"),
         (lambda r: r.update(fitt={}), "did you mean 'fit'"),
         (lambda r: r["P"][2].reverse(), "pole or a fold"),
     ],
@@ -149,3 +158,63 @@ def test_projection_is_the_loaded_cameras(path):
         load_camera(path).camera.project(rays), cubic_camera().project(rays)
     )
     assert camera_text(load_camera(path).camera, fit=FIT, made_by=MADE_BY) == path.read_text()
+
+
+@pytest.mark.parametrize(("frame", "vanishing"), [("world", 1), ("camera", 0)])
+def test_round_trip_of_the_point_lift(tmp_path, frame, vanishing):
+    rng = np.random.default_rng(0)
+    P = rng.standard_normal((3, 20))
+    camera = PointCamera(
+        image_size=(960, 720),
+        P=P / np.linalg.norm(P),
+        frame=frame,
+        offset=rng.standard_normal(3),
+        scale=123.4,
+        null=np.eye(20)[:vanishing],
+        reach=2.5,
+        valid=np.array([[1.0, 2], [30, 4], [5, 60.5]]),
+    )
+    path = tmp_path / "camera.yaml"
+    save_camera(path, camera, fit=FIT, made_by=MADE_BY, overwrite=False)
+    loaded = load_any_camera(path)
+    assert isinstance(loaded, PointCameraFile)
+    for name in ("P", "offset", "scale", "null", "reach", "valid", "frame", "image_size"):
+        np.testing.assert_array_equal(getattr(loaded.camera, name), getattr(camera, name))
+    assert loaded.camera.rank == 20 - vanishing
+    assert (loaded.fit, loaded.made_by) == (FIT, MADE_BY)
+    with pytest.raises(CameraFileError, match=r"is of lift 'point', which has no rays"):
+        load_camera(path)
+
+
+def test_the_ray_lift_is_read_by_either_reader(path):
+    loaded = load_any_camera(path)
+    assert isinstance(loaded, CameraFile)
+    np.testing.assert_array_equal(loaded.camera.P, load_camera(path).camera.P)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda r: r.pop("point_offset"), "point_offset"),
+        (lambda r: r.update(point_scale=0), "point_scale"),
+        (lambda r: r.update(point_null=[[1, 2]]), "point_null"),
+        (lambda r: r.update(point_null=3), "point_null"),
+        (lambda r: r.update(frame="room"), "frame"),
+    ],
+)
+def test_a_broken_point_file_is_refused(tmp_path, change, said):
+    camera = PointCamera(
+        image_size=(96, 72),
+        P=np.ones((3, 20)),
+        frame="world",
+        offset=np.zeros(3),
+        scale=1.0,
+        null=np.zeros((0, 20)),
+        reach=1.0,
+        valid=np.zeros((3, 2)),
+    )
+    record = yaml.safe_load(camera_text(camera, fit={}, made_by={}))
+    change(record)
+    (tmp_path / "camera.yaml").write_text(yaml.safe_dump(record))
+    with pytest.raises(CameraFileError, match=said):
+        load_any_camera(tmp_path / "camera.yaml")

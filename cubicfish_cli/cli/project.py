@@ -23,10 +23,14 @@ def command(points: Path, model: Path | None) -> None:
 
     Points are in the camera's frame: X to the right, Y down, Z forward, any unit. Pixel (0, 0)
     is the middle of the top-left pixel. Points outside the camera's valid field give nan,nan.
-    A header in gives a header out.
+    A header in gives a header out. With a camera of lift 'point' the points are in its own frame
+    (world or camera) and unit, and a point off the boards is refused where they did not
+    determine the camera.
     """
-    from cubicfish_cli.formats.camera_yaml import load_camera
+    from cubicfish_cli.formats.camera_yaml import PointCameraFile, load_any_camera
 
-    camera = load_camera(model_path(model)).camera
+    loaded = load_any_camera(model_path(model))
     read = read_points(points, ("X", "Y", "Z"))
-    print_points(camera.project(read.values), ("x", "y") if read.has_header else None)
+    if isinstance(loaded, PointCameraFile):
+        loaded.camera.refuse_off_boards(read.values)
+    print_points(loaded.camera.project(read.values), ("x", "y") if read.has_header else None)

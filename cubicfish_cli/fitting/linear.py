@@ -37,8 +37,23 @@ def linear_coefficients(
 
     """
     values = lift(rays) @ sphere_basis()
+    return linear_ratios(values, pixel, denominator_pull=denominator_pull, rounds=rounds)
+
+
+def linear_ratios(
+    values: FloatArray, pixel: FloatArray, *, denominator_pull: float, rounds: int = ROUNDS
+) -> FloatArray:
+    """C (3, K) whose ratios of rows C · values are the pixels; see :func:`linear_coefficients`.
+
+    Args:
+        values: (N, K) Φ of each point in a basis of its row space.
+        pixel: (N, 2), best normalised to order 1 (Hartley).
+        denominator_pull: weight of C3 · values = 1 at each point.
+        rounds: reweighting rounds.
+
+    """
     denominator = np.ones(len(values))
-    coefficients = np.zeros((3, 16))
+    coefficients = np.zeros((3, values.shape[1]))
     for _ in range(rounds + 1):
         rows = values / denominator[:, None]
         zeros = np.zeros_like(rows)
@@ -53,9 +68,9 @@ def linear_coefficients(
             wanted = np.concatenate([np.zeros(len(system)), np.full(len(pull), denominator_pull)])
             solution = np.linalg.lstsq(np.vstack([system, pull]), wanted, rcond=None)[0]
         else:
-            # The triangular factor has the same right singular vectors and is 48x48.
+            # The triangular factor has the same right singular vectors and is small.
             solution = np.linalg.svd(np.linalg.qr(system, mode="r"))[2][-1]
-        coefficients = solution.reshape(3, 16)
+        coefficients = solution.reshape(3, -1)
         found = values @ coefficients[2]
         scale = found.mean()
         coefficients, found = coefficients / scale, found / scale

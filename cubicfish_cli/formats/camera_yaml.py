@@ -14,6 +14,7 @@ from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.files import write_text
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lift import SIZE
+from cubicfish_cli.model.point_cubic import Frame, PointCamera
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.model.soundness import check_soundness
 from cubicfish_cli.plain_yaml import load_plain_yaml, plain_yaml_text
@@ -36,6 +37,10 @@ _KEYS = (
     "radial",
     "fit",
     "made_by",
+    "point_offset",
+    "point_scale",
+    "point_reach",
+    "point_null",
 )
 _RADIAL_KEYS = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
 
@@ -56,9 +61,18 @@ class CameraFile:
     made_by: Mapping[str, Any]
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PointCameraFile:
+    """What a camera.yaml of the ``point`` lift holds; see :class:`CameraFile`."""
+
+    camera: PointCamera
+    fit: Mapping[str, Any]
+    made_by: Mapping[str, Any]
+
+
 def save_camera(
     path: Path,
-    camera: CubicCamera,
+    camera: CubicCamera | PointCamera,
     *,
     fit: Mapping[str, Any],
     made_by: Mapping[str, Any],
@@ -73,22 +87,42 @@ def save_camera(
     write_text(path, camera_text(camera, fit=fit, made_by=made_by), overwrite=overwrite)
 
 
-def camera_text(camera: CubicCamera, *, fit: Mapping[str, Any], made_by: Mapping[str, Any]) -> str:
+def camera_text(
+    camera: CubicCamera | PointCamera, *, fit: Mapping[str, Any], made_by: Mapping[str, Any]
+) -> str:
     """The text of a camera.yaml."""
-    radial = dict(zip(_RADIAL_KEYS, camera.radial.parameters.tolist(), strict=True))
+    is_point = isinstance(camera, PointCamera)
     record = {
         "cubicfish": FORMAT_VERSION,
         "image_size": [int(side) for side in camera.image_size],
-        "lift": "ray",
-        "frame": "camera",
-        "P": _unit_norm(camera.P).tolist(),
-        "max_angle_deg": float(camera.max_angle_deg),
-        "valid": np.round(camera.outline(), 3).tolist(),
-        "radial": radial,
+        "lift": "point" if is_point else "ray",
+        **(_point_record(camera) if isinstance(camera, PointCamera) else _ray_record(camera)),
         "fit": dict(fit),
         "made_by": dict(made_by),
     }
     return plain_yaml_text(record)
+
+
+def _ray_record(camera: CubicCamera) -> dict[str, Any]:
+    return {
+        "frame": "camera",
+        "P": _unit_norm(camera.P).tolist(),
+        "max_angle_deg": float(camera.max_angle_deg),
+        "valid": np.round(camera.outline(), 3).tolist(),
+        "radial": dict(zip(_RADIAL_KEYS, camera.radial.parameters.tolist(), strict=True)),
+    }
+
+
+def _point_record(camera: PointCamera) -> dict[str, Any]:
+    return {
+        "frame": camera.frame,
+        "P": _unit_norm(camera.P).tolist(),
+        "point_offset": camera.offset.tolist(),
+        "point_scale": float(camera.scale),
+        "point_reach": float(camera.reach),
+        "point_null": camera.null.tolist(),
+        "valid": np.round(camera.valid, 3).tolist(),
+    }
 
 
 def _unit_norm(P: FloatArray) -> FloatArray:
@@ -98,7 +132,24 @@ def _unit_norm(P: FloatArray) -> FloatArray:
 
 
 def load_camera(path: Path) -> CameraFile:
-    """Read camera.yaml.
+    """Read camera.yaml of a central camera (the ``ray`` lift).
+
+    Raises:
+        CameraFileError: the file is missing, malformed, of a version that is not known, or of
+            the ``point`` lift; one line that names the file and the key.
+
+    """
+    loaded = load_any_camera(path)
+    if isinstance(loaded, PointCameraFile):
+        raise CameraFileError(
+            f"{path} is of lift 'point', which has no rays: it takes points within its boards' "
+            "volume to pixels (cubicfish project) and no more; calibrate with --lift ray for this"
+        )
+    return loaded
+
+
+def load_any_camera(path: Path) -> CameraFile | PointCameraFile:
+    """Read camera.yaml of either lift.
 
     Raises:
         CameraFileError: the file is missing, malformed, or of a version or a lift that is not
@@ -121,18 +172,61 @@ def load_camera(path: Path) -> CameraFile:
         raise CameraFileError(
             f"{path}: unknown key {quoted(str(unknown[0]))}: {did_you_mean(str(unknown[0]), _KEYS)}"
         )
-    if record.get("lift") != "ray" or record.get("frame") != "camera":
+    kind = (record.get("lift"), record.get("frame"))
+    if kind not in (("ray", "camera"), ("point", "world"), ("point", "camera")):
         raise CameraFileError(
-            f"{path}: lift and frame must be 'ray' and 'camera', the only ones that this "
-            "version reads: calibrate again"
+            f"{path}: lift and frame must be 'ray' and 'camera', or 'point' and either 'world' or "
+            "'camera': calibrate again"
         )
-    size = _numbers(path, record, "image_size", (2,))
-    if not all(side == int(side) and 0 < side <= MAX_SIDE for side in size):
-        raise CameraFileError(f"{path}: image_size must be two whole numbers above 0")
-    image_size = (int(size[0]), int(size[1]))
+    image_size = _image_size(path, record)
     P = _numbers(path, record, "P", (3, SIZE))
     if not P.any():
         raise CameraFileError(f"{path}: P is all zeros: calibrate again")
+    fit, made_by = _mapping(path, record, "fit"), _mapping(path, record, "made_by")
+    if kind[0] == "point":
+        frame: Frame = "world" if kind[1] == "world" else "camera"
+        point = _point_camera(path, record, image_size, P, frame)
+        return PointCameraFile(camera=point, fit=fit, made_by=made_by)
+    camera = _ray_camera(path, record, image_size, P)
+    return CameraFile(camera=camera, fit=fit, made_by=made_by)
+
+
+def _image_size(path: Path, record: dict[str, Any]) -> tuple[int, int]:
+    size = _numbers(path, record, "image_size", (2,))
+    if not all(side == int(side) and 0 < side <= MAX_SIDE for side in size):
+        raise CameraFileError(f"{path}: image_size must be two whole numbers above 0")
+    return int(size[0]), int(size[1])
+
+
+def _point_camera(
+    path: Path, record: dict[str, Any], image_size: tuple[int, int], P: FloatArray, frame: Frame
+) -> PointCamera:
+    scale = float(_numbers(path, record, "point_scale", ()))
+    reach = float(_numbers(path, record, "point_reach", ()))
+    if scale <= 0 or reach <= 0:
+        raise CameraFileError(f"{path}: point_scale and point_reach must be above 0")
+    return PointCamera(
+        image_size=image_size,
+        P=_unit_norm(P),
+        frame=frame,
+        offset=_numbers(path, record, "point_offset", (3,)),
+        scale=scale,
+        null=_rows(path, record, "point_null", SIZE),
+        reach=reach,
+        valid=_rows(path, record, "valid", 2),
+    )
+
+
+def _rows(path: Path, record: dict[str, Any], key: str, columns: int) -> FloatArray:
+    """The rows of numbers under a key, however many."""
+    rows = record.get(key)
+    count = len(rows) if isinstance(rows, list) else 1
+    return _numbers(path, record, key, (count, columns)) if count else np.zeros((0, columns))
+
+
+def _ray_camera(
+    path: Path, record: dict[str, Any], image_size: tuple[int, int], P: FloatArray
+) -> CubicCamera:
     max_angle_deg = float(_numbers(path, record, "max_angle_deg", ()))
     if not 0 < max_angle_deg < 180:
         raise CameraFileError(f"{path}: max_angle_deg must be between 0 and 180")
@@ -149,11 +243,7 @@ def load_camera(path: Path) -> CameraFile:
             f"inside its max_angle_deg of {max_angle_deg:.1f}: the file was changed or cut, "
             "calibrate again"
         )
-    return CameraFile(
-        camera=camera,
-        fit=_mapping(path, record, "fit"),
-        made_by=_mapping(path, record, "made_by"),
-    )
+    return camera
 
 
 def _radial(path: Path, record: dict[str, Any], image_size: tuple[int, int]) -> RadialCamera:
