@@ -24,6 +24,7 @@ from cubicfish_cli.fitting.statistics import (
     rms_px,
 )
 from cubicfish_cli.fitting.subset import flatness, select, world_scale
+from cubicfish_cli.fitting.uncertainty import camera_uncertainty, uncertainty_record
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lift import lift
 from cubicfish_cli.target import Target
@@ -86,6 +87,8 @@ class Calibration:
         target: the object as fitted (the given one where nothing was refined); None for pairs
             that came without one.
         departures: by how much the object departs from its drawing, a board each.
+        uncertainty: how far the pixels of distant points may be off under the corners' noise,
+            on a grid over the photo, as ``uncertainty_record`` of fitting/uncertainty.py has it.
 
     """
 
@@ -105,6 +108,7 @@ class Calibration:
     refined: Level
     target: Target | None
     departures: tuple[Departure, ...]
+    uncertainty: dict[str, Any]
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: ``fit`` of camera.yaml and the command's JSON."""
@@ -122,6 +126,7 @@ class Calibration:
             "rank": self.rank,
             "covered_deg": self.covered_deg,
             "prior_weight": self.prior_weight,
+            "uncertainty": self.uncertainty,
             "dropped": len(self.dropped),
             "dropped_corners": [corner.as_record() for corner in self.dropped],
             "unfit_images": dict(self.unfit),
@@ -168,13 +173,14 @@ def calibrate(
     cubic, companion = fit.cubic, fit.companion
     used = replace(companion.pairs, world=companion.pairs.world * scale)
     refined = fit.refined_target(drawing)
+    camera = CubicCamera(
+        image_size=pairs.image_size,
+        P=cubic.lens.P,
+        max_angle_deg=cubic.max_angle_deg,
+        radial=companion.camera,
+    )
     return Calibration(
-        camera=CubicCamera(
-            image_size=pairs.image_size,
-            P=cubic.lens.P,
-            max_angle_deg=cubic.max_angle_deg,
-            radial=companion.camera,
-        ),
+        camera=camera,
         poses=Poses(rotation=cubic.poses.rotation, translation=cubic.poses.translation * scale),
         pairs=used,
         residual=cubic.residual,
@@ -190,6 +196,7 @@ def calibrate(
         refined=fit.level,
         target=refined,
         departures=tuple(departures(target, refined)) if target and refined else (),
+        uncertainty=uncertainty_record(camera_uncertainty(cubic), camera),
     )
 
 

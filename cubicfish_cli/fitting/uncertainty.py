@@ -1,0 +1,108 @@
+"""How far the camera itself may be off: corners' noise carried through the fit to pixels.
+
+The question is mrcal's ("projection uncertainty"): how far would the pixel of a distant point move
+if the same photos were taken again with other noise, and lens, object and poses fitted anew? The
+point stays fixed in the world, so a turn that poses and lens share does not count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.fitting.cubic_fit import CubicResult
+from cubicfish_cli.fitting.poses import cross_matrix
+from cubicfish_cli.model.cubic import CubicCamera
+
+FloatArray = npt.NDArray[np.float64]
+
+GRID = (13, 9)  # columns and rows over the photo
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Uncertainty:
+    """Covariance of the shared unknowns and of the turn that all poses have in common.
+
+    Attributes:
+        result: the fit that this is of.
+        shared: (K, K) covariance of lens and object parameters.
+        turn_by_shared: (3, K) the photos' mean turn (radians, camera frame) by each of them.
+        turn: (3, 3) covariance of the mean turn that does not come from them.
+        noise_px: standard deviation of a corner's coordinate, pixels.
+
+    """
+
+    result: CubicResult
+    shared: FloatArray
+    turn_by_shared: FloatArray
+    turn: FloatArray
+    noise_px: float
+
+    def covariance(self, rays: FloatArray) -> FloatArray:
+        """Covariance of the pixels of distant points: unit rays (N, 3) -> (N, 2, 2), pixels²."""
+        _, d_ray, d_lens = self.result.lens.project_jacobian(rays)
+        by_turn = -d_ray @ cross_matrix(rays)
+        by_shared = by_turn @ self.turn_by_shared
+        by_shared[:, :, : d_lens.shape[2]] += d_lens
+        spread = by_shared @ self.shared @ by_shared.transpose(0, 2, 1)
+        return spread + by_turn @ self.turn @ by_turn.transpose(0, 2, 1)
+
+    def sigma_px(self, rays: FloatArray) -> FloatArray:
+        """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (N,), pixels."""
+        return np.sqrt(np.trace(self.covariance(rays), axis1=1, axis2=2))
+
+
+def camera_uncertainty(result: CubicResult) -> Uncertainty:
+    """Covariance at the optimum of a cubic fit, from its normal equations.
+
+    The priors pull every fit the same way: they shrink the spread and do not add to it. With H
+    the reduced Hessian and D its part from the corners, the covariance is σ² H⁻¹ D H⁻¹.
+    """
+    normal = result.fit.normal
+    hessian = normal.reduced_shared()
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(hessian), 1e-300))
+    inverse = scale * scale[:, None] * np.linalg.inv(hessian * scale * scale[:, None])
+    residual = result.residual
+    photos = len(normal.pose)
+    unknowns = len(hessian) + 6 * photos + normal.corner.size // 3
+    # Offsets are held by their pull and count for less than a whole unknown each.
+    freedom = max(residual.size - unknowns, residual.size // 2)
+    variance = float(np.sum(residual**2) / freedom)
+    pose_inverse = np.linalg.inv(normal.pose)
+    cross = normal.shared_pose.reshape(len(hessian), photos, 6).transpose(1, 2, 0)
+    return Uncertainty(
+        result=result,
+        shared=variance * inverse @ (hessian - normal.prior) @ inverse,
+        turn_by_shared=-(pose_inverse @ cross)[:, :3].mean(axis=0),
+        turn=variance * pose_inverse[:, :3, :3].sum(axis=0) / photos**2,
+        noise_px=float(np.sqrt(variance)),
+    )
+
+
+def uncertainty_record(uncertainty: Uncertainty, camera: CubicCamera) -> dict[str, Any]:
+    """Uncertainty on a grid over the photo, plain data for camera.yaml and JSON.
+
+    ``sigma_px`` holds a row for each of ``y`` with a number for each of ``x``, null outside the
+    valid field.
+    """
+    width, height = camera.image_size
+    x = np.linspace(0, width - 1, GRID[0])
+    y = np.linspace(0, height - 1, GRID[1])
+    rays = camera.unproject(np.stack(np.meshgrid(x, y), axis=-1))
+    seen = np.isfinite(rays[..., 0])
+    sigma = np.full(seen.shape, np.nan)
+    sigma[seen] = uncertainty.sigma_px(rays[seen])
+    return {
+        "noise_px": uncertainty.noise_px,
+        "median_px": float(np.median(sigma[seen])) if seen.any() else None,
+        "max_px": float(np.max(sigma[seen])) if seen.any() else None,
+        "x": x.tolist(),
+        "y": y.tolist(),
+        "sigma_px": [
+            [round(float(value), 5) if np.isfinite(value) else None for value in row]
+            for row in sigma
+        ],
+    }
