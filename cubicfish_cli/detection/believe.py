@@ -50,7 +50,7 @@ def is_board(
     miss = fit.cells_away(pixel)[fit.sound] / (1 + np.sqrt(fit.leverage[fit.sound]))
     if not len(miss):
         return False
-    side = lattice.fit(cells).side
+    side = np.maximum(lattice.fit(cells).side, 1.0)
     blur = float(np.median(found.blur.max(1) / side))
     contrast = lattice.contrast[cells[:, 0], cells[:, 1]]
     change = np.abs(np.log(np.maximum(contrast, 1e-6) / np.maximum(contrast_around, 1e-6)))

@@ -46,15 +46,13 @@ def saddle_response(image: Float32Array, scale: float, noise: float) -> tuple[Fl
     xy = cv2.Sobel(smooth, cv2.CV_32F, 1, 1, ksize=3, scale=0.25)
     box = 2 * round(2.5 * scale) + 1
     mean = cv2.boxFilter(image, cv2.CV_32F, (box, box))
-    variance = cv2.sqrBoxFilter(image, cv2.CV_32F, (box, box))
-    variance -= mean * mean
+    square = cv2.sqrBoxFilter(image, cv2.CV_32F, (box, box))
+    variance = np.asarray(cv2.subtract(square, cv2.multiply(mean, mean)), np.float32)
     np.maximum(variance, 0, out=variance)
-    variance += np.float32(noise * noise)
-    response = xy * xy
-    response -= xx * yy
-    response *= np.float32(scale**4)
-    response /= variance
-    return response, xx, xy, yy, smooth
+    np.add(variance, noise * noise, out=variance, casting="same_kind")
+    determinant = cv2.subtract(cv2.multiply(xy, xy), cv2.multiply(xx, yy))
+    response = cv2.divide(determinant, variance, scale=scale**4)
+    return tuple(np.asarray(part, np.float32) for part in (response, xx, xy, yy, smooth))
 
 
 def find_saddles(image: Float32Array, scale: float, noise: float) -> Saddles:

@@ -12,6 +12,7 @@ from cubicfish_cli.detection.lattice import LocalFit
 
 _ROUNDS = 12
 _CONVERGED = 2e-3  # px: the last step of a fit that is done; steps shrink tenfold near the end
+_BLUR_CONVERGED = 0.1  # logarithm
 _STILL_MOVING = 0.05  # px: a fit whose last step was longer has not found its minimum
 # A pixel averages light over its area: no edge is sharper than that (1/sqrt(12) px, and a little
 # more for the shape of tanh).
@@ -19,13 +20,13 @@ _SHARPEST = 0.35
 _TANH = 0.8  # tanh(0.8 z) has the slope of the Gaussian's own step at its middle
 # Shift (px), turn (radians) and logarithm of the blur (px) of both edges: weak prior knowledge
 # that keeps hardly determined fits in place, and the longest single step.
-_PRIOR_MEAN = np.array([0.0, 0.0, 0.0, 0.0, np.log(0.7), np.log(0.7)])
-_PRIOR_SPREAD = np.array([1.0, 1.0, 0.15, 0.15, 0.5, 0.5])
+_PRIOR_MEAN = np.array([0.0, 0.0, 0.0, 0.0, np.log(0.8), np.log(0.8)])
+_PRIOR_SPREAD = np.array([1.0, 1.0, 0.3, 0.3, 0.8, 0.8])
 _LONGEST_STEP = np.array([0.7, 0.7, 0.3, 0.3, 0.7, 0.7])
 # Windows end before the next edge, fading out: in sides, along each axis of the grid.
 _WITHIN, _FADE = 0.45, 0.1
 
-_FIELDS = ("pixel", "ok", "level", "blur", "misfit", "spread")
+_FIELDS = ("pixel", "ok", "level", "blur", "turn", "misfit", "spread")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,6 +38,7 @@ class Crossings:
         ok: (N,) the fit converged within the allowed travel.
         level: (N, 4) grey levels of the quadrants (+,+), (-,+), (-,-), (+,-) at the corner.
         blur: (N, 2) standard deviation of the blur across the edges along j and along i, px.
+        turn: (N,) largest angle of an edge against the grid's own line, radians.
         misfit: (N,) RMS of what the model does not explain, grey levels.
         spread: (N,) predicted standard deviation of the position for noise of ``misfit``, px.
 
@@ -46,6 +48,7 @@ class Crossings:
     ok: BoolArray
     level: FloatArray
     blur: FloatArray
+    turn: FloatArray
     misfit: FloatArray
     spread: FloatArray
 
@@ -97,6 +100,7 @@ def fit_crossings(
         ok=np.zeros(count, bool),
         level=np.zeros((count, 4)),
         blur=np.ones((count, 2)),
+        turn=np.zeros(count),
         misfit=np.zeros(count),
         spread=np.full(count, np.inf),
     )
@@ -142,6 +146,7 @@ def _fit(
     signs = np.array([(1, 1, 1, 1), (1, -1, 1, -1), (1, -1, -1, 1), (1, 1, -1, -1)])
     out.level[rows] = state.levels @ signs.T
     out.blur[rows] = np.hypot(_SHARPEST, np.exp(state.shape[:, 4:]))
+    out.turn[rows] = np.abs(state.shape[:, 2:4]).max(1)
     out.misfit[rows] = state.misfit
     covariance = np.linalg.inv(state.normal)
     out.spread[rows] = frame.lean * np.sqrt(0.5 * (covariance[:, 0, 0] + covariance[:, 1, 1]))
@@ -257,7 +262,8 @@ def _minimise(value: FloatArray, frame: _Frame, noise: float) -> _State:
         move = np.clip(move, -_LONGEST_STEP, _LONGEST_STEP)
         trial[active] = state.shape[active] + move
         state.last_move[active] = np.abs(move[:, :2]).max(1)
-        going = (state.last_move[active] > _CONVERGED) | (round_ < 1)
+        going = state.last_move[active] > _CONVERGED
+        going |= np.abs(move[:, 4:]).max(1) > _BLUR_CONVERGED
         if not going.all():
             active, value, frame = active[going], value[going], frame.select(going)
         if not len(active):
@@ -286,4 +292,5 @@ def _model(
     columns = -np.concatenate([slope, slope * frame.along, slope * z * (own / blur)], -1)
     # Kaufman's variable projection: the levels follow the shape.
     columns -= basis @ np.linalg.solve(normal, basis.transpose(0, 2, 1) @ columns)
-    return levels[..., 0], residual, columns
+    best: FloatArray = levels[..., 0]
+    return best, residual, np.asarray(columns, np.float64)

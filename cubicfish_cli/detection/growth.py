@@ -45,7 +45,7 @@ def _frontier(lattice: Lattice) -> IntArray:
     beside[:-1] |= known[1:]
     beside[:, 1:] |= known[:, :-1]
     beside[:, :-1] |= known[:, 1:]
-    count = lattice.neighbour_sum(known)
+    count = lattice.neighbour_sum(known.astype(float))
     fresh = beside & ~known & (count != lattice.tried)
     lattice.tried[fresh] = count[fresh]
     return np.argwhere(fresh)
@@ -123,7 +123,7 @@ def looks_like_corner(
 
 def _contrast_around(lattice: Lattice, cells: IntArray) -> FloatArray:
     total = lattice.neighbour_sum(lattice.contrast)
-    count = lattice.neighbour_sum(lattice.known)
+    count = lattice.neighbour_sum(lattice.known.astype(float))
     row, column = cells.T
     return np.maximum(total[row, column] / np.maximum(count[row, column], 1), 1e-6)
 

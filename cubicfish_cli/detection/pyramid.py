@@ -78,16 +78,16 @@ def bilinear(image: Float32Array, points: FloatArray) -> Float32Array:
     rows = -(-len(flat) // columns)
     padded = np.zeros((rows * columns, 2), np.float32)
     padded[: len(flat)] = flat
-    padded = padded.reshape(rows, columns, 2)
+    x, y = np.ascontiguousarray(padded.reshape(rows, columns, 2).transpose(2, 0, 1))
+    blocks = [slice(i, i + _MOST_ROWS) for i in range(0, rows, _MOST_ROWS)]
     pieces = [
-        cv2.remap(
-            image, padded[i : i + _MOST_ROWS], None, cv2.INTER_LINEAR, None, cv2.BORDER_REPLICATE
-        )
-        for i in range(0, rows, _MOST_ROWS)
+        cv2.remap(image, x[b], y[b], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        for b in blocks
     ]
     if not pieces:
         return np.zeros(shape, np.float32)
-    return np.concatenate(pieces).reshape(-1)[: len(flat)].reshape(shape)
+    sampled = np.concatenate([np.asarray(piece, np.float32) for piece in pieces])
+    return sampled.reshape(-1)[: len(flat)].reshape(shape)
 
 
 def estimate_noise(image: Float32Array) -> float:
@@ -127,11 +127,11 @@ def build_pyramid(grey: npt.NDArray[np.generic], deepest: int = 6) -> Pyramid:
     quantum = gain if np.issubdtype(grey.dtype, np.integer) else gain * (high - low) / 65_535
     # Rounding to whole grey levels is noise of 1/sqrt(12) of a level; 0.5 to be on the safe side.
     noise = max(estimate_noise(image), 0.5 * quantum)
-    levels = [cv2.GaussianBlur(image, (5, 5), SMOOTHING)]
-    reduced = image
-    while len(levels) <= deepest and min(reduced.shape) >= 2 * SMALLEST_SIDE:
-        reduced = cv2.pyrDown(reduced)
-        levels.append(reduced)
+    levels = [np.asarray(cv2.GaussianBlur(image, (5, 5), SMOOTHING), np.float32)]
+    half = image
+    while len(levels) <= deepest and min(half.shape) >= 2 * SMALLEST_SIDE:
+        half = np.asarray(cv2.pyrDown(half), np.float32)
+        levels.append(half)
     return Pyramid(levels=tuple(levels), noise=noise, gain=gain)
 
 
@@ -140,7 +140,8 @@ def reduced(image: npt.NDArray[np.generic], zoom: int) -> npt.NDArray[np.generic
     if zoom == 1:
         return image
     height, width = image.shape[0] // zoom * zoom, image.shape[1] // zoom * zoom
-    source = image[:height, :width]
+    source: npt.NDArray[np.uint8 | np.uint16 | np.float32]
+    source = np.asarray(image[:height, :width])
     if source.dtype not in (np.uint8, np.uint16, np.float32):
         source = source.astype(np.float32)
     return np.asarray(

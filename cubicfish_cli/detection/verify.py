@@ -13,6 +13,9 @@ _SEPARATION = 0.30  # darker bright minus brighter dark square, of the corner's 
 _CONTRAST = 0.15  # of the median contrast around: a shadow may take that much
 _MISFIT = 0.18  # of the contrast
 _BLUR = 2.5  # times the median around
+# Edges follow the grid, within what its local fit may be wrong by. A lattice of knight's moves, the
+# likeliest wrong one, is off by 0.46.
+_TURN = 0.25  # radians
 _TRAVEL = 0.15  # of the side
 _MOST_SPREAD = 0.05  # predicted standard deviation, of the side
 
@@ -33,6 +36,7 @@ def whole_corners(
     good &= contrast > np.maximum(_CONTRAST * contrast_around, 3 * noise)
     good &= found.misfit < np.maximum(_MISFIT * contrast, 1.5 * noise)
     good &= found.blur.max(1) < _BLUR * blur_around + 0.5
+    good &= found.turn < _TURN
     good &= moved < np.maximum(_TRAVEL * side, 0.5)
     good &= found.spread < _MOST_SPREAD * side
     return good
