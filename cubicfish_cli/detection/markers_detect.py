@@ -17,6 +17,10 @@ CHARUCO_BORDERS = (1,)
 APRILGRID_BORDERS = (2, 1)
 # A marker whose modules are smaller than this cannot be read at that size.
 _SMALLEST_MODULE_PX = 1.6
+# Where modules are smaller than this, markers that are smaller still are missed.
+_SMALL_MODULE_PX = 2.0
+# Photos smaller than this are not halved, larger ones not doubled.
+_LEAST_PX, _MOST_DOUBLED_PX = 200, 5_000_000
 # Sides in strong distortion are curved: how far a contour may leave its quadrangle, as a share
 # of its length.
 _BENT_SIDES = 0.05
@@ -64,6 +68,7 @@ class Family:
     Attributes:
         border: width of the black frame, modules.
         size: modules along a side without the frame.
+        joined: whether other ink touches the markers' corners, as on an AprilGrid.
         codes: (M, size, size) True where a module is white, upright on the board.
         corrected: wrong modules that the dictionary's distances allow to correct.
         board: (M,) index into the target's boards.
@@ -73,6 +78,7 @@ class Family:
 
     border: int
     size: int
+    joined: bool
     codes: npt.NDArray[np.bool_]
     corrected: int
     board: IntArray
@@ -90,7 +96,7 @@ def families(target: Target) -> list[Family]:
             for border in borders(board):
                 keys.setdefault((board.markers.dictionary, border, board.kind), []).append(index)
     return [
-        _family(target, indices, name, border, upside_down=kind == "aprilgrid")
+        _family(target, indices, name, border, tags=kind == "aprilgrid")
         for (name, border, kind), indices in keys.items()
     ]
 
@@ -100,9 +106,7 @@ def borders(board: Board) -> tuple[int, ...]:
     return APRILGRID_BORDERS if board.kind == "aprilgrid" else CHARUCO_BORDERS
 
 
-def _family(
-    target: Target, indices: list[int], name: str, border: int, *, upside_down: bool
-) -> Family:
+def _family(target: Target, indices: list[int], name: str, border: int, *, tags: bool) -> Family:
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
     size = dictionary.markerSize
     ids = np.concatenate([target.boards[index].marker_cells() for index in indices])
@@ -115,8 +119,9 @@ def _family(
     return Family(
         border=border,
         size=size,
+        joined=tags,
         # OpenCV keeps AprilTag's families upside down; Kalibr prints them as AprilTag does.
-        codes=codes[:, ::-1, ::-1] if upside_down else codes,
+        codes=codes[:, ::-1, ::-1] if tags else codes,
         corrected=int(dictionary.maxCorrectionBits),
         board=np.repeat(indices, [len(target.boards[i].marker_cells()) for i in indices]),
         cell=ids[:, 1:],
@@ -124,11 +129,37 @@ def _family(
 
 
 def detect_markers(image: npt.NDArray[np.uint8], all_families: list[Family]) -> SeenMarkers:
-    """Find markers with ``cv2.aruco`` in an 8-bit grey photo."""
-    return join([part for family in all_families for part in _detect(image, family)])
+    """Find markers with ``cv2.aruco`` in an 8-bit grey photo, at the sizes that promise some."""
+    return join([part for family in all_families for part in _sizes(image, family)])
 
 
-def _detect(image: npt.NDArray[np.uint8], family: Family) -> Iterator[SeenMarkers]:
+def _sizes(image: npt.NDArray[np.uint8], family: Family) -> Iterator[SeenMarkers]:
+    found = _detect(image, family)
+    yield found
+    if family.joined and min(image.shape) >= _LEAST_PX:
+        # Where tags touch the squares between them, each size of the photo parts others.
+        half = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        yield _resized(_detect(np.asarray(half, np.uint8), family), 0.5)
+    if image.size <= _MOST_DOUBLED_PX and (family.joined or _small(found, family)):
+        double = cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
+        yield _resized(_detect(np.asarray(double, np.uint8), family), 2.0)
+
+
+def _small(found: SeenMarkers, family: Family) -> bool:
+    """Whether there may be markers that are too small to be read: some nearly are, or none is."""
+    if not len(found):
+        return True
+    sides = np.linalg.norm(found.pixel - np.roll(found.pixel, -1, axis=1), axis=2).mean(axis=1)
+    modules = family.size + 2 * family.border
+    return bool(np.percentile(sides, 10) < _SMALL_MODULE_PX * modules)
+
+
+def _resized(found: SeenMarkers, scale: float) -> SeenMarkers:
+    pixel = (found.pixel + 0.5) / scale - 0.5
+    return SeenMarkers(board=found.board, cell=found.cell, pixel=pixel)
+
+
+def _detect(image: npt.NDArray[np.uint8], family: Family) -> SeenMarkers:
     # Only the target's own markers are in the dictionary: faster, and no foreign names.
     lists = [
         cv2.aruco.Dictionary.getByteListFromBits(code.astype(np.uint8)) for code in family.codes
@@ -141,9 +172,9 @@ def _detect(image: npt.NDArray[np.uint8], family: Family) -> Iterator[SeenMarker
     parameters.polygonalApproxAccuracyRate = _BENT_SIDES
     corners, ids, _ = cv2.aruco.ArucoDetector(dictionary, parameters).detectMarkers(image)
     if ids is None or not len(ids):
-        return
+        return join([])
     index = np.asarray(ids, np.intp).ravel()
-    yield SeenMarkers(
+    return SeenMarkers(
         board=family.board[index],
         cell=family.cell[index],
         pixel=np.asarray(corners, float).reshape(-1, 4, 2),

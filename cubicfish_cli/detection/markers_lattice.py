@@ -6,7 +6,7 @@ distances (tags and the gaps between them), and markers come close to the corner
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,17 +24,24 @@ _WINDOW = np.stack(np.meshgrid(*[np.arange(-_REACH, _REACH + 1)] * 2, indexing="
     -1, 2
 )
 _CENTRE = len(_WINDOW) // 2
-# Second-order terms are damped until enough neighbours determine them.
-_RIDGE = np.diag([1e-9, 1e-6, 1e-6, 0.005, 0.005, 0.005])
-# How far from its prediction a corner may be, of the distance to the next corner: far below
-# one half, so that a corner cannot take its neighbour's name.
-_SEARCH = 0.3
+# Terms of second and third order are damped until enough neighbours determine them.
+_RIDGE = np.diag([1e-9, 1e-6, 1e-6, *[1e-4] * 3, *[1e-3] * 4])
+_SOFTEN = 0.3  # weights of neighbours stay finite, square squares from the cell
+_WEIGHT_BESIDE = 1 / (_SOFTEN + 1) ** 2
+# How far from its prediction a corner may be: half way to the next one (whose squares have the
+# opposite colours), and in squares or tags, so as not to reach a marker's inner modules.
+_SEARCH, _SEARCH_SQUARES = 0.5, 0.3
 # Leave-one-out: a corner that many such distances from what its neighbours say is not one.
 _OUTLIER = 0.2
 _MOST_ROUNDS = 80
 _STEPS = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
 # Sub-pixel windows end at 0.45 cells, fading from 0.35 on.
 _WINDOW_CELLS = 0.4
+_SMALLEST_CELL_PX = 8.0
+# Edges are looked at this far from the corner, and must differ from side to side by this share
+# of what the corner's edges usually do.
+_ARM_PX = np.array([3.0, 5.0, 7.0])
+_ARM_CONTRAST = 0.3
 
 
 @dataclass(kw_only=True, eq=False)
@@ -79,6 +86,11 @@ class BoardLattice:
         """(columns, rows) which corners are known."""
         return ~np.isnan(self.pixel[..., 0])
 
+    @property
+    def search(self) -> float:
+        """How far from its prediction a corner may be, squares (tags)."""
+        return min(_SEARCH * self.closest, _SEARCH_SQUARES)
+
     def cells(self) -> IntArray:
         """(N, 2) columns and rows of the known corners."""
         return np.argwhere(self.known)
@@ -93,7 +105,9 @@ class BoardLattice:
 
     def inside(self, cells: IntArray) -> BoolArray:
         """Which of (N, 2) cells are corners of the board."""
-        return ((cells >= 0) & (cells < self.pixel.shape[:2])).all(axis=-1)
+        columns, rows = self.pixel.shape[:2]
+        inside: BoolArray = np.all((cells >= 0) & (cells < (columns, rows)), axis=-1)
+        return inside
 
     def sign(self, cells: IntArray) -> IntArray:
         """+1 where the quadrant to the right and below of a corner is bright, else -1."""
@@ -101,7 +115,7 @@ class BoardLattice:
         return np.where(cells.sum(axis=-1) % 2 == dark, -1, 1)
 
     def fit(self, cells: IntArray, *, without_itself: bool = False) -> LocalFit:
-        """Position as a quadratic function of the place on the board, around (N, 2) cells."""
+        """Position as a cubic function of the place on the board, around (N, 2) cells."""
         around = cells[:, None] + _WINDOW
         inside = self.inside(around)
         i, j = np.where(inside, around[..., 0], 0), np.where(inside, around[..., 1], 0)
@@ -110,15 +124,15 @@ class BoardLattice:
         if without_itself:
             known[:, _CENTRE] = False
         u, v = self.x[i] - self.x[cells[:, :1]], self.y[j] - self.y[cells[:, 1:]]
-        weight = known / (0.3 + u * u + v * v) ** 2
+        weight = known / (_SOFTEN + u * u + v * v) ** 2
         pixel = np.where(known[..., None], pixel, 0.0)
         total = np.maximum(weight.sum(axis=1), 1e-12)
         mean = (weight[..., None] * pixel).sum(axis=1) / total[:, None]
         pixel = np.where(known[..., None], pixel - mean[:, None], 0.0)
-        terms = np.stack([np.ones_like(u), u, v, 0.5 * u * u, u * v, 0.5 * v * v], axis=-1)
+        terms = _terms(u, v)
         weighted = (terms * weight[..., None]).transpose(0, 2, 1)
-        solution = np.linalg.solve(weighted @ terms + _RIDGE, weighted @ pixel)
-        solution = solution.transpose(0, 2, 1)
+        inverse = np.linalg.inv(weighted @ terms + _RIDGE)
+        solution = (inverse @ (weighted @ pixel)).transpose(0, 2, 1)
         step = solution[:, :, 1:3]
         length = np.hypot(step[:, 0], step[:, 1])
         area = step[:, 0, 0] * step[:, 1, 1] - step[:, 0, 1] * step[:, 1, 0]
@@ -127,31 +141,81 @@ class BoardLattice:
         return LocalFit(
             pixel=solution[:, :, 0] + mean,
             step=step,
-            bend=solution[:, :, 3:],
+            bend=solution[:, :, 3:6],
             neighbours=neighbours,
+            leverage=np.asarray(inverse[:, 0, 0] * _WEIGHT_BESIDE, float),
             side=side,
             sound=(neighbours >= 3)
             & (side * self.closest > 2)
             & (area > 0.15 * length.prod(axis=1)),
         )
 
+    def inside_squares(self, corner: IntArray, place: FloatArray) -> FloatArray:
+        """Pixels (N, K, 2) of places (K, 2) in the squares (tags) between known corners.
+
+        ``corner`` (N, 4, 2) are a square's cells, at the places (0, 0), (1, 0), (1, 1) and
+        (0, 1). Each corner's local shape says where a place is; the nearer ones count more, so
+        that bent sides do not matter.
+        """
+        flat = corner.reshape(-1, 2)
+        fit = self.fit(flat)
+        fit = replace(fit, pixel=self.at(flat))
+        anchor = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+        seen = fit.at(np.tile(place[None] - anchor[:, None], (len(corner), 1, 1)))
+        seen = seen.reshape(len(corner), 4, len(place), 2)
+        share = np.where(anchor[:, None] == 1, place, 1 - place).prod(axis=-1)
+        return np.asarray((seen * share[:, :, None]).sum(axis=1), float)
+
     def refined(
         self, pyramid: Pyramid, cells: IntArray, pixel: FloatArray, fit: LocalFit
     ) -> tuple[FloatArray, BoolArray]:
         """Sub-pixel positions near (N, 2) pixels and which of them are whole corners."""
-        scale = min(1.0, self.quiet / _WINDOW_CELLS)
+        quiet = min(1.0, self.quiet / _WINDOW_CELLS)
         # Small squares: a window must hold enough pixels, even if a marker's rim enters it.
-        scale = np.clip(_SMALLEST_CELL_PX / np.maximum(fit.side, 1e-6), scale, 1.0)
-        return refine_corners(
+        scale = np.clip(_SMALLEST_CELL_PX / np.maximum(fit.side, 1e-6), quiet, 1.0)
+        sign = self.sign(cells)
+        refined, good = refine_corners(
             pyramid,
             pixel,
             fit.step * scale[:, None, None],
-            self.sign(cells),
-            fit.bend * (scale**2)[:, None, None],
+            sign,
+            fit.bend * np.square(scale)[:, None, None],
         )
+        rows = np.nonzero(good)[0]
+        good[rows] = self._arms_seen(pyramid, refined[rows], sign[rows], fit.select(rows))
+        return refined, good
+
+    def _arms_seen(
+        self, pyramid: Pyramid, pixel: FloatArray, sign: IntArray, fit: LocalFit
+    ) -> BoolArray:
+        """Whether all four edges go on for some pixels: the lens's rim may cut a corner."""
+        length = np.hypot(fit.step[:, 0], fit.step[:, 1])
+        along = np.minimum(0.4 * self.closest, _ARM_PX[:, None, None] / length).transpose(1, 0, 2)
+        beside = np.maximum(0.5 * self.quiet, 1.0 / length[:, ::-1])
+        # (N, arm, distance, side, 2): arms +i, +j, -i, -j, each with both of its sides.
+        offset = np.zeros((len(pixel), 4, len(_ARM_PX), 2, 2))
+        for arm in range(4):
+            axis, ahead = arm % 2, 1 if arm < 2 else -1
+            offset[:, arm, :, :, axis] = ahead * along[:, :, axis, None]
+            offset[:, arm, :, :, 1 - axis] = (beside[:, None, axis, None]) * (1, -1)
+        here = replace(fit, pixel=pixel)
+        points = here.at(offset.reshape(len(pixel), 8 * len(_ARM_PX), 2))
+        level = pyramid.sample(points, np.ones(len(pixel))).astype(float)
+        level = level.reshape(offset.shape[:-1])
+        # Along +i and +j the quadrant (+, +) is on the first side, along -i and -j another one.
+        shown = (level[..., 0] - level[..., 1]) * sign[:, None, None]
+        shown *= np.array([1, 1, -1, -1])[:, None]
+        shown = shown.reshape(len(pixel), 4 * len(_ARM_PX))
+        seen: BoolArray = shown.min(axis=1) > _ARM_CONTRAST * np.median(shown, axis=1)
+        return seen
 
 
-_SMALLEST_CELL_PX = 8.0
+def _terms(u: FloatArray, v: FloatArray) -> FloatArray:
+    """Taylor's terms up to the third order: (...) offsets -> (..., 10)."""
+    uu, vv = u * u, v * v
+    second = (uu / 2, u * v, vv / 2)
+    third = (uu * u / 6, uu * v / 2, u * vv / 2, vv * v / 6)
+    return np.stack([np.ones_like(u), u, v, *second, *third], axis=-1)
 
 
 def grow(pyramid: Pyramid, lattice: BoardLattice, free: FloatArray) -> None:
@@ -169,38 +233,37 @@ def try_cells(pyramid: Pyramid, lattice: BoardLattice, cells: IntArray, free: Fl
     cells, fit = cells[usable], fit.select(usable)
     if not len(cells):
         return False
-    pixel, found = snap(pyramid, fit.pixel, fit, lattice.closest, free)
-    cells, pixel, fit = cells[found], pixel[found], fit.select(found)
-    if not len(cells):
-        return False
-    pixel, good = lattice.refined(pyramid, cells, pixel, fit)
-    good &= fit.cells_away(pixel) < _SEARCH * lattice.closest
+    pixel, good = lattice.refined(pyramid, cells, fit.pixel, fit)
+    # Where the prediction is too far off, the nearest saddle is the next best start.
+    start, found = snap(pyramid, lattice, fit.pixel, fit, free)
+    rows = np.nonzero(found & ~good)[0]
+    pixel[rows], good[rows] = lattice.refined(pyramid, cells[rows], start[rows], fit.select(rows))
+    good &= fit.cells_away(pixel) < lattice.search
     good[good] &= _alone(lattice, pixel[good], fit.select(good))
     lattice.put(cells[good], pixel[good])
     return bool(good.any())
 
 
 def snap(
-    pyramid: Pyramid, start: FloatArray, fit: LocalFit, closest: float, free: FloatArray
+    pyramid: Pyramid, lattice: BoardLattice, start: FloatArray, fit: LocalFit, free: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
     """Saddle points near (N, 2) starts: the nearest candidate, else what the photo shows there."""
-    reach = _SEARCH * closest
     pixel, found = start.copy(), np.zeros(len(start), bool)
     if len(free):
         _, index = nearest(start, free, 4)
         moved = free[index] - start[:, None] + fit.pixel[:, None]
         away = fit.cells_away(moved)
         rows, best = np.arange(len(start)), away.argmin(axis=1)
-        found = away[rows, best] < reach
+        found = away[rows, best] < lattice.search
         pixel[found] = free[index[rows, best]][found]
     rest = np.nonzero(~found)[0]
     if len(rest):
-        near = fit.side[rest] * closest
+        near = fit.side[rest] * lattice.closest
         saddle = fit_saddles(
             pyramid.levels[0],
             start[rest],
             np.clip(0.2 * near, 2.0, 6.0),
-            np.maximum(reach * fit.side[rest], 1.0),
+            np.maximum(lattice.search * fit.side[rest], 1.0),
         )
         pixel[rest], found[rest] = saddle.pixel, saddle.ok
     return pixel, found & pyramid.inside(pixel, 2.0)
@@ -218,6 +281,7 @@ def clean(lattice: BoardLattice) -> None:
         lonely = ~(inside & lattice.known[i, j]).any(axis=1)
         fit = lattice.fit(cells, without_itself=True)
         miss = np.where(fit.sound, fit.cells_away(lattice.at(cells)), 0.0)
+        miss /= 1 + np.sqrt(fit.leverage)
         # One wrong corner spoils its neighbours' predictions: only the worst around goes.
         spread = np.zeros(lattice.known.shape)
         spread[cells[:, 0], cells[:, 1]] = miss

@@ -52,10 +52,10 @@ def aprilgrid_is_dark(board: Board) -> Callable[[FloatArray], BoolArray]:
         # Gaps lie before each tag; one more gap follows the last.
         cell = np.floor((plane + gap) / pitch).astype(np.int32)
         within = plane - cell * pitch
-        in_gap = within < 0
-        printed = ((cell >= 0) & (cell <= (columns, rows))).all(axis=-1)
-        square = in_gap.all(axis=-1) & printed
-        tag = printed & ~in_gap.any(axis=-1) & (cell < (columns, rows)).all(axis=-1)
+        in_gap: BoolArray = np.less(within, 0)
+        printed: BoolArray = ((cell >= 0) & (cell <= (columns, rows))).all(axis=-1)
+        square: BoolArray = in_gap.all(axis=-1) & printed
+        tag: BoolArray = printed & ~in_gap.any(axis=-1) & (cell < (columns, rows)).all(axis=-1)
         module = np.floor(within / board.square * size).astype(np.int32)
         x, y = np.where(tag[..., None], cell, 0).astype(np.intp).reshape(-1, 2).T
         u, v = np.where(tag[..., None], module, 0).astype(np.intp).reshape(-1, 2).T

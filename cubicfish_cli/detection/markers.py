@@ -1,0 +1,383 @@
+"""Photo + target -> named corners of ChArUco and AprilGrid boards.
+
+Markers name the corners around them; found grids and growth along the board add those whose
+markers cannot be read, as in the rim of a fisheye photo. A name must be supported by markers
+that agree with each other about where the board is; what they contradict is left nameless.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.detection.grids import BoolArray, FloatArray, FoundGrids, Grid, IntArray
+from cubicfish_cli.detection.markers_detect import (
+    Family,
+    SeenMarkers,
+    detect_markers,
+    families,
+    join,
+)
+from cubicfish_cli.detection.markers_lattice import BoardLattice, clean, grow, snap, verify
+from cubicfish_cli.detection.markers_read import (
+    marker_ratio,
+    module_places,
+    read_grid,
+    read_modules,
+    shortest_side,
+    squares,
+    wrong_modules,
+)
+from cubicfish_cli.detection.nearby import nearest
+from cubicfish_cli.detection.pyramid import Pyramid, build_pyramid
+from cubicfish_cli.target import Board, Target
+
+# Markers vouch for each other up to this many cells apart, when each is where the other's own
+# shape puts it, to this share of the distance (distortion bends it).
+_VOUCH_CELLS = 3
+_VOUCH_MISS = 0.25
+# A grid takes its names from at least this many of a board's corners, and from this share of
+# those that it shares with the board.
+_LEAST_VOTES, _LEAST_SHARE = 3, 0.8
+# A marker that stands alone must have this many of its corners seen as corners.
+_ALONE = 3
+# Share of wrong modules from which a clearly read marker is another one.
+_ANOTHER = 0.2
+# A second place of the same board is a misread marker, and not another copy of the board, when
+# so many times fewer markers speak for it.
+_MISREAD = 4
+_SAME_CORNER = 0.3  # of the distance to the next corner
+
+
+class How(IntEnum):
+    """What named a corner."""
+
+    MARKER = 0
+    """It belongs to a marker that was read."""
+    GRID = 1
+    """A found grid, named by corners that it shares with markers, has it."""
+    GROWN = 2
+    """It is where its board continues."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MarkedCorners:
+    """Corners of boards with markers, found and named in one photo.
+
+    Attributes:
+        board: (N,) index into the target's boards.
+        column, row: (N,) place on the board.
+        pixel: (N, 2) sub-pixel x, y.
+        how: (N,) what named each, see :class:`How`.
+        grid_board: (G,) for each grid that was given, the board that it is part of, or -1 when
+            no marker names it.
+        contradictory: indices of boards that were left out because markers put them in two
+            places: two copies in view, or a board that is not as the target says.
+
+    """
+
+    board: IntArray
+    column: IntArray
+    row: IntArray
+    pixel: FloatArray
+    how: IntArray
+    grid_board: IntArray
+    contradictory: tuple[int, ...]
+
+    def __len__(self) -> int:
+        """Return the number of corners."""
+        return len(self.board)
+
+
+@dataclass(kw_only=True, eq=False)
+class _Piece:
+    """A board, or a part of it, at one place in the photo."""
+
+    board: int
+    lattice: BoardLattice
+    how: IntArray  # (columns, rows)
+    markers: int  # how many agree
+    grids: set[int]
+
+
+def find_marked_corners(
+    image: npt.NDArray[np.generic], target: Target, grids: FoundGrids
+) -> MarkedCorners:
+    """Find and name the corners of the target's ChArUco and AprilGrid boards.
+
+    Args:
+        image: (H, W) grey photo, uint8, uint16 or float.
+        target: the object; boards without markers are passed over.
+        grids: what :func:`~.finder.find_grids` found in the same photo.
+
+    """
+    all_families = families(target)
+    if not all_families or min(image.shape) < 8:
+        return _marked([], len(grids.grids), ())
+    pyramid = build_pyramid(image)
+    markers = join(
+        [
+            detect_markers(
+                np.clip(np.rint(pyramid.levels[0]), 0, 255).astype(np.uint8), all_families
+            ),
+            *(read_grid(pyramid, target, all_families, grid) for grid in grids.grids),
+        ]
+    )
+    free = np.concatenate([grids.refused, *(grid.pixel for grid in grids.grids)])
+    pieces: list[_Piece] = []
+    for index in np.unique(markers.board):
+        own = markers.of(int(index))
+        label = _places(own, target, int(index))
+        for place in np.unique(label):
+            piece = _piece(pyramid, target, int(index), own, label == place, grids.grids, free)
+            if piece is not None and _agrees(pyramid, target, all_families, piece):
+                pieces.append(piece)
+    pieces.sort(key=lambda piece: -piece.markers)
+    return _marked(*_settle(pieces, len(grids.grids)))
+
+
+def _places(markers: SeenMarkers, target: Target, board: int) -> IntArray:
+    """Which markers of a board agree about where it is: (N,) the same number for those."""
+    count = len(markers)
+    pitch = 1 + target.boards[board].spacing if target.boards[board].kind == "aprilgrid" else 1.0
+    square = squares(markers.pixel, marker_ratio(target, board))
+    middle = square.mean(axis=1)
+    right = 0.5 * (square[:, 1] + square[:, 2] - square[:, 0] - square[:, 3]) * pitch
+    down = 0.5 * (square[:, 3] + square[:, 2] - square[:, 0] - square[:, 1]) * pitch
+    apart = markers.cell[None] - markers.cell[:, None]
+    step = np.stack([right, down], axis=-1)
+    step = 0.5 * (step[None] + step[:, None])
+    expected = (step @ apart[..., None])[..., 0]
+    miss = np.linalg.norm(middle[None] - middle[:, None] - expected, axis=-1)
+    length = np.linalg.norm(expected, axis=-1) + 0.5 * np.linalg.norm(step, axis=(-2, -1))
+    agree = (np.abs(apart).max(axis=-1) <= _VOUCH_CELLS) & (miss < _VOUCH_MISS * length)
+    label = np.arange(count)
+    while True:
+        lowest = np.where(agree | agree.T, label[None], count).min(axis=1)
+        if (lowest == label).all():
+            return label
+        label = lowest
+
+
+def _piece(
+    pyramid: Pyramid,
+    target: Target,
+    index: int,
+    markers: SeenMarkers,
+    chosen: BoolArray,
+    grids: tuple[Grid, ...],
+    free: FloatArray,
+) -> _Piece | None:
+    """The board as the chosen markers place it, grown as far as it can be seen."""
+    board = target.boards[index]
+    lattice = BoardLattice(board=board)
+    cells, pixel = _seeds(board, markers.cell[chosen], markers.pixel[chosen], target, index)
+    lattice.put(cells, pixel)
+    cells = lattice.cells()
+    fit = lattice.fit(cells)
+    pixel, found = snap(pyramid, lattice, lattice.at(cells), fit, free)
+    lattice.put(cells, np.where((found & fit.sound)[:, None], pixel, np.nan))
+    clean(lattice)
+    verify(pyramid, lattice)
+    agreeing = len(np.unique(markers.cell[chosen], axis=0))
+    if lattice.known.sum() < (_ALONE if agreeing == 1 else 4):
+        return None
+    how = np.full(lattice.known.shape, int(How.GROWN))
+    how[lattice.known] = How.MARKER
+    piece = _Piece(board=index, lattice=lattice, how=how, markers=agreeing, grids=set())
+    for _ in range(2):
+        _absorb(piece, grids)
+        grow(pyramid, lattice, free)
+        clean(lattice)
+        verify(pyramid, lattice)
+        clean(lattice)
+    return piece if lattice.known.sum() >= 4 else None
+
+
+def _seeds(
+    board: Board, cell: IntArray, outline: FloatArray, target: Target, index: int
+) -> tuple[IntArray, FloatArray]:
+    """Where markers put the corners around them: cells (K, 2), pixels (K, 2)."""
+    square = squares(outline, marker_ratio(target, index))
+    first = 2 * cell if board.kind == "aprilgrid" else cell - 1
+    corner = (first[:, None] + np.array([(0, 0), (1, 0), (1, 1), (0, 1)])).reshape(-1, 2)
+    pixel = square.reshape(-1, 2)
+    inside = ((corner >= 0) & (corner < (board.columns, board.rows))).all(axis=1)
+    cells, same = np.unique(corner[inside], axis=0, return_inverse=True)
+    same = same.ravel()
+    count = np.bincount(same, minlength=len(cells))
+    mean = np.stack(
+        [np.bincount(same, pixel[inside, k], minlength=len(cells)) / count for k in (0, 1)], axis=-1
+    )
+    return cells, mean
+
+
+def _absorb(piece: _Piece, grids: tuple[Grid, ...]) -> None:
+    """Take the corners of grids that share corners with the piece, by majority vote."""
+    lattice = piece.lattice
+    for number, grid in enumerate(grids):
+        names = _name_grid(lattice, grid)
+        if names is None:
+            continue
+        piece.grids.add(number)
+        fresh = ~lattice.known[names[:, 0], names[:, 1]]
+        lattice.put(names[fresh], grid.pixel[fresh])
+        piece.how[names[fresh, 0], names[fresh, 1]] = How.GRID
+
+
+def _name_grid(lattice: BoardLattice, grid: Grid) -> IntArray | None:
+    """Names (N, 2) of a grid's corners, or None when the piece does not name it for sure."""
+    known = lattice.cells()
+    if not len(known):
+        return None
+    distance, index = nearest(grid.pixel, lattice.at(known), 1)
+    shared = distance[:, 0] < max(1.0, 0.1 * grid.step)
+    if shared.sum() < _LEAST_VOTES:
+        return None
+    names = known[index[shared, 0]]
+    most, named = 0, None
+    for turn in range(4):
+        # Quarter turns; every other one swaps which quadrant lies right and below.
+        cells = grid.cells @ np.linalg.matrix_power(_QUARTER, turn)
+        offsets, votes = np.unique(names - cells[shared], axis=0, return_counts=True)
+        if votes.max() > most:
+            most, named = int(votes.max()), cells + offsets[votes.argmax()]
+            sign = grid.parity * (-1) ** (grid.cells.sum(axis=1) + turn)
+    if named is None or most < max(_LEAST_VOTES, _LEAST_SHARE * shared.sum()):
+        return None
+    fits = lattice.inside(named).all() and (lattice.sign(named) == sign).all()
+    return named if fits else None
+
+
+_QUARTER = np.array([(0, 1), (-1, 0)])
+
+
+def _agrees(pyramid: Pyramid, target: Target, all_families: list[Family], piece: _Piece) -> bool:
+    """Whether the markers that can be read through the piece's corners are the board's own."""
+    board = target.boards[piece.board]
+    cell = board.marker_cells()[:, 1:]
+    first = 2 * cell if board.kind == "aprilgrid" else cell - 1
+    corner = first[:, None] + np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    whole = np.asarray(piece.lattice.inside(corner).all(axis=1))
+    whole[whole] = ~np.isnan(piece.lattice.at(corner[whole].reshape(-1, 2))[:, 0]).reshape(
+        -1, 4
+    ).any(axis=1)
+    if not whole.any():
+        return True
+    corner = corner[whole]
+    ratio = marker_ratio(target, piece.board)
+    side_px = ratio * shortest_side(piece.lattice.at(corner.reshape(-1, 2)).reshape(-1, 4, 2))
+    own, clear = np.zeros(len(corner), bool), np.zeros(len(corner), bool)
+    another = np.ones(len(corner), bool)
+    for family in all_families:
+        row = np.nonzero(family.board == piece.board)[0]
+        if not len(row):
+            continue
+        points = piece.lattice.inside_squares(corner, module_places(family, ratio))
+        modules = read_modules(pyramid, points, side_px, family)
+        wrong = wrong_modules(modules.white, family)[:, 0]
+        wrong = wrong[np.arange(len(wrong)), row[whole]]
+        own |= modules.clear & (wrong <= family.corrected)
+        another &= wrong > _ANOTHER * family.size**2
+        clear |= modules.clear
+    return bool(own.sum() >= 2 * (clear & another).sum())
+
+
+def _settle(pieces: list[_Piece], grids: int) -> tuple[list[_Piece], int, tuple[int, ...]]:
+    """Merge pieces that continue each other; leave out boards that are in two places."""
+    kept: list[_Piece] = []
+    contradictory: set[int] = set()
+    for piece in pieces:
+        rivals = [other for other in kept if _share_pixels(piece, other)]
+        same = [other for other in kept if other.board == piece.board]
+        if any(other.board != piece.board for other in rivals):
+            continue  # what more markers name otherwise
+        if not same:
+            kept.append(piece)
+        elif all(_continue_each_other(piece, other) for other in same):
+            _merge(same[0], piece)
+        elif same[0].markers < _MISREAD * piece.markers:
+            contradictory.add(piece.board)
+    left = [piece for piece in kept if piece.board not in contradictory]
+    return left, grids, tuple(sorted(contradictory))
+
+
+def _share_pixels(one: _Piece, other: _Piece) -> bool:
+    """Whether a good part of the smaller piece is where the other piece has corners."""
+    few, many = sorted((one.lattice, other.lattice), key=lambda lattice: int(lattice.known.sum()))
+    cells = few.cells()
+    near = nearest(few.at(cells), many.pixel[many.known], 1)[0][:, 0]
+    limit = _SAME_CORNER * few.closest * few.fit(cells).side
+    return bool((near < limit).mean() > 0.1)
+
+
+def _continue_each_other(one: _Piece, other: _Piece) -> bool:
+    """Whether two pieces of a board can be parts of one board in one place."""
+    both = np.argwhere(one.lattice.known & other.lattice.known)
+    if len(both):
+        apart = np.hypot(*(one.lattice.at(both) - other.lattice.at(both)).T)
+        limit = _SAME_CORNER * one.lattice.closest * one.lattice.fit(both).side
+        return bool((apart < limit).all()) and not _names_differ(one, other)
+    if _share_pixels(one, other):
+        return False
+    # Nearest cells of the two: the way between must be as long and lead as both pieces say.
+    a, b = one.lattice.cells(), other.lattice.cells()
+    distance, index = nearest(a.astype(float), b.astype(float), 1)
+    start = a[distance[:, 0].argmin()][None]
+    end = b[index[distance[:, 0].argmin(), 0]][None]
+    lattice = one.lattice
+    way = np.array(
+        [
+            lattice.x[end[0, 0]] - lattice.x[start[0, 0]],
+            lattice.y[end[0, 1]] - lattice.y[start[0, 1]],
+        ]
+    )
+    steps = 0.5 * (one.lattice.fit(start).step[0] + other.lattice.fit(end).step[0])
+    expected = steps @ way
+    seen = other.lattice.at(end)[0] - one.lattice.at(start)[0]
+    return bool(np.linalg.norm(seen - expected) < 0.5 * np.linalg.norm(expected))
+
+
+def _names_differ(one: _Piece, other: _Piece) -> bool:
+    """Whether a corner of one piece is where the other has a corner of another name."""
+    cells, names = one.lattice.cells(), other.lattice.cells()
+    distance, index = nearest(one.lattice.at(cells), other.lattice.at(names), 1)
+    limit = _SAME_CORNER * one.lattice.closest * one.lattice.fit(cells).side
+    near = distance[:, 0] < limit
+    return bool((names[index[near, 0]] != cells[near]).any())
+
+
+def _merge(into: _Piece, piece: _Piece) -> None:
+    cells = np.argwhere(piece.lattice.known & ~into.lattice.known)
+    into.lattice.put(cells, piece.lattice.at(cells))
+    into.how[cells[:, 0], cells[:, 1]] = piece.how[cells[:, 0], cells[:, 1]]
+    into.markers += piece.markers
+    into.grids |= piece.grids
+
+
+def _marked(pieces: list[_Piece], grids: int, contradictory: tuple[int, ...]) -> MarkedCorners:
+    pieces = sorted(pieces, key=lambda piece: piece.board)
+    grid_board = np.full(grids, -1, np.intp)
+    for piece in pieces:
+        grid_board[list(piece.grids)] = piece.board
+    parts = [(piece, piece.lattice.cells()) for piece in pieces]
+    cells = np.concatenate([np.zeros((0, 2), np.intp), *(cells for _, cells in parts)])
+    return MarkedCorners(
+        board=np.repeat(
+            np.array([piece.board for piece, _ in parts], np.intp),
+            [len(cells) for _, cells in parts],
+        ),
+        column=cells[:, 0],
+        row=cells[:, 1],
+        pixel=np.concatenate(
+            [np.zeros((0, 2)), *(piece.lattice.at(cells) for piece, cells in parts)]
+        ),
+        how=np.concatenate(
+            [np.zeros(0, np.intp), *(piece.how[cells[:, 0], cells[:, 1]] for piece, cells in parts)]
+        ),
+        grid_board=grid_board,
+        contradictory=contradictory,
+    )

@@ -1,0 +1,174 @@
+"""Reading markers through corners that are known: no outline has to be found first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cubicfish_cli.detection.grids import BoolArray, FloatArray, Grid, IntArray
+from cubicfish_cli.detection.markers_detect import Family, SeenMarkers, join
+from cubicfish_cli.detection.pyramid import Pyramid
+from cubicfish_cli.target import Target
+
+# Modules smaller than this run into each other.
+_SMALLEST_MODULE_PX = 1.5
+# Share of the frame's modules that must be black, and how far black and white are apart.
+_FRAME = 0.85
+_LEAST_CONTRAST = 8.0  # times the noise
+_MOST_WRONG = 2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Modules:
+    """What is inside N outlines.
+
+    Attributes:
+        white: (N, size, size) which modules are white.
+        clear: (N,) there is a black frame around, and the modules are large enough to be read.
+
+    """
+
+    white: BoolArray
+    clear: BoolArray
+
+
+def outlines(square: FloatArray, ratio: float) -> FloatArray:
+    """Outlines (N, 4, 2) of markers of ``ratio`` squares in the middle of squares (N, 4, 2)."""
+    low, high = 0.5 * (1 - ratio), 0.5 * (1 + ratio)
+    return through_square(square, np.array([(low, low), (high, low), (high, high), (low, high)]))
+
+
+def squares(outline: FloatArray, ratio: float) -> FloatArray:
+    """Squares (N, 4, 2) around outlines (N, 4, 2) of markers that are ``ratio`` squares wide."""
+    low, high = 0.5 - 0.5 / ratio, 0.5 + 0.5 / ratio
+    return through_square(outline, np.array([(low, low), (high, low), (high, high), (low, high)]))
+
+
+def shortest_side(square: FloatArray) -> FloatArray:
+    """Length (N,) of the shortest side of (N, 4, 2) quadrangles."""
+    return np.linalg.norm(square - np.roll(square, -1, axis=1), axis=2).min(axis=1)
+
+
+def through_square(corner: FloatArray, place: FloatArray) -> FloatArray:
+    """Pixels (N, K, 2) of places (K, 2) in unit squares that are seen as (N, 4, 2) corners.
+
+    By each square's own homography (Heckbert, 1989, the square-to-quadrilateral case); corners
+    are at (0, 0), (1, 0), (1, 1) and (0, 1).
+    """
+    a, b, c, d = corner.transpose(1, 0, 2)
+    one, two, rest = b - c, d - c, a - b + c - d
+    area = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
+    area = np.where(np.abs(area) > 1e-9, area, 1e-9)
+    g = (rest[:, 0] * two[:, 1] - rest[:, 1] * two[:, 0]) / area
+    h = (one[:, 0] * rest[:, 1] - one[:, 1] * rest[:, 0]) / area
+    along_u = b - a + g[:, None] * b
+    along_v = d - a + h[:, None] * d
+    u, v = place[None, :, 0], place[None, :, 1]
+    depth = 1 + g[:, None] * u + h[:, None] * v
+    depth = np.where(np.abs(depth) > 1e-6, depth, 1e-6)
+    result: FloatArray = (
+        a[:, None] + along_u[:, None] * u[..., None] + along_v[:, None] * v[..., None]
+    ) / depth[..., None]
+    return result
+
+
+def module_places(family: Family, ratio: float) -> FloatArray:
+    """Where to look at each module: (K, 2) in a square whose middle holds the marker.
+
+    ``ratio`` is the marker's side in squares. Five points a module, module by module and row
+    by row: its middle and half way to its corners.
+    """
+    side = family.size + 2 * family.border
+    middle = (np.arange(side) + 0.5) / side
+    place = np.stack(np.meshgrid(middle, middle), axis=-1).reshape(-1, 1, 2)
+    spread = np.array([(0, 0), (-1, -1), (1, -1), (1, 1), (-1, 1)]) * (0.22 / side)
+    return 0.5 + ratio * ((place + spread).reshape(-1, 2) - 0.5)
+
+
+def read_modules(
+    pyramid: Pyramid, points: FloatArray, side_px: FloatArray, family: Family
+) -> Modules:
+    """Read markers at the (N, K, 2) pixels of their :func:`module_places`.
+
+    ``side_px`` (N,) is how long a marker's shortest side is.
+    """
+    side = family.size + 2 * family.border
+    level = pyramid.sample(points, side_px).astype(float)
+    level = level.reshape(len(points), side, side, -1).mean(axis=-1)
+    inner = slice(family.border, side - family.border)
+    frame = np.ones((side, side), bool)
+    frame[inner, inner] = False
+    black = level[:, frame].mean(axis=1)
+    white = np.sort(level[:, inner, inner].reshape(len(level), -1), axis=1)[:, -4:].mean(axis=1)
+    between = 0.5 * (black + white)
+    clear = (level[:, frame] < between[:, None]).mean(axis=1) >= _FRAME
+    clear &= white - black > _LEAST_CONTRAST * pyramid.noise
+    clear &= side_px > _SMALLEST_MODULE_PX * side
+    clear &= pyramid.inside(points.reshape(-1, 2), 1.0).reshape(len(points), -1).all(axis=1)
+    return Modules(white=level[:, inner, inner] > between[:, None, None], clear=clear)
+
+
+def wrong_modules(white: BoolArray, family: Family) -> IntArray:
+    """Number of modules (N, 4, M) that differ from each code.
+
+    The second axis counts quarter turns: at k the k-th corner of the outline (clockwise) is the
+    upright marker's top left.
+    """
+    turned = np.stack([np.rot90(white, k, axes=(1, 2)) for k in range(4)], axis=1)
+    bits = turned.reshape(len(white), 4, -1).astype(np.float32)
+    codes = family.codes.reshape(len(family.codes), -1).astype(np.float32)
+    same = bits @ codes.T + (1 - bits) @ (1 - codes).T
+    return np.rint(codes.shape[1] - same).astype(np.intp)
+
+
+def read_grid(
+    pyramid: Pyramid, target: Target, all_families: list[Family], grid: Grid
+) -> SeenMarkers:
+    """Markers in the squares of a found grid whose four corners are known."""
+    size = grid.cells.max(axis=0) + 2
+    pixel = np.full((*size, 2), np.nan)
+    pixel[grid.cells[:, 0], grid.cells[:, 1]] = grid.pixel
+    square = np.stack([pixel[:-1, :-1], pixel[1:, :-1], pixel[1:, 1:], pixel[:-1, 1:]], axis=2)
+    whole = ~np.isnan(square).any(axis=(2, 3))
+    bright = np.indices(whole.shape).sum(axis=0) % 2 == (0 if grid.parity > 0 else 1)
+    found = []
+    for family in all_families:
+        chosen = square[whole & (~bright if family.joined else bright)]
+        for ratio in _ratios(target, family):
+            found.append(_read(pyramid, chosen, family, target, ratio))
+    return join(found)
+
+
+def _ratios(target: Target, family: Family) -> list[float]:
+    """Side of a marker in squares, each that boards of the family have."""
+    return sorted({marker_ratio(target, int(board)) for board in np.unique(family.board)})
+
+
+def marker_ratio(target: Target, board: int) -> float:
+    """Side of a board's markers in squares (tags: 1)."""
+    one = target.boards[board]
+    if one.markers is None or one.kind == "aprilgrid":
+        return 1.0
+    return one.markers.side / one.square
+
+
+def _read(
+    pyramid: Pyramid, square: FloatArray, family: Family, target: Target, ratio: float
+) -> SeenMarkers:
+    if not len(square):
+        return join([])
+    points = through_square(square, module_places(family, ratio))
+    modules = read_modules(pyramid, points, ratio * shortest_side(square), family)
+    wrong = wrong_modules(modules.white, family)
+    fits = [marker_ratio(target, int(board)) == ratio for board in family.board]
+    wrong[:, :, ~np.array(fits)] = family.size**2
+    best = wrong.reshape(len(wrong), -1).argmin(axis=1)
+    turn, code = np.divmod(best, len(family.codes))
+    rows = np.arange(len(wrong))
+    good = modules.clear & (wrong[rows, turn, code] <= min(_MOST_WRONG, family.corrected // 2))
+    order = (np.arange(4) + turn[:, None]) % 4
+    upright = np.take_along_axis(outlines(square, ratio), order[..., None], axis=1)
+    return SeenMarkers(
+        board=family.board[code[good]], cell=family.cell[code[good]], pixel=upright[good]
+    )
