@@ -167,6 +167,8 @@ def command(
         )
     for photo, reason in calibration.unfit.items():
         say(f"left out: {photo}: {reason}")
+    for note in calibration.notes:
+        say(f"note: {note}")
     for departure in calibration.departures:
         for doubt in departure.doubts:
             say(f"warning: board {departure.board} seems {doubt}")
@@ -262,7 +264,13 @@ def _print(
     camera = calibration.camera
     result(
         f"{'field':<24}{calibration.covered_deg:>7.1f}°   from the axis covered by corners; "
-        f"trusted to {camera.max_angle_deg:.1f}°\n"
+        f"trusted to {camera.max_angle_deg:.1f}°"
+    )
+    result(f"{'coverage':<24}{100 * calibration.coverage:>7.0f} %   of that field holds corners")
+    uncertainty = calibration.uncertainty
+    result(
+        f"{'uncertainty':<24}{px(uncertainty['median_px']):>7} px  of a distant point's pixel, "
+        f"median over the field; at most {px(uncertainty['max_px'])}\n"
     )
     _print_object(calibration)
     print_photos(record["per_image"])

@@ -13,6 +13,12 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.companion import Companion, fit_companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
 from cubicfish_cli.fitting.departures import Departure, departures
+from cubicfish_cli.fitting.findings import (
+    coverage,
+    coverage_notes,
+    dropped_groups,
+    noisy_photos,
+)
 from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refinement import LEVELS, Drawing, Level, ObjectFit, refine_object
@@ -37,9 +43,10 @@ MIN_PAIRS = 30
 _FLAT = 1e-4
 # Beyond this relative uncertainty of the focal length the photos do not determine the lens.
 _MAX_FOCAL_UNCERTAINTY = 0.05
-_DROP_ROUNDS = 3
+_DROP_ROUNDS = 5
 # A richer object must lower the held-out error at least to this share of the poorer one's.
 _WORTH = 0.99
+_STRONGEST_WEIGHT = 300.0
 
 RefineTarget = Literal["off", "shape", "points", "auto"]
 
@@ -89,6 +96,8 @@ class Calibration:
         departures: by how much the object departs from its drawing, a board each.
         uncertainty: how far the pixels of distant points may be off under the corners' noise,
             on a grid over the photo, as ``uncertainty_record`` of fitting/uncertainty.py has it.
+        coverage: share of the valid field that corners cover, 0 to 1.
+        notes: what a person should know beyond the figures, a line each.
 
     """
 
@@ -109,6 +118,8 @@ class Calibration:
     target: Target | None
     departures: tuple[Departure, ...]
     uncertainty: dict[str, Any]
+    coverage: float
+    notes: tuple[str, ...]
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: ``fit`` of camera.yaml and the command's JSON."""
@@ -126,6 +137,8 @@ class Calibration:
             "rank": self.rank,
             "covered_deg": self.covered_deg,
             "prior_weight": self.prior_weight,
+            "coverage": self.coverage,
+            "notes": list(self.notes),
             "uncertainty": self.uncertainty,
             "dropped": len(self.dropped),
             "dropped_corners": [corner.as_record() for corner in self.dropped],
@@ -169,6 +182,7 @@ def calibrate(
     _refuse_undetermined(fit.companion)
     drawing = Drawing(target=target, pairs=fit.companion.pairs, scale=scale)
     fit, held_out = _climb(fit, drawing, refine_target, hold_out)
+    fit, held_out[fit.level] = _no_worse_than_companion(fit, drawing, held_out.get(fit.level))
     held_out_by_level = {level: error.rms_px for level, error in held_out.items() if error}
     cubic, companion = fit.cubic, fit.companion
     used = replace(companion.pairs, world=companion.pairs.world * scale)
@@ -179,6 +193,10 @@ def calibrate(
         max_angle_deg=cubic.max_angle_deg,
         radial=companion.camera,
     )
+    share = coverage(used.pixel, camera.outline(), pairs.image_size)
+    notes = dropped_groups(pairs, [(c.image, c.board, c.error_px) for c in dropped])
+    notes += noisy_photos(used, cubic.residual)
+    notes += coverage_notes(share, len(used.images), not hold_out or fit.level in held_out_by_level)
     return Calibration(
         camera=camera,
         poses=Poses(rotation=cubic.poses.rotation, translation=cubic.poses.translation * scale),
@@ -197,23 +215,38 @@ def calibrate(
         target=refined,
         departures=tuple(departures(target, refined)) if target and refined else (),
         uncertainty=uncertainty_record(camera_uncertainty(cubic), camera),
+        coverage=share,
+        notes=tuple(notes),
     )
 
 
 def _without_gross(companion: Companion) -> tuple[ObjectFit, tuple[DroppedCorner, ...]]:
-    """Fit to the object as drawn, dropping grossly wrong corners until none is left."""
+    """Fit to the object as drawn without grossly wrong corners.
+
+    Every round judges all corners anew: a corner that only looked wrong because others had
+    pulled its photo's pose away comes back.
+    """
+    everything, poses = companion.pairs, companion.poses
+    kept = np.ones(len(everything.pixel), bool)
     cubic = fit_cubic(companion)
-    dropped: list[DroppedCorner] = []
+    poses = cubic.poses
+    length = np.hypot(cubic.residual[:, 0], cubic.residual[:, 1])
     for _ in range(_DROP_ROUNDS):
-        length = np.hypot(cubic.residual[:, 0], cubic.residual[:, 1])
-        gross = length > gross_px(cubic.residual)
-        if not gross.any():
+        good = length <= gross_px(cubic.residual)
+        if (good == kept).all():
             break
-        dropped += _dropped(companion.pairs, gross, length)
-        kept, photos = select(companion.pairs, ~gross)
-        companion = refit_companion(companion, kept, cubic.poses[photos])
+        kept = good
+        remaining, photos = select(everything, kept)
+        companion = refit_companion(companion, remaining, poses[photos])
         cubic = fit_cubic(companion)
-    return ObjectFit(level="off", companion=companion, cubic=cubic), tuple(dropped)
+        poses = poses.with_photos(photos, cubic.poses)
+        miss = cubic.lens.project(poses.apply(everything.image, everything.world))
+        miss -= everything.pixel
+        length = np.minimum(np.hypot(miss[:, 0], miss[:, 1]), max(everything.image_size))
+    return (
+        ObjectFit(level="off", companion=companion, cubic=cubic),
+        tuple(_dropped(everything, ~kept, length)),
+    )
 
 
 def _climb(
@@ -240,6 +273,27 @@ def _climb(
         if level == refine_target:
             break
     return fit, measured
+
+
+def _no_worse_than_companion(
+    fit: ObjectFit, drawing: Drawing, held_out: HeldOut | None
+) -> tuple[ObjectFit, HeldOut | None]:
+    """Hold P closer to the companion as long as photos that were left out gain by it.
+
+    The evidence chose the prior's weight; where the cubic is still worse than its companion on
+    held-out photos, the held-out error has the last word.
+    """
+    while held_out is not None and held_out.rms_px > held_out.companion_rms_px:
+        weight = 10 * fit.cubic.prior_weight
+        if weight > _STRONGEST_WEIGHT:
+            break
+        world = None if fit.level == "off" else fit.cubic.fit.world
+        stronger = replace(fit, cubic=fit_cubic(fit.companion, weight=weight, world=world))
+        measured = held_out_error(stronger, drawing)
+        if measured is None or measured.rms_px >= held_out.rms_px:
+            break
+        fit, held_out = stronger, measured
+    return fit, held_out
 
 
 def _refuse_too_little(pairs: Correspondences) -> None:

@@ -108,14 +108,15 @@ def fit_cubic(
             world=world,
             relative_decrease=max(relative_decrease, _ROUGH_DECREASE),
         )
-        fit = adjust(
-            fit.lens,
-            fit.poses,
-            pairs,
-            huber_px=huber_px(fit.residual),
-            world=fit.world,
-            relative_decrease=relative_decrease,
-        )
+        if relative_decrease < _ROUGH_DECREASE:  # to the bottom, the loss's scale settled
+            fit = adjust(
+                fit.lens,
+                fit.poses,
+                pairs,
+                huber_px=huber_px(fit.residual),
+                world=fit.world,
+                relative_decrease=relative_decrease,
+            )
         result = _result(fit, weight, max_angle_deg)
         if result.soundness.sound:
             return result

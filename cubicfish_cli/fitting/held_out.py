@@ -118,6 +118,4 @@ def pose_only_residual(
     lens = FixedLens(camera=camera)
     fit = adjust(lens, poses[photos], own, huber_px=10.0)
     fit = adjust(lens, fit.poses, own, huber_px=huber_px(fit.residual))
-    rotation, translation = poses.rotation.copy(), poses.translation.copy()
-    rotation[photos], translation[photos] = fit.poses.rotation, fit.poses.translation
-    return Poses(rotation=rotation, translation=translation), fit.residual, index
+    return poses.with_photos(photos, fit.poses), fit.residual, index

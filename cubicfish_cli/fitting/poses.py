@@ -31,6 +31,12 @@ class Poses:
     def __getitem__(self, index: IntArray) -> Poses:
         return Poses(rotation=self.rotation[index], translation=self.translation[index])
 
+    def with_photos(self, photos: IntArray, poses: Poses) -> Poses:
+        """The same poses with those of some photos replaced."""
+        rotation, translation = self.rotation.copy(), self.translation.copy()
+        rotation[photos], translation[photos] = poses.rotation, poses.translation
+        return Poses(rotation=rotation, translation=translation)
+
     def apply(self, image: IntArray, world: FloatArray) -> FloatArray:
         """World points in their photos' camera frames: (N,) photos, (N, 3) -> (N, 3)."""
         return (self.rotation[image] @ world[:, :, None])[:, :, 0] + self.translation[image]

@@ -105,6 +105,7 @@ def refine_object(
         free = replace(free, parameters=previous.parameters)
     adjusted = _adjusted(fit.cubic.lens, fit.cubic.poses, drawing.pairs, free)
     if spread is not None:
+        adjusted = _continued(adjusted, drawing.pairs)
         adjusted, spread = _settled_spread(adjusted, drawing.pairs, spread)
     return _joint(fit, drawing, level, adjusted, spread, weight=weight, relative_decrease=1e-10)
 
@@ -156,8 +157,9 @@ def free_world(drawing: Drawing, *, noise: float, offset_spread: float | None) -
 def _adjusted(
     lens: CubicFit, poses: Poses, pairs: Correspondences, world: RefinedWorld
 ) -> Adjustment:
-    # As drawn, residuals are too large to set the loss's scale by: settle it in two rounds.
-    fit = adjust(
+    """A first adjustment of the object, rough: the companion and all at once come after it."""
+    # As drawn, residuals are too large to set the loss's scale by.
+    return adjust(
         lens,
         poses,
         pairs,
@@ -165,7 +167,6 @@ def _adjusted(
         world=world,
         relative_decrease=1e-3,
     )
-    return _continued(fit, pairs)
 
 
 def _continued(

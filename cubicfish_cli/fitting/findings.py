@@ -1,0 +1,115 @@
+"""What a person should know about a fit beyond its figures, in words that name the likely cause."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.fitting.robust import noise_px
+
+FloatArray = npt.NDArray[np.float64]
+
+# Cells along the photo's shorter side in which coverage is counted.
+_CELLS = 8
+_POOR_COVERAGE = 0.5
+_FEW_PHOTOS = 3
+# A photo this many times noisier than the median photo is worth a look.
+_NOISY = 3.0
+_NOISY_PX = 0.3
+_GROUP_SHARE = 0.5
+_GROUP_SIZE = 4
+
+
+def coverage(pixel: FloatArray, outline: FloatArray, image_size: tuple[int, int]) -> float:
+    """Share of the valid field's cells that hold a corner, 0 to 1.
+
+    Args:
+        pixel: (N, 2) corners.
+        outline: (K, 2) the valid field within the photo, a polygon.
+        image_size: (width, height), pixels.
+
+    """
+    width, height = image_size
+    cell = min(image_size) / _CELLS
+    x = np.arange(cell / 2, width, cell)
+    y = np.arange(cell / 2, height, cell)
+    middle = np.stack(np.meshgrid(x, y), axis=-1)
+    valid = _inside(middle.reshape(-1, 2), outline).reshape(middle.shape[:2])
+    column, row = np.floor(pixel / cell).astype(int).T
+    kept = (column >= 0) & (row >= 0) & (column < len(x)) & (row < len(y))
+    hit = np.zeros_like(valid)
+    hit[row[kept], column[kept]] = True
+    return float((hit & valid).sum() / max(valid.sum(), 1))
+
+
+def _inside(points: FloatArray, polygon: FloatArray) -> npt.NDArray[np.bool_]:
+    """Which points (N, 2) lie in a polygon (K, 2), by crossings of a ray to the right."""
+    ax, ay = polygon.T
+    bx, by = np.roll(polygon, -1, axis=0).T
+    x, y = points[:, 0, None], points[:, 1, None]
+    spans = (ay > y) != (by > y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = ax + (y - ay) * (bx - ax) / (by - ay)
+    return np.asarray((spans & (x < crossing)).sum(axis=1) % 2 == 1)
+
+
+def dropped_groups(
+    before: Correspondences, dropped: Sequence[tuple[str, str | None, float]]
+) -> list[str]:
+    """Boards of which a photo lost most corners: no single slips but one cause.
+
+    Args:
+        before: the pairs before any was dropped.
+        dropped: photo, board and error in pixels of each dropped corner.
+
+    """
+    groups: dict[tuple[str, str], list[float]] = {}
+    for image, board, error in dropped:
+        if board is not None:
+            groups.setdefault((image, board), []).append(error)
+    lines = []
+    for (image, board), errors in groups.items():
+        own = (before.image == before.images.index(image)) & (
+            before.board == before.boards.index(board)
+        )
+        if len(errors) >= max(_GROUP_SIZE, _GROUP_SHARE * own.sum()):
+            lines.append(
+                f"{image}: {len(errors)} of {own.sum()} corners of board {board} are off by "
+                f"{np.median(errors):.1f} px in the median and were dropped: the board moved, "
+                "or is named wrongly in this photo"
+            )
+    return lines
+
+
+def noisy_photos(pairs: Correspondences, residual: FloatArray) -> list[str]:
+    """Photos whose corners are much noisier than the others': blurred, moving, badly lit."""
+    if len(pairs.images) < _FEW_PHOTOS:
+        return []
+    noise = np.array(
+        [noise_px(residual[pairs.image == photo]) for photo in range(len(pairs.images))]
+    )
+    typical = float(np.median(noise))
+    return [
+        f"{pairs.images[photo]}: corners are {noise[photo] / typical:.0f} times noisier than in "
+        "the other photos: blurred, moving or badly lit? Leave it out or take it again"
+        for photo in np.flatnonzero(noise > max(_NOISY * typical, _NOISY_PX))
+    ]
+
+
+def coverage_notes(share: float, photos: int, held_out: bool) -> list[str]:
+    """What a low RMS may hide: a field that is badly covered, or too few photos."""
+    notes = []
+    if share < _POOR_COVERAGE:
+        notes.append(
+            f"corners cover only {100 * share:.0f} % of the valid field: a low RMS says little "
+            "about the rest, so take photos with the object in the empty parts"
+        )
+    if not held_out:
+        notes.append(
+            f"{photos} photo{'s' * (photos != 1)} cannot tell a held-out error: take three or "
+            "more to learn how right the camera is"
+        )
+    return notes

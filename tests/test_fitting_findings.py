@@ -1,0 +1,116 @@
+"""What the fit says beyond its figures: bad photos and boards are named, with a likely cause."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import synthetic
+
+from cubicfish_cli.fitting.calibrate import calibrate
+from cubicfish_cli.fitting.findings import coverage, coverage_notes
+from cubicfish_cli.model.radial import RadialCamera
+
+TARGET = synthetic.corner_of_three()
+
+
+@pytest.fixture
+def pairs():
+    poses = synthetic.poses_around(TARGET, 10, seed=21)
+    return synthetic.synthetic_correspondences(TARGET, poses, noise=0.1, seed=22)
+
+
+def swapped(pairs, photo):
+    """The names of two boards exchanged in one photo, where both have the corner."""
+    board = pairs.board.copy()
+    own = pairs.image == photo
+    board[own & (pairs.board == 0)], board[own & (pairs.board == 1)] = 1, 0
+    changed = replace(pairs, board=board)
+    fits = (changed.column < 7) & (changed.row < 5)
+    world = TARGET.world_points(board[fits], pairs.column[fits], pairs.row[fits])
+    return replace(
+        changed,
+        image=pairs.image[fits],
+        world=world,
+        pixel=pairs.pixel[fits],
+        weight=pairs.weight[fits],
+        board=board[fits],
+        column=pairs.column[fits],
+        row=pairs.row[fits],
+    )
+
+
+def test_swapped_boards_are_named(pairs):
+    result = calibrate(swapped(pairs, 4), target=TARGET, hold_out=False)
+    said = " ".join(result.notes) + " ".join(result.unfit)
+    assert "04.png" in said
+    assert result.errors.rms_px < 0.2
+    lost = {corner.image for corner in result.dropped} | set(result.unfit)
+    assert lost == {"04.png"}
+
+
+def test_a_board_that_moved_in_one_photo_is_named(pairs):
+    own = (pairs.image == 2) & (pairs.board == 1)
+    world = pairs.world.copy()
+    world[own] += [0, 0, 12.0]
+    result = calibrate(replace(pairs, world=world), target=TARGET, hold_out=False)
+    (note,) = [line for line in result.notes if "02.png" in line]
+    assert f"{own.sum()} corners of board left" in note
+    assert "moved" in note
+    assert result.errors.rms_px < 0.16
+
+
+def test_a_blurred_photo_is_named(pairs):
+    pixel = pairs.pixel.copy()
+    own = pairs.image == 6
+    pixel[own] += np.random.default_rng(0).normal(0, 0.8, (own.sum(), 2))
+    result = calibrate(replace(pairs, pixel=pixel), target=TARGET, hold_out=False)
+    (note,) = [line for line in result.notes if "noisier" in line]
+    assert note.startswith("06.png")
+
+
+def test_a_good_set_is_not_talked_about(pairs):
+    assert not [line for line in calibrate(pairs, hold_out=False).notes if "cover" not in line]
+
+
+@pytest.mark.parametrize(
+    ("change", "doubt"),
+    [("square", "square size"), ("place", "origin and axes")],
+)
+def test_a_wrong_drawing_is_doubted(pairs, change, doubt):
+    """The object is right and its file is wrong: held-out photos show it, and the doubt is said."""
+    boards = list(TARGET.boards)
+    if change == "square":
+        boards[2] = replace(boards[2], square=boards[2].square * 1.04)
+    else:
+        boards[1] = replace(boards[1], origin=boards[1].origin + np.array([0, 6.0, 0]))
+    wrong = replace(TARGET, boards=tuple(boards))
+    world = wrong.world_points(pairs.board, pairs.column, pairs.row)
+    result = calibrate(replace(pairs, world=world), target=wrong, refine_target="shape")
+    doubts = {part.board: " ".join(part.doubts) for part in result.departures}
+    named = boards[2 if change == "square" else 1].name
+    assert doubt in doubts[named]
+
+
+def test_coverage_counts_the_valid_field():
+    outline = np.array([[0, 0], [800, 0], [800, 800], [0, 800]], float)
+    corners = np.stack(np.meshgrid(np.arange(5.0, 400, 10), np.arange(5.0, 800, 10)), -1)
+    share = coverage(corners.reshape(-1, 2), outline, (800, 800))
+    assert share == pytest.approx(0.5)
+    triangle = np.array([[0, 0], [800, 0], [0, 800]], float)
+    assert coverage(np.zeros((0, 2)), triangle, (800, 800)) == 0
+    everywhere = np.stack(np.meshgrid(np.arange(800.0), np.arange(800.0)), -1).reshape(-1, 2)
+    assert coverage(everywhere, triangle, (800, 800)) == 1
+    assert any("cover only 30 %" in line for line in coverage_notes(0.3, 9, True))
+    assert any("1 photo cannot" in line for line in coverage_notes(0.9, 1, False))
+
+
+def test_the_cubic_is_not_worse_than_its_companion_on_a_radial_lens():
+    """Few noisy corners of a lens that is the companion's own: the freedom must not hurt."""
+    truth = RadialCamera(
+        image_size=(960, 720), fx=255, fy=255, cx=485, cy=350, k=np.array([-0.02, 0, 0, 0])
+    )
+    poses = synthetic.poses_around(TARGET, 5, seed=3)
+    pairs = synthetic.synthetic_correspondences(TARGET, poses, lens=truth, noise=0.4, seed=9)
+    held_out = calibrate(pairs).held_out
+    assert held_out is not None
+    assert held_out.rms_px <= 1.01 * held_out.companion_rms_px
