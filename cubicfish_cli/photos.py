@@ -172,7 +172,21 @@ def read_picture(path: Path) -> Picture:
 
     """
     path = Path(path)
-    data = _bytes(path)
+    return decode_picture(path, read_file(path))
+
+
+def decode_picture(path: Path, data: bytes, *, floats: bool = False) -> Picture:
+    """Decode a picture file's bytes, as :func:`read_picture` does; ``path`` is for messages.
+
+    Args:
+        path: where the bytes came from.
+        data: the file.
+        floats: whether 32-bit floating point numbers may come back too.
+
+    Raises:
+        PhotoError: as :func:`read_picture`.
+
+    """
     _refuse_bombs(path, data)
     picture = None
     if not _is_cut_jpeg(data):
@@ -187,7 +201,7 @@ def read_picture(path: Path) -> Picture:
                 f"{shown(path)} is cut short or damaged: copy it again or leave it out"
             )
         raise PhotoError(f"{shown(path)} is not a picture that can be read: save it as {_READABLE}")
-    if picture.dtype not in (np.uint8, np.uint16):
+    if picture.dtype not in (np.uint8, np.uint16) and not (floats and picture.dtype == np.float32):
         raise PhotoError(f"{shown(path)} holds {picture.dtype} numbers: save it with 8 or 16 bits")
     return picture
 
@@ -218,14 +232,20 @@ def photo_size(path: Path) -> tuple[int, int]:
         PhotoError: as :func:`read_picture`; a damaged picture with a good header passes.
 
     """
-    size = _header_size(_bytes(Path(path)))
+    size = _header_size(read_file(Path(path)))
     if size is None:
         height, width = read_picture(path).shape[:2]
         size = (width, height)
     return size
 
 
-def _bytes(path: Path) -> bytes:
+def read_file(path: Path) -> bytes:
+    """The bytes of a picture file.
+
+    Raises:
+        PhotoError: the file is missing, unreadable, empty or too large.
+
+    """
     try:
         if path.exists() and not path.is_file():
             raise PhotoError(f"{shown(path)} is not a file: give photos, or the folder they are in")
@@ -326,17 +346,43 @@ def _tiff_size(data: bytes, order: str) -> tuple[int, int] | None:
 
 @contextmanager
 def quiet_stderr() -> Iterator[None]:
-    """Send what C libraries write to stderr nowhere: decoders complain there by themselves."""
+    """Send what C libraries write to stderr nowhere: decoders complain there by themselves.
+
+    Several threads may be inside at once: the first redirects and the last restores.
+    """
     with _stderr_lock:
+        if _stderr.users == 0:
+            _stderr.redirect()
+        _stderr.users += 1
+    try:
+        yield
+    finally:
+        with _stderr_lock:
+            _stderr.users -= 1
+            if _stderr.users == 0:
+                _stderr.restore()
+
+
+class _Stderr:
+    """The file descriptor 2 while it is sent nowhere; guarded by :data:`_stderr_lock`."""
+
+    def __init__(self) -> None:
+        self.users = 0
+        self.kept: int | None = None
+
+    def redirect(self) -> None:
         try:
-            kept = os.dup(2)
+            self.kept = os.dup(2)
         except OSError:  # there is no stderr
-            yield
             return
-        try:
-            with open(os.devnull, "wb") as nowhere:
-                os.dup2(nowhere.fileno(), 2)
-            yield
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+
+    def restore(self) -> None:
+        if self.kept is not None:
+            os.dup2(self.kept, 2)
+            os.close(self.kept)
+            self.kept = None
+
+
+_stderr = _Stderr()

@@ -1,11 +1,16 @@
 """undistort and map: the right view of the right photos, and nothing replaced unasked."""
 
 import json
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+import yaml
 from conftest import SAMPLE, Run
 
 from cubicfish_cli.formats.camera_yaml import load_camera
@@ -58,16 +63,17 @@ def test_nothing_is_replaced_unasked_and_nothing_done_by_half(
     (out / "b.jpg").write_text("old")
     args = ["undistort", photos, out, "-m", model, "--size", "96x72"]
     assert "b.jpg exists already" in run(*args, code=1).stderr
+    assert "b.jpg exists already" in run(*args, "--dry-run", code=1).stderr
     assert [path.name for path in out.iterdir()] == ["b.jpg"]
     run(*args, "--overwrite")
     assert picture(out / "b.jpg").shape == (72, 96)
 
 
 def test_the_view_is_the_one_asked_for(run: Run, model: Path, tmp_path: Path) -> None:
-    args = ["--fov", 90, "--size", "101x51", "--yaw", 30, "--pitch", 20, "--roll", 90]
+    args = ["--hfov", 90, "--size", "101x51", "--rotate", "30,20,90"]
     said = run("map", tmp_path / "m.npz", "-m", model, *args).stdout
-    assert said == (
-        f"wrote {tmp_path / 'm.npz'}: 101x51 pixels, 90.0° across, focal length 50.50 px\n"
+    assert said.splitlines()[0] == (
+        f"wrote {tmp_path / 'm.npz'}: 101x51 pixels, 90.0° across, focal length 50.50 px"
     )
     written = load_map(tmp_path / "m.npz")
     assert written.map_x.shape == (51, 101)
@@ -93,11 +99,24 @@ def test_another_size_keeps_the_default_field(run: Run, model: Path, tmp_path: P
     [
         (["undistort", PHOTO, "out.xyz"], 1, "out.xyz"),
         (["undistort", "no.png", "out.png"], 1, "no.png"),
-        (["undistort", PHOTO, "."], 2, "OUT is a folder: name a file, such as flat.png"),
-        (["undistort", PHOTO, "out.png", "--fov", "180"], 2, "--fov"),
+        (["undistort", PHOTO, "out.png", "--hfov", "180"], 1, "between 0° and 180°"),
+        (["undistort", PHOTO, "out.png", "--hfov", "90", "--focal", "9"], 2, "the same thing"),
+        (["undistort", PHOTO, "out.png", "--hfov=9", "--vfov=9", "--size=9x9"], 2, "twice"),
+        (["undistort", PHOTO, "out.png", "--fit", "1.5"], 2, "a share from 0 to 1"),
+        (["undistort", PHOTO, "out.png", "--rotate", "1,2,3,4"], 2, "yaw,pitch,roll"),
+        (["undistort", PHOTO, "out.png", "--rotate", "nan"], 2, "yaw,pitch,roll"),
+        (["undistort", PHOTO, "out.png", "--border", "redd"], 2, "#RRGGBB"),
+        (["undistort", PHOTO, "out.png", "--layout", "cross"], 2, "--view cube"),
+        (["undistort", PHOTO, "out.png", "--view", "cube", "--fov", "90"], 2, "leave out --hfov"),
+        (["undistort", PHOTO, "out.png", "--view", "cube", "--size", "9x8"], 2, "NxN"),
+        (["undistort", PHOTO, "out.png", "--crop", "9x9+952+0"], 1, "does not lie within"),
+        (["undistort", PHOTO, "out.png", "--crop", "9x9"], 2, "WIDTHxHEIGHT+X+Y"),
+        (["undistort", PHOTO, "o.png", "--skip-existing", "--overwrite"], 2, "exclude"),
+        (["undistort", PHOTO, "o.png", "--fit=inner", "--rotate=180,0,0"], 1, "does not see"),
         (["undistort", PHOTO, "out.png", "--size", "99999x10"], 1, "size"),
         (["undistort", PHOTO], 2, "Missing argument"),
-        (["map", "out.exr"], 2, "out.exr: maps are written as .npz"),
+        (["map", "out.tif"], 2, "out.tif: maps are written as .npz, .exr, .png, .pgm"),
+        (["map", "out.png", "--fixed-point"], 2, ".npz"),
     ],
 )
 def test_what_cannot_be_done_is_said_and_leaves_nothing(
@@ -117,7 +136,188 @@ def test_what_cannot_be_done_is_said_and_leaves_nothing(
 
 
 def test_a_photo_of_another_size_is_refused(run: Run, model: Path, tmp_path: Path) -> None:
-    cv2.imwrite(str(tmp_path / "small.png"), np.zeros((72, 96), np.uint8))
+    cv2.imwrite(str(tmp_path / "small.png"), np.zeros((73, 96), np.uint8))
     said = run("undistort", tmp_path / "small.png", tmp_path / "o.png", "-m", model, code=1).stderr
-    assert "the photo has 96x72 pixels, the camera was calibrated for 960x720" in said
+    assert "the photo has 96x73 pixels, the camera was calibrated for 960x720" in said
     assert not (tmp_path / "o.png").exists()
+
+
+@pytest.fixture
+def photos(tmp_path: Path) -> Path:
+    """Three photos, the second of which is damaged."""
+    folder = tmp_path / "in"
+    folder.mkdir()
+    for name in ("a.jpg", "b.jpg", "c.jpg"):
+        (folder / name).write_bytes(PHOTO.read_bytes())
+    (folder / "b.jpg").write_bytes(PHOTO.read_bytes()[:5000])
+    return folder
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_bad_photo_is_named_and_the_rest_done(
+    run: Run, model: Path, tmp_path: Path, photos: Path, jobs: int
+) -> None:
+    out = tmp_path / "out"
+    done = run("undistort", photos, out, "-m", model, "--size", "96x72", "-j", jobs, code=1)
+    assert sorted(path.name for path in out.iterdir()) == ["a.jpg", "c.jpg"]
+    first, last = done.stderr.splitlines()
+    assert first.startswith(f"failed: {photos / 'b.jpg'} is cut short")
+    assert last.startswith("Error: 1 of 3 photos could not be undistorted (b.jpg)")
+    assert done.stdout.startswith(f"wrote 2 pictures to {out}: ")
+
+
+def test_existing_results_are_skipped_when_asked(
+    run: Run, model: Path, tmp_path: Path, photos: Path
+) -> None:
+    out = tmp_path / "out"
+    args = ["undistort", photos, out, "-m", model, "--size", "96x72", "--skip-existing"]
+    run(*args, code=1)
+    before = {path.name: path.stat().st_mtime_ns for path in out.iterdir()}
+    (photos / "b.jpg").write_bytes(PHOTO.read_bytes())
+    said = run(*args)
+    assert "skipped 2 photos" in said.stderr
+    assert said.stdout.startswith(f"wrote 1 picture to {out}")
+    after = {path.name: path.stat().st_mtime_ns for path in out.iterdir()}
+    assert {name: after[name] for name in before} == before
+    assert len(after) == 3
+    assert run(*args).stdout == "nothing to do\n"
+
+
+def test_names_come_as_arguments_globs_and_from_stdin(
+    run: Run, model: Path, tmp_path: Path, photos: Path
+) -> None:
+    (photos / "b.jpg").unlink()
+    a, c = photos / "a.jpg", photos / "c.jpg"
+    common = ["-m", model, "--size", "96x72"]
+    run("undistort", a, c, tmp_path / "o1", *common)
+    run("undistort", str(photos / "*.jpg"), tmp_path / "o2", *common)
+    run("undistort", "-", tmp_path / "o3", *common, input=f"{a}\n\n{c}\n")
+    for folder in ("o1", "o2", "o3"):
+        assert sorted(p.name for p in (tmp_path / folder).iterdir()) == ["a.jpg", "c.jpg"]
+    run("undistort", a, tmp_path / "o1", *common, "--overwrite")
+    (tmp_path / "o4").mkdir()
+    run("undistort", a, tmp_path / "o4", *common)
+    assert [p.name for p in (tmp_path / "o4").iterdir()] == ["a.jpg"]
+    assert "lists no photos" in run("undistort", "-", "o", *common, input="\n", code=2).stderr
+
+
+def test_a_photo_is_never_replaced_by_its_own_result(run: Run, model: Path, photos: Path) -> None:
+    before = (photos / "a.jpg").read_bytes()
+    for out in (photos, photos / "a.jpg"):
+        said = run("undistort", photos / "a.jpg", out, "-m", model, "--overwrite", code=1).stderr
+        assert "is the photo itself" in said
+    assert (photos / "a.jpg").read_bytes() == before
+
+
+def test_a_dry_run_says_what_would_be_kept_and_writes_nothing(
+    run: Run, model: Path, tmp_path: Path, photos: Path
+) -> None:
+    out = tmp_path / "out"
+    args = ["undistort", photos, out, "-m", model, "--view", "equidistant", "--dry-run"]
+    said = run(*args).stdout
+    assert "would write 3 files from 3 photos" in said
+    assert "100.0 % of what the camera sees" in said
+    empty = float(said.split("empty pixels")[1].split("%")[0])
+    assert 10 < empty < 60
+    said = run(*args, "--fit", "inner").stdout
+    assert "empty pixels  0.0 %" in said
+    assert 30 < float(said.split("°, ")[-1].split(" %")[0]) < 95
+    assert not out.exists()
+
+
+def test_a_view_at_its_limit_says_so(run: Run, model: Path, tmp_path: Path) -> None:
+    args = ["-m", model, "--size", "96x72"]
+    said = run("undistort", PHOTO, tmp_path / "o.png", *args, "--fit", "outer").stderr
+    assert "sees more than a perspective picture can show" in said
+    said = run("undistort", PHOTO, tmp_path / "p.png", *args, "--view", "equidistant").stderr
+    assert said == ""
+
+
+def test_a_cube_is_six_pictures_or_a_cross(run: Run, model: Path, tmp_path: Path) -> None:
+    args = ["undistort", PHOTO, tmp_path / "o.png", "-m", model, "--view", "cube"]
+    run(*args, "--size", "40x40", "--mask", tmp_path / "m.png", "--camera", tmp_path / "k")
+    faces = ("front", "right", "back", "left", "up", "down")
+    for face in faces:
+        assert picture(tmp_path / f"o_{face}.png").shape == (40, 40)
+        assert picture(tmp_path / f"m_{face}.png").shape == (40, 40)
+        assert (tmp_path / f"k_{face}.view.yaml").exists()
+    assert picture(tmp_path / "m_front.png").all()
+    assert not picture(tmp_path / "m_back.png").any()
+    run(*args, "--layout", "cross", "--size", "160x120")
+    np.testing.assert_array_equal(
+        picture(tmp_path / "o.png")[40:80, 40:80], picture(tmp_path / "o_front.png")
+    )
+
+
+def test_rescaled_and_cropped_photos_show_the_same(run: Run, model: Path, tmp_path: Path) -> None:
+    photo = cv2.GaussianBlur(picture(PHOTO), (0, 0), 4)  # nothing that halving softens
+    cv2.imwrite(str(tmp_path / "whole.png"), photo)
+    half = cv2.resize(photo, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    cv2.imwrite(str(tmp_path / "half.png"), half)
+    cv2.imwrite(str(tmp_path / "part.png"), photo[100:580, 160:800])
+    view = ["-m", model, "--hfov", 60, "--size", "160x120"]
+    run("undistort", tmp_path / "whole.png", tmp_path / "whole_flat.png", *view)
+    run("undistort", tmp_path / "half.png", tmp_path / "half_flat.png", *view)
+    part = tmp_path / "part_flat.png"
+    run("undistort", tmp_path / "part.png", part, *view, "--crop", "640x480+160+100")
+    whole = picture(tmp_path / "whole_flat.png").astype(float)
+    assert np.abs(picture(part) - whole).max() <= 1
+    assert np.abs(picture(tmp_path / "half_flat.png") - whole).mean() < 1.2
+
+
+def test_the_mask_and_the_camera_go_along(run: Run, model: Path, tmp_path: Path) -> None:
+    mask, out = tmp_path / "mask.png", tmp_path / "o.png"
+    args = ["-m", model, "--hfov", 150, "--border", "#ff8000", "--rotate", "30,0,0"]
+    said = run("undistort", PHOTO, out, *args, "--mask", mask, "--camera", out).stdout
+    files = [mask, out.with_suffix(".view.yaml"), out.with_suffix(".view.opencv.yaml")]
+    assert said.splitlines()[1:] == [f"wrote {path}" for path in files]
+    trusted = picture(mask)
+    assert set(np.unique(trusted)) == {0, 255}
+    grey = 0.299 * 255 + 0.587 * 128
+    assert (np.abs(picture(out)[trusted == 0] - grey) < 1.5).all()
+    storage = cv2.FileStorage(str(files[2]), cv2.FILE_STORAGE_READ)
+    assert storage.getNode("model").string() == "pinhole"
+    matrix = storage.getNode("camera_matrix").mat()
+    record = yaml.safe_load(files[1].read_text())
+    np.testing.assert_allclose(matrix, record["K"])
+    assert record["kind"] == "perspective"
+    assert record["image_size"] == [960, 720]
+    np.testing.assert_allclose(record["camera_from_view"], [0, np.radians(30), 0], atol=1e-12)
+    assert 2 * np.degrees(np.arctan(480 / matrix[0, 0])) == pytest.approx(150)
+
+
+def test_one_small_photo_needs_no_scipy(model: Path, tmp_path: Path) -> None:
+    code = (
+        "import sys\nfrom cubicfish_cli.cli.main import cli\n"
+        f"cli(['undistort', {str(PHOTO)!r}, {str(tmp_path / 'o.png')!r}, '-m', {str(model)!r}], "
+        "standalone_mode=False)\n"
+        "print(sorted({'scipy', 'rich', 'av', 'OpenEXR'} & sys.modules.keys()))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_an_interrupt_leaves_whole_files_only(model: Path, tmp_path: Path) -> None:
+    photos, out = tmp_path / "in", tmp_path / "out"
+    photos.mkdir()
+    for number in range(60):
+        (photos / f"{number}.jpg").write_bytes(PHOTO.read_bytes())
+    args = ["undistort", str(photos), str(out), "-m", str(model), "-j", "2"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "cubicfish_cli.cli.main", *args],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        end = time.monotonic() + 30
+        while not (out.exists() and list(out.glob("*.jpg"))) and time.monotonic() < end:
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert said == "Interrupted.\n"
+    left = list(out.iterdir())
+    assert 0 < len(left) < 60
+    for path in left:
+        assert picture(path).shape == (720, 960)
+        assert not path.name.startswith(".")

@@ -45,6 +45,8 @@ ALLOWED["cli"] = {*ALLOWED}
 CONFINED: dict[str, set[str]] = {
     "cv2": {"photos", "detection", "naming", "undistortion", "rendering"},
     "scipy": {"fitting"},
+    "av": {"undistortion"},
+    "OpenEXR": {"undistortion"},
     "click": {"cli"},
     "rich": {"cli"},
     "yaml": {"plain_yaml"},

@@ -1,13 +1,18 @@
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
 from synthetic import lens_of_size
 
 from cubicfish_cli.errors import OutputError, PhotoError, ViewError
-from cubicfish_cli.photos import read_picture
+from cubicfish_cli.photos import decode_picture, read_picture
+from cubicfish_cli.undistortion.batch import PhotoJob, undistort_photo
 from cubicfish_cli.undistortion.images import (
+    PLAIN,
+    Rendering,
+    encode_picture,
     remap_picture,
-    undistort_picture_file,
     write_picture,
 )
 from cubicfish_cli.undistortion.maps import build_map, save_map
@@ -19,8 +24,14 @@ MAP = build_map(LENS, PerspectiveView.with_field(160, (70, 50), (0, 0.3, 0.2)))
 RNG = np.random.default_rng(2)
 
 
+def undistort_picture_file(source, out, made, rendering=PLAIN, *, overwrite):
+    job = PhotoJob(name=source.name, source=source, outputs=(out,))
+    undistort_photo(job, lambda path, size: [made], rendering, overwrite=overwrite)
+
+
 def picture(dtype=np.uint8, channels=1):
-    values = RNG.integers(0, np.iinfo(dtype).max, (HEIGHT, WIDTH, channels)).astype(dtype)
+    top = 1 if dtype == np.float32 else np.iinfo(dtype).max
+    values = RNG.uniform(0, top, (HEIGHT, WIDTH, channels)).astype(dtype)
     values = cv2.GaussianBlur(values, (0, 0), 2)
     return values.reshape(HEIGHT, WIDTH, channels) if channels > 1 else values
 
@@ -86,6 +97,9 @@ def test_jpeg_has_quality_95(tmp_path):
     [
         (".png", np.uint16, 4),
         (".tif", np.uint16, 3),
+        (".tif", np.float32, 1),
+        (".tif", np.float32, 3),
+        (".tiff", np.float32, 4),
         (".bmp", np.uint8, 1),
         (".bmp", np.uint8, 3),
         (".webp", np.uint8, 3),
@@ -98,9 +112,13 @@ def test_jpeg_has_quality_95(tmp_path):
 def test_what_a_kind_of_file_can_hold_comes_back(tmp_path, capfd, suffix, dtype, channels):
     values = picture(dtype, channels)
     if channels == 4:
-        values[..., 3] |= 1  # WebP drops the colour of what is wholly transparent
+        values[..., 3] += dtype(1) - (
+            values[..., 3] > 0
+        )  # WebP drops the colour of what is wholly transparent
     write_picture(tmp_path / f"p{suffix}", values, overwrite=False)
-    np.testing.assert_array_equal(read_picture(tmp_path / f"p{suffix}"), values)
+    written = tmp_path / f"p{suffix}"
+    read = decode_picture(written, written.read_bytes(), floats=True)
+    np.testing.assert_array_equal(read, values)
     assert capfd.readouterr() == ("", "")
 
 
@@ -113,6 +131,7 @@ def test_what_a_kind_of_file_can_hold_comes_back(tmp_path, capfd, suffix, dtype,
         (".bmp", np.uint16, 3, "colour of 16 bits"),
         (".pgm", np.uint8, 3, "colour"),
         (".ppm", np.uint8, 1, "grey"),
+        (".png", np.float32, 3, r"colour of 32 bits: write \.tif"),
         (".png", np.uint8, 2, "2 channels"),
     ],
 )
@@ -120,3 +139,61 @@ def test_what_it_cannot_hold_is_refused(tmp_path, suffix, dtype, channels, says)
     with pytest.raises(OutputError, match=says):
         write_picture(tmp_path / f"p{suffix}", picture(dtype, channels), overwrite=False)
     assert not list(tmp_path.iterdir())
+
+
+def test_floating_point_pictures_stay_so(tmp_path):
+    values = picture(np.float32, 3) * np.float32(7)  # beyond 1, as such pictures are
+    cv2.imwrite(str(tmp_path / "in.tif"), values)
+    undistort_picture_file(tmp_path / "in.tif", tmp_path / "out.tif", MAP, overwrite=False)
+    made = cv2.imread(str(tmp_path / "out.tif"), cv2.IMREAD_UNCHANGED)
+    assert made.dtype == np.float32
+    np.testing.assert_array_equal(made, cv2.remap(values, MAP.map_x, MAP.map_y, 1))
+    assert made.max() > 2
+
+
+@pytest.mark.parametrize("interpolation", ["nearest", "linear", "cubic", "lanczos"])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_the_border_has_its_colour_and_no_part_in_the_picture(interpolation, dtype):
+    top = 1 if dtype == np.float32 else np.iinfo(dtype).max
+    flat = np.full((HEIGHT, WIDTH, 3), top / 4, dtype)
+    made = remap_picture(flat, MAP, Rendering(interpolation=interpolation, border=(1, 0.5, 0)))
+    expected = np.broadcast_to(np.array([0, top / 2, top]), made[~MAP.valid].shape)
+    np.testing.assert_allclose(made[~MAP.valid], expected, atol=top / 200)
+    # No ringing against the border at the photo's edge.
+    np.testing.assert_allclose(made[MAP.valid], top / 4, rtol=0.02)
+
+
+def test_interpolations_are_cv2s():
+    photo = picture(channels=3)
+    inner = (MAP.map_x > 4) & (MAP.map_x < WIDTH - 5)
+    inner &= (MAP.map_y > 4) & (MAP.map_y < HEIGHT - 5)
+    results = []
+    for name, flag in [("nearest", 0), ("linear", 1), ("cubic", 2), ("lanczos", 4)]:
+        made = remap_picture(photo, MAP, Rendering(interpolation=name))
+        expected = cv2.remap(photo, MAP.map_x, MAP.map_y, flag)
+        np.testing.assert_array_equal(made[inner], expected[inner])
+        results.append(made)
+    assert not np.array_equal(results[0], results[1])
+
+
+def test_what_the_camera_does_not_see_is_transparent():
+    photo = np.full((HEIGHT, WIDTH, 4), 255, np.uint8)
+    for interpolation in ("linear", "cubic"):
+        rendering = Rendering(interpolation=interpolation, border=(1, 1, 1))
+        made = remap_picture(photo, MAP, rendering)
+        assert (made[~MAP.valid] == [255, 255, 255, 0]).all()
+        assert (made[MAP.valid] == 255).all()
+
+
+def test_grey_pictures_get_the_brightness_of_the_border():
+    made = remap_picture(picture(), MAP, Rendering(border=(1, 1, 1)))
+    assert (made[~MAP.valid] == 255).all()
+
+
+def test_quality_is_the_one_asked_for():
+    values = picture(channels=3)
+    sizes = [len(encode_picture(Path("a.jpg"), values, quality=q)) for q in (20, 60, 95)]
+    assert sizes == sorted(sizes)
+    assert len(encode_picture(Path("a.webp"), values, quality=40)) < len(
+        encode_picture(Path("a.webp"), values)
+    )

@@ -2,46 +2,137 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from cubicfish_cli.cli.options import (
     FILE,
+    SizeType,
     common_options,
     examples,
     model_option,
     model_path,
     overwrite_option,
 )
+from cubicfish_cli.cli.rendering_options import crop_option
 from cubicfish_cli.cli.terminal import result
-from cubicfish_cli.cli.view_options import ViewOptions, describe, view_options
+from cubicfish_cli.cli.view_options import ViewOptions, view_options
+from cubicfish_cli.cli.view_outputs import part_name, view_writers, write_all
+
+if TYPE_CHECKING:
+    from cubicfish_cli.undistortion.frames import Crop
+
+SUFFIXES = (".npz", ".exr", ".png", ".pgm")
 
 
 @click.command(
     "map",
-    short_help="The undistortion map alone, as cv2.remap takes it.",
-    epilog=examples("cubicfish map left.npz --yaw -60 --fov 80 --size 800x600"),
+    short_help="The undistortion map alone: for cv2.remap, as an STMap, for ffmpeg.",
+    epilog=examples(
+        "cubicfish map left.npz --rotate -60,0,0 --hfov 80 --size 800x600",
+        "cubicfish map undistort.exr --fit outer",
+        "cubicfish map redistort.exr --fit outer --redistort",
+        "cubicfish map flat.pgm --size 1920x1080",
+    ),
 )
-@click.argument("output", metavar="OUT.npz", type=FILE)
+@click.argument("output", metavar="OUT", type=FILE)
 @model_option
 @view_options
+@click.option(
+    "--photo-size",
+    type=SizeType(),
+    help="Size of the photos, when it is an exact rescale of the calibrated ones.",
+)
+@crop_option
+@click.option(
+    "--redistort", is_flag=True, help="The way back: from the view to the photo of the camera."
+)
+@click.option(
+    "--fixed-point",
+    is_flag=True,
+    help="In .npz, map_1 and map_2 of cv2.convertMaps instead of floats.",
+)
+@click.option(
+    "--origin",
+    type=click.Choice(["bottom-left", "top-left"]),
+    default="bottom-left",
+    help="Where y of an STMap (.exr, .png) is 0. [default: bottom-left, as in Nuke and Flame]",
+)
+@click.option(
+    "--mask",
+    type=FILE,
+    metavar="FILE",
+    help="Also write where the map may be trusted: 255, and 0 elsewhere.",
+)
 @overwrite_option
 @common_options
-def command(output: Path, model: Path | None, view: ViewOptions, overwrite: bool) -> None:
-    """Write where each pixel of a flat picture comes from in the photo.
+def command(
+    output: Path,
+    model: Path | None,
+    view: ViewOptions,
+    photo_size: tuple[int, int] | None,
+    crop: Crop | None,
+    redistort: bool,
+    fixed_point: bool,
+    origin: Any,
+    mask: Path | None,
+    overwrite: bool,
+) -> None:
+    r"""Write where each pixel of a view comes from in the photo, and the view's camera beside it.
 
-    OUT.npz holds map_x and map_y (float32, -1 outside), valid, and the view as JSON text:
-    cv2.remap(photo, map_x, map_y, cv2.INTER_LINEAR) renders the picture.
+    \b
+    .npz  map_x and map_y (float32, -1 outside), valid, and the view as JSON text:
+          cv2.remap(photo, map_x, map_y, cv2.INTER_LINEAR) renders the picture
+    .exr  STMap: x and y in R and G, 0 to 1 across the frame, 32-bit float
+    .png  the same as two 16-bit grey pictures, OUT_x.png and OUT_y.png
+    .pgm  the pair that ffmpeg's remap filter takes; the command is printed
     """
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.formats.camera_yaml import load_camera
-    from cubicfish_cli.undistortion.maps import build_map, save_map
+    from cubicfish_cli.undistortion.frames import camera_for_photos
+    from cubicfish_cli.undistortion.map_formats import (
+        PixelMap,
+        build_redistort_map,
+        ffmpeg_command,
+        map_writer,
+    )
+    from cubicfish_cli.undistortion.maps import build_map
 
-    if output.suffix.lower() != ".npz":
-        raise click.UsageError(f"{output}: maps are written as .npz: choose a name that ends so")
-    refuse_existing(output, overwrite=overwrite)
-    camera = load_camera(model_path(model)).camera
-    chosen = view.view_of(camera)
-    save_map(output, build_map(camera, chosen), overwrite=overwrite)
-    result(f"wrote {output}: {describe(chosen)}")
+    suffix = output.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise click.UsageError(
+            f"{output}: maps are written as {', '.join(SUFFIXES)}: choose a name that ends so"
+        )
+    if fixed_point and suffix != ".npz":
+        raise click.UsageError("--fixed-point is for maps in .npz")
+    parts = {
+        part: map_writer(part_name(output, part), fixed_point=fixed_point, origin=origin)
+        for part in view.parts
+    }
+    for paths, _ in parts.values():
+        for path in paths:
+            refuse_existing(path, overwrite=overwrite)
+    whole = load_camera(model_path(model)).camera
+    size = photo_size or ((crop.width, crop.height) if crop else whole.image_size)
+    camera = camera_for_photos(whole, size, crop)
+    chosen = view.chosen(camera)
+    maps = {
+        part: build_redistort_map(camera, own) if redistort else PixelMap.of(build_map(camera, own))
+        for part, own in chosen.views.items()
+    }
+    writers: dict[Path, Callable[[Path], object]] = {}
+    for part, (paths, write) in parts.items():
+        for index, path in enumerate(paths):
+            writers[path] = partial(write, index, maps[part])
+    writers |= view_writers(maps, mask=mask, beside=output)
+    written = write_all(writers, overwrite=overwrite)
+    result(f"wrote {written[0]}: {chosen.describe()}")
+    for path in written[1:]:
+        result(f"wrote {path}")
+    if suffix == ".pgm":
+        for paths, _ in parts.values():
+            result(f"apply it with: {ffmpeg_command(*paths)}")

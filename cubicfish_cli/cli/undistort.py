@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -11,12 +16,24 @@ from cubicfish_cli.cli.options import (
     FILE,
     common_options,
     examples,
+    jobs_option,
     model_option,
     model_path,
     overwrite_option,
 )
-from cubicfish_cli.cli.terminal import progress, result
-from cubicfish_cli.cli.view_options import ViewOptions, describe, view_options
+from cubicfish_cli.cli.rendering_options import (
+    RenderingOptions,
+    crop_option,
+    rendering_options,
+)
+from cubicfish_cli.cli.terminal import progress, result, say
+from cubicfish_cli.cli.view_options import ChosenView, ViewOptions, view_options
+
+if TYPE_CHECKING:
+    from cubicfish_cli.model.cubic import CubicCamera
+    from cubicfish_cli.undistortion.batch import Failure, PhotoJob
+    from cubicfish_cli.undistortion.frames import Crop
+    from cubicfish_cli.undistortion.maps import UndistortMap
 
 
 @click.command(
@@ -24,44 +41,289 @@ from cubicfish_cli.cli.view_options import ViewOptions, describe, view_options
     short_help="Photos to pictures in which straight lines are straight.",
     epilog=examples(
         "cubicfish undistort photo.png flat.png",
-        "cubicfish undistort photos/ flat/ --fov 90 --size 1920x1080",
-        "cubicfish undistort photo.png left.png --yaw -60 --fov 80",
+        "cubicfish undistort photos/ flat/ --hfov 90 --size 1920x1080",
+        "cubicfish undistort photo.png left.png --rotate -60,0,0 --hfov 80",
+        "cubicfish undistort photos/ all/ --view equidistant --fit outer --skip-existing",
+        "find . -name '*.jpg' | cubicfish undistort - flat/ -j 4",
     ),
 )
-@click.argument("source", metavar="IN", type=FILE)
+@click.argument("sources", metavar="IN...", nargs=-1, required=True)
 @click.argument("destination", metavar="OUT", type=FILE)
 @model_option
 @view_options
+@crop_option
+@rendering_options
+@click.option(
+    "--mask",
+    type=FILE,
+    metavar="FILE",
+    help="Also write where the result may be trusted: 255, and 0 elsewhere.",
+)
+@click.option(
+    "--camera",
+    "camera_out",
+    type=FILE,
+    metavar="FILE",
+    help="Also write the virtual camera of the result: FILE.view.yaml and FILE.view.opencv.yaml.",
+)
+@click.option("--skip-existing", is_flag=True, help="Leave out photos whose result exists.")
+@click.option("--dry-run", is_flag=True, help="Say what would be done, and write nothing.")
 @overwrite_option
+@jobs_option
 @common_options
 def command(
-    source: Path, destination: Path, model: Path | None, view: ViewOptions, overwrite: bool
+    sources: tuple[str, ...],
+    destination: Path,
+    model: Path | None,
+    view: ViewOptions,
+    crop: Crop | None,
+    pixels: RenderingOptions,
+    mask: Path | None,
+    camera_out: Path | None,
+    skip_existing: bool,
+    dry_run: bool,
+    overwrite: bool,
+    jobs: int | None,
 ) -> None:
-    """Render a flat (perspective) picture OUT of the photo IN.
+    """Render a picture OUT of the photo IN; flat (perspective) unless --view says otherwise.
 
-    With a folder or a quoted glob as IN, OUT is a folder and the pictures keep their names.
-    Pixels that the camera does not see are black.
+    With several photos, a folder or a quoted glob as IN, OUT is a folder and the pictures keep
+    their names; '-' reads the photos' names from stdin. Pixels that the camera does not see are
+    black. Depth, channels, and a JPEG's EXIF record and quality are kept.
     """
-    from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.formats.camera_yaml import load_camera
-    from cubicfish_cli.photos import find_photos
-    from cubicfish_cli.undistortion.images import check_suffix, undistort_picture_file
-    from cubicfish_cli.undistortion.maps import build_map
+    from cubicfish_cli.undistortion.batch import MapsBySize, undistort_photos
 
-    photos = find_photos([source])
-    one = len(photos) == 1 and photos[0].path == source
-    if one and destination.is_dir():
-        raise click.UsageError(f"OUT is a folder: name a file, such as {destination / 'flat.png'}")
-    outputs = [destination if one else destination / photo.name for photo in photos]
-    for output in outputs:
-        check_suffix(output)
-        refuse_existing(output, overwrite=overwrite)
+    if skip_existing and overwrite:
+        raise click.UsageError("--skip-existing and --overwrite exclude each other")
+    planned = _plan(sources, destination, view)
     camera = load_camera(model_path(model)).camera
-    chosen = view.view_of(camera)
-    undistort_map = build_map(camera, chosen)
+    planned = planned.free(skip_existing=skip_existing, overwrite=overwrite)
+    chosen = _ChosenViews(camera=camera, crop=crop, options=view)
+    if dry_run:
+        _describe_plan(planned, chosen)
+        return
+    extras = _extras(mask, camera_out, planned, chosen, overwrite=overwrite)
+    maps = MapsBySize(chosen.maps)
     with progress("Undistorting") as callback:
-        for done, (photo, output) in enumerate(zip(photos, outputs, strict=True)):
-            callback(done, len(photos))
-            undistort_picture_file(photo.path, output, undistort_map, overwrite=overwrite)
-    wrote = str(destination) if one else f"{count(len(photos), 'picture')} to {destination}"
-    result(f"wrote {wrote}: {describe(chosen)}")
+        failures = undistort_photos(
+            planned.jobs,
+            maps,
+            pixels.rendering(),
+            workers=jobs or os.cpu_count() or 1,
+            overwrite=overwrite,
+            progress=callback,
+        )
+    _report(planned, failures, chosen)
+    for path in extras:
+        result(f"wrote {path}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Plan:
+    """What is to be done: the photos, whether they are one, and how many are left out."""
+
+    jobs: Sequence[PhotoJob]
+    destination: Path
+    one: bool
+    skipped: int = 0
+
+    def free(self, *, skip_existing: bool, overwrite: bool) -> _Plan:
+        """Leave out what exists, or refuse to go on."""
+        from cubicfish_cli.undistortion.images import check_outputs, check_suffix
+
+        jobs = []
+        for job in self.jobs:
+            if skip_existing and all(path.is_file() for path in job.outputs):
+                for path in job.outputs:
+                    check_suffix(path)
+                continue
+            check_outputs(job.outputs, overwrite=overwrite)
+            jobs.append(job)
+        return _Plan(
+            jobs=jobs,
+            destination=self.destination,
+            one=self.one,
+            skipped=len(self.jobs) - len(jobs),
+        )
+
+
+def _plan(sources: Sequence[str], destination: Path, view: ViewOptions) -> _Plan:
+    """Which photo becomes which files."""
+    from cubicfish_cli.errors import OutputError
+    from cubicfish_cli.photos import find_photos, shown
+    from cubicfish_cli.undistortion.batch import PhotoJob
+
+    photos = find_photos(_with_stdin(sources))
+    one = len(photos) == 1 and len(sources) == 1 and os.fspath(photos[0].path) == sources[0]
+    to_folder = not one or destination.is_dir() or os.fspath(destination).endswith(os.sep)
+    parts = view.parts
+    jobs: list[PhotoJob] = []
+    for photo in photos:
+        path = destination / photo.name if to_folder else destination
+        outputs = tuple(
+            path.with_name(f"{path.stem}_{part}{path.suffix}") if part else path for part in parts
+        )
+        for output in outputs:
+            if output.exists() and output.samefile(photo.path):
+                raise OutputError(
+                    f"{shown(output)} is the photo itself: choose another name or folder for OUT"
+                )
+        jobs.append(PhotoJob(name=photo.name, source=photo.path, outputs=outputs))
+    return _Plan(jobs=jobs, destination=destination, one=one)
+
+
+def _with_stdin(sources: Sequence[str]) -> list[str]:
+    """The sources, with the names that stdin lists in the place of '-'."""
+    names: list[str] = []
+    for source in sources:
+        if source == "-":
+            listed = [line.rstrip("\r\n") for line in sys.stdin]
+            names += [name for name in listed if name]
+            if not names:
+                raise click.UsageError("stdin lists no photos: give one name a line")
+        else:
+            names.append(source)
+    return names
+
+
+@dataclass(frozen=True, kw_only=True)
+class _ChosenViews:
+    """The view for each size of photo, and its maps."""
+
+    camera: CubicCamera
+    crop: Crop | None
+    options: ViewOptions
+
+    def camera_for(self, size: tuple[int, int]) -> CubicCamera:
+        from cubicfish_cli.undistortion.frames import camera_for_photos
+
+        return camera_for_photos(self.camera, size, self.crop)
+
+    def view(self, size: tuple[int, int]) -> ChosenView:
+        return self.options.chosen(self.camera_for(size))
+
+    def maps(self, size: tuple[int, int]) -> list[UndistortMap]:
+        from cubicfish_cli.undistortion.maps import build_map
+
+        camera = self.camera_for(size)
+        return [build_map(camera, view) for view in self.options.chosen(camera).views.values()]
+
+    def usual_size(self) -> tuple[int, int]:
+        """The size of photos that are neither rescaled nor, but for the crop, cropped."""
+        if self.crop is None:
+            return self.camera.image_size
+        return self.crop.width, self.crop.height
+
+
+def _describe_plan(planned: _Plan, chosen: _ChosenViews) -> None:
+    """What a run would do: how many files, which field, and how much of it is empty."""
+    from cubicfish_cli.errors import CubicfishError
+    from cubicfish_cli.photos import photo_size
+    from cubicfish_cli.undistortion.fit import kept_share
+
+    sizes: dict[tuple[int, int], int] = {}
+    bad = []
+    for job in planned.jobs:
+        try:
+            size = photo_size(job.source)
+        except CubicfishError as error:
+            bad.append(str(error))
+            continue
+        sizes[size] = sizes.get(size, 0) + 1
+    files = sum(len(job.outputs) for job in planned.jobs)
+    skipped = f", {planned.skipped} skipped" * bool(planned.skipped)
+    result(f"would write {count(files, 'file')} from {count(len(planned.jobs), 'photo')}{skipped}")
+    for size, number in sizes.items():
+        result(f"{count(number, 'photo')} of {size[0]}x{size[1]} pixels:")
+        try:
+            view, maps = chosen.view(size), chosen.maps(size)
+        except CubicfishError as error:
+            bad.append(str(error))
+            result(f"  cannot be done: {error}")
+            continue
+        camera = chosen.camera_for(size)
+        empty = 1 - sum(made.valid.sum() for made in maps) / sum(made.valid.size for made in maps)
+        kept = min(1.0, sum(kept_share(camera, part) for part in view.views.values()))
+        result(f"  view          {view.describe()}")
+        result(f"  kept field    {_field(view)}{100 * kept:.1f} % of what the camera sees")
+        result(f"  empty pixels  {100 * empty:.1f} %")
+        _warn_of_limit(view)
+    for problem in bad:
+        say(f"would fail: {problem}")
+
+
+def _field(view: ChosenView) -> str:
+    from cubicfish_cli.undistortion.view import CentralView
+
+    if len(view.views) == 1 and isinstance(view.first, CentralView):
+        return f"{view.first.hfov_deg:.1f}° x {view.first.vfov_deg:.1f}°, "
+    return ""
+
+
+def _warn_of_limit(view: ChosenView) -> None:
+    if view.at_limit:
+        say(
+            f"the camera sees more than a {view.first.kind} picture can show: its field ends at "
+            "the view's own limit, and --view stereographic or equidistant shows all"
+        )
+
+
+def _extras(
+    mask: Path | None,
+    camera_out: Path | None,
+    planned: _Plan,
+    chosen: _ChosenViews,
+    *,
+    overwrite: bool,
+) -> list[Path]:
+    """Write the mask and the virtual camera, which are the same for all photos of one size."""
+    if (mask is None and camera_out is None) or not planned.jobs:
+        return []
+    from cubicfish_cli.cli.view_outputs import write_view_outputs
+    from cubicfish_cli.errors import ViewError
+    from cubicfish_cli.photos import photo_size
+
+    sizes = {photo_size(job.source) for job in planned.jobs}
+    if len(sizes) > 1:
+        raise ViewError(
+            "the photos have several sizes, which have a mask and a virtual camera each: "
+            "do the photos of one size at a time"
+        )
+    size = sizes.pop()
+    view, maps = chosen.view(size), chosen.maps(size)
+    named = dict(zip(view.views, maps, strict=True))
+    return write_view_outputs(named, mask=mask, beside=camera_out, overwrite=overwrite)
+
+
+def _report(planned: _Plan, failures: Sequence[Failure], chosen: _ChosenViews) -> None:
+    """Say what was written; end with an error when a photo failed."""
+    from cubicfish_cli.errors import PhotoError
+    from cubicfish_cli.photos import photo_size
+
+    if len(planned.jobs) == 1 and failures:
+        raise failures[0].error
+    for failure in failures:
+        click.echo(f"failed: {failure.error}", err=True)
+    failed = {failure.job.source for failure in failures}
+    done = [job for job in planned.jobs if job.source not in failed]
+    if planned.skipped:
+        say(f"skipped {count(planned.skipped, 'photo')} whose result exists")
+    if done:
+        view = chosen.view(photo_size(done[0].source))
+        files = sum(len(job.outputs) for job in done)
+        single = planned.one and files == 1
+        wrote = str(done[0].outputs[0]) if single else f"{count(files, 'picture')}"
+        folder = planned.destination.parent if planned.one else planned.destination
+        where = "" if single else f" to {folder}"
+        result(f"wrote {wrote}{where}: {view.describe()}")
+        _warn_of_limit(view)
+    elif not failures:
+        result("nothing to do")
+    if failures:
+        names = ", ".join(failure.job.name for failure in failures[:10])
+        more = f" and {len(failures) - 10} more" * (len(failures) > 10)
+        raise PhotoError(
+            f"{len(failures)} of {count(len(planned.jobs), 'photo')} could not be undistorted "
+            f"({names}{more}): the reasons are above, the others are done"
+        )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,49 +13,198 @@ from cubicfish_cli.cli.options import Decorated, SizeType
 
 if TYPE_CHECKING:
     from cubicfish_cli.model.cubic import CubicCamera
-    from cubicfish_cli.undistortion.views import CentralView
+    from cubicfish_cli.undistortion.view import CentralView, Rotation, View
 
-_ANGLE = click.FloatRange(-360, 360)
+KINDS = (
+    "perspective",
+    "cylindrical",
+    "equirectangular",
+    "stereographic",
+    "equidistant",
+    "cube",
+)
+
+
+class RotationType(click.ParamType):
+    """``YAW,PITCH,ROLL`` -> three angles in degrees; what is left out is 0."""
+
+    name = "YAW,PITCH,ROLL"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, float, float]:
+        """Parse, or fail as a usage error."""
+        if isinstance(value, tuple):
+            return value
+        parts = str(value).split(",")
+        try:
+            angles = [float(part) for part in parts]
+        except ValueError:
+            angles = []
+        if not 1 <= len(angles) <= 3 or not all(-360 <= angle <= 360 for angle in angles):
+            self.fail(f"{value!r} is not yaw,pitch,roll in degrees, such as -60,0,0", param, ctx)
+        yaw, pitch, roll = (*angles, 0.0, 0.0)[:3]
+        return yaw, pitch, roll
+
+
+class FitType(click.ParamType):
+    """``inner``, ``outer`` or a share between them -> 0 to 1."""
+
+    name = "inner|outer|SHARE"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Parse, or fail as a usage error."""
+        if isinstance(value, float):
+            return value
+        try:
+            share = {"inner": 0.0, "outer": 1.0}.get(value)
+            share = float(value) if share is None else share
+        except ValueError:
+            share = -1.0
+        if not 0 <= share <= 1:
+            self.fail(f"{value!r} is not 'inner', 'outer' or a share from 0 to 1", param, ctx)
+        return share
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChosenView:
+    """What is rendered.
+
+    Attributes:
+        views: name of the part -> view; one part named "" unless it is a cube in six pictures.
+        at_limit: whether the camera sees more than the fitted view can show.
+
+    """
+
+    views: dict[str, View]
+    at_limit: bool = False
+
+    @property
+    def first(self) -> View:
+        """The view, or a cube's front."""
+        return next(iter(self.views.values()))
+
+    def describe(self) -> str:
+        """A view in a few words."""
+        width, height = self.first.size
+        if len(self.views) > 1:
+            return f"the six faces of a cube, {width}x{height} pixels each"
+        return f"{width}x{height} pixels, {self.first.describe()}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class ViewOptions:
-    """What the user asked of the view; None and zero where nothing was asked."""
+    """What the user asked of the view; None where nothing was asked."""
 
+    kind: str
     size: tuple[int, int] | None
     hfov_deg: float | None
-    yaw_deg: float
-    pitch_deg: float
-    roll_deg: float
+    vfov_deg: float | None
+    focal: float | None
+    fit: float | None
+    rotate: tuple[float, float, float]
+    layout: str | None
 
-    def view_of(self, camera: CubicCamera) -> CentralView:
+    def __post_init__(self) -> None:
+        given = {
+            "--hfov": self.hfov_deg,
+            "--vfov": self.vfov_deg,
+            "--focal": self.focal,
+            "--fit": self.fit,
+        }
+        names = [name for name, value in given.items() if value is not None]
+        if self.kind == "cube":
+            if names:
+                raise click.UsageError(
+                    f"the faces of a cube have 90° each: leave out {names[0]}, or choose --size"
+                )
+        elif self.layout is not None:
+            raise click.UsageError("--layout is for --view cube")
+        if len(names) > 1 and (set(names) != {"--hfov", "--vfov"} or self.size is not None):
+            raise click.UsageError(
+                f"{' and '.join(names)}{' and --size' * (set(names) == {'--hfov', '--vfov'})} "
+                "say the same thing twice: leave one out"
+            )
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of the pictures that a photo becomes; one without a name unless it is a cube."""
+        if self.kind == "cube" and self.layout != "cross":
+            from cubicfish_cli.undistortion.cube import FACES
+
+            return tuple(FACES)
+        return ("",)
+
+    def chosen(self, camera: CubicCamera) -> ChosenView:
         """The view of this camera.
 
-        Without a field of its own it keeps the default view's field at any size.
+        Without a field of its own, a flat view keeps the default view's field at any size, and
+        others show all that the camera sees; a cylinder, which may not, keeps the photo's scale.
 
         Raises:
             ViewError: the view is not one that can be rendered.
 
         """
+        from cubicfish_cli.undistortion.fit import OUTER, fit_view
         from cubicfish_cli.undistortion.views import (
-            PerspectiveView,
+            CENTRAL_KINDS,
+            axis_focal,
             default_view,
             rotation_from_angles,
         )
 
-        default = default_view(camera)
-        rotation = rotation_from_angles(
-            yaw_deg=self.yaw_deg, pitch_deg=self.pitch_deg, roll_deg=self.roll_deg
-        )
-        size = self.size or default.size
+        yaw, pitch, roll = self.rotate
+        rotation = rotation_from_angles(yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll)
+        if self.kind == "cube":
+            return self._cube(camera, rotation)
+        kind = CENTRAL_KINDS[self.kind]
+        size = self.size or camera.image_size
         if self.hfov_deg is not None:
-            return PerspectiveView.with_field(self.hfov_deg, size, rotation)
-        return replace(
-            default,
-            size=size,
-            focal=default.focal * size[0] / default.size[0],
-            rotation=rotation,
-        )
+            return _one(self._with_hfov(kind, self.hfov_deg, size, rotation))
+        if self.vfov_deg is not None:
+            return _one(kind.with_field(self.vfov_deg, size, rotation, vertical=True))
+        if self.focal is not None:
+            return _one(kind(size=size, focal=self.focal, rotation=rotation))
+        if self.fit is None and self.kind == "perspective":
+            default = default_view(camera)
+            focal = default.focal * size[0] / default.size[0]
+            return _one(kind(size=size, focal=focal, rotation=rotation))
+        share = OUTER if self.fit is None else self.fit
+        fitted = fit_view(camera, kind, size, rotation, share=share)
+        if self.fit is None and self.kind == "cylindrical" and fitted.at_limit:
+            # All round, for the sake of what is nearly overhead, is not what anyone means.
+            focal = max(fitted.view.focal, axis_focal(camera) * size[0] / camera.image_size[0])
+            return _one(kind(size=size, focal=focal, rotation=rotation))
+        return ChosenView(views={"": fitted.view}, at_limit=fitted.at_limit)
+
+    def _with_hfov(
+        self, kind: type[CentralView], hfov_deg: float, size: tuple[int, int], rotation: Rotation
+    ) -> CentralView:
+        view = kind.with_field(hfov_deg, size, rotation)
+        if self.vfov_deg is None:
+            return view
+        one = kind.with_field(self.vfov_deg, (1, 1), vertical=True)  # its focal is 1 / height
+        height = max(1, round(view.focal / one.focal))
+        return kind(size=(size[0], height), focal=view.focal, rotation=rotation)
+
+    def _cube(self, camera: CubicCamera, rotation: Rotation) -> ChosenView:
+        from cubicfish_cli.undistortion.cube import CrossView, face_views
+        from cubicfish_cli.undistortion.views import axis_focal
+
+        side = max(1, round(2 * axis_focal(camera)))  # keeps the photo's scale on the axis
+        if self.layout == "cross":
+            return _one(CrossView(size=self.size or (4 * side, 3 * side), rotation=rotation))
+        if self.size is not None:
+            if self.size[0] != self.size[1]:
+                raise click.UsageError("a cube's faces are square: give --size as NxN")
+            side = self.size[0]
+        return ChosenView(views=dict(face_views(side, rotation)))
+
+
+def _one(view: View) -> ChosenView:
+    return ChosenView(views={"": view})
 
 
 def view_options(function: Decorated) -> Decorated:
@@ -63,47 +212,61 @@ def view_options(function: Decorated) -> Decorated:
 
     @functools.wraps(function)
     def with_view(*args: Any, **options: Any) -> Any:
-        names = ("size", "hfov_deg", "yaw_deg", "pitch_deg", "roll_deg")
+        names = ("kind", "size", "hfov_deg", "vfov_deg", "focal", "fit", "rotate", "layout")
         view = ViewOptions(**{name: options.pop(name) for name in names})
         return function(*args, view=view, **options)
 
     decorators: tuple[Callable[[Any], Any], ...] = (
         click.option(
-            "--roll",
-            "roll_deg",
-            type=_ANGLE,
-            default=0.0,
-            metavar="DEG",
-            help="Turn the view clockwise about its axis.",
+            "--layout",
+            type=click.Choice(["files", "cross"]),
+            help="A cube as six pictures or as one. [default: files]",
         ),
         click.option(
-            "--pitch",
-            "pitch_deg",
-            type=_ANGLE,
-            default=0.0,
-            metavar="DEG",
-            help="Look up (negative: down).",
+            "--rotate",
+            type=RotationType(),
+            default=(0.0, 0.0, 0.0),
+            help="Look right, then up, then turn the view clockwise: degrees.",
         ),
         click.option(
-            "--yaw",
-            "yaw_deg",
-            type=_ANGLE,
-            default=0.0,
-            metavar="DEG",
-            help="Look to the right (negative: left).",
+            "--fit",
+            type=FitType(),
+            help="Field from what the camera sees: no empty pixel, nothing lost, or a share "
+            "between (0 to 1).",
         ),
         click.option(
+            "--focal",
+            type=click.FloatRange(0, 1e6, min_open=True),
+            metavar="PX",
+            help="Focal length: pixels a radian in the middle.",
+        ),
+        click.option(
+            "--vfov",
+            "vfov_deg",
+            type=click.FloatRange(0, 360, min_open=True),
+            metavar="DEG",
+            help="Field of view down the height; with --hfov it sets the height.",
+        ),
+        click.option(
+            "--hfov",
             "--fov",
             "hfov_deg",
-            type=click.FloatRange(0, 180, min_open=True, max_open=True),
+            type=click.FloatRange(0, 360, min_open=True),
             metavar="DEG",
-            help="Field of view across the width. [default: the photo's scale in its middle is "
-            "kept, up to 120 along the longer side]",
+            help="Field of view across the width. [default: perspective keeps the photo's scale "
+            "in its middle, up to 120 along the longer side; others take --fit outer]",
         ),
         click.option(
             "--size",
             type=SizeType(),
             help="Size of the result. [default: the photo's]",
+        ),
+        click.option(
+            "--view",
+            "kind",
+            type=click.Choice(KINDS),
+            default="perspective",
+            help="What the result is. [default: perspective, in which straight lines are straight]",
         ),
     )
     decorated: Any = with_view
@@ -111,9 +274,3 @@ def view_options(function: Decorated) -> Decorated:
         decorated = decorator(decorated)
     result: Decorated = decorated
     return result
-
-
-def describe(view: CentralView) -> str:
-    """A view in a few words."""
-    width, height = view.size
-    return f"{width}x{height} pixels, {view.hfov_deg:.1f}° across, focal length {view.focal:.2f} px"

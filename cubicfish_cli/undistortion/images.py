@@ -1,25 +1,34 @@
-"""Map and pictures -> undistorted pictures."""
+"""Map and pictures -> undistorted pictures, of the same depth and channels."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from cubicfish_cli.errors import OutputError, ViewError
-from cubicfish_cli.files import refuse_existing, whole_file
-from cubicfish_cli.photos import Picture, quiet_stderr, read_picture, shown
+from cubicfish_cli.files import refuse_existing, whole_files
+from cubicfish_cli.photos import Picture, quiet_stderr, shown
+from cubicfish_cli.undistortion.jpeg import DEFAULT_QUALITY, jpeg_nature, with_segments
 from cubicfish_cli.undistortion.maps import UndistortMap
 
-JPEG_QUALITY = 95
+INTERPOLATIONS = {
+    "nearest": cv2.INTER_NEAREST,
+    "linear": cv2.INTER_LINEAR,
+    "cubic": cv2.INTER_CUBIC,
+    "lanczos": cv2.INTER_LANCZOS4,
+}
 
 # What each kind of file can hold: bits a channel, and channels (4 is with transparency).
+# 32 bits are floating point numbers.
 _EIGHT, _EIGHT_OR_SIXTEEN = (8,), (8, 16)
 _HOLDS = {
     ".png": (_EIGHT_OR_SIXTEEN, (1, 3, 4)),
-    ".tif": (_EIGHT_OR_SIXTEEN, (1, 3, 4)),
-    ".tiff": (_EIGHT_OR_SIXTEEN, (1, 3, 4)),
+    ".tif": ((8, 16, 32), (1, 3, 4)),
+    ".tiff": ((8, 16, 32), (1, 3, 4)),
     ".jpg": (_EIGHT, (1, 3)),
     ".jpeg": (_EIGHT, (1, 3)),
     ".bmp": (_EIGHT, (1, 3)),
@@ -29,10 +38,32 @@ _HOLDS = {
 }
 
 
-def remap_picture(picture: Picture, undistort_map: UndistortMap) -> Picture:
+@dataclass(frozen=True, kw_only=True)
+class Rendering:
+    """How pixels are made.
+
+    Attributes:
+        interpolation: a key of :data:`INTERPOLATIONS`.
+        border: (red, green, blue) of pixels that the camera does not see, 0 to 1.
+        quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
+
+    """
+
+    interpolation: str = "linear"
+    border: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    quality: int | None = None
+
+
+PLAIN = Rendering()
+
+
+def remap_picture(
+    picture: Picture, undistort_map: UndistortMap, rendering: Rendering = PLAIN
+) -> Picture:
     """Render the map's view from a picture: (H, W[, C]) -> (h, w[, C]), the same depth.
 
-    Bilinear, black where the map has nothing: what ``cv2.remap`` gives for the map's file.
+    By default bilinear, and black where the map has nothing: what ``cv2.remap`` gives for the
+    map's file. A fourth channel is 0 where the map has nothing.
 
     Raises:
         ViewError: the picture does not have the size that the map is for.
@@ -41,41 +72,82 @@ def remap_picture(picture: Picture, undistort_map: UndistortMap) -> Picture:
     height, width = picture.shape[:2]
     if (width, height) != undistort_map.image_size:
         raise ViewError(
-            f"the photo has {width}x{height} pixels, the camera was calibrated for "
+            f"the photo has {width}x{height} pixels, the map is for "
             f"{undistort_map.image_size[0]}x{undistort_map.image_size[1]}: "
             "use photos of that size, neither scaled nor cropped nor turned"
         )
+    border = _border_value(picture, rendering.border)
+    wide = rendering.interpolation in ("cubic", "lanczos")
     out = cv2.remap(
         picture,
         undistort_map.map_x,
         undistort_map.map_y,
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_CONSTANT,
-        borderValue=0,
+        INTERPOLATIONS[rendering.interpolation],
+        # Wider kernels reach over the photo's edge: mirror the photo there, rather than
+        # blend it with the border's colour.
+        borderMode=cv2.BORDER_REFLECT_101 if wide else cv2.BORDER_CONSTANT,
+        borderValue=border,
     )
-    return np.asarray(out)
+    out = np.asarray(out)
+    if wide:
+        channels = 1 if out.ndim == 2 else out.shape[2]
+        colour = np.array(border[:channels], out.dtype)
+        out[~undistort_map.valid] = colour if out.ndim == 3 else colour[0]
+    return out
 
 
-def undistort_picture_file(
-    source: Path, destination: Path, undistort_map: UndistortMap, *, overwrite: bool
+def _border_value(picture: Picture, colour: tuple[float, float, float]) -> tuple[float, ...]:
+    full = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65_535.0}.get(picture.dtype, 1.0)
+    red, green, blue = (round(full * part, 6) for part in colour)
+    if picture.ndim == 2:
+        return (0.299 * red + 0.587 * green + 0.114 * blue, 0.0, 0.0, 0.0)
+    return (blue, green, red, 0.0)
+
+
+def write_views(
+    source: Path,
+    data: bytes,
+    picture: Picture,
+    outputs: Sequence[tuple[Path, UndistortMap]],
+    rendering: Rendering = PLAIN,
+    *,
+    overwrite: bool,
 ) -> None:
-    """Read a picture, render the map's view, write it with the same depth and channels.
+    """Render each map's view of a picture and write them all, with its depth and channels.
+
+    A JPEG's EXIF record, colour profile and quality go along.
+
+    Args:
+        source: the picture's file, for messages.
+        data: its bytes.
+        picture: what they hold.
+        outputs: where each map's view goes.
+        rendering: how pixels are made.
+        overwrite: whether outputs may be replaced.
 
     Raises:
-        PhotoError: the picture cannot be read.
-        ViewError: it does not have the size that the map is for.
-        OutputError: the output exists and ``overwrite`` is false, cannot be written, or is a
+        ViewError: the picture does not have the size that a map is for.
+        OutputError: an output exists and ``overwrite`` is false, cannot be written, or is a
             kind of file that cannot hold the picture.
 
     """
-    refuse_existing(destination, overwrite=overwrite)
-    check_suffix(destination)
-    picture = read_picture(source)
-    try:
-        out = remap_picture(picture, undistort_map)
-    except ViewError as problem:
-        raise ViewError(f"{shown(source)}: {problem}") from problem
-    write_picture(destination, out, overwrite=overwrite)
+    encoded = []
+    for path, undistort_map in outputs:
+        try:
+            out = remap_picture(picture, undistort_map, rendering)
+        except ViewError as problem:
+            raise ViewError(f"{shown(source)}: {problem}") from problem
+        encoded.append(encode_picture(path, out, quality=rendering.quality, like=data))
+    with whole_files([path for path, _ in outputs], overwrite=overwrite) as temporaries:
+        for temporary, content in zip(temporaries, encoded, strict=True):
+            temporary.write_bytes(content)
+
+
+def check_outputs(paths: Sequence[Path], *, overwrite: bool) -> None:
+    """Raise :class:`OutputError` when pictures cannot be written under these names."""
+    for path in paths:
+        check_suffix(path)
+        refuse_existing(path, overwrite=overwrite)
 
 
 def check_suffix(path: Path) -> None:
@@ -88,7 +160,7 @@ def check_suffix(path: Path) -> None:
 
 
 def write_picture(path: Path, picture: Picture, *, overwrite: bool) -> None:
-    """Write a picture (H, W[, 3 or 4]), uint8 or uint16, BGR order, as its suffix says.
+    """Write a picture (H, W[, 3 or 4]), BGR order, as its suffix says.
 
     Raises:
         OutputError: the file exists and ``overwrite`` is false, cannot be written, or is of a
@@ -96,6 +168,27 @@ def write_picture(path: Path, picture: Picture, *, overwrite: bool) -> None:
 
     """
     path = Path(path)
+    content = encode_picture(path, picture)
+    with whole_files([path], overwrite=overwrite) as (temporary,):
+        temporary.write_bytes(content)
+
+
+def encode_picture(
+    path: Path, picture: Picture, *, quality: int | None = None, like: bytes = b""
+) -> bytes:
+    """A picture (H, W[, 3 or 4]) of uint8, uint16 or float32 as the bytes of its file.
+
+    Args:
+        path: where it will be; its suffix says what kind of file.
+        picture: in BGR order.
+        quality: of a JPEG or lossy WebP file; None for that of ``like``, or else 95 in a JPEG
+            and no loss in a WebP file.
+        like: the file that it was made from, or nothing.
+
+    Raises:
+        OutputError: this kind of file cannot hold the picture.
+
+    """
     check_suffix(path)
     suffix = path.suffix.lower()
     depths, channels = _HOLDS[suffix]
@@ -107,15 +200,22 @@ def write_picture(path: Path, picture: Picture, *, overwrite: bool) -> None:
         )
         raise OutputError(
             f"{shown(path)}: a {path.suffix} file cannot hold {kind} of {depth} bits: "
-            "write .png or .tif"
+            f"write {'.tif' if depth == 32 else '.png or .tif'}"
         )
-    options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if suffix in (".jpg", ".jpeg") else []
-    with whole_file(path, overwrite=overwrite) as temporary:
-        try:
-            with quiet_stderr():
-                done, data = cv2.imencode(suffix, picture, options)
-        except cv2.error:
-            done, data = False, np.empty(0, np.uint8)
-        if not done:
-            raise OutputError(f"{shown(path)}: this picture cannot be encoded: write .png or .tif")
-        temporary.write_bytes(data.tobytes())
+    options: list[int] = []
+    segments: tuple[bytes, ...] = ()
+    if suffix in (".jpg", ".jpeg"):
+        options = [cv2.IMWRITE_JPEG_QUALITY, quality or DEFAULT_QUALITY]
+        nature = jpeg_nature(like)
+        if nature is not None:
+            options, segments = nature.encode_options(quality), nature.segments
+    elif suffix == ".webp" and quality is not None:
+        options = [cv2.IMWRITE_WEBP_QUALITY, quality]
+    try:
+        with quiet_stderr():
+            done, data = cv2.imencode(suffix, picture, options)
+    except cv2.error:
+        done, data = False, np.empty(0, np.uint8)
+    if not done:
+        raise OutputError(f"{shown(path)}: this picture cannot be encoded: write .png or .tif")
+    return with_segments(data.tobytes(), segments)

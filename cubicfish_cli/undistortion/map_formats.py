@@ -1,0 +1,213 @@
+"""Maps for other programs: OpenCV's fixed-point pair, STMaps, and ffmpeg's pair of pictures.
+
+All hold, for each pixel of the result, where it comes from in the source. What comes from
+nowhere is negative, or beyond the frame where a format has no negative numbers.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.errors import OutputError, ViewError
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.undistortion.maps import FORMAT, OUTSIDE, UndistortMap
+from cubicfish_cli.undistortion.view import MAX_SIDE, View
+
+Floats = npt.NDArray[np.float32]
+Origin = Literal["bottom-left", "top-left"]
+
+REDISTORT_FORMAT = "cubicfish redistort_map 1"
+FIXED_POINT_FORMAT = "cubicfish fixed_point_map 1"
+_BEYOND = 65_535
+_ROWS_A_BLOCK = 32
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PixelMap:
+    """Where each pixel of a result comes from.
+
+    Attributes:
+        map_x, map_y: (H, W) float32 pixels of the source; −1 where ``valid`` is false.
+        valid: (H, W).
+        source_size: (width, height) of the source.
+        view: the undistorted picture that is the result, or the source.
+        redistorts: whether the result is the camera's photo and the source the view.
+
+    """
+
+    map_x: npt.NDArray[np.float32]
+    map_y: npt.NDArray[np.float32]
+    valid: npt.NDArray[np.bool_]
+    source_size: tuple[int, int]
+    view: View
+    redistorts: bool
+
+    @classmethod
+    def of(cls, undistort_map: UndistortMap) -> PixelMap:
+        """The map that undistorts."""
+        return cls(
+            map_x=undistort_map.map_x,
+            map_y=undistort_map.map_y,
+            valid=undistort_map.valid,
+            source_size=undistort_map.image_size,
+            view=undistort_map.view,
+            redistorts=False,
+        )
+
+
+def build_redistort_map(camera: CubicCamera, view: View) -> PixelMap:
+    """The map that makes the camera's photo again from a picture of the view.
+
+    Raises:
+        ViewError: the camera's photos are larger than ``cv2.remap`` can take.
+
+    """
+    width, height = camera.image_size
+    if max(width, height) > MAX_SIDE:
+        raise ViewError(f"a side of a photo may have {MAX_SIDE} pixels at most")
+    x, y = np.full((2, height, width), OUTSIDE, np.float32)
+    valid = np.zeros((height, width), bool)
+    limit = np.array(view.size) - 1
+    for top in range(0, height, _ROWS_A_BLOCK):
+        rows = slice(top, min(height, top + _ROWS_A_BLOCK))
+        pixel = np.stack(
+            np.meshgrid(np.arange(width), np.arange(rows.start, rows.stop)), axis=-1
+        ).astype(float)
+        source = view.pixels(camera.unproject(pixel))
+        with np.errstate(invalid="ignore"):
+            inside = ((source >= 0) & (source <= limit)).all(axis=-1)
+        valid[rows] = inside
+        x[rows][inside], y[rows][inside] = source[inside].T
+    return PixelMap(
+        map_x=x, map_y=y, valid=valid, source_size=view.size, view=view, redistorts=True
+    )
+
+
+def write_npz(path: Path, pixel_map: PixelMap) -> None:
+    """float32 maps as in undistort_map.npz; ``format`` says which way they go."""
+    with path.open("wb") as file:
+        np.savez(
+            file,
+            map_x=pixel_map.map_x,
+            map_y=pixel_map.map_y,
+            valid=pixel_map.valid,
+            view=np.array(pixel_map.view.to_json()),
+            format=np.array(REDISTORT_FORMAT if pixel_map.redistorts else FORMAT),
+            image_size=np.array(pixel_map.source_size),
+        )
+
+
+def write_fixed_point(path: Path, pixel_map: PixelMap) -> None:
+    """``map_1`` (H, W, 2) int16 and ``map_2`` (H, W) uint16: ``cv2.remap(photo, map_1, map_2, …)``.
+
+    Whole pixels and 1/32 pixels, as ``cv2.convertMaps`` makes them.
+    """
+    map_1, map_2 = cv2.convertMaps(pixel_map.map_x, pixel_map.map_y, cv2.CV_16SC2)
+    with path.open("wb") as file:
+        np.savez(
+            file,
+            map_1=map_1,
+            map_2=map_2,
+            valid=pixel_map.valid,
+            view=np.array(pixel_map.view.to_json()),
+            format=np.array(FIXED_POINT_FORMAT),
+            image_size=np.array(pixel_map.source_size),
+        )
+
+
+def stmap(pixel_map: PixelMap, origin: Origin) -> tuple[Floats, Floats]:
+    """The map as shares of the source's frame, 0 to 1 from edge to edge: two of (H, W) float32.
+
+    Pixel centres are at half pixels; −1 marks what comes from nowhere. From ``bottom-left``
+    the second counts upwards, as Nuke and Flame have it.
+    """
+    width, height = pixel_map.source_size
+    u = (pixel_map.map_x.astype(float) + 0.5) / width
+    v = (pixel_map.map_y.astype(float) + 0.5) / height
+    if origin == "bottom-left":
+        v = 1 - v
+    u[~pixel_map.valid] = v[~pixel_map.valid] = OUTSIDE
+    return u.astype(np.float32), v.astype(np.float32)
+
+
+def write_exr(path: Path, pixel_map: PixelMap, origin: Origin) -> None:
+    """STMap: R and G hold x and y as 32-bit floats, B is 0.
+
+    Raises:
+        OutputError: the extra ``exr`` is not installed.
+
+    """
+    try:
+        import OpenEXR
+    except ImportError as problem:
+        raise OutputError(
+            f"{path}: EXR files need one more package: pip install 'cubicfish[exr]'"
+        ) from problem
+    u, v = stmap(pixel_map, origin)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    channels = {"R": u, "G": v, "B": np.zeros_like(u)}
+    with OpenEXR.File(header, channels) as file:
+        file.write(str(path))
+
+
+def png_values(pixel_map: PixelMap, origin: Origin, axis: int) -> npt.NDArray[np.uint16]:
+    """STMap in 16 bits (H, W), x (axis 0) or y (1): value / 65535 is the share of the frame.
+
+    The half pixel at the frame's edge is never 0, so 0 marks what comes from nowhere.
+    """
+    part = stmap(pixel_map, origin)[axis]
+    return np.where(pixel_map.valid, np.round(part * 65_535.0), 0).astype(np.uint16)
+
+
+def pgm_values(pixel_map: PixelMap, axis: int) -> npt.NDArray[np.uint16]:
+    """For ffmpeg's remap filter (H, W): whole source pixels, 65535 for what comes from nowhere."""
+    part = (pixel_map.map_x, pixel_map.map_y)[axis]
+    return np.where(pixel_map.valid, np.rint(part), _BEYOND).astype(np.uint16)
+
+
+def ffmpeg_command(path_x: Path, path_y: Path) -> str:
+    """The command line that applies a pair of PGM files to a video."""
+    maps = f"-i {shlex.quote(str(path_x))} -i {shlex.quote(str(path_y))}"
+    return f"ffmpeg -i in.mp4 {maps} -lavfi remap=fill=black -c:a copy out.mp4"
+
+
+def _write(path: Path, values: npt.NDArray[np.uint16]) -> None:
+    done, data = cv2.imencode(path.suffix.lower(), values)
+    if not done:
+        raise OutputError(f"{path}: the map cannot be encoded")
+    path.write_bytes(data.tobytes())
+
+
+Writer = Callable[[int, PixelMap, Path], None]
+"""(index of the file, map, where to write it)."""
+
+
+def map_writer(
+    output: Path, *, fixed_point: bool = False, origin: Origin = "bottom-left"
+) -> tuple[tuple[Path, ...], Writer]:
+    """The files that a map named ``output`` consists of, and what writes each.
+
+    Raises:
+        OutputError: the name's suffix is none of .npz, .exr, .png and .pgm.
+
+    """
+    suffix = output.suffix.lower()
+    pair = tuple(output.with_name(f"{output.stem}_{axis}{output.suffix}") for axis in "xy")
+    if suffix == ".npz":
+        write = write_fixed_point if fixed_point else write_npz
+        return (output,), lambda _, made, path: write(path, made)
+    if suffix == ".exr":
+        return (output,), lambda _, made, path: write_exr(path, made, origin)
+    if suffix == ".png":
+        return pair, lambda axis, made, path: _write(path, png_values(made, origin, axis))
+    if suffix == ".pgm":
+        return pair, lambda axis, made, path: _write(path, pgm_values(made, axis))
+    raise OutputError(f"{output}: maps are written as .npz, .exr, .png or .pgm")
