@@ -292,5 +292,5 @@ def _model(
     columns = -np.concatenate([slope, slope * frame.along, slope * z * (own / blur)], -1)
     # Kaufman's variable projection: the levels follow the shape.
     columns -= basis @ np.linalg.solve(normal, basis.transpose(0, 2, 1) @ columns)
-    best: FloatArray = levels[..., 0]
+    best = np.asarray(levels[..., 0], np.float64)
     return best, residual, np.asarray(columns, np.float64)

@@ -119,15 +119,20 @@ def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> tuple[Crossings, in
     found = refine_pixels(pyramid, pixel, fit)
     sign = lattice.sign(cells)
     lattice.put(cells, found.pixel, found.contrast(sign))
-    blur = np.zeros(lattice.known.shape)
-    blur[cells[:, 0], cells[:, 1]] = found.blur.max(1)
+
+    def around(values: FloatArray) -> FloatArray:
+        every = np.zeros(lattice.known.shape)
+        every[cells[:, 0], cells[:, 1]] = values
+        return _median_around(every, lattice.known, cells)
+
     good = whole_corners(
         found,
         sign,
         fit.side,
         np.hypot(*(found.pixel - pixel).T),
-        _median_around(lattice.contrast, lattice.known, cells),
-        _median_around(blur, lattice.known, cells),
+        around(found.contrast(sign)),
+        around(found.blur.max(1)),
+        around(found.spread),
         pyramid.noise,
     )
     lattice.drop(cells[~good])
