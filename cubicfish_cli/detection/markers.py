@@ -17,8 +17,8 @@ from cubicfish_cli.detection.grids import BoolArray, FloatArray, FoundGrids, Gri
 from cubicfish_cli.detection.markers_detect import (
     Family,
     SeenMarkers,
-    detect_markers,
     families,
+    find_outlines,
     join,
 )
 from cubicfish_cli.detection.markers_lattice import BoardLattice, clean, grow, snap, verify
@@ -27,6 +27,7 @@ from cubicfish_cli.detection.markers_read import (
     module_places,
     read_grid,
     read_modules,
+    read_outlines,
     shortest_side,
     squares,
     wrong_modules,
@@ -118,11 +119,11 @@ def find_marked_corners(
     if not all_families or min(image.shape) < 8:
         return _marked([], len(grids.grids), ())
     pyramid = build_pyramid(image)
+    grey = np.clip(np.rint(pyramid.levels[0]), 0, 255).astype(np.uint8)
+    outlines = find_outlines(grey, all_families)
     markers = join(
         [
-            detect_markers(
-                np.clip(np.rint(pyramid.levels[0]), 0, 255).astype(np.uint8), all_families
-            ),
+            read_outlines(pyramid, target, all_families, outlines),
             *(read_grid(pyramid, target, all_families, grid) for grid in grids.grids),
         ]
     )

@@ -1,8 +1,7 @@
-"""Markers that OpenCV finds on its own: which board, which place, where its corners are."""
+"""What markers a target has, and quadrangles in a photo that may be markers."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -10,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.detection.grids import FloatArray, IntArray
+from cubicfish_cli.detection.pyramid import Pyramid
 from cubicfish_cli.target import Board, Target
 
 # Width of the black frame in modules: Kalibr prints tags with 2, most others with 1.
@@ -17,8 +17,6 @@ CHARUCO_BORDERS = (1,)
 APRILGRID_BORDERS = (2, 1)
 # A marker whose modules are smaller than this cannot be read at that size.
 _SMALLEST_MODULE_PX = 1.6
-# Where modules are smaller than this, markers that are smaller still are missed.
-_SMALL_MODULE_PX = 2.0
 # Photos smaller than this are not halved, larger ones not doubled.
 _LEAST_PX, _MOST_DOUBLED_PX = 200, 5_000_000
 # Sides in strong distortion are curved: how far a contour may leave its quadrangle, as a share
@@ -128,54 +126,75 @@ def _family(target: Target, indices: list[int], name: str, border: int, *, tags:
     )
 
 
-def detect_markers(image: npt.NDArray[np.uint8], all_families: list[Family]) -> SeenMarkers:
-    """Find markers with ``cv2.aruco`` in an 8-bit grey photo, at the sizes that promise some."""
-    return join([part for family in all_families for part in _sizes(image, family)])
+def find_outlines(grey: npt.NDArray[np.uint8], all_families: list[Family]) -> FloatArray:
+    """Dark quadrangles (N, 4, 2) in an 8-bit grey photo that may be markers, clockwise.
 
-
-def _sizes(image: npt.NDArray[np.uint8], family: Family) -> Iterator[SeenMarkers]:
-    found = _detect(image, family)
-    yield found
-    if family.joined and min(image.shape) >= _LEAST_PX:
+    These are the candidates of ``cv2.aruco``. It is not asked to read them: that takes it
+    seconds when a target has hundreds of markers, and the rim needs a reader of its own anyway.
+    """
+    modules = min(family.size + 2 * family.border for family in all_families)
+    parts = [_candidates(grey, modules)]
+    joined = any(family.joined for family in all_families)
+    if joined and min(grey.shape) >= _LEAST_PX:
         # Where tags touch the squares between them, each size of the photo parts others.
-        half = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-        yield _resized(_detect(np.asarray(half, np.uint8), family), 0.5)
-    if image.size <= _MOST_DOUBLED_PX and (family.joined or _small(found, family)):
-        double = cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
-        yield _resized(_detect(np.asarray(double, np.uint8), family), 2.0)
+        half = cv2.resize(grey, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        parts.append((_candidates(np.asarray(half, np.uint8), modules) + 0.5) / 0.5 - 0.5)
+    if grey.size <= _MOST_DOUBLED_PX:
+        double = cv2.resize(grey, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
+        parts.append((_candidates(np.asarray(double, np.uint8), modules) + 0.5) / 2 - 0.5)
+    return np.concatenate(parts)
 
 
-def _small(found: SeenMarkers, family: Family) -> bool:
-    """Whether there may be markers that are too small to be read: some nearly are, or none is."""
-    if not len(found):
-        return True
-    sides = np.linalg.norm(found.pixel - np.roll(found.pixel, -1, axis=1), axis=2).mean(axis=1)
-    modules = family.size + 2 * family.border
-    return bool(np.percentile(sides, 10) < _SMALL_MODULE_PX * modules)
-
-
-def _resized(found: SeenMarkers, scale: float) -> SeenMarkers:
-    pixel = (found.pixel + 0.5) / scale - 0.5
-    return SeenMarkers(board=found.board, cell=found.cell, pixel=pixel)
-
-
-def _detect(image: npt.NDArray[np.uint8], family: Family) -> SeenMarkers:
-    # Only the target's own markers are in the dictionary: faster, and no foreign names.
-    lists = [
-        cv2.aruco.Dictionary.getByteListFromBits(code.astype(np.uint8)) for code in family.codes
-    ]
-    dictionary = cv2.aruco.Dictionary(np.concatenate(lists), family.size, family.corrected)
+def _candidates(grey: npt.NDArray[np.uint8], modules: int) -> FloatArray:
+    # A dictionary of one marker that is nobody's.
+    code = cv2.aruco.Dictionary.getByteListFromBits(np.eye(4, dtype=np.uint8))
     parameters = cv2.aruco.DetectorParameters()
-    parameters.markerBorderBits = family.border
-    modules = family.size + 2 * family.border
-    parameters.minMarkerPerimeterRate = 4 * _SMALLEST_MODULE_PX * modules / max(image.shape)
+    parameters.minMarkerPerimeterRate = 4 * _SMALLEST_MODULE_PX * modules / max(grey.shape)
     parameters.polygonalApproxAccuracyRate = _BENT_SIDES
-    corners, ids, _ = cv2.aruco.ArucoDetector(dictionary, parameters).detectMarkers(image)
-    if ids is None or not len(ids):
-        return join([])
-    index = np.asarray(ids, np.intp).ravel()
-    return SeenMarkers(
-        board=family.board[index],
-        cell=family.cell[index],
-        pixel=np.asarray(corners, float).reshape(-1, 4, 2),
+    detector = cv2.aruco.ArucoDetector(cv2.aruco.Dictionary(code, 4, 0), parameters)
+    read, _, unread = detector.detectMarkers(grey)
+    return np.array([*read, *unread], float).reshape(-1, 4, 2)
+
+
+def straightened(pyramid: Pyramid, outline: FloatArray) -> FloatArray:
+    """Outlines (N, 4, 2) whose sides are moved to where it gets brightest outwards.
+
+    Corners of a contour are off by some pixels, most where small squares touch a tag; the middle
+    parts of the sides are not.
+    """
+    along = np.linspace(0.25, 0.75, 7)
+    following = np.roll(outline, -1, axis=1)
+    side = following - outline
+    length = np.maximum(np.linalg.norm(side, axis=2), 1e-6)
+    outward = np.stack([side[..., 1], -side[..., 0]], axis=-1) / length[..., None]
+    reach = np.clip(0.12 * length.mean(axis=1), 2.0, 12.0)
+    across = np.linspace(-1, 1, 25)
+    start = outline[:, :, None] + along[:, None] * side[:, :, None]
+    points = start[:, :, :, None] + (
+        (reach[:, None, None, None] * across)[..., None] * outward[:, :, None, None]
     )
+    level = pyramid.sample(points.reshape(len(outline), -1, 2), np.ones(len(outline)))
+    level = level.reshape(points.shape[:-1]).astype(float)
+    rise = level[..., 4:] - level[..., :-4]
+    best = rise.argmax(axis=-1)
+    # The edge's distance at both ends of each side, from a line that most of its points agree on.
+    distance = across[best + 2] * reach[:, None, None]
+    middle = np.median(distance, axis=2)
+    slopes = (distance[..., 4:] - distance[..., :3]) / (along[4:] - along[:3])
+    slope = np.median(slopes, axis=2)
+    first = outline + (middle - 0.5 * slope)[..., None] * outward
+    second = following + (middle + 0.5 * slope)[..., None] * outward
+    corner = _crossing(np.roll(first, 1, axis=1), np.roll(second, 1, axis=1), first, second)
+    moved = np.linalg.norm(corner - outline, axis=2)
+    usable = np.isfinite(corner).all(axis=2) & (moved < 2.5 * reach[:, None])
+    return np.where(usable[..., None], corner, outline)
+
+
+def _crossing(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
+    """Where the lines through a, b and through c, d cross: (..., 2) each; NaN for parallels."""
+    one, two, way = b - a, d - c, c - a
+    area = one[..., 0] * two[..., 1] - one[..., 1] * two[..., 0]
+    share = (way[..., 0] * two[..., 1] - way[..., 1] * two[..., 0]) / np.where(
+        np.abs(area) > 1e-9, area, np.nan
+    )
+    return np.asarray(a + share[..., None] * one, float)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cubicfish_cli.detection.grids import BoolArray, FloatArray, Grid, IntArray
-from cubicfish_cli.detection.markers_detect import Family, SeenMarkers, join
+from cubicfish_cli.detection.markers_detect import Family, SeenMarkers, join, straightened
 from cubicfish_cli.detection.pyramid import Pyramid
 from cubicfish_cli.target import Target
 
@@ -136,7 +136,8 @@ def read_grid(
     for family in all_families:
         chosen = square[whole & (~bright if family.joined else bright)]
         for ratio in _ratios(target, family):
-            found.append(_read(pyramid, chosen, family, target, ratio))
+            allowed = [marker_ratio(target, int(board)) == ratio for board in family.board]
+            found.append(_read(pyramid, chosen, family, ratio, np.array(allowed)))
     return join(found)
 
 
@@ -153,16 +154,30 @@ def marker_ratio(target: Target, board: int) -> float:
     return one.markers.side / one.square
 
 
+def read_outlines(
+    pyramid: Pyramid, target: Target, all_families: list[Family], outline: FloatArray
+) -> SeenMarkers:
+    """Markers among quadrangles (N, 4, 2) that were found without knowing what they are."""
+    # Straight sides make most readable; where sides are bent, the contour's corners are better.
+    straight = straightened(pyramid, outline)
+    found = []
+    for family in all_families:
+        everything = np.ones(len(family.board), bool)
+        found.append(_read(pyramid, straight, family, 1.0, everything))
+        rough = _read(pyramid, outline, family, 1.0, everything)
+        found.append(replace(rough, pixel=straightened(pyramid, rough.pixel)))
+    return join(found)
+
+
 def _read(
-    pyramid: Pyramid, square: FloatArray, family: Family, target: Target, ratio: float
+    pyramid: Pyramid, square: FloatArray, family: Family, ratio: float, allowed: BoolArray
 ) -> SeenMarkers:
     if not len(square):
         return join([])
     points = through_square(square, module_places(family, ratio))
     modules = read_modules(pyramid, points, ratio * shortest_side(square), family)
     wrong = wrong_modules(modules.white, family)
-    fits = [marker_ratio(target, int(board)) == ratio for board in family.board]
-    wrong[:, :, ~np.array(fits)] = family.size**2
+    wrong[:, :, ~allowed] = family.size**2
     best = wrong.reshape(len(wrong), -1).argmin(axis=1)
     turn, code = np.divmod(best, len(family.codes))
     rows = np.arange(len(wrong))
