@@ -112,32 +112,45 @@ def test_equal_boards_are_told_apart_by_how_they_lie():
     assert places(name_grids(grids, target, IMAGE_SIZE, names(6))) == truth
 
 
-def false_grid(camera: RadialCamera, ray: np.ndarray, seed: int) -> Grid:
-    """A 5x5 grid of squares that is no part of the target, looked at askew along ``ray``."""
+def false_grid(camera: RadialCamera, ray: np.ndarray, seed: int, size: tuple[int, int]) -> Grid:
+    """A grid of squares that is no part of the target, looked at askew along ``ray``."""
     rng = np.random.default_rng(seed)
-    cells = np.indices((5, 5)).reshape(2, -1).T
+    cells = np.indices(size).reshape(2, -1).T
     turn = rotation_from_vector(0.5 * rng.standard_normal(3))
-    plane = np.column_stack([cells - 2.0, np.zeros(25)]) @ turn.T
+    plane = np.column_stack([cells - cells.mean(axis=0), np.zeros(len(cells))]) @ turn.T
     return Grid(
         cells=cells,
         pixel=camera.project(plane + 12 * ray),
         parity=1,
         step=25.0,
-        contrast=np.full(25, 100.0),
+        contrast=np.full(len(cells), 100.0),
     )
 
 
-def test_grids_that_are_not_of_the_target_are_left_out():
+@pytest.mark.parametrize("size", [(5, 5), (8, 7)])
+def test_grids_that_are_not_of_the_target_are_left_out(size):
+    """Also when the false grid is larger than the boards."""
     target = corner_of_three()
     grids, truth = anonymous_photos(seen(target, photos=6), target)
     rays = [np.array([np.sin(a), 0.3, np.cos(a)]) for a in (-0.9, 0.4, 1.0)]
     for photo, own in enumerate(grids):
-        own.insert(photo % 2, false_grid(lens(185), rays[photo % 3], seed=photo))
+        own.insert(photo % 2, false_grid(lens(185), rays[photo % 3], photo, size))
         truth[photo].insert(photo % 2, None)
     naming = name_grids(grids, target, IMAGE_SIZE, names(6))
     assert places(naming) == truth
     left = {grid.verdict for photo in naming.grids for grid in photo if not grid.named}
     assert left == {Verdict.NO_FIT}
+
+
+def test_a_grid_that_fits_far_worse_than_all_others_is_left_out():
+    target = corner_of_three()
+    grids, truth = anonymous_photos(seen(target, photos=5), target)
+    board = grids[2][0]
+    grids[2][0] = replace(board, pixel=board.pixel + np.array([5.0, -4.0]))
+    truth[2][0] = None
+    naming = name_grids(grids, target, IMAGE_SIZE, names(5))
+    assert places(naming) == truth
+    assert naming.grids[2][0].verdict is Verdict.NO_FIT
 
 
 def test_pieces_of_one_board_keep_their_own_places():

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.detection.grids import Grid
+from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.naming.places import Sides
 
@@ -75,7 +76,7 @@ def ends_of(
     camera: RadialCamera,
     grid: Grid,
     camera_from_grid: FloatArray,
-    photo_pixel: FloatArray,
+    other_pixel: FloatArray,
     farthest: float,
 ) -> Ends:
     """Look for the ends of one grid.
@@ -84,7 +85,8 @@ def ends_of(
         camera: the lens.
         grid: the grid.
         camera_from_grid: (3, 3) (i, j, 1) to the camera frame.
-        photo_pixel: (N, 2) all corners found in this photo, also those of other grids.
+        other_pixel: (N, 2) the corners of the photo's other grids: what one of them holds is
+            not missing.
         farthest: see :func:`farthest_radius`.
 
     """
@@ -98,11 +100,10 @@ def ends_of(
     missing = _near(found) & ~found & _visible(camera, pixel, spacing, farthest)
     smallest = np.percentile(spacing[found], _SMALLEST_PERCENTILE)
     missing &= spacing >= _SMALLEST_SHARE * smallest
-    rows = np.argwhere(missing)
-    at = pixel[missing]
-    distance = np.linalg.norm(at[:, None] - photo_pixel[None], axis=-1).min(axis=1, initial=np.inf)
-    taken = rows[distance < _SAME_CORNER_STEPS * spacing[missing]]
-    missing[tuple(taken.T)] = False
+    if len(other_pixel) and missing.any():
+        distance, _ = nearest(pixel[missing], other_pixel, 1)
+        taken = distance[:, 0] < _SAME_CORNER_STEPS * spacing[missing]
+        missing[tuple(np.argwhere(missing)[taken].T)] = False
     return Ends(table=_table(missing), last=last)
 
 

@@ -316,10 +316,34 @@ def _without_misfits(
     for photo, (own, decision) in enumerate(zip(task.photos, decisions, strict=True)):
         if decision is None or not (decision.rms_px > limit).any():
             continue
-        good = [index for n, index in enumerate(own) if not decision.rms_px[n] > limit]
-        again = _decide_photo(task, sides, good, camera, poses)
-        checked[photo] = _spread(again, [own.index(index) for index in good], len(own))
+        bad = np.flatnonzero(decision.rms_px > limit).tolist()
+        # One grid in a wrong place spoils the pose, and with it the fit of all others.
+        trials = [[n] for n in bad] + ([bad] if len(bad) > 1 else [])
+        again = [_decide_without(task, sides, own, trial, camera, poses) for trial in trials]
+        sound = [one for one in again if not (one.rms_px > limit).any()]
+        checked[photo] = max(sound or again[-1:], key=lambda one: _named_corners(task, own, one))
     return checked
+
+
+def _decide_without(
+    task: _Task,
+    sides: Sides,
+    own: list[int],
+    without: list[int],
+    camera: RadialCamera,
+    poses: list[GridPose | None],
+) -> Decision:
+    good = [n for n in range(len(own)) if n not in without]
+    found = _decide_photo(task, sides, [own[n] for n in good], camera, poses)
+    return _spread(found, good, len(own))
+
+
+def _named_corners(task: _Task, own: list[int], decision: Decision) -> int:
+    return sum(
+        len(task.grids[index])
+        for index, verdict in zip(own, decision.verdict, strict=True)
+        if verdict is Verdict.NAMED
+    )
 
 
 def _spread(found: Decision | None, part: Sequence[int], count: int) -> Decision:
@@ -429,7 +453,7 @@ def _ends(
         camera,
         task.grids[index],
         np.column_stack([pose.rotation[0][:, :2], pose.translation[0]]),
-        np.concatenate([task.grids[k].pixel for k in own]),
+        np.concatenate([np.empty((0, 2)), *(task.grids[k].pixel for k in own if k != index)]),
         farthest_radius(camera, np.concatenate([grid.pixel for grid in task.grids])),
     )
 

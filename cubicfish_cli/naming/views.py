@@ -33,6 +33,8 @@ IntArray = npt.NDArray[np.intp]
 # step along the board, or another board, misses by several times as much.
 _PLANE_STEPS, _PLACE_STEPS = 0.1, 0.25
 _SMALLEST_GATE_PX = 1.0
+# Corners in all, beyond which grids are thinned, and how many each keeps at least.
+_ENOUGH_CORNERS, _LEAST_CORNERS = 15_000, 100
 # A mirrored pose counts as possible too while its error is at most this many times the other's.
 _MIRROR_RATIO = 1.5
 _MIRROR_SLACK_PX = 0.05
@@ -44,21 +46,33 @@ def _gate_px(grid: Grid, steps: float) -> float:
 
 
 def anonymous_pairs(grids: Sequence[Grid], image_size: tuple[int, int]) -> Correspondences:
-    """Each grid as a photo of its own plane, in squares: corner (i, j) is at (i, j, 0)."""
-    counts = [len(grid) for grid in grids]
-    cells = np.concatenate([grid.cells for grid in grids])
+    """Each grid as a photo of its own plane, in squares: corner (i, j) is at (i, j, 0).
+
+    Of very many corners only some of each grid are taken, spread over it.
+    """
+    most = max(_LEAST_CORNERS, _ENOUGH_CORNERS // max(len(grids), 1))
+    picks = [_spread(len(grid), most) for grid in grids]
+    counts = [len(pick) for pick in picks]
+    cells = np.concatenate([g.cells[pick] for g, pick in zip(grids, picks, strict=True)])
     return Correspondences(
         image_size=image_size,
         images=tuple(str(index) for index in range(len(grids))),
         boards=("grid",),
         image=np.repeat(np.arange(len(grids)), counts),
         world=np.column_stack([cells, np.zeros(len(cells))]).astype(float),
-        pixel=np.concatenate([grid.pixel for grid in grids]),
+        pixel=np.concatenate([g.pixel[pick] for g, pick in zip(grids, picks, strict=True)]),
         weight=np.ones(len(cells)),
         board=np.zeros(len(cells), np.intp),
         column=cells[:, 0],
         row=cells[:, 1],
     )
+
+
+def _spread(count: int, most: int) -> IntArray:
+    """At most ``most`` of ``count`` indices, without a pattern, the same every time."""
+    if count <= most:
+        return np.arange(count)
+    return np.sort(np.random.default_rng(0).permutation(count)[:most])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
