@@ -11,6 +11,9 @@ from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
 # as much as bright and sharp ones.
 _SEPARATION = 0.30  # darker bright minus brighter dark square, of the corner's contrast
 _CONTRAST = 0.15  # of the median contrast around: a shadow may take that much
+# Times the noise: with less contrast a corner could not be placed to better than a third of a
+# pixel, and the rim of the image circle begins to look like one.
+_LEAST_SIGNAL = 5.0
 _MISFIT = 0.18  # of the contrast
 _BLUR = 2.5  # times the median around
 # Edges follow the grid, within what its local fit may be wrong by. A lattice of knight's moves, the
@@ -37,7 +40,7 @@ def whole_corners(
     bright, dark = found.bright(sign), found.dark(sign)
     contrast = found.contrast(sign)
     good = found.ok & (bright.min(1) - dark.max(1) > _SEPARATION * contrast)
-    good &= contrast > np.maximum(_CONTRAST * contrast_around, 3 * noise)
+    good &= contrast > np.maximum(_CONTRAST * contrast_around, _LEAST_SIGNAL * noise)
     good &= found.misfit < np.maximum(_MISFIT * contrast, 1.5 * noise)
     good &= found.blur.max(1) < _BLUR * blur_around + 0.5
     good &= found.turn < _TURN

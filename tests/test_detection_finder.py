@@ -1,0 +1,221 @@
+"""Grids in rendered photos of known truth, and none in what is not a checkerboard."""
+
+import cv2
+import numpy as np
+import pytest
+
+from cubicfish_cli.detection import finder
+from cubicfish_cli.detection.diagnose import explain_no_grids
+from cubicfish_cli.detection.finder import find_grids
+from cubicfish_cli.rendering.pose import look_at
+from cubicfish_cli.rendering.render import render
+from cubicfish_cli.rendering.truth import project_corners
+from tests.synthetic import box_of_four, lens_of_size
+
+POSE = look_at((330, 420, 300), (250, 150, 120), roll=0.5)
+
+
+def photo(scale, *, noise=2.0, blur=0.5, supersample=3):
+    target, lens = box_of_four(), lens_of_size(scale)
+    arguments = (target, lens.unproject, POSE, lens.image_size)
+    image = render(*arguments, noise=noise, blur=blur, supersample=supersample)
+    return image, project_corners(target, lens, POSE, lens.image_size)
+
+
+@pytest.fixture(scope="module")
+def box():
+    return photo(0.6)
+
+
+def matched(found, truth):
+    """For each grid: its truth's rows; every corner must be one of the truth."""
+    seen = np.isfinite(truth.pixel).all(1)
+    rows = np.nonzero(seen)[0]
+    result = []
+    for grid in found.grids:
+        distance = np.hypot(*(grid.pixel[:, None] - truth.pixel[rows][None]).transpose(2, 0, 1))
+        assert distance.min(1).max() < 0.8
+        result.append(rows[distance.argmin(1)])
+    return result
+
+
+def assert_one_board_each(found, truth):
+    boards = []
+    for grid, rows in zip(found.grids, matched(found, truth), strict=True):
+        assert len(np.unique(rows)) == len(rows)
+        board = np.unique(truth.board[rows])
+        assert len(board) == 1
+        boards.append(int(board[0]))
+        # (i, j) -> (column, row) is a quarter turn and an offset, never a reflection.
+        place = np.stack([truth.column[rows], truth.row[rows]], -1)
+        equations = np.column_stack([grid.cells, np.ones(len(grid))])
+        solution, *_ = np.linalg.lstsq(equations, place, rcond=None)
+        assert np.allclose(solution, np.rint(solution), atol=1e-6)
+        assert np.allclose(equations @ solution, place, atol=1e-6)
+        assert np.linalg.det(solution[:2]) == pytest.approx(1.0)
+        # The square up-left of corner (0, 0) is dark, so the one down-right of it is too, and a
+        # square (c, r)..(c + 1, r + 1) is dark where c + r is even.
+        centre = solution[2] + [0.5, 0.5] @ solution[:2]
+        dark = np.floor(centre).sum() % 2 == 0
+        assert grid.parity == (-1 if dark else 1)
+        assert (grid.cells.min(0) == 0).all()
+    assert len(set(boards)) == len(boards)
+    return boards
+
+
+def recall(found, truth):
+    visible = np.nonzero(truth.visible)[0]
+    rows = np.concatenate(matched(found, truth))
+    return np.isin(visible, rows).mean()
+
+
+def errors(found, truth):
+    return np.concatenate(
+        [
+            g.pixel - truth.pixel[rows]
+            for g, rows in zip(found.grids, matched(found, truth), strict=True)
+        ]
+    )
+
+
+def test_every_board_is_one_grid_with_all_its_visible_corners(box):
+    image, truth = box
+    found = find_grids(image)
+    boards = assert_one_board_each(found, truth)
+    counts = np.bincount(truth.board[truth.visible], minlength=4)
+    assert set(boards) >= set(np.nonzero(counts >= 12)[0])
+    assert recall(found, truth) > 0.985
+    error = errors(found, truth)
+    assert np.sqrt((error**2).mean()) < 0.03
+    assert np.hypot(*error.mean(0)) < 0.005
+    grid = found.grids[0]
+    column = grid.pixel[grid.cells[:, 0] == 3]
+    assert grid.step == pytest.approx(np.median(np.hypot(*np.diff(column, axis=0).T)), rel=0.4)
+
+
+def test_without_noise_positions_have_no_bias():
+    image, truth = photo(0.6, noise=0.0, supersample=5)
+    error = errors(find_grids(image), truth)
+    assert np.hypot(*error.mean(0)) < 0.003
+    assert np.median(np.hypot(*error.T)) < 0.015
+
+
+def test_squares_of_six_pixels_are_found():
+    image, truth = photo(0.36)
+    found = find_grids(image)
+    assert_one_board_each(found, truth)
+    shortest = np.median([g.step for g in found.grids])
+    assert shortest < 16
+    assert recall(found, truth) > 0.95
+
+
+def test_a_blurred_and_noisy_photo_keeps_its_boards_whole():
+    image, truth = photo(0.6, noise=6.0, blur=1.2)
+    found = find_grids(image)
+    assert_one_board_each(found, truth)
+    assert recall(found, truth) > 0.93
+    assert np.sqrt((errors(found, truth) ** 2).mean()) < 0.12
+
+
+def test_a_shadow_across_a_board_does_not_split_it(box):
+    image, truth = box
+    shaded = image.astype(float)
+    x = np.arange(image.shape[1])
+    shaded *= 1 - 0.55 / (1 + np.exp((np.abs(x - 280) - 50) / 2.0))
+    found = find_grids(shaded.astype(np.uint8))
+    assert_one_board_each(found, truth)
+    assert recall(found, truth) > 0.93
+
+
+def test_number_type_and_range_do_not_matter(box):
+    image, _ = box
+    reference = find_grids(image)
+    for other in (image.astype(np.uint16) * 16, image.astype(np.float32) / 255, image + 1e4):
+        found = find_grids(other)
+        assert [len(g) for g in found.grids] == [len(g) for g in reference.grids]
+        assert np.allclose(found.grids[0].pixel, reference.grids[0].pixel, atol=0.02)
+    scaled = find_grids(image.astype(np.uint16) * 16)
+    assert np.median(scaled.grids[0].contrast / reference.grids[0].contrast) == pytest.approx(
+        16, rel=0.02
+    )
+
+
+def test_the_same_photo_gives_the_same_grids(box):
+    first, second = find_grids(box[0]), find_grids(box[0])
+    for a, b in zip(first.grids, second.grids, strict=True):
+        assert np.array_equal(a.pixel, b.pixel)
+        assert np.array_equal(a.cells, b.cells)
+
+
+def test_a_large_photo_is_searched_reduced_and_refined_at_full_size(monkeypatch):
+    image, truth = photo(1.0, supersample=2)
+    monkeypatch.setattr(finder, "MOST_PIXELS", image.size // 2)
+    found = find_grids(image)
+    assert found.image_size == (image.shape[1], image.shape[0])
+    assert_one_board_each(found, truth)
+    assert recall(found, truth) > 0.97
+    assert np.sqrt((errors(found, truth) ** 2).mean()) < 0.04
+
+
+def textures():
+    rng = np.random.default_rng(0)
+    height, width = 300, 400
+    y, x = np.mgrid[:height, :width].astype(float)
+    brick_x = x + (y // 25 % 2) * 30
+    text = np.full((height, width), 240, np.uint8)
+    for line in range(20, height, 20):
+        cv2.putText(text, "HXH #### XOXO %&%& quick brown", (5, line), 0, 0.6, 20, 1, 16)
+    smooth = rng.normal(0, 1, (height, width))
+    return {
+        "black": np.zeros((height, width)),
+        "noise": rng.uniform(0, 255, (height, width)),
+        **{f"cloud {s}": 128 + 120 * s * cv2.GaussianBlur(smooth, (0, 0), s) for s in (1, 2, 4)},
+        "bricks": np.where((y % 25 < 4) | (brick_x % 60 < 4), 190, 110),
+        "windows": np.where((x % 50 < 14) | (y % 50 < 14), 180, 50),
+        "mesh": np.where((x % 12 < 2) | (y % 12 < 2), 200, 40),
+        "text": text,
+        "sum of sines": 128 + 60 * np.sin(np.pi * x / 20) + 50 * np.sin(np.pi * y / 20),
+        "dots": np.where((x % 30 - 15) ** 2 + (y % 30 - 15) ** 2 < 81, 30, 220),
+        "separate tiles": np.where(
+            ((x // 40 + y // 40) % 2 == 0) & (abs(x % 40 - 20) < 16) & (abs(y % 40 - 20) < 16),
+            220,
+            30,
+        ),
+    }
+
+
+@pytest.mark.parametrize("name", sorted(textures()))
+def test_texture_is_not_a_board(name):
+    image = np.clip(textures()[name], 0, 255).astype(np.uint8)
+    found = find_grids(image)
+    assert found.grids == ()
+    assert len(explain_no_grids(image, found)) < 80
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 300), (300, 1), (24, 24), (25, 60), (50, 49)])
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
+def test_tiny_photos_do_no_harm(shape, kind):
+    rng = np.random.default_rng(0)
+    assert find_grids(rng.integers(0, 255, shape).astype(kind)).grids == ()
+    assert find_grids(np.zeros(shape, kind)).grids == ()
+
+
+def test_values_that_are_not_finite_do_no_harm():
+    assert find_grids(np.full((80, 80), np.nan, np.float32)).grids == ()
+
+
+def test_the_explanation_names_the_cause(box):
+    image, _ = box
+
+    def explained(picture):
+        found = find_grids(picture)
+        assert found.grids == ()
+        return explain_no_grids(picture, found)
+
+    assert "dark" in explained(np.where(image > 100, 5, 4).astype(np.uint8)[::3, ::3])
+    assert "even" in explained(np.full((100, 100), 80, np.uint8))
+    assert "small a photo" in explained(image[:10, :10])
+    assert "blurred" in explained(cv2.GaussianBlur(image, (0, 0), 8))
+    assert "pattern" in explain_no_grids(
+        image, finder.FoundGrids(grids=(), refused=np.zeros((3, 2)), image_size=(576, 432))
+    )
