@@ -1,5 +1,11 @@
 """What tests of the command line share."""
 
+import os
+
+# As the command line does for itself, before anything loads numpy.
+for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_threads, "1")
+
 from collections.abc import Callable
 from inspect import signature
 from pathlib import Path
