@@ -39,7 +39,7 @@ def find_grids(image: npt.NDArray[np.generic]) -> FoundGrids:
     Boards may be cut by the photo's border, the image circle or each other, bent by a fisheye
     lens beyond 180 degrees, dim or bright. Squares may be 6 px small, in a photo of more than
     MOST_PIXELS 6 px of the reduced photo that it is searched in; corners are then refined in
-    the photo itself. Memory beyond the photo's own is at most about 1 GB.
+    the photo itself. Memory beyond the photo's own stays under 1 GB.
 
     Args:
         image: (H, W) grey levels, uint8, uint16 or float.

@@ -28,17 +28,23 @@ def refine_pixels(pyramid: Pyramid, pixel: FloatArray, fit: LocalFit) -> Crossin
         pyramid.levels[0], pixel, np.clip(0.2 * fit.side, 2.0, 2.5), np.maximum(1.5, 0.1 * fit.side)
     )
     start = np.where(saddle.ok[:, None], saddle.pixel, pixel)
+    return _cross(pyramid.levels[0], start, fit, pyramid.noise, _LARGEST_HALF)
+
+
+def _cross(
+    image: npt.NDArray[np.generic], start: FloatArray, fit: LocalFit, noise: float, largest: float
+) -> Crossings:
     half = np.clip(_OF_SIDE * fit.side, _SMALLEST_HALF, _USUAL_HALF)
-    found = fit_crossings(pyramid.levels[0], start, fit, half, pyramid.noise)
-    # A window within the blur sees no more than a slope.
-    wider = np.clip(_OF_BLUR * found.blur.max(1), half, _LARGEST_HALF)
-    wider = np.minimum(wider, np.maximum(_OF_SIDE * fit.side, half))
-    rows = np.nonzero(wider > half + 0.5)[0]
-    if len(rows):
-        again = fit_crossings(
-            pyramid.levels[0], start[rows], fit.select(rows), wider[rows], pyramid.noise
-        )
-        found.replace(rows, again)
+    found = fit_crossings(image, start, fit, half, noise)
+    for _ in range(3):
+        # A window within the blur sees no more than a slope.
+        wider = np.clip(_OF_BLUR * found.blur.max(1), half, largest)
+        wider = np.minimum(wider, np.maximum(_OF_SIDE * fit.side, half))
+        rows = np.nonzero(wider > half + 0.5)[0]
+        if not len(rows):
+            break
+        found.replace(rows, fit_crossings(image, start[rows], fit.select(rows), wider[rows], noise))
+        half[rows] = wider[rows]
     return found
 
 
@@ -58,8 +64,7 @@ def refine_at_full_size(
         (N, 2) refined pixels; the given ones where the photo shows nothing better.
 
     """
-    half = np.clip(_OF_SIDE * fit.side, _SMALLEST_HALF, _USUAL_HALF + zoom)
-    found = fit_crossings(image, pixel, fit, half, noise * zoom)
+    found = _cross(image, pixel, fit, noise * zoom, _LARGEST_HALF * zoom)
     near = found.ok & (np.hypot(*(found.pixel - pixel).T) < zoom)
     return np.where(near[:, None], found.pixel, pixel)
 
