@@ -321,3 +321,44 @@ def test_an_interrupt_leaves_whole_files_only(model: Path, tmp_path: Path) -> No
     for path in left:
         assert picture(path).shape == (720, 960)
         assert not path.name.startswith(".")
+
+
+def write_video(path: Path) -> None:
+    """Five frames of the sample's photo."""
+    av = pytest.importorskip("av")
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 960, 720, "yuv420p"
+        colour = cv2.cvtColor(picture(PHOTO), cv2.COLOR_GRAY2RGB)
+        for _ in range(5):
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(colour, format="rgb24")))
+        container.mux(stream.encode(None))
+
+
+def test_a_video_becomes_a_video(run: Run, model: Path, tmp_path: Path) -> None:
+    write_video(tmp_path / "in.mp4")
+    args = ["undistort", tmp_path / "in.mp4", tmp_path / "out.mp4", "-m", model, "--crf", "10"]
+    assert "would write 1 file from 1 video" in run(*args, "--dry-run").stdout
+    said = run(*args).stdout
+    assert said.startswith(f"wrote {tmp_path / 'out.mp4'}: 960x720 pixels, 120.0° across")
+    ok, frame = cv2.VideoCapture(str(tmp_path / "out.mp4")).read()
+    assert ok
+    run("undistort", PHOTO, tmp_path / "flat.png", "-m", model)
+    difference = frame[..., 1].astype(int) - picture(tmp_path / "flat.png")
+    assert np.abs(difference).mean() < 6  # what the encoder loses, of noise above all
+    assert "exists already" in run(*args, code=1).stderr
+    assert run(*args, "--skip-existing").stdout == "nothing to do\n"
+
+
+def test_a_bad_video_is_named_and_the_rest_done(run: Run, model: Path, tmp_path: Path) -> None:
+    write_video(tmp_path / "a.mp4")
+    (tmp_path / "b.mp4").write_bytes(b"nothing")
+    args = ["-m", model, "--size", "96x72"]
+    done = run("undistort", str(tmp_path / "*.mp4"), tmp_path / "out", *args, code=1)
+    assert "1 of 2 videos could not be undistorted (b.mp4)" in done.stderr
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["a.mp4"]
+    cube = ["--view", "cube"]
+    said = run("undistort", tmp_path / "a.mp4", "o.mp4", "-m", model, *cube, code=2).stderr
+    assert "--layout cross" in said
+    said = run("undistort", tmp_path / "a.mp4", PHOTO, tmp_path / "out", *args, code=2).stderr
+    assert "photos and videos together" in said

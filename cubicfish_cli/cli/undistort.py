@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from glob import glob, has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,7 @@ from cubicfish_cli.cli.rendering_options import (
     rendering_options,
 )
 from cubicfish_cli.cli.terminal import progress, result, say
+from cubicfish_cli.cli.video_options import EncodingOptions, encoding_options, is_video_name
 from cubicfish_cli.cli.view_options import ChosenView, ViewOptions, view_options
 
 if TYPE_CHECKING:
@@ -38,13 +40,14 @@ if TYPE_CHECKING:
 
 @click.command(
     "undistort",
-    short_help="Photos to pictures in which straight lines are straight.",
+    short_help="Photos and videos to pictures in which straight lines are straight.",
     epilog=examples(
         "cubicfish undistort photo.png flat.png",
         "cubicfish undistort photos/ flat/ --hfov 90 --size 1920x1080",
         "cubicfish undistort photo.png left.png --rotate -60,0,0 --hfov 80",
         "cubicfish undistort photos/ all/ --view equidistant --fit outer --skip-existing",
         "find . -name '*.jpg' | cubicfish undistort - flat/ -j 4",
+        "cubicfish undistort drive.mp4 flat.mp4 --hfov 100 --crf 20",
     ),
 )
 @click.argument("sources", metavar="IN...", nargs=-1, required=True)
@@ -53,6 +56,7 @@ if TYPE_CHECKING:
 @view_options
 @crop_option
 @rendering_options
+@encoding_options
 @click.option(
     "--mask",
     type=FILE,
@@ -78,6 +82,7 @@ def command(
     view: ViewOptions,
     crop: Crop | None,
     pixels: RenderingOptions,
+    encoding: EncodingOptions,
     mask: Path | None,
     camera_out: Path | None,
     skip_existing: bool,
@@ -85,11 +90,12 @@ def command(
     overwrite: bool,
     jobs: int | None,
 ) -> None:
-    """Render a picture OUT of the photo IN; flat (perspective) unless --view says otherwise.
+    """Render a picture OUT of the photo IN, or a video of a video; flat unless --view says so.
 
     With several photos, a folder or a quoted glob as IN, OUT is a folder and the pictures keep
     their names; '-' reads the photos' names from stdin. Pixels that the camera does not see are
-    black. Depth, channels, and a JPEG's EXIF record and quality are kept.
+    black. Depth, channels, and a JPEG's EXIF record and quality are kept, and so are a video's
+    audio and timestamps.
     """
     from cubicfish_cli.formats.camera_yaml import load_camera
     from cubicfish_cli.undistortion.batch import MapsBySize, undistort_photos
@@ -104,16 +110,18 @@ def command(
         _describe_plan(planned, chosen)
         return
     extras = _extras(mask, camera_out, planned, chosen, overwrite=overwrite)
-    maps = MapsBySize(chosen.maps)
-    with progress("Undistorting") as callback:
-        failures = undistort_photos(
-            planned.jobs,
-            maps,
-            pixels.rendering(),
-            workers=jobs or os.cpu_count() or 1,
-            overwrite=overwrite,
-            progress=callback,
-        )
+    if planned.videos:
+        failures = _undistort_videos(planned, chosen, pixels, encoding, overwrite=overwrite)
+    else:
+        with progress("Undistorting") as callback:
+            failures = undistort_photos(
+                planned.jobs,
+                MapsBySize(chosen.maps),
+                pixels.rendering(),
+                workers=jobs or os.cpu_count() or 1,
+                overwrite=overwrite,
+                progress=callback,
+            )
     _report(planned, failures, chosen)
     for path in extras:
         result(f"wrote {path}")
@@ -121,40 +129,69 @@ def command(
 
 @dataclass(frozen=True, kw_only=True)
 class _Plan:
-    """What is to be done: the photos, whether they are one, and how many are left out."""
+    """What is to be done.
+
+    Attributes:
+        jobs: the photos or videos.
+        destination: OUT.
+        one: whether a single file was named.
+        videos: whether they are videos.
+        skipped: how many are left out, since their results exist.
+
+    """
 
     jobs: Sequence[PhotoJob]
     destination: Path
     one: bool
+    videos: bool
     skipped: int = 0
+
+    @property
+    def kind(self) -> str:
+        """What the jobs are, in a word."""
+        return "video" if self.videos else "photo"
+
+    def size_of(self, job: PhotoJob) -> tuple[int, int]:
+        """(width, height) of a photo, or of a video's frames."""
+        if self.videos:
+            from cubicfish_cli.undistortion.video import video_size
+
+            return video_size(job.source)
+        from cubicfish_cli.photos import photo_size
+
+        return photo_size(job.source)
 
     def free(self, *, skip_existing: bool, overwrite: bool) -> _Plan:
         """Leave out what exists, or refuse to go on."""
-        from cubicfish_cli.undistortion.images import check_outputs, check_suffix
+        from cubicfish_cli.files import refuse_existing
+        from cubicfish_cli.undistortion.images import check_suffix
 
         jobs = []
         for job in self.jobs:
-            if skip_existing and all(path.is_file() for path in job.outputs):
-                for path in job.outputs:
+            for path in job.outputs:
+                if not self.videos:
                     check_suffix(path)
+            if skip_existing and all(path.is_file() for path in job.outputs):
                 continue
-            check_outputs(job.outputs, overwrite=overwrite)
+            for path in job.outputs:
+                refuse_existing(path, overwrite=overwrite)
             jobs.append(job)
-        return _Plan(
-            jobs=jobs,
-            destination=self.destination,
-            one=self.one,
-            skipped=len(self.jobs) - len(jobs),
-        )
+        return replace(self, jobs=jobs, skipped=len(self.jobs) - len(jobs))
 
 
 def _plan(sources: Sequence[str], destination: Path, view: ViewOptions) -> _Plan:
     """Which photo becomes which files."""
     from cubicfish_cli.errors import OutputError
-    from cubicfish_cli.photos import find_photos, shown
+    from cubicfish_cli.photos import Photo, find_photos, shown
     from cubicfish_cli.undistortion.batch import PhotoJob
 
-    photos = find_photos(_with_stdin(sources))
+    names = _with_stdin(sources)
+    videos = _videos(names)
+    photos = [Photo(name=path.name, path=path) for path in videos] or find_photos(names)
+    if len({photo.name for photo in photos}) < len(photos):
+        raise OutputError("two videos have the same name: do them one at a time")
+    if videos and view.parts != ("",):
+        raise click.UsageError("a cube of a video is one picture: add --layout cross")
     one = len(photos) == 1 and len(sources) == 1 and os.fspath(photos[0].path) == sources[0]
     to_folder = not one or destination.is_dir() or os.fspath(destination).endswith(os.sep)
     parts = view.parts
@@ -170,7 +207,25 @@ def _plan(sources: Sequence[str], destination: Path, view: ViewOptions) -> _Plan
                     f"{shown(output)} is the photo itself: choose another name or folder for OUT"
                 )
         jobs.append(PhotoJob(name=photo.name, source=photo.path, outputs=outputs))
-    return _Plan(jobs=jobs, destination=destination, one=one)
+    return _Plan(jobs=jobs, destination=destination, one=one, videos=bool(videos))
+
+
+def _videos(names: Sequence[str]) -> list[Path]:
+    """The videos that the names and patterns mean; none when they mean photos.
+
+    Raises:
+        click.UsageError: they mean both.
+
+    """
+    paths = [
+        Path(match)
+        for name in names
+        for match in (sorted(glob(name)) if has_magic(name) and not Path(name).exists() else [name])
+    ]
+    videos = [path for path in paths if is_video_name(path) and not path.is_dir()]
+    if videos and len(videos) < len(paths):
+        raise click.UsageError("photos and videos together: do them one after the other")
+    return videos
 
 
 def _with_stdin(sources: Sequence[str]) -> list[str]:
@@ -185,6 +240,43 @@ def _with_stdin(sources: Sequence[str]) -> list[str]:
         else:
             names.append(source)
     return names
+
+
+def _undistort_videos(
+    planned: _Plan,
+    chosen: _ChosenViews,
+    pixels: RenderingOptions,
+    encoding: EncodingOptions,
+    *,
+    overwrite: bool,
+) -> list[Failure]:
+    """One video after the other; one that fails does not stop the others."""
+    from cubicfish_cli.errors import CubicfishError
+    from cubicfish_cli.undistortion.batch import Failure
+    from cubicfish_cli.undistortion.video import undistort_video
+
+    failures = []
+    for job in planned.jobs:
+        try:
+            with progress(job.name) as callback:
+                done = undistort_video(
+                    job.source,
+                    job.outputs[0],
+                    lambda size: chosen.maps(size)[0],
+                    pixels.rendering(),
+                    encoding.encoding(),
+                    overwrite=overwrite,
+                    progress=callback,
+                )
+        except CubicfishError as error:
+            failures.append(Failure(job=job, error=error))
+            continue
+        if done.turned_deg:
+            say(
+                f"{job.outputs[0]}: the source tells players to turn it by {done.turned_deg}°, "
+                "which the result does not: turn it with --rotate 0,0,DEG"
+            )
+    return failures
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -219,23 +311,23 @@ class _ChosenViews:
 def _describe_plan(planned: _Plan, chosen: _ChosenViews) -> None:
     """What a run would do: how many files, which field, and how much of it is empty."""
     from cubicfish_cli.errors import CubicfishError
-    from cubicfish_cli.photos import photo_size
     from cubicfish_cli.undistortion.fit import kept_share
 
     sizes: dict[tuple[int, int], int] = {}
     bad = []
     for job in planned.jobs:
         try:
-            size = photo_size(job.source)
+            size = planned.size_of(job)
         except CubicfishError as error:
             bad.append(str(error))
             continue
         sizes[size] = sizes.get(size, 0) + 1
     files = sum(len(job.outputs) for job in planned.jobs)
     skipped = f", {planned.skipped} skipped" * bool(planned.skipped)
-    result(f"would write {count(files, 'file')} from {count(len(planned.jobs), 'photo')}{skipped}")
+    given = count(len(planned.jobs), planned.kind)
+    result(f"would write {count(files, 'file')} from {given}{skipped}")
     for size, number in sizes.items():
-        result(f"{count(number, 'photo')} of {size[0]}x{size[1]} pixels:")
+        result(f"{count(number, planned.kind)} of {size[0]}x{size[1]} pixels:")
         try:
             view, maps = chosen.view(size), chosen.maps(size)
         except CubicfishError as error:
@@ -282,9 +374,8 @@ def _extras(
         return []
     from cubicfish_cli.cli.view_outputs import write_view_outputs
     from cubicfish_cli.errors import ViewError
-    from cubicfish_cli.photos import photo_size
 
-    sizes = {photo_size(job.source) for job in planned.jobs}
+    sizes = {planned.size_of(job) for job in planned.jobs}
     if len(sizes) > 1:
         raise ViewError(
             "the photos have several sizes, which have a mask and a virtual camera each: "
@@ -299,7 +390,6 @@ def _extras(
 def _report(planned: _Plan, failures: Sequence[Failure], chosen: _ChosenViews) -> None:
     """Say what was written; end with an error when a photo failed."""
     from cubicfish_cli.errors import PhotoError
-    from cubicfish_cli.photos import photo_size
 
     if len(planned.jobs) == 1 and failures:
         raise failures[0].error
@@ -308,12 +398,16 @@ def _report(planned: _Plan, failures: Sequence[Failure], chosen: _ChosenViews) -
     failed = {failure.job.source for failure in failures}
     done = [job for job in planned.jobs if job.source not in failed]
     if planned.skipped:
-        say(f"skipped {count(planned.skipped, 'photo')} whose result exists")
+        say(f"skipped {count(planned.skipped, planned.kind)} whose result exists")
     if done:
-        view = chosen.view(photo_size(done[0].source))
+        view = chosen.view(planned.size_of(done[0]))
         files = sum(len(job.outputs) for job in done)
         single = planned.one and files == 1
-        wrote = str(done[0].outputs[0]) if single else f"{count(files, 'picture')}"
+        wrote = (
+            str(done[0].outputs[0])
+            if single
+            else f"{count(files, 'video' if planned.videos else 'picture')}"
+        )
         folder = planned.destination.parent if planned.one else planned.destination
         where = "" if single else f" to {folder}"
         result(f"wrote {wrote}{where}: {view.describe()}")
@@ -324,6 +418,6 @@ def _report(planned: _Plan, failures: Sequence[Failure], chosen: _ChosenViews) -
         names = ", ".join(failure.job.name for failure in failures[:10])
         more = f" and {len(failures) - 10} more" * (len(failures) > 10)
         raise PhotoError(
-            f"{len(failures)} of {count(len(planned.jobs), 'photo')} could not be undistorted "
+            f"{len(failures)} of {count(len(planned.jobs), planned.kind)} could not be undistorted "
             f"({names}{more}): the reasons are above, the others are done"
         )

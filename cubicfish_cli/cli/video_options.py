@@ -1,0 +1,71 @@
+"""Options that say how a video is encoded."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from cubicfish_cli.cli.options import Decorated
+
+if TYPE_CHECKING:
+    from cubicfish_cli.undistortion.video import Encoding
+
+_NAMES = ".mp4 .m4v .mov .mkv .webm .avi .mts .m2ts .ts .mpg .mpeg .wmv .insv .360"
+_SUFFIXES = frozenset(_NAMES.split())
+
+
+def is_video_name(path: Path) -> bool:
+    """Whether a file's name is that of a video."""
+    return path.suffix.lower() in _SUFFIXES
+
+
+@dataclass(frozen=True, kw_only=True)
+class EncodingOptions:
+    """What the user asked of a video."""
+
+    codec: str | None
+    crf: int | None
+    preset: str | None
+
+    def encoding(self) -> Encoding:
+        """For the library."""
+        from cubicfish_cli.undistortion.video import DEFAULT_CRF, Encoding
+
+        crf = DEFAULT_CRF if self.crf is None else self.crf
+        return Encoding(codec=self.codec, crf=crf, preset=self.preset)
+
+
+def encoding_options(function: Decorated) -> Decorated:
+    """The options; the command gets them as one argument, ``encoding``."""
+
+    @functools.wraps(function)
+    def with_encoding(*args: Any, **options: Any) -> Any:
+        names = ("codec", "crf", "preset")
+        encoding = EncodingOptions(**{name: options.pop(name) for name in names})
+        return function(*args, encoding=encoding, **options)
+
+    decorators: tuple[Callable[[Any], Any], ...] = (
+        click.option(
+            "--preset", metavar="NAME", help="Of the video encoder, such as fast or slow."
+        ),
+        click.option(
+            "--crf",
+            type=click.IntRange(0, 63),
+            help="Of videos: lower is better and larger. [default: 18]",
+        ),
+        click.option(
+            "--codec",
+            metavar="NAME",
+            help="Of videos, as FFmpeg calls it: libx265, libvpx-vp9, ffv1. [default: libx264]",
+        ),
+    )
+    decorated: Any = with_encoding
+    for decorator in decorators:
+        decorated = decorator(decorated)
+    result: Decorated = decorated
+    return result

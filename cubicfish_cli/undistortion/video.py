@@ -1,0 +1,510 @@
+"""Map and video -> undistorted video, with its audio and its timestamps.
+
+Decoding, remapping and encoding run on threads of their own, a few frames apart. Pictures stay
+in the planes that codecs use (brightness, and colour at half the size): nothing is converted
+and nothing is lost by it, ten-bit video stays so, and half as many samples are remapped.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from queue import Empty, Full, Queue
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.errors import CubicfishError, OutputError, PhotoError, ViewError
+from cubicfish_cli.files import whole_file
+from cubicfish_cli.photos import shown
+from cubicfish_cli.undistortion.images import INTERPOLATIONS, PLAIN, Rendering
+from cubicfish_cli.undistortion.maps import OUTSIDE, UndistortMap
+
+if TYPE_CHECKING:
+    import av
+
+DEFAULT_CRF = 18
+
+# Frames between one thread and the next: enough to even out their pace.
+_QUEUE = 4
+_WAIT_S = 0.1
+
+# Pixel format -> bits, and columns and rows of brightness for one sample of colour
+# (0 for no colour).
+_PLANAR: dict[str, tuple[int, int, int]] = {
+    "gray": (8, 0, 0),
+    "yuv420p": (8, 2, 2),
+    "yuvj420p": (8, 2, 2),
+    "yuv422p": (8, 2, 1),
+    "yuvj422p": (8, 2, 1),
+    "yuv444p": (8, 1, 1),
+    "yuvj444p": (8, 1, 1),
+    "gray10le": (10, 0, 0),
+    "yuv420p10le": (10, 2, 2),
+    "yuv422p10le": (10, 2, 1),
+    "yuv444p10le": (10, 1, 1),
+    "yuv420p12le": (12, 2, 2),
+    "yuv422p12le": (12, 2, 1),
+    "yuv444p12le": (12, 1, 1),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Encoding:
+    """How a video is encoded.
+
+    Attributes:
+        codec: as FFmpeg calls it; None for H.264, or VP9 in .webm.
+        crf: constant rate factor; lower is better and larger.
+        preset: of the encoder's speed, such as ``fast``; None for its own default.
+
+    """
+
+    codec: str | None = None
+    crf: int = DEFAULT_CRF
+    preset: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class VideoResult:
+    """What became of a video.
+
+    Attributes:
+        frames: how many were written.
+        turned_deg: how far players were told to turn the source; the result does not say so.
+
+    """
+
+    frames: int
+    turned_deg: int
+
+
+def video_size(path: Path) -> tuple[int, int]:
+    """(width, height) of a video's frames.
+
+    Raises:
+        PhotoError: the file cannot be read, or holds no video.
+        OutputError: the extra ``video`` is not installed.
+
+    """
+    with _opened(path) as (_, stream):
+        return stream.width, stream.height
+
+
+def undistort_video(
+    source: Path,
+    destination: Path,
+    make_map: Callable[[tuple[int, int]], UndistortMap],
+    rendering: Rendering = PLAIN,
+    encoding: Encoding | None = None,
+    *,
+    overwrite: bool,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> VideoResult:
+    """Render the map's view of every frame of a video; audio and timestamps are kept.
+
+    The result appears whole or not at all, also when this is interrupted.
+
+    Args:
+        source: the video.
+        destination: where the result goes; its suffix says what kind of file.
+        make_map: frames' (width, height) -> the map for them.
+        rendering: how pixels are made.
+        encoding: codec and quality.
+        overwrite: whether ``destination`` may be replaced.
+        progress: called with the number of frames done and of all (0 when unknown).
+
+    Raises:
+        PhotoError: the video cannot be read to its end.
+        ViewError: the map cannot be made, or an encoder needs even sides and they are not.
+        OutputError: the output exists and ``overwrite`` is false, cannot be written, cannot
+            hold the codec or the audio, or the extra ``video`` is not installed.
+
+    """
+    encoding = encoding or Encoding()
+    with whole_file(destination, overwrite=overwrite) as temporary, _opened(source) as opened:
+        container, stream = opened
+        try:
+            undistort_map = make_map((stream.width, stream.height))
+        except ViewError as problem:
+            raise ViewError(f"{shown(source)}: {problem}") from problem
+        writer = _Writer(temporary, destination, container, stream, undistort_map, encoding)
+        with closing(writer):
+            remapper = _PlaneRemapper(undistort_map, rendering, writer.pixel_format)
+            return _pipeline(source, container, stream, remapper, writer, progress)
+
+
+def _pipeline(
+    source: Path,
+    container: Any,
+    stream: Any,
+    remapper: _PlaneRemapper,
+    writer: _Writer,
+    progress: Callable[[int, int], None],
+) -> VideoResult:
+    total = _frame_count(stream)
+    turned = 0
+
+    def decoded() -> Iterator[Any]:
+        nonlocal turned
+        for item in _decode(source, container, stream):
+            turned = turned or int(getattr(item, "rotation", 0) or 0)
+            yield item
+
+    def remapped(items: Iterator[Any]) -> Iterator[Any]:
+        for item in items:
+            yield remapper(item) if _is_frame(item) else item
+
+    frames = 0
+    progress(0, total)
+    with ExitStack() as stack:
+        one = stack.enter_context(_Ahead(decoded()))
+        two = stack.enter_context(_Ahead(remapped(iter(one))))
+        for item in two:
+            writer.write(item)
+            if _is_frame(item):
+                frames += 1
+                progress(frames, max(total, frames) if total else 0)
+        if not frames:
+            raise PhotoError(f"{shown(source)} holds no frames: copy it again")
+        writer.finish()
+    return VideoResult(frames=frames, turned_deg=turned)
+
+
+class _Ahead:
+    """Runs an iterator on a thread of its own, a few items ahead of who takes them."""
+
+    def __init__(self, items: Iterator[Any]) -> None:
+        self._items = items
+        self._queue: Queue[tuple[str, Any]] = Queue(_QUEUE)
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> _Ahead:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stopped.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            for item in self._items:
+                if not self._put(("item", item)):
+                    return
+            self._put(("end", None))
+        except BaseException as problem:
+            self._put(("error", problem))
+
+    def _put(self, entry: tuple[str, Any]) -> bool:
+        while not self._stopped.is_set():
+            try:
+                self._queue.put(entry, timeout=_WAIT_S)
+            except Full:
+                continue
+            return True
+        return False
+
+    def __iter__(self) -> Iterator[Any]:
+        while not self._stopped.is_set():
+            try:
+                kind, value = self._queue.get(timeout=_WAIT_S)
+            except Empty:
+                continue
+            if kind == "end":
+                return
+            if kind == "error":
+                raise value
+            yield value
+
+
+def _library() -> Any:
+    try:
+        import av
+    except ImportError as problem:
+        raise OutputError(
+            "videos need one more package: pip install 'cubicfish[video]'"
+        ) from problem
+    return av
+
+
+class _opened:
+    """A video file's container and its first video stream."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __enter__(self) -> tuple[Any, Any]:
+        av = _library()
+        av.logging.set_level(av.logging.PANIC)  # what matters comes back as an error
+        if not Path(self._path).is_file():
+            raise PhotoError(f"{shown(self._path)} does not exist or is no file")
+        try:
+            self._container = av.open(str(self._path))
+        except av.FFmpegError as problem:
+            raise PhotoError(
+                f"{shown(self._path)} cannot be read as a video ({problem.strerror}): "
+                "copy it again or convert it with ffmpeg"
+            ) from problem
+        if not self._container.streams.video:
+            self._container.close()
+            raise PhotoError(f"{shown(self._path)} holds no video")
+        stream = self._container.streams.video[0]
+        stream.thread_type = "AUTO"
+        return self._container, stream
+
+    def __exit__(self, *_: object) -> None:
+        self._container.close()
+
+
+def _is_frame(item: Any) -> bool:
+    return hasattr(item, "planes")
+
+
+def _frame_count(stream: Any) -> int:
+    if stream.frames:
+        return int(stream.frames)
+    if stream.duration and stream.average_rate:
+        return int(stream.duration * stream.time_base * stream.average_rate)
+    return 0
+
+
+def _decode(source: Path, container: Any, stream: Any) -> Iterator[Any]:
+    """Frames of the video and packets of the audio, in the file's order."""
+    av = _library()
+    count = 0
+    try:
+        for packet in container.demux(stream, *container.streams.audio):
+            if packet.stream is not stream:
+                if packet.dts is not None:  # the last packet is a mark without content
+                    yield packet
+                continue
+            for frame in packet.decode():
+                if frame.pts is None and stream.average_rate:
+                    frame.pts = round(count / (stream.average_rate * stream.time_base))
+                count += 1
+                yield frame
+    except av.FFmpegError as problem:
+        raise PhotoError(
+            f"{shown(source)} is damaged after frame {count} ({problem.strerror}): "
+            "copy it again or cut it with ffmpeg"
+        ) from problem
+
+
+class _Writer:
+    """The output file: one video stream, and the source's audio as it was."""
+
+    def __init__(
+        self,
+        temporary: Path,
+        destination: Path,
+        source: Any,
+        stream: Any,
+        undistort_map: UndistortMap,
+        encoding: Encoding,
+    ) -> None:
+        self._av = _library()
+        self._destination = destination
+        codec = encoding.codec or (
+            "libvpx-vp9" if destination.suffix.lower() == ".webm" else "libx264"
+        )
+        self._codec = codec
+        with self._errors():
+            known = {"crf": str(encoding.crf)}
+            if encoding.preset:
+                known["preset"] = encoding.preset
+            if codec == "libvpx-vp9":
+                known |= {"b": "0", "row-mt": "1"}
+            self._container = self._av.open(str(temporary), "w")
+            self._stream = self._container.add_stream(
+                codec, rate=stream.average_rate or Fraction(25), options=known
+            )
+        context = self._stream.codec_context
+        width, height = undistort_map.view.size
+        self.pixel_format = self._pixel_format(stream.codec_context.pix_fmt)
+        _, across, down = _PLANAR[self.pixel_format]
+        if (across and width % across) or (down and height % down):
+            self._container.close()
+            raise ViewError(
+                f"{self.pixel_format} video has even sides, which {width}x{height} has not: "
+                f"choose --size {width + width % 2}x{height + height % 2}"
+            )
+        self._stream.width, self._stream.height = width, height
+        self._stream.pix_fmt = self.pixel_format
+        context.time_base = stream.time_base
+        for name in ("color_range", "color_primaries", "color_trc", "colorspace"):
+            value = getattr(stream.codec_context, name, None)
+            if value is not None:
+                setattr(context, name, value)
+        with self._errors():
+            self._audio = {
+                audio.index: self._container.add_stream_from_template(audio)
+                for audio in source.streams.audio
+            }
+        self._container.metadata.update(source.metadata)
+
+    def _pixel_format(self, wanted: str) -> str:
+        formats = [format_.name for format_ in self._stream.codec_context.codec.video_formats or []]
+        usable = [name for name in formats if name in _PLANAR]
+        if wanted in usable:
+            return wanted
+        deep = "10" in wanted or "12" in wanted
+        for name in ("yuv420p10le", "yuv420p") if deep else ("yuv420p", "yuv422p", "yuv444p"):
+            if name in usable:
+                return name
+        if usable:
+            return usable[0]
+        self._container.close()
+        raise OutputError(
+            f"{shown(self._destination)}: the codec {self._codec} takes no planar video: "
+            "choose another --codec, such as libx264"
+        )
+
+    def write(self, item: Any) -> None:
+        """Encode a frame, or copy a packet of audio."""
+        with self._errors():
+            if _is_frame(item):
+                self._container.mux(self._stream.encode(item))
+            else:
+                item.stream = self._audio[item.stream.index]
+                self._container.mux(item)
+
+    def finish(self) -> None:
+        """Encode what is held back and complete the file."""
+        with self._errors():
+            self._container.mux(self._stream.encode(None))
+            self._container.close()
+
+    def close(self) -> None:
+        """Let the file go."""
+        try:
+            self._container.close()
+        except self._av.FFmpegError:  # an unfinished file that is thrown away
+            return
+
+    def _errors(self) -> _Errors:
+        return _Errors(self._av.FFmpegError, self._destination, self._codec)
+
+
+class _Errors:
+    """Turns what the video library raises into one line."""
+
+    def __init__(self, kind: type[Exception], path: Path, codec: str) -> None:
+        self._kinds = (kind, ValueError)
+        self._path, self._codec = path, codec
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, _: object, problem: BaseException | None, __: object) -> None:
+        if isinstance(problem, self._kinds) and not isinstance(problem, CubicfishError):
+            what = getattr(problem, "strerror", None) or problem
+            raise OutputError(
+                f"{shown(self._path)}: a {self._path.suffix} file cannot be written with codec "
+                f"{self._codec} and this audio ({what}): choose another --codec, or .mkv, which "
+                "takes all"
+            ) from problem
+
+
+class _PlaneRemapper:
+    """Remaps frames plane by plane."""
+
+    def __init__(
+        self, undistort_map: UndistortMap, rendering: Rendering, pixel_format: str
+    ) -> None:
+        bits, across, down = _PLANAR[pixel_format]
+        self._format, self._size = pixel_format, undistort_map.view.size
+        self._dtype = np.dtype(np.uint8 if bits == 8 else np.uint16)
+        self._bits = bits
+        self._interpolation = INTERPOLATIONS[rendering.interpolation]
+        self._border = rendering.border
+        self._wide = rendering.interpolation in ("cubic", "lanczos")
+        self._maps = [(undistort_map.map_x, undistort_map.map_y)]
+        if across:
+            centred = pixel_format.startswith("yuvj")
+            chroma = _chroma_maps(undistort_map, across, down, centred=centred)
+            self._maps += [chroma, chroma]
+        self._values: tuple[int, ...] | None = None
+
+    def __call__(self, frame: av.VideoFrame) -> av.VideoFrame:
+        """A frame of the source -> the same of the view."""
+        library = _library()
+        given = frame if frame.format.name == self._format else frame.reformat(format=self._format)
+        made = library.VideoFrame(*self._size, self._format)
+        if self._values is None:
+            self._values = _border_values(self._border, self._bits, frame)
+        for plane, out, (map_x, map_y), value in zip(
+            given.planes, made.planes, self._maps, self._values, strict=False
+        ):
+            flat = cv2.remap(
+                self._pixels(plane),
+                map_x,
+                map_y,
+                self._interpolation,
+                borderMode=cv2.BORDER_REFLECT_101 if self._wide else cv2.BORDER_CONSTANT,
+                borderValue=float(value),
+            )
+            if self._wide:
+                flat[map_x < 0] = value
+            self._pixels(out)[...] = flat
+        made.pts, made.time_base = frame.pts, frame.time_base
+        return made
+
+    def _pixels(self, plane: Any) -> npt.NDArray[Any]:
+        rows = np.frombuffer(plane, self._dtype).reshape(
+            plane.height, plane.line_size // self._dtype.itemsize
+        )
+        return rows[:, : plane.width]
+
+
+def _chroma_maps(
+    undistort_map: UndistortMap, across: int, down: int, *, centred: bool
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """The map for colour samples, each of which stands for ``across`` x ``down`` pixels.
+
+    A sample lies in the middle of its rows and, as in MPEG, on its first column; ``centred``
+    ones (JPEG) in the middle of their columns too. Its source is the mean of the sources of
+    the pixels around it.
+    """
+    columns = range(across) if centred else range(1)
+    parts = [(row, column) for row in range(down) for column in columns]
+
+    def mean(values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+        return np.asarray(
+            np.mean([values[row::down, column::across] for row, column in parts], axis=0)
+        )
+
+    photo_width, photo_height = undistort_map.image_size
+    limit_x, limit_y = -(-photo_width // across) - 1, -(-photo_height // down) - 1
+    shift_x = (across - 1) / 2 if centred else 0.0
+    x = np.clip((mean(undistort_map.map_x) - shift_x) / across, 0, limit_x)
+    y = np.clip((mean(undistort_map.map_y) - (down - 1) / 2) / down, 0, limit_y)
+    outside = mean(undistort_map.valid) < 1
+    x[outside] = y[outside] = OUTSIDE
+    return x.astype(np.float32), y.astype(np.float32)
+
+
+def _border_values(
+    colour: tuple[float, float, float], bits: int, frame: av.VideoFrame
+) -> tuple[int, int, int]:
+    """(red, green, blue) from 0 to 1 -> brightness and two colour differences of this video."""
+    # ITU-R BT.709 for high definition and BT.601 below, as players take it when told nothing.
+    red_share, blue_share = (0.2126, 0.0722) if frame.height >= 720 else (0.299, 0.114)
+    red, green, blue = colour
+    bright = red_share * red + (1 - red_share - blue_share) * green + blue_share * blue
+    blueness = (blue - bright) / (2 * (1 - blue_share))
+    redness = (red - bright) / (2 * (1 - red_share))
+    full = frame.format.name.startswith("yuvj") or int(getattr(frame, "color_range", 0) or 0) == 2
+    low, span, colour_span = (0, 255, 255) if full else (16, 219, 224)
+    scale = 2 ** (bits - 8)
+    values = (low + span * bright, 128 + colour_span * blueness, 128 + colour_span * redness)
+    top = 2**bits - 1
+    y, u, v = (min(top, round(scale * value)) for value in values)
+    return y, u, v

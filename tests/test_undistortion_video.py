@@ -1,0 +1,231 @@
+"""Videos: every frame remapped, at its time, with its sound; whole or not at all."""
+
+from fractions import Fraction
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from lenses import cubic_camera
+
+from cubicfish_cli.errors import OutputError, PhotoError, ViewError
+from cubicfish_cli.undistortion.frames import camera_for_photos
+from cubicfish_cli.undistortion.images import Rendering
+from cubicfish_cli.undistortion.maps import build_map
+from cubicfish_cli.undistortion.projections import PerspectiveView
+from cubicfish_cli.undistortion.video import Encoding, undistort_video, video_size
+from cubicfish_cli.undistortion.view import rotation_from_angles
+
+av = pytest.importorskip("av")
+
+SIZE = (192, 144)
+CAMERA = camera_for_photos(cubic_camera(100.0), SIZE)
+VIEW = PerspectiveView.with_field(140, (128, 96), rotation_from_angles(yaw_deg=45))
+MAP = build_map(CAMERA, VIEW)
+TIMES = [0, 40, 80, 133, 160, 300, 301, 420]  # milliseconds: not at a constant rate
+
+
+def scene(number: int) -> np.ndarray:
+    """A smooth picture in colour, another one for each number."""
+    x, y = np.meshgrid(np.arange(SIZE[0]) / SIZE[0], np.arange(SIZE[1]) / SIZE[1])
+    parts = [np.sin(3 * x + number), np.cos(4 * y - number), np.sin(2 * x + 3 * y + 2 * number)]
+    return np.round(127.5 + 100 * np.stack(parts, axis=-1)).astype(np.uint8)
+
+
+def write_video(path: Path, *, pix_fmt: str = "yuv420p", codec: str = "libx264", audio=True):
+    with av.open(str(path), "w") as container:
+        lossless = {"crf": "0", "qp": "0"} if codec == "libx264" else {}
+        stream = container.add_stream(codec, rate=25, options=lossless)
+        stream.width, stream.height, stream.pix_fmt = *SIZE, pix_fmt
+        stream.codec_context.time_base = Fraction(1, 1000)
+        sound = container.add_stream("aac", rate=16_000) if audio else None
+        for number, time in enumerate(TIMES):
+            frame = av.VideoFrame.from_ndarray(scene(number), format="rgb24")
+            frame = frame.reformat(format=pix_fmt)
+            frame.pts, frame.time_base = time, Fraction(1, 1000)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+        if sound is not None:
+            tone = np.sin(np.arange(8000) / 9).astype(np.float32)[None]
+            samples = av.AudioFrame.from_ndarray(tone, format="fltp", layout="mono")
+            samples.rate, samples.pts = 16_000, 0
+            container.mux(sound.encode(samples))
+            container.mux(sound.encode(None))
+
+
+def frames_of(path: Path, pix_fmt: str) -> list[tuple[float, np.ndarray]]:
+    with av.open(str(path)) as container:
+        return [
+            (round(float(frame.pts * frame.time_base) * 1000), frame.to_ndarray(format=pix_fmt))
+            for frame in container.decode(video=0)
+        ]
+
+
+def audio_packets(path: Path) -> list[tuple[int, bytes]]:
+    with av.open(str(path)) as container:
+        stream = container.streams.audio[0]
+        return [
+            (round(1000 * packet.pts * packet.time_base), bytes(packet))
+            for packet in container.demux(stream)
+            if packet.dts is not None
+        ]
+
+
+def run(source: Path, out: Path, rendering=None, made=MAP, encoding=None, **options):
+    return undistort_video(
+        source,
+        out,
+        lambda size: made,
+        rendering or Rendering(),
+        encoding or Encoding(crf=0),
+        overwrite=False,
+        **options,
+    )
+
+
+@pytest.mark.parametrize(
+    ("pix_fmt", "top"),
+    [("yuv420p", 255), ("yuv422p", 255), ("yuv444p", 255), ("yuv420p10le", 1023)],
+)
+def test_every_frame_is_remapped_at_its_time(tmp_path, pix_fmt, top):
+    source, out = tmp_path / "in.mkv", tmp_path / "out.mkv"
+    write_video(source, pix_fmt=pix_fmt, audio=False)
+    seen = []
+    done = run(source, out, progress=lambda *counts: seen.append(counts))
+    assert done.frames == len(TIMES)
+    assert seen[-1][0] == len(TIMES)
+    made = frames_of(out, pix_fmt)
+    assert [time for time, _ in made] == TIMES
+    with av.open(str(out)) as container:
+        assert container.streams.video[0].codec_context.pix_fmt == pix_fmt
+    for (_, flat), (_, whole) in zip(made, frames_of(source, pix_fmt), strict=True):
+        if whole.ndim == 3 and whole.shape[0] == 3:
+            whole, flat = whole[0], flat[0]
+        brightness = np.ascontiguousarray(whole[: SIZE[1], : SIZE[0]])
+        expected = cv2.remap(brightness, MAP.map_x, MAP.map_y, cv2.INTER_LINEAR)
+        got = flat[: VIEW.size[1], : VIEW.size[0]].astype(int)
+        assert np.abs(got - expected)[MAP.valid].max() <= top / 80
+
+
+@pytest.mark.parametrize("pix_fmt", ["yuv420p", "yuv422p", "yuv444p"])
+def test_colours_lie_where_the_brightness_lies(tmp_path, pix_fmt):
+    source, out = tmp_path / "in.mkv", tmp_path / "out.mkv"
+    write_video(source, pix_fmt=pix_fmt, audio=False)
+    run(source, out)
+    inner = cv2.erode(MAP.valid.astype(np.uint8), np.ones((9, 9)), borderValue=0).astype(bool)
+    inner &= (MAP.map_x > 4) & (MAP.map_x < SIZE[0] - 5)
+    inner &= (MAP.map_y > 4) & (MAP.map_y < SIZE[1] - 5)
+    differences = [
+        flat.astype(int)[inner] - cv2.remap(whole, MAP.map_x, MAP.map_y, cv2.INTER_LINEAR)[inner]
+        for (_, flat), (_, whole) in zip(
+            frames_of(out, "rgb24"), frames_of(source, "rgb24"), strict=True
+        )
+    ]
+    # The slopes of the scene turn shifts into brightness: a quarter of a pixel gives 0.04.
+    assert np.abs(np.mean(differences, axis=(0, 1))).max() < 0.03
+    assert np.abs(differences).mean() < 1
+
+
+def test_sound_is_copied_bit_by_bit(tmp_path):
+    source, out = tmp_path / "in.mp4", tmp_path / "out.mp4"
+    write_video(source)
+    run(source, out)
+    assert len(audio_packets(source)) > 5
+    assert audio_packets(out) == audio_packets(source)
+    assert [time for time, _ in frames_of(out, "gray")] == TIMES
+
+
+@pytest.mark.parametrize(
+    ("colour", "interpolation"), [((0, 0, 0), "linear"), ((1, 0.5, 0), "cubic")]
+)
+def test_what_the_camera_does_not_see_has_the_borders_colour(tmp_path, colour, interpolation):
+    source, out = tmp_path / "in.mkv", tmp_path / "out.mkv"
+    write_video(source, audio=False)
+    run(source, out, Rendering(border=colour, interpolation=interpolation))
+    outside = cv2.erode((~MAP.valid).astype(np.uint8), np.ones((7, 7)), borderValue=1).astype(bool)
+    assert outside.any()
+    _, flat = frames_of(out, "rgb24")[0]
+    assert np.abs(flat[outside] - 255 * np.array(colour)).max() <= 6
+
+
+def test_codecs_and_quality_are_the_ones_asked_for(tmp_path):
+    source = tmp_path / "in.mp4"
+    write_video(source)
+    sizes = []
+    for crf in (5, 40):
+        run(source, tmp_path / f"{crf}.mp4", encoding=Encoding(crf=crf, preset="ultrafast"))
+        sizes.append((tmp_path / f"{crf}.mp4").stat().st_size)
+    assert sizes[0] > 1.5 * sizes[1]
+    run(source, tmp_path / "o.mkv", encoding=Encoding(codec="ffv1"))
+    with av.open(str(tmp_path / "o.mkv")) as container:
+        assert container.streams.video[0].codec_context.name == "ffv1"
+
+
+@pytest.mark.parametrize(
+    ("name", "encoding", "says"),
+    [
+        ("o.mp4", Encoding(codec="nonsense"), "choose another --codec"),
+        ("o.webm", Encoding(), "choose another --codec, or .mkv"),  # AAC is not for WebM
+        ("o.xyz", Encoding(), "cannot be written"),
+    ],
+)
+def test_what_a_file_cannot_hold_is_said_and_leaves_nothing(tmp_path, name, encoding, says):
+    source = tmp_path / "in.mp4"
+    write_video(source)
+    with pytest.raises(OutputError, match=says) as caught:
+        run(source, tmp_path / name, encoding=encoding)
+    assert "\n" not in str(caught.value)
+    assert [path.name for path in tmp_path.iterdir()] == ["in.mp4"]
+
+
+def test_odd_sides_are_refused_with_even_ones(tmp_path):
+    source = tmp_path / "in.mp4"
+    write_video(source)
+    odd = build_map(CAMERA, PerspectiveView.with_field(90, (127, 95)))
+    with pytest.raises(ViewError, match="--size 128x96"):
+        run(source, tmp_path / "out.mp4", made=odd)
+    assert not (tmp_path / "out.mp4").exists()
+
+
+def test_what_is_no_video_is_named(tmp_path):
+    bad, empty = tmp_path / "bad.mp4", tmp_path / "none.mp4"
+    bad.write_bytes(b"not a video" * 100)
+    for path, says in ((bad, "cannot be read as a video"), (empty, "does not exist")):
+        with pytest.raises(PhotoError, match=says):
+            run(path, tmp_path / "out.mp4")
+        with pytest.raises(PhotoError, match=says):
+            video_size(path)
+    assert [path.name for path in tmp_path.iterdir()] == ["bad.mp4"]
+
+
+def test_a_video_cut_short_leaves_no_file(tmp_path):
+    source = tmp_path / "in.mp4"
+    write_video(source)
+    data = source.read_bytes()
+    source.write_bytes(data[: len(data) // 3])
+    with pytest.raises(PhotoError, match=r"in\.mp4"):
+        run(source, tmp_path / "out.mp4")
+    assert not (tmp_path / "out.mp4").exists()
+
+
+def test_an_interrupt_leaves_no_file_and_no_thread(tmp_path):
+    import threading
+
+    source = tmp_path / "in.mp4"
+    write_video(source)
+    before = threading.active_count()
+
+    def stop(done: int, total: int) -> None:
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(source, tmp_path / "out.mp4", progress=stop)
+    assert [path.name for path in tmp_path.iterdir()] == ["in.mp4"]
+    assert threading.active_count() == before
+
+
+def test_without_pyav_the_extra_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "av", None)
+    with pytest.raises(OutputError, match=r"pip install 'cubicfish\[video\]'"):
+        run(tmp_path / "in.mp4", tmp_path / "out.mp4")
