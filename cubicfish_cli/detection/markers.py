@@ -36,20 +36,18 @@ from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import Pyramid, build_pyramid
 from cubicfish_cli.target import Board, Target
 
-# Markers vouch for each other up to this many cells apart, when each is where the other's own
-# shape puts it, to this share of the distance (distortion bends it).
-_VOUCH_CELLS = 3
-_VOUCH_MISS = 0.25
+# Markers vouch for each other up to this many cells apart, when each is where the shape of both
+# puts it, to this share of a cell: distortion takes a tenth or two, a wrong cell is 1 away.
+_VOUCH_CELLS = 2
+_VOUCH_MISS = 0.4
 # A grid takes its names from at least this many of a board's corners, and from this share of
 # those that it shares with the board.
 _LEAST_VOTES, _LEAST_SHARE = 3, 0.8
 # A marker that stands alone must have this many of its corners seen as corners.
 _ALONE = 3
-# Share of wrong modules from which a clearly read marker is another one.
-_ANOTHER = 0.2
-# A second place of the same board is a misread marker, and not another copy of the board, when
-# so many times fewer markers speak for it.
-_MISREAD = 4
+# Of the markers that are clearly seen through a board's corners, so many times more must be
+# its own than others; and a marker that nothing else vouched for must not be the only one.
+_OWN_FOR_ANOTHER = 4
 _SAME_CORNER = 0.3  # of the distance to the next corner
 
 
@@ -153,7 +151,7 @@ def _places(markers: SeenMarkers, target: Target, board: int) -> IntArray:
     step = 0.5 * (step[None] + step[:, None])
     expected = (step @ apart[..., None])[..., 0]
     miss = np.linalg.norm(middle[None] - middle[:, None] - expected, axis=-1)
-    length = np.linalg.norm(expected, axis=-1) + 0.5 * np.linalg.norm(step, axis=(-2, -1))
+    length = np.linalg.norm(step, axis=-2).min(axis=-1)
     agree = (np.abs(apart).max(axis=-1) <= _VOUCH_CELLS) & (miss < _VOUCH_MISS * length)
     label = np.arange(count)
     while True:
@@ -267,12 +265,11 @@ def _agrees(pyramid: Pyramid, target: Target, all_families: list[Family], piece:
         -1, 4
     ).any(axis=1)
     if not whole.any():
-        return True
+        return False
     corner = corner[whole]
     ratio = marker_ratio(target, piece.board)
     side_px = ratio * shortest_side(piece.lattice.at(corner.reshape(-1, 2)).reshape(-1, 4, 2))
     own, clear = np.zeros(len(corner), bool), np.zeros(len(corner), bool)
-    another = np.ones(len(corner), bool)
     for family in all_families:
         row = np.nonzero(family.board == piece.board)[0]
         if not len(row):
@@ -282,9 +279,9 @@ def _agrees(pyramid: Pyramid, target: Target, all_families: list[Family], piece:
         wrong = wrong_modules(modules.white, family)[:, 0]
         wrong = wrong[np.arange(len(wrong)), row[whole]]
         own |= modules.clear & (wrong <= family.corrected)
-        another &= wrong > _ANOTHER * family.size**2
         clear |= modules.clear
-    return bool(own.sum() >= 2 * (clear & another).sum())
+    least = 2 if piece.markers == 1 else 1
+    return bool(own.sum() >= least and own.sum() >= _OWN_FOR_ANOTHER * (clear & ~own).sum())
 
 
 def _settle(pieces: list[_Piece], grids: int) -> tuple[list[_Piece], int, tuple[int, ...]]:
@@ -300,7 +297,7 @@ def _settle(pieces: list[_Piece], grids: int) -> tuple[list[_Piece], int, tuple[
             kept.append(piece)
         elif all(_continue_each_other(piece, other) for other in same):
             _merge(same[0], piece)
-        elif same[0].markers < _MISREAD * piece.markers:
+        else:
             contradictory.add(piece.board)
     left = [piece for piece in kept if piece.board not in contradictory]
     return left, grids, tuple(sorted(contradictory))

@@ -162,6 +162,8 @@ def straightened(pyramid: Pyramid, outline: FloatArray) -> FloatArray:
     Corners of a contour are off by some pixels, most where small squares touch a tag; the middle
     parts of the sides are not.
     """
+    if not len(outline):
+        return outline
     along = np.linspace(0.25, 0.75, 7)
     following = np.roll(outline, -1, axis=1)
     side = following - outline

@@ -158,8 +158,7 @@ class BoardLattice:
         that bent sides do not matter.
         """
         flat = corner.reshape(-1, 2)
-        fit = self.fit(flat)
-        fit = replace(fit, pixel=self.at(flat))
+        fit = replace(self.fit(flat), pixel=self.at(flat))
         anchor = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
         seen = fit.at(np.tile(place[None] - anchor[:, None], (len(corner), 1, 1)))
         seen = seen.reshape(len(corner), 4, len(place), 2)

@@ -1,0 +1,243 @@
+from dataclasses import replace
+from functools import cache
+
+import cv2
+import numpy as np
+import pytest
+
+from cubicfish_cli.detection.finder import find_grids
+from cubicfish_cli.detection.markers import How, find_marked_corners
+from cubicfish_cli.rendering.lens import TrueLens
+from cubicfish_cli.rendering.pose import look_at
+from cubicfish_cli.rendering.render import plain_background, render
+from cubicfish_cli.rendering.truth import project_corners
+from cubicfish_cli.target import Board, Markers, Target
+
+SIZE = (520, 520)
+LENS = TrueLens(
+    image_size=SIZE,
+    fx=152.0,
+    fy=152.3,
+    cx=262.1,
+    cy=257.4,
+    k=(-0.021, -0.0042, 0.0011, -0.00012),
+    p=(0.00045, -0.0006),
+    max_angle_deg=97.0,
+)
+AXES = {
+    "front": ((0, 0, 1), (1, 0, 0), (0, 1, 0)),
+    "left": ((-1, 0, 0), (0, 0, 1), (0, 1, 0)),
+    "right": ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
+    "top": ((0, -1, 0), (1, 0, 0), (0, 0, 1)),
+}
+HALF = 100.0  # of the box around the camera
+
+
+def wall(
+    place, kind, counts, side, *, dictionary="DICT_4X4_50", first=0, shift=(0, 0), marker=0.74
+):
+    """A board in the middle of a wall of the box; counts of corners, or of tags."""
+    inward, x, y = (np.array(axis, float) for axis in AXES[place])
+    columns, rows = counts
+    markers, spacing = None, 0.0
+    if kind == "charuco":
+        count = (columns + 1) * (rows + 1) // 2
+        markers = Markers(dictionary=dictionary, side=marker * side, first=first, count=count)
+    if kind == "aprilgrid":
+        markers = Markers(
+            dictionary="DICT_APRILTAG_36h11", side=side, first=first, count=columns * rows
+        )
+        columns, rows, spacing = 2 * columns, 2 * rows, 0.3
+    board = Board(
+        name=f"{place}{first}",
+        kind=kind,
+        columns=columns,
+        rows=rows,
+        square=side,
+        origin=np.zeros(3),
+        x_axis=x,
+        y_axis=y,
+        markers=markers,
+        spacing=spacing,
+    )
+    middle = board.world_points(columns - 1, rows - 1) / 2
+    origin = inward * HALF - middle + shift[0] * x + shift[1] * y
+    return replace(board, origin=origin)
+
+
+MIXED = Target(
+    units="mm",
+    boards=(
+        wall("front", "charuco", (6, 5), 24.0),
+        wall("left", "charuco", (5, 5), 26.0, dictionary="DICT_5X5_50"),
+        wall("right", "aprilgrid", (4, 3), 34.0),
+        wall("top", "checkerboard", (6, 5), 22.0),
+    ),
+)
+POSE = look_at([5, 10, -40], [30, -15, 100], up=[0.05, -1, 0.1], roll=0.3)
+
+
+def photo_of(target, pose=POSE, **options):
+    options = {"supersample": 2, "noise": 1.5, "background": plain_background} | options
+    return render(target, LENS.unproject, pose, SIZE, **options)
+
+
+@cache
+def mixed_photo():
+    return photo_of(MIXED, supersample=3)
+
+
+def find(photo, target):
+    return find_marked_corners(photo, target, find_grids(photo))
+
+
+def errors(found, target, pose=POSE):
+    """Distances (N,) of found corners from the truth, and the share of visible ones found."""
+    seen = project_corners(target, LENS, pose, SIZE)
+    index = {
+        key: i
+        for i, key in enumerate(
+            zip(seen.board.tolist(), seen.column.tolist(), seen.row.tolist(), strict=True)
+        )
+    }
+    named = [
+        index[key]
+        for key in zip(found.board.tolist(), found.column.tolist(), found.row.tolist(), strict=True)
+    ]
+    assert len(set(named)) == len(named)
+    error = np.hypot(*(found.pixel - seen.pixel[named]).T)
+    marked = np.array([board.markers is not None for board in target.boards])
+    wanted = seen.visible & marked[seen.board]
+    hit = np.zeros(len(wanted), bool)
+    hit[named] = error < 0.5
+    return error, (hit & wanted).sum() / wanted.sum()
+
+
+def test_boards_of_all_kinds_are_named_to_the_rim():
+    found = find(mixed_photo(), MIXED)
+    error, recall = errors(found, MIXED)
+    assert error.max() < 0.5
+    assert np.sqrt(np.mean(error**2)) < 0.1
+    assert recall > 0.97
+    assert set(found.board.tolist()) == {0, 1, 2}
+    assert found.contradictory == ()
+    assert (found.how == How.MARKER).mean() > 0.5
+
+
+@pytest.mark.parametrize("turns", [1, 2])
+def test_a_turned_camera_gives_the_same_names(turns):
+    def by_name(found):
+        keys = zip(found.board.tolist(), found.column.tolist(), found.row.tolist(), strict=True)
+        return dict(zip(keys, found.pixel, strict=True))
+
+    upright = by_name(find(mixed_photo(), MIXED))
+    turned = by_name(find(np.rot90(mixed_photo(), turns).copy(), MIXED))
+    back = np.linalg.matrix_power(np.array([[0, 1], [-1, 0]]), turns)
+    apart = [
+        np.hypot(*((turned[key] - 259.5) @ back + 259.5 - upright[key]))
+        for key in turned.keys() & upright.keys()
+    ]
+    assert len(apart) > 0.95 * len(upright)
+    assert max(apart) < 0.1
+
+
+def test_deep_photos_and_dim_ones():
+    bright = find(mixed_photo(), MIXED)
+    deep = find(mixed_photo().astype(np.uint16) * 200, MIXED)
+    assert len(deep) > 0.97 * len(bright)
+    assert errors(deep, MIXED)[0].max() < 0.5
+    dim = find((mixed_photo() * 0.25).astype(np.uint8), MIXED)
+    assert errors(dim, MIXED)[0].max() < 0.7
+    assert errors(dim, MIXED)[1] > 0.8
+
+
+def test_a_mirrored_photo_has_no_names():
+    for axis in (0, 1):
+        found = find(np.flip(mixed_photo(), axis).copy(), MIXED)
+        assert len(found) == 0
+        assert (found.grid_board == -1).all()
+
+
+def test_nothing_comes_of_nothing():
+    noise = np.random.default_rng(0).normal(128, 50, (300, 400)).clip(0, 255).astype(np.uint8)
+    for photo in (
+        np.zeros((200, 300), np.uint8),
+        np.full((200, 300), 255, np.uint8),
+        noise,
+        np.zeros((4, 4), np.uint8),
+        np.full((50, 60), np.nan),
+    ):
+        found = find(photo, MIXED)
+        assert len(found) == 0
+        assert found.pixel.shape == (0, 2)
+        assert found.contradictory == ()
+
+
+def test_a_target_without_markers_names_nothing():
+    plain = Target(units="mm", boards=MIXED.boards[3:])
+    found = find(mixed_photo(), plain)
+    assert len(found) == 0
+    assert len(found.grid_board) == len(find_grids(mixed_photo()).grids)
+
+
+def test_foreign_markers_give_no_names():
+    foreign = Target(
+        units="mm",
+        boards=(
+            wall("front", "charuco", (6, 5), 24.0, first=21),
+            wall("left", "charuco", (5, 5), 26.0, dictionary="DICT_5X5_50", first=30),
+            wall("right", "aprilgrid", (4, 3), 34.0, first=100),
+        ),
+    )
+    assert len(find(mixed_photo(), foreign)) == 0
+
+
+def test_a_board_of_another_layout_with_the_same_ids_is_left_out():
+    # The photo's board has one column more: ids run on differently in every row but the first.
+    narrow = Target(units="mm", boards=(wall("front", "charuco", (5, 5), 24.0),))
+    found = find(photo_of(Target(units="mm", boards=MIXED.boards[:1])), narrow)
+    assert len(found) == 0
+    tags = Target(units="mm", boards=(wall("right", "aprilgrid", (3, 4), 34.0),))
+    found = find(photo_of(Target(units="mm", boards=MIXED.boards[2:3])), tags)
+    assert len(found) == 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "counts", "side"), [("charuco", (5, 4), 22.0), ("aprilgrid", (3, 3), 30.0)]
+)
+def test_two_copies_of_a_board_are_told_and_left_out(kind, counts, side):
+    one = wall("front", kind, counts, side)
+    copies = Target(units="mm", boards=(one, wall("left", kind, counts, side)))
+    other = wall("right", "charuco", (5, 5), 26.0, dictionary="DICT_5X5_50")
+    photo = photo_of(Target(units="mm", boards=(*copies.boards, other)))
+    found = find(photo, Target(units="mm", boards=(one, other)))
+    assert found.contradictory == (0,)
+    assert set(found.board.tolist()) == {1}
+
+
+def test_a_stray_marker_does_not_harm_the_board():
+    photo = mixed_photo().copy()
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    stray = cv2.aruco.generateImageMarker(dictionary, 3, 48)
+    photo[10:74, 10:74] = 230
+    photo[18:66, 18:66] = stray
+    found = find(photo, MIXED)
+    error, recall = errors(found, MIXED)
+    assert found.contradictory == ()
+    assert error.max() < 0.5
+    assert recall > 0.97
+
+
+def test_a_board_behind_a_bar_is_still_one_board():
+    photo = mixed_photo().copy()
+    middle = project_corners(MIXED, LENS, POSE, SIZE)
+    own = (middle.board == 0) & (middle.column == 3)
+    x = int(middle.pixel[own, 0].mean())
+    photo[:, x - 14 : x + 14] = 90
+    found = find(photo, MIXED)
+    error, _ = errors(found, MIXED)
+    assert found.contradictory == ()
+    assert error.max() < 0.5
+    columns = found.column[found.board == 0]
+    assert columns.min() == 0
+    assert columns.max() == 5
