@@ -61,6 +61,17 @@ def frames_of(path: Path, pix_fmt: str) -> list[tuple[float, np.ndarray]]:
         ]
 
 
+def brightness_of(path: Path) -> list[tuple[float, np.ndarray]]:
+    with av.open(str(path)) as container:
+        made = []
+        for frame in container.decode(video=0):
+            plane = frame.planes[0]
+            kind = np.uint8 if frame.format.components[0].bits == 8 else np.uint16
+            rows = np.frombuffer(plane, kind).reshape(plane.height, -1)[:, : plane.width]
+            made.append((round(float(frame.pts * frame.time_base) * 1000), rows.copy()))
+        return made
+
+
 def audio_packets(path: Path) -> list[tuple[int, bytes]]:
     with av.open(str(path)) as container:
         stream = container.streams.audio[0]
@@ -94,17 +105,13 @@ def test_every_frame_is_remapped_at_its_time(tmp_path, pix_fmt, top):
     done = run(source, out, progress=lambda *counts: seen.append(counts))
     assert done.frames == len(TIMES)
     assert seen[-1][0] == len(TIMES)
-    made = frames_of(out, pix_fmt)
+    made = brightness_of(out)
     assert [time for time, _ in made] == TIMES
     with av.open(str(out)) as container:
         assert container.streams.video[0].codec_context.pix_fmt == pix_fmt
-    for (_, flat), (_, whole) in zip(made, frames_of(source, pix_fmt), strict=True):
-        if whole.ndim == 3 and whole.shape[0] == 3:
-            whole, flat = whole[0], flat[0]
-        brightness = np.ascontiguousarray(whole[: SIZE[1], : SIZE[0]])
-        expected = cv2.remap(brightness, MAP.map_x, MAP.map_y, cv2.INTER_LINEAR)
-        got = flat[: VIEW.size[1], : VIEW.size[0]].astype(int)
-        assert np.abs(got - expected)[MAP.valid].max() <= top / 80
+    for (_, got), (_, whole) in zip(made, brightness_of(source), strict=True):
+        expected = cv2.remap(whole, MAP.map_x, MAP.map_y, cv2.INTER_LINEAR)
+        assert np.abs(got.astype(int) - expected)[MAP.valid].max() <= top / 80
 
 
 @pytest.mark.parametrize("pix_fmt", ["yuv420p", "yuv422p", "yuv444p"])
@@ -121,8 +128,8 @@ def test_colours_lie_where_the_brightness_lies(tmp_path, pix_fmt):
             frames_of(out, "rgb24"), frames_of(source, "rgb24"), strict=True
         )
     ]
-    # The slopes of the scene turn shifts into brightness: a quarter of a pixel gives 0.04.
-    assert np.abs(np.mean(differences, axis=(0, 1))).max() < 0.03
+    # The slopes of the scene turn shifts into brightness: a quarter of a pixel gives 0.05.
+    assert np.abs(np.mean(differences, axis=(0, 1))).max() < 0.04
     assert np.abs(differences).mean() < 1
 
 

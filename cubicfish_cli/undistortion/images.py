@@ -55,6 +55,7 @@ class Rendering:
 
 
 PLAIN = Rendering()
+_TIFF_LZW = 5
 
 
 def remap_picture(
@@ -211,6 +212,8 @@ def encode_picture(
             options, segments = nature.encode_options(quality), nature.segments
     elif suffix == ".webp" and quality is not None:
         options = [cv2.IMWRITE_WEBP_QUALITY, quality]
+    elif depth == 32:  # else some versions of OpenCV take LogLuv, which loses
+        options = [cv2.IMWRITE_TIFF_COMPRESSION, _TIFF_LZW]
     try:
         with quiet_stderr():
             done, data = cv2.imencode(suffix, picture, options)
