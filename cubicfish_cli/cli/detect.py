@@ -92,6 +92,7 @@ def command(
                 "image": photo.name,
                 "boards": photo.boards,
                 "corners": photo.corners,
+                "added": photo.added,
                 "exact": photo.exact,
                 "problem": photo.problem,
                 "notes": photo.notes,

@@ -133,9 +133,16 @@ def photo_problems(detection: Detection) -> list[str]:
 
 
 def detect(photos: Sequence[Photo], target: Target, jobs: int | None) -> Detection:
-    """Find and name the corners of a target in photos, with a progress bar."""
+    """Find and name the corners of a target in photos, in two passes with progress bars."""
     from cubicfish_cli.naming.detect import detect_corners
+    from cubicfish_cli.naming.second_pass import second_pass
 
     say(f"Looking for corners in {count(len(photos), 'photo')}.")
     with progress("Finding corners") as callback:
-        return detect_corners(photos, target, jobs=jobs, progress=callback)
+        detection = detect_corners(photos, target, jobs=jobs, progress=callback)
+    with progress("Looking again") as callback:
+        detection = second_pass(photos, detection, target, jobs=jobs, progress=callback)
+    added = sum(photo.added for photo in detection.photos)
+    if added:
+        say(f"A second look, where a fitted camera expects them, added {count(added, 'corner')}.")
+    return detection

@@ -2,17 +2,10 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from cubicfish_cli.correspondences import Corners
@@ -21,11 +14,10 @@ from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.errors import DetectionError, PhotoError
 from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.name_grids import GridReport, Naming, name_grids
+from cubicfish_cli.naming.pool import map_photos, workers_for
 from cubicfish_cli.photos import Photo, Picture, read_grey
 from cubicfish_cli.target import Board, Target
 
-# Fewer photos than this are not worth starting other processes for.
-_PHOTOS_FOR_POOL = 4
 # Share of the grey scale below which nearly all of a photo is dark, or all of it is alike.
 _DARK, _UNIFORM = 0.15, 0.08
 _WHY = {
@@ -47,6 +39,7 @@ class PhotoReport:
         notes: one line for each grid that was left out, or named by convention.
         boards: names of the boards that were found in it, in the target's order.
         corners: how many corners were named.
+        added: how many of them a second pass added.
         exact: whether these are surely the corners that they are named as; see
             :class:`cubicfish_cli.naming.name_grids.Naming`.
         found: everything that was found in it, named or not; None when it could not be used.
@@ -59,6 +52,7 @@ class PhotoReport:
     notes: tuple[str, ...] = ()
     boards: tuple[str, ...] = ()
     corners: int = 0
+    added: int = 0
     exact: bool = True
     found: FoundGrids | None = None
     grids: tuple[GridReport, ...] = ()
@@ -109,7 +103,7 @@ def detect_corners(
 
     """
     found = []
-    for one in _find_all(photos, _workers(jobs, len(photos))):
+    for one in map_photos(_find, photos, workers_for(jobs, len(photos))):
         found.append(one)
         if progress is not None:
             progress(len(found), len(photos))
@@ -130,51 +124,6 @@ def detect_corners(
     for number, index in enumerate(usable):
         reports[index] = _report(photos[index].name, found[index], naming, number, target)
     return Detection(corners=_only_seen(naming.corners), photos=tuple(reports))
-
-
-def _workers(jobs: int | None, photos: int) -> int:
-    if jobs is None:
-        if photos < _PHOTOS_FOR_POOL:
-            return 1
-        jobs = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return max(1, min(jobs or 1, photos))
-
-
-def _find_all(photos: Sequence[Photo], workers: int) -> Iterator[_Found]:
-    """The grids of every photo, in order."""
-    if workers == 1:
-        with _single_thread():
-            yield from map(_find, photos)
-        return
-    # A forked copy of a process whose OpenCV has threads may hang; a fresh one does not.
-    pool = ProcessPoolExecutor(
-        workers, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker
-    )
-    try:
-        yield from pool.map(_find, photos)
-    except BrokenProcessPool as error:
-        raise DetectionError(
-            "a process that looked for corners was ended from outside, as happens when memory "
-            "runs out: try again with --jobs 1"
-        ) from error
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _start_worker() -> None:
-    # The parent alone answers Ctrl-C, and the workers together use one thread a processor.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    cv2.setNumThreads(1)
-
-
-@contextmanager
-def _single_thread() -> Iterator[None]:
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        yield
-    finally:
-        cv2.setNumThreads(before)
 
 
 def _find(photo: Photo) -> _Found:

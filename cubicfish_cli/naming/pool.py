@@ -1,0 +1,77 @@
+"""The same work on many photos, by as many processes as the machine has processors."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from typing import TypeVar
+
+import cv2
+
+from cubicfish_cli.errors import DetectionError
+
+Item = TypeVar("Item")
+Answer = TypeVar("Answer")
+
+# Fewer photos than this are not worth starting other processes for.
+_ITEMS_FOR_POOL = 4
+
+
+def workers_for(jobs: int | None, items: int) -> int:
+    """How many processes to use: ``jobs``, or one a processor where there is work for them."""
+    if jobs is None:
+        if items < _ITEMS_FOR_POOL:
+            return 1
+        jobs = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return max(1, min(jobs or 1, items))
+
+
+def map_photos(
+    work: Callable[[Item], Answer], items: Sequence[Item], workers: int
+) -> Iterator[Answer]:
+    """Yield ``work`` of every item, in order, whatever ``workers`` is.
+
+    OpenCV runs one thread in each process.
+
+    Raises:
+        DetectionError: a process was ended from outside.
+
+    """
+    if workers == 1:
+        with _single_thread():
+            yield from map(work, items)
+        return
+    # A forked copy of a process whose OpenCV has threads may hang; a fresh one does not.
+    pool = ProcessPoolExecutor(
+        workers, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker
+    )
+    try:
+        yield from pool.map(work, items)
+    except BrokenProcessPool as error:
+        raise DetectionError(
+            "a process that looked for corners was ended from outside, as happens when memory "
+            "runs out: try again with --jobs 1"
+        ) from error
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _start_worker() -> None:
+    # The parent alone answers Ctrl-C, and the workers together use one thread a processor.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    cv2.setNumThreads(1)
+
+
+@contextmanager
+def _single_thread() -> Iterator[None]:
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)
