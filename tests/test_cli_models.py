@@ -21,7 +21,7 @@ def test_the_table_and_the_json_hold_the_same_models(
 ) -> None:
     said = calibrate(run, tmp_path / "a", "--compare")
     record = json.loads(calibrate(run, tmp_path / "b", "--compare", "--json"))
-    table = said.split("the same corners, loss and folds\n")[1].splitlines()
+    table = said.split("the same corners, loss and folds, the target as drawn\n")[1].splitlines()
     names = [row["model"] for row in record["models"]]
     assert names[:2] == ["cubic", "Kannala–Brandt"]
     assert len(names) == 8

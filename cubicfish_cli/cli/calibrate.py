@@ -35,6 +35,7 @@ from cubicfish_cli.cli.terminal import detail, print_json, print_table, result, 
 
 if TYPE_CHECKING:
     from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
+    from cubicfish_cli.target import Target
 
 
 @click.command(
@@ -153,7 +154,7 @@ def command(
     made_by = _made_by(options, target if loaded.target else None, loaded.files)
     _write(outputs, calibration, loaded, made_by, overwrite=overwrite)
     record = calibration.as_record()
-    models = _compared(calibration, hold_out=hold_out) if compare else []
+    models = _compared(calibration, loaded.target, hold_out=hold_out) if compare else []
     if as_json:
         compared = {"models": models} if compare else {}
         print_json({**record, **compared, "model": str(outputs["camera"])})
@@ -189,11 +190,14 @@ def _outputs(folder: Path, inputs: Sequence[Path]) -> dict[str, Path]:
     return outputs
 
 
-def _compared(calibration: Calibration, *, hold_out: bool) -> list[dict[str, Any]]:
+def _compared(
+    calibration: Calibration, drawn: Target | None, *, hold_out: bool
+) -> list[dict[str, Any]]:
     from cubicfish_cli.fitting.baselines.compare import compare_baselines
 
     say("Fitting other lens models to the same corners.")
-    return [row.as_record() for row in compare_baselines(calibration, hold_out=hold_out)]
+    rows = compare_baselines(calibration, drawn=drawn, hold_out=hold_out)
+    return [row.as_record() for row in rows]
 
 
 def _made_by(

@@ -52,7 +52,7 @@ def print_photos(records: Sequence[Mapping[str, Any]]) -> None:
 
 def print_models(records: Sequence[Mapping[str, Any]]) -> None:
     """Print one row a lens model: how large it is, how well it does, how far it reaches."""
-    result("\nOther lens models: the same corners, loss and folds")
+    result("\nLens models: the same corners, loss and folds, the target as drawn")
     print_table(
         ("model", "parameters", "rms px", "held-out px", "usable to °", "seconds"),
         [

@@ -32,6 +32,7 @@ from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
 from cubicfish_cli.model.cubic import tangent_basis
 from cubicfish_cli.model.soundness import cone_rays
+from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -100,7 +101,9 @@ class _Fold:
 _Fit = Callable[[Companion], tuple[FitLens, FloatArray]]
 
 
-def compare_baselines(calibration: Calibration, *, hold_out: bool = True) -> list[ModelFigures]:
+def compare_baselines(
+    calibration: Calibration, *, drawn: Target | None = None, hold_out: bool = True
+) -> list[ModelFigures]:
     """Fit every lens model to the corners that a calibration used, the cubic among them.
 
     Each starts at the radial companion: first the model is fitted to the companion's pixels on
@@ -110,22 +113,34 @@ def compare_baselines(calibration: Calibration, *, hold_out: bool = True) -> lis
 
     Args:
         calibration: the fit of the cubic camera.
+        drawn: the object as drawn. An object that was refined was so with the cubic's help and
+            on all photos; needed where it was, and every model is then fitted to the drawing.
         hold_out: also measure the held-out error (five more fits a model).
 
     Returns:
         One row a model: the cubic, Kannala–Brandt, then :data:`BASELINES`.
 
     """
-    companion = _companion(calibration)
-    weight = calibration.prior_weight
+    pairs = calibration.pairs
+    weight: float | None = calibration.prior_weight
+    if drawn is not None and calibration.refined != "off":
+        world = drawn.world_points(pairs.board, pairs.column, pairs.row)
+        pairs, weight = replace(pairs, world=world), None
+    companion = _companion(calibration, pairs)
+    # The choice of the prior's weight is part of the cubic's time.
+    begun = time.perf_counter()
+    chosen = fit_cubic(companion).prior_weight
+    choosing = time.perf_counter() - begun
+    weight = chosen if weight is None else weight
     folds = _folds(companion, weight) if hold_out else []
     rows = [
-        _figures(CUBIC, _CUBIC_PARAMETERS, _fit_cubic(None), companion, folds, _fit_cubic(weight)),
+        _figures(CUBIC, _CUBIC_PARAMETERS, _fit_cubic(weight), companion, folds),
         _figures(KANNALA_BRANDT, 4 + companion.terms, _fit_radial, companion, folds),
     ]
     camera = calibration.camera
     rows[0] = replace(
         rows[0],
+        seconds=rows[0].seconds + choosing,
         largest_angle_deg=float(min(rows[0].largest_angle_deg or np.inf, camera.max_angle_deg)),
     )
     for kind in BASELINES:
@@ -134,10 +149,10 @@ def compare_baselines(calibration: Calibration, *, hold_out: bool = True) -> lis
     return rows
 
 
-def _companion(calibration: Calibration) -> Companion:
+def _companion(calibration: Calibration, pairs: Correspondences) -> Companion:
     """The companion of the corners that were used, adjusted to just these."""
-    scale = world_scale(calibration.pairs)
-    pairs = replace(calibration.pairs, world=calibration.pairs.world / scale)
+    scale = world_scale(pairs)
+    pairs = replace(pairs, world=pairs.world / scale)
     poses = Poses(
         rotation=calibration.poses.rotation, translation=calibration.poses.translation / scale
     )
@@ -183,7 +198,6 @@ def _figures(
     fit: _Fit,
     companion: Companion,
     folds: Sequence[_Fold],
-    fit_fold: _Fit | None = None,
 ) -> ModelFigures:
     begun = time.perf_counter()
     try:
@@ -202,7 +216,7 @@ def _figures(
         model=name,
         parameters=parameters,
         rms_px=rms_px(residual),
-        held_out_rms_px=_held_out(fit_fold or fit, folds),
+        held_out_rms_px=_held_out(fit, folds),
         largest_angle_deg=usable_angle_deg(lens),
         seconds=seconds,
     )
@@ -228,7 +242,7 @@ def _adjusted(lens: FitLens, poses: Poses, pairs: Correspondences, limit: float)
     return adjust(fit.lens, fit.poses, pairs, huber_px=huber_px(fit.residual))
 
 
-def _fit_cubic(weight: float | None) -> _Fit:
+def _fit_cubic(weight: float) -> _Fit:
     def fit(companion: Companion) -> tuple[FitLens, FloatArray]:
         result = fit_cubic(companion, weight=weight)
         return result.lens, result.residual
