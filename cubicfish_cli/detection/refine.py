@@ -16,6 +16,8 @@ from cubicfish_cli.detection.verify import whole_corners
 # Half-size of the window, pixels.
 _SMALLEST_HALF, _USUAL_HALF, _LARGEST_HALF = 3.0, 5.0, 12.0
 _OF_SIDE, _OF_BLUR = 0.4, 3.5
+# How far a crossing moves towards the saddle point, and from what distance on it does not.
+_SADDLE_SHARE, _SADDLE_TRAVEL = 1 / 3, 0.5
 
 
 def refine_pixels(pyramid: Pyramid, pixel: FloatArray, fit: LocalFit) -> Crossings:
@@ -45,7 +47,19 @@ def _cross(
             break
         found.replace(rows, fit_crossings(image, start[rows], fit.select(rows), wider[rows], noise))
         half[rows] = wider[rows]
+    _lean_on_saddles(image, found, half)
     return found
+
+
+def _lean_on_saddles(image: npt.NDArray[np.generic], found: Crossings, half: FloatArray) -> None:
+    """Move crossings a third of the way to the saddle point of the same window, in place.
+
+    The two err apart: light that falls off within a square pulls edges towards the dark side,
+    curved edges pull a saddle. On rendered photos with noise, blur and light that falls off to
+    the rim the mean of both, so weighted, is nearer to the truth than either.
+    """
+    saddle = fit_saddles(image, found.pixel, half, np.full(len(half), _SADDLE_TRAVEL))
+    found.pixel[saddle.ok] += _SADDLE_SHARE * (saddle.pixel - found.pixel)[saddle.ok]
 
 
 def refine_at_full_size(
