@@ -132,7 +132,7 @@ def test_usable_angle_is_where_the_profile_stops_growing():
 
 
 TARGET = synthetic.corner_of_three()
-POSES = synthetic.poses_around(TARGET, 4, seed=5)
+POSES = synthetic.poses_around(TARGET, 5, seed=5)
 
 
 @pytest.fixture(scope="module")
