@@ -246,8 +246,6 @@ def test_a_planes_pixels_are_its_points():
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"origin": (0.0, 0.0, -5.0)}, "behind this plane"),
-        ({"x_axis": (-1.0, 0.0, 0.0)}, "behind this plane"),
         ({"x_axis": (2.0, 0.0, 0.0)}, "unit vectors"),
         ({"x_axis": (0.0, 1.0, 0.0)}, "unit vectors"),
         ({"origin": (0.0, 0.0)}, "three finite numbers"),

@@ -6,12 +6,20 @@ import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from glob import glob, has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from cubicfish_cli.cli.chosen_views import (
+    PlaneOptions,
+    PlanesOfPhotos,
+    Views,
+    ViewsBySize,
+    plane_options,
+)
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import (
     FILE,
@@ -32,7 +40,6 @@ from cubicfish_cli.cli.video_options import EncodingOptions, encoding_options, i
 from cubicfish_cli.cli.view_options import ChosenView, ViewOptions, view_options
 
 if TYPE_CHECKING:
-    from cubicfish_cli.model.cubic import CubicCamera
     from cubicfish_cli.undistortion.batch import Failure, PhotoJob
     from cubicfish_cli.undistortion.frames import Crop
     from cubicfish_cli.undistortion.maps import UndistortMap
@@ -47,6 +54,7 @@ if TYPE_CHECKING:
         "cubicfish undistort photo.png left.png --rotate -60,0,0 --hfov 80",
         "cubicfish undistort photos/ all/ --view equidistant --fit outer --skip-existing",
         "find . -name '*.jpg' | cubicfish undistort - flat/ -j 4",
+        "cubicfish undistort photo.jpg floor.png --plane floor --target target.yaml",
         "cubicfish undistort drive.mp4 flat.mp4 --hfov 100 --crf 20",
     ),
 )
@@ -54,6 +62,7 @@ if TYPE_CHECKING:
 @click.argument("destination", metavar="OUT", type=FILE)
 @model_option
 @view_options
+@plane_options
 @crop_option
 @rendering_options
 @encoding_options
@@ -80,6 +89,7 @@ def command(
     destination: Path,
     model: Path | None,
     view: ViewOptions,
+    plane: PlaneOptions,
     crop: Crop | None,
     pixels: RenderingOptions,
     encoding: EncodingOptions,
@@ -97,15 +107,16 @@ def command(
     black. Depth, channels, and a JPEG's EXIF record and quality are kept, and so are a video's
     audio and timestamps.
     """
-    from cubicfish_cli.formats.camera_yaml import load_camera
-    from cubicfish_cli.undistortion.batch import MapsBySize, undistort_photos
+    from cubicfish_cli.undistortion.batch import undistort_photos
 
     if skip_existing and overwrite:
         raise click.UsageError("--skip-existing and --overwrite exclude each other")
-    planned = _plan(sources, destination, view)
-    camera = load_camera(model_path(model)).camera
+    plane.check(view)
+    planned = _plan(sources, destination, view, plane)
+    chosen = _views(model_path(model), crop, view, plane)
     planned = planned.free(skip_existing=skip_existing, overwrite=overwrite)
-    chosen = _ChosenViews(camera=camera, crop=crop, options=view)
+    if isinstance(chosen, PlanesOfPhotos):
+        chosen.find_missing(planned.jobs)
     if dry_run:
         _describe_plan(planned, chosen)
         return
@@ -116,7 +127,7 @@ def command(
         with progress("Undistorting") as callback:
             failures = undistort_photos(
                 planned.jobs,
-                MapsBySize(chosen.maps),
+                chosen.maps,
                 pixels.rendering(),
                 workers=jobs or os.cpu_count() or 1,
                 overwrite=overwrite,
@@ -179,7 +190,18 @@ class _Plan:
         return replace(self, jobs=jobs, skipped=len(self.jobs) - len(jobs))
 
 
-def _plan(sources: Sequence[str], destination: Path, view: ViewOptions) -> _Plan:
+def _views(model: Path, crop: Crop | None, view: ViewOptions, plane: PlaneOptions) -> Views:
+    """What is rendered of each photo."""
+    from cubicfish_cli.formats.camera_yaml import load_any_camera, load_camera
+
+    if plane.board is not None:
+        return PlanesOfPhotos(load_any_camera(model), crop, plane)
+    return ViewsBySize(load_camera(model).camera, crop, view)
+
+
+def _plan(
+    sources: Sequence[str], destination: Path, view: ViewOptions, plane: PlaneOptions
+) -> _Plan:
     """Which photo becomes which files."""
     from cubicfish_cli.errors import OutputError
     from cubicfish_cli.photos import Photo, find_photos, shown
@@ -192,6 +214,8 @@ def _plan(sources: Sequence[str], destination: Path, view: ViewOptions) -> _Plan
         raise OutputError("two videos have the same name: do them one at a time")
     if videos and view.parts != ("",):
         raise click.UsageError("a cube of a video is one picture: add --layout cross")
+    if videos and plane.board is not None:
+        raise click.UsageError("--plane is for photos, each of which has its own pose")
     one = len(photos) == 1 and len(sources) == 1 and os.fspath(photos[0].path) == sources[0]
     to_folder = not one or destination.is_dir() or os.fspath(destination).endswith(os.sep)
     parts = view.parts
@@ -244,7 +268,7 @@ def _with_stdin(sources: Sequence[str]) -> list[str]:
 
 def _undistort_videos(
     planned: _Plan,
-    chosen: _ChosenViews,
+    chosen: Views,
     pixels: RenderingOptions,
     encoding: EncodingOptions,
     *,
@@ -262,7 +286,7 @@ def _undistort_videos(
                 done = undistort_video(
                     job.source,
                     job.outputs[0],
-                    lambda size: chosen.maps(size)[0],
+                    partial(_first_map, chosen, job.source),
                     pixels.rendering(),
                     encoding.encoding(),
                     overwrite=overwrite,
@@ -279,41 +303,15 @@ def _undistort_videos(
     return failures
 
 
-@dataclass(frozen=True, kw_only=True)
-class _ChosenViews:
-    """The view for each size of photo, and its maps."""
-
-    camera: CubicCamera
-    crop: Crop | None
-    options: ViewOptions
-
-    def camera_for(self, size: tuple[int, int]) -> CubicCamera:
-        from cubicfish_cli.undistortion.frames import camera_for_photos
-
-        return camera_for_photos(self.camera, size, self.crop)
-
-    def view(self, size: tuple[int, int]) -> ChosenView:
-        return self.options.chosen(self.camera_for(size))
-
-    def maps(self, size: tuple[int, int]) -> list[UndistortMap]:
-        from cubicfish_cli.undistortion.maps import build_map
-
-        camera = self.camera_for(size)
-        return [build_map(camera, view) for view in self.options.chosen(camera).views.values()]
-
-    def usual_size(self) -> tuple[int, int]:
-        """The size of photos that are neither rescaled nor, but for the crop, cropped."""
-        if self.crop is None:
-            return self.camera.image_size
-        return self.crop.width, self.crop.height
+def _first_map(chosen: Views, source: Path, size: tuple[int, int]) -> UndistortMap:
+    return chosen.maps(source, size)[0]
 
 
-def _describe_plan(planned: _Plan, chosen: _ChosenViews) -> None:
+def _describe_plan(planned: _Plan, chosen: Views) -> None:
     """What a run would do: how many files, which field, and how much of it is empty."""
     from cubicfish_cli.errors import CubicfishError
-    from cubicfish_cli.undistortion.fit import kept_share
 
-    sizes: dict[tuple[int, int], int] = {}
+    groups: dict[object, list[tuple[Path, tuple[int, int]]]] = {}
     bad = []
     for job in planned.jobs:
         try:
@@ -321,28 +319,32 @@ def _describe_plan(planned: _Plan, chosen: _ChosenViews) -> None:
         except CubicfishError as error:
             bad.append(str(error))
             continue
-        sizes[size] = sizes.get(size, 0) + 1
+        groups.setdefault(chosen.group(job.source, size), []).append((job.source, size))
     files = sum(len(job.outputs) for job in planned.jobs)
     skipped = f", {planned.skipped} skipped" * bool(planned.skipped)
     given = count(len(planned.jobs), planned.kind)
     result(f"would write {count(files, 'file')} from {given}{skipped}")
-    for size, number in sizes.items():
-        result(f"{count(number, planned.kind)} of {size[0]}x{size[1]} pixels:")
+    for members in groups.values():
+        source, size = members[0]
+        result(f"{count(len(members), planned.kind)} of {size[0]}x{size[1]} pixels:")
         try:
-            view, maps = chosen.view(size), chosen.maps(size)
+            _describe_group(chosen, source, size)
         except CubicfishError as error:
-            bad.append(str(error))
+            bad.append(f"{source}: {error}")
             result(f"  cannot be done: {error}")
-            continue
-        camera = chosen.camera_for(size)
-        empty = 1 - sum(made.valid.sum() for made in maps) / sum(made.valid.size for made in maps)
-        kept = min(1.0, sum(kept_share(camera, part) for part in view.views.values()))
-        result(f"  view          {view.describe()}")
-        result(f"  kept field    {_field(view)}{100 * kept:.1f} % of what the camera sees")
-        result(f"  empty pixels  {100 * empty:.1f} %")
-        _warn_of_limit(view)
     for problem in bad:
         say(f"would fail: {problem}")
+
+
+def _describe_group(chosen: Views, source: Path, size: tuple[int, int]) -> None:
+    view, maps = chosen.view(source, size), chosen.maps(source, size)
+    kept = chosen.kept_share(source, size)
+    empty = 1 - sum(made.valid.sum() for made in maps) / sum(made.valid.size for made in maps)
+    result(f"  view          {view.describe()}")
+    if kept is not None:
+        result(f"  kept field    {_field(view)}{100 * kept:.1f} % of what the camera sees")
+    result(f"  empty pixels  {100 * empty:.1f} %")
+    _warn_of_limit(view)
 
 
 def _field(view: ChosenView) -> str:
@@ -365,7 +367,7 @@ def _extras(
     mask: Path | None,
     camera_out: Path | None,
     planned: _Plan,
-    chosen: _ChosenViews,
+    chosen: Views,
     *,
     overwrite: bool,
 ) -> list[Path]:
@@ -375,19 +377,19 @@ def _extras(
     from cubicfish_cli.cli.view_outputs import write_view_outputs
     from cubicfish_cli.errors import ViewError
 
-    sizes = {planned.size_of(job) for job in planned.jobs}
-    if len(sizes) > 1:
+    sizes = {job.source: planned.size_of(job) for job in planned.jobs}
+    if len({chosen.group(source, size) for source, size in sizes.items()}) > 1:
         raise ViewError(
-            "the photos have several sizes, which have a mask and a virtual camera each: "
-            "do the photos of one size at a time"
+            "these photos have a mask and a virtual camera each, since their sizes or planes "
+            "differ: do them one at a time"
         )
-    size = sizes.pop()
-    view, maps = chosen.view(size), chosen.maps(size)
+    source, size = next(iter(sizes.items()))
+    view, maps = chosen.view(source, size), chosen.maps(source, size)
     named = dict(zip(view.views, maps, strict=True))
     return write_view_outputs(named, mask=mask, beside=camera_out, overwrite=overwrite)
 
 
-def _report(planned: _Plan, failures: Sequence[Failure], chosen: _ChosenViews) -> None:
+def _report(planned: _Plan, failures: Sequence[Failure], chosen: Views) -> None:
     """Say what was written; end with an error when a photo failed."""
     from cubicfish_cli.errors import PhotoError
 
@@ -400,7 +402,7 @@ def _report(planned: _Plan, failures: Sequence[Failure], chosen: _ChosenViews) -
     if planned.skipped:
         say(f"skipped {count(planned.skipped, planned.kind)} whose result exists")
     if done:
-        view = chosen.view(planned.size_of(done[0]))
+        view = chosen.view(done[0].source, planned.size_of(done[0]))
         files = sum(len(job.outputs) for job in done)
         single = planned.one and files == 1
         wrote = (

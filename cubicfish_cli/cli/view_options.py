@@ -129,6 +129,12 @@ class ViewOptions:
             )
 
     @property
+    def is_asked(self) -> bool:
+        """Whether anything was asked at all."""
+        asked = (self.size, self.hfov_deg, self.vfov_deg, self.focal, self.fit, self.layout)
+        return self.kind != "perspective" or any(self.rotate) or asked != (None,) * len(asked)
+
+    @property
     def parts(self) -> tuple[str, ...]:
         """Names of the pictures that a photo becomes; one without a name unless it is a cube."""
         if self.kind == "cube" and self.layout != "cross":

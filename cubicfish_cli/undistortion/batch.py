@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from threading import Lock
 
 import cv2
 
@@ -43,23 +42,6 @@ class Failure:
 
     job: PhotoJob
     error: CubicfishError
-
-
-class MapsBySize:
-    """Maps made once for each size of photo, from any thread."""
-
-    def __init__(self, make: Callable[[tuple[int, int]], Sequence[UndistortMap]]) -> None:
-        """Prepare to ``make`` the maps for photos of (width, height)."""
-        self._make = make
-        self._made: dict[tuple[int, int], Sequence[UndistortMap]] = {}
-        self._lock = Lock()
-
-    def __call__(self, source: Path, size: tuple[int, int]) -> Sequence[UndistortMap]:
-        """The maps for a photo of this size."""
-        with self._lock:
-            if size not in self._made:
-                self._made[size] = self._make(size)
-            return self._made[size]
 
 
 def undistort_photos(

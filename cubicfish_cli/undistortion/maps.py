@@ -18,7 +18,8 @@ from cubicfish_cli.files import whole_file
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.undistortion.cube import CrossView
 from cubicfish_cli.undistortion.cubic_grid import grid_of
-from cubicfish_cli.undistortion.view import MAX_SIDE, Camera, View
+from cubicfish_cli.undistortion.plane import PointProjector
+from cubicfish_cli.undistortion.view import MAX_SIDE, View
 from cubicfish_cli.undistortion.views import view_from_json
 
 FloatArray = npt.NDArray[np.float64]
@@ -54,7 +55,7 @@ class UndistortMap:
     image_size: tuple[int, int]
 
 
-def build_map(camera: Camera, view: View) -> UndistortMap:
+def build_map(camera: PointProjector, view: View) -> UndistortMap:
     """The map that renders ``view`` from the camera's photos.
 
     Rows are done in blocks, on two threads when there are many, so the memory needed beyond
@@ -108,7 +109,7 @@ def build_map(camera: Camera, view: View) -> UndistortMap:
     )
 
 
-def _cross_map(camera: Camera, view: CrossView) -> UndistortMap:
+def _cross_map(camera: PointProjector, view: CrossView) -> UndistortMap:
     """The faces of a cube, each by its own map, in their places."""
     width, height = view.size
     map_x, map_y = np.full((2, height, width), OUTSIDE, np.float32)
@@ -122,7 +123,9 @@ def _cross_map(camera: Camera, view: CrossView) -> UndistortMap:
     )
 
 
-def _pixels_of_rows(camera: Camera, view: View) -> Callable[[slice], tuple[FloatArray, FloatArray]]:
+def _pixels_of_rows(
+    camera: PointProjector, view: View
+) -> Callable[[slice], tuple[FloatArray, FloatArray]]:
     """A function from rows of the view to the photo's pixels u, v, (h, W) each."""
     grid = grid_of(camera, view) if isinstance(camera, CubicCamera) else None
     if grid is not None:

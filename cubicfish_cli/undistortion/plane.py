@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,22 @@ from cubicfish_cli.undistortion.view import FloatArray, View, is_numbers, only_k
 Vector = tuple[float, float, float]
 
 _SQUARE_TOLERANCE = 1e-6
+# Where the scale of the photo is looked up, along each side of the plane's part.
+_LOOKS = 15
+_STEP = 1e-3
+# Without a scale from the user the picture is no larger than this.
+_MOST_DEFAULT_SIDE = 8192
+
+
+class PointProjector(Protocol):
+    """What shows a plane: a camera, or P of points."""
+
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """(width, height) of the photos, pixels."""
+
+    def project(self, points: npt.ArrayLike, /) -> FloatArray:
+        """Points (..., 3) -> pixels (..., 2), NaN where they are not seen."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,13 +43,11 @@ class PlaneView(View):
 
     Attributes:
         origin: the point of the plane, in the camera's frame, that pixel (0, 0) shows.
-        x_axis, y_axis: unit vectors in the camera's frame, of growing column and row. Their
-            cross product points away from the viewer, as the target file has it.
+        x_axis, y_axis: unit vectors in the camera's frame, of growing column and row.
         pixels_a_unit: scale of the picture, pixels a unit of length.
 
     Raises:
-        ViewError: an attribute is not usable, or the camera is behind the plane, whose
-            picture would be mirrored.
+        ViewError: an attribute is not usable.
 
     """
 
@@ -53,11 +67,6 @@ class PlaneView(View):
         axes = np.array([self.x_axis, self.y_axis])
         if not np.allclose(axes @ axes.T, np.eye(2), atol=_SQUARE_TOLERANCE):
             raise ViewError("a plane's axes must be unit vectors at a right angle")
-        if np.cross(*axes) @ np.array(self.origin) <= 0:
-            raise ViewError(
-                "the camera is behind this plane, whose picture would be mirrored: "
-                "check the target's axes and the pose"
-            )
 
     @property
     def camera_from_pixel(self) -> FloatArray:
@@ -104,3 +113,63 @@ class PlaneView(View):
             pixels_a_unit=data["pixels_a_unit"],
             **{key: tuple(vector) for key, vector in vectors.items()},
         )
+
+
+def plane_view(
+    camera: PointProjector,
+    *,
+    origin: FloatArray,
+    x_axis: FloatArray,
+    y_axis: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    pixels_a_unit: float | None = None,
+) -> PlaneView:
+    """The squared-up picture of a rectangle in a plane.
+
+    Args:
+        camera: takes points of the frame that the vectors are in to pixels.
+        origin: (3,) a point of the plane.
+        x_axis: (3,) unit vector in the plane, of growing column.
+        y_axis: (3,) unit vector in the plane, of growing row; seen from the front, x is to the
+            right and y down.
+        low: (2,) the rectangle's first corner, along the axes from ``origin``.
+        high: (2,) its last corner.
+        pixels_a_unit: the picture's scale; None for the largest that the photo has there.
+
+    Raises:
+        ViewError: the camera does not see the rectangle, or sees it from behind, where the
+            picture would be mirrored.
+
+    """
+    sides = high - low
+    along = [np.linspace(start, end, _LOOKS) for start, end in zip(low, high, strict=True)]
+    place = np.stack(np.meshgrid(*along), axis=-1)
+    axes = np.array([x_axis, y_axis])
+    step = _STEP * float(sides.max())
+    here = origin + place @ axes
+    across, down = (
+        (camera.project(here + step * axis) - camera.project(here)) / step for axis in axes
+    )
+    area = across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0]
+    width, height = camera.image_size
+    u, v = np.moveaxis(camera.project(here), -1, 0)
+    with np.errstate(invalid="ignore"):
+        seen = np.isfinite(area) & (u >= 0) & (u <= width - 1) & (v >= 0) & (v <= height - 1)
+    if not seen.any():
+        raise ViewError("the camera does not see this plane: check the pose and the board's name")
+    if np.median(area[seen]) <= 0:
+        raise ViewError(
+            "the camera is behind this plane, whose picture would be mirrored: "
+            "check the target's axes and the pose"
+        )
+    scale = pixels_a_unit
+    if scale is None:
+        # The larger of the two stretches at the place where the photo shows most.
+        lengths = np.stack([np.hypot(*np.moveaxis(part, -1, 0)) for part in (across, down)])
+        scale = float(min(lengths[:, seen].max(), _MOST_DEFAULT_SIDE / sides.max()))
+    size = (max(1, round(float(sides[0]) * scale)), max(1, round(float(sides[1]) * scale)))
+    first = origin + (low + 0.5 / scale) @ axes  # the middle of the first pixel
+    vectors = {"origin": first, "x_axis": axes[0], "y_axis": axes[1]}
+    plain: dict[str, Any] = {name: tuple(vector.tolist()) for name, vector in vectors.items()}
+    return PlaneView(size=size, pixels_a_unit=scale, **plain)

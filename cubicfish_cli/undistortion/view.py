@@ -224,7 +224,7 @@ class CentralView(View):
     @property
     def camera_from_view(self) -> FloatArray:
         """Rotation matrix (3, 3)."""
-        return np.asarray(cv2.Rodrigues(np.array(self.rotation).reshape(3, 1))[0], float)
+        return matrix_of_rotation(np.array(self.rotation))
 
     def slopes(self) -> tuple[FloatArray, FloatArray]:
         """Offsets from the middle in focal lengths: x (W,) of the columns, y (H,) of the rows."""
@@ -282,6 +282,11 @@ def rotation_from_angles(
     turns = ((0, yaw_deg, 0), (pitch_deg, 0, 0), (0, 0, roll_deg))
     yaw, pitch, roll = (cv2.Rodrigues(np.radians(np.array(turn, float)))[0] for turn in turns)
     return rotation_vector(np.asarray(yaw @ pitch @ roll, float))
+
+
+def matrix_of_rotation(vector: FloatArray) -> FloatArray:
+    """Rotation vector (3,) -> rotation matrix (3, 3)."""
+    return np.asarray(cv2.Rodrigues(np.asarray(vector, float).reshape(3, 1))[0], float)
 
 
 def rotation_vector(matrix: FloatArray) -> Rotation:

@@ -1,0 +1,308 @@
+"""Which views a run renders: the same for all photos of a size, or a plane for each photo."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Lock
+from typing import TYPE_CHECKING, Any, Protocol
+
+import click
+
+from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.options import FILE, Decorated
+from cubicfish_cli.cli.view_options import ChosenView, ViewOptions
+
+if TYPE_CHECKING:
+    from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
+    from cubicfish_cli.model.cubic import CubicCamera
+    from cubicfish_cli.undistortion.batch import PhotoJob
+    from cubicfish_cli.undistortion.frames import Crop
+    from cubicfish_cli.undistortion.maps import UndistortMap
+    from cubicfish_cli.undistortion.plane import PlaneView, PointProjector
+
+
+class Views(Protocol):
+    """What a run renders of each photo."""
+
+    def group(self, source: Path, size: tuple[int, int]) -> object:
+        """Photos with the same group have the same view and maps."""
+
+    def view(self, source: Path, size: tuple[int, int]) -> ChosenView:
+        """The view of a photo of (width, height)."""
+
+    def maps(self, source: Path, size: tuple[int, int]) -> Sequence[UndistortMap]:
+        """Its maps, one for each part of the view."""
+
+    def kept_share(self, source: Path, size: tuple[int, int]) -> float | None:
+        """Share of what the camera sees that the view keeps; None where nobody asks."""
+
+
+class ViewsBySize:
+    """A view from the camera's place: the same for all photos of a size."""
+
+    def __init__(self, camera: CubicCamera, crop: Crop | None, options: ViewOptions) -> None:
+        """Prepare for photos of this camera, or of a part of its pictures."""
+        self._camera, self._crop, self._options = camera, crop, options
+        self._made: dict[tuple[int, int], Sequence[UndistortMap]] = {}
+        self._lock = Lock()
+
+    def group(self, source: Path, size: tuple[int, int]) -> object:
+        """The size."""
+        return size
+
+    def _camera_for(self, size: tuple[int, int]) -> CubicCamera:
+        from cubicfish_cli.undistortion.frames import camera_for_photos
+
+        return camera_for_photos(self._camera, size, self._crop)
+
+    def view(self, source: Path, size: tuple[int, int]) -> ChosenView:
+        """The view that the options ask for."""
+        return self._options.chosen(self._camera_for(size))
+
+    def maps(self, source: Path, size: tuple[int, int]) -> Sequence[UndistortMap]:
+        """Made once for each size, from any thread."""
+        from cubicfish_cli.undistortion.maps import build_map
+
+        with self._lock:
+            if size not in self._made:
+                views = self.view(source, size).views.values()
+                self._made[size] = [build_map(self._camera_for(size), view) for view in views]
+            return self._made[size]
+
+    def kept_share(self, source: Path, size: tuple[int, int]) -> float:
+        """Of the solid angle."""
+        from cubicfish_cli.undistortion.fit import kept_share
+
+        camera = self._camera_for(size)
+        return min(1.0, sum(kept_share(camera, v) for v in self.view(source, size).views.values()))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaneOptions:
+    """What the user asked of a board's plane; ``board`` is None where nothing was asked."""
+
+    board: str | None
+    target: Path | None
+    pixels_a_unit: float | None
+    margin: float | None
+
+    def check(self, view: ViewOptions) -> None:
+        """Refuse what does not go together."""
+        if self.board is None:
+            if self.pixels_a_unit is not None or self.margin is not None:
+                raise click.UsageError("--pixels-per-unit and --margin go with --plane")
+            return
+        if self.target is None:
+            raise click.UsageError("--plane needs the object: name it with --target target.yaml")
+        if view.is_asked:
+            raise click.UsageError(
+                "--plane sets size and direction by the board: leave out the view's options, "
+                "or choose --pixels-per-unit and --margin"
+            )
+
+
+class PlanesOfPhotos:
+    """A board's plane, whose place is another one in each photo."""
+
+    def __init__(
+        self, loaded: CameraFile | PointCameraFile, crop: Crop | None, options: PlaneOptions
+    ) -> None:
+        """Prepare for the board of a target.
+
+        Raises:
+            TargetError: the target is not usable.
+            click.UsageError: it has no such board, or the board has no plane.
+
+        """
+        from cubicfish_cli.target import load_target
+        from cubicfish_cli.wording import did_you_mean, quoted
+
+        if options.target is None or options.board is None:
+            raise click.UsageError("--plane needs --target")
+        self._loaded, self._crop, self._options = loaded, crop, options
+        self._target = load_target(options.target)
+        names = {board.name: board for board in self._target.boards}
+        if options.board not in names:
+            raise click.UsageError(
+                f"the target has no board {quoted(options.board)}: "
+                f"{did_you_mean(options.board, sorted(names))}"
+            )
+        self._board = names[options.board]
+        if self._board.points is not None:
+            raise click.UsageError(
+                f"board {quoted(options.board)} is a list of points and has no plane: "
+                "name a board with a grid"
+            )
+        self._poses = _poses_of(loaded.fit)
+        self._photos = {Path(str(record.get("image"))).name for record in _records(loaded.fit)}
+
+    def group(self, source: Path, size: tuple[int, int]) -> object:
+        """The photo itself."""
+        return source
+
+    def find_missing(self, jobs: Sequence[PhotoJob]) -> None:
+        """Find the poses of photos that the camera file does not know, from corners in them.
+
+        Raises:
+            CubicfishError: no corners, or too few, in all of them.
+
+        """
+        from cubicfish_cli.model.cubic import CubicCamera
+
+        missing = [job for job in jobs if job.source.name not in self._poses]
+        if not missing or not isinstance(self._loaded.camera, CubicCamera):
+            return
+        from cubicfish_cli.cli.terminal import progress, say
+        from cubicfish_cli.correspondences import pair
+        from cubicfish_cli.fitting.evaluate import evaluate
+        from cubicfish_cli.naming.detect import detect_corners
+        from cubicfish_cli.photos import Photo
+
+        say(f"Looking for corners in {count(len(missing), 'photo')} that have no known pose.")
+        photos = [Photo(name=job.source.name, path=job.source) for job in missing]
+        with progress("Finding corners") as callback:
+            detection = detect_corners(photos, self._target, progress=callback)
+        pairs = pair(detection.corners, self._target)
+        self._poses |= _poses_of(evaluate(self._loaded.camera, pairs).as_record())
+
+    def _projector(
+        self, source: Path, size: tuple[int, int]
+    ) -> tuple[PointProjector, Callable[[Any], Any], Callable[[Any], Any]]:
+        """A camera, and what takes world points and world directions to its frame."""
+        from cubicfish_cli.errors import ViewError
+        from cubicfish_cli.model.cubic import CubicCamera
+        from cubicfish_cli.undistortion.frames import camera_for_photos
+        from cubicfish_cli.undistortion.view import matrix_of_rotation
+
+        camera = self._loaded.camera
+        if not isinstance(camera, CubicCamera) and size != camera.image_size:
+            raise ViewError(
+                "a camera of lift 'point' takes photos of its own size only, "
+                f"{camera.image_size[0]}x{camera.image_size[1]}"
+            )
+        if not isinstance(camera, CubicCamera) and camera.frame == "world":
+            if self._photos and source.name not in self._photos:
+                raise ViewError(
+                    "this camera of lift 'point' holds for the one photo that it was fitted to, "
+                    f"{min(self._photos)}: use that, or a camera of lift 'ray'"
+                )
+            return camera, lambda point: point, lambda direction: direction
+        if source.name not in self._poses:
+            raise ViewError(
+                "nothing is known of where this photo was taken: it has no pose in the camera "
+                "file and no board was found in it"
+            )
+        rotation, translation = self._poses[source.name]
+        matrix = matrix_of_rotation(rotation)
+        own = (
+            camera_for_photos(camera, size, self._crop)
+            if isinstance(camera, CubicCamera)
+            else (camera)
+        )
+        return own, lambda point: matrix @ point + translation, lambda d: matrix @ d
+
+    def _plane(self, source: Path, size: tuple[int, int]) -> tuple[PointProjector, PlaneView]:
+        import numpy as np
+
+        from cubicfish_cli.undistortion.plane import plane_view
+
+        board = self._board
+        camera, place, turn = self._projector(source, size)
+        corners = board.plane_points([0, board.columns - 1], [0, board.rows - 1])
+        margin = board.square if self._options.margin is None else self._options.margin
+        return camera, plane_view(
+            camera,
+            origin=np.asarray(place(board.origin)),
+            x_axis=np.asarray(turn(board.x_axis)),
+            y_axis=np.asarray(turn(board.y_axis)),
+            low=corners[0] - margin,
+            high=corners[1] + margin,
+            pixels_a_unit=self._options.pixels_a_unit,
+        )
+
+    def view(self, source: Path, size: tuple[int, int]) -> ChosenView:
+        """The board's plane in this photo."""
+        return ChosenView(views={"": self._plane(source, size)[1]})
+
+    def maps(self, source: Path, size: tuple[int, int]) -> Sequence[UndistortMap]:
+        """One map, made anew for each photo."""
+        from cubicfish_cli.undistortion.maps import build_map
+
+        return [build_map(*self._plane(source, size))]
+
+    def kept_share(self, source: Path, size: tuple[int, int]) -> None:
+        """A plane is not about directions."""
+        return
+
+
+def _records(fit: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """What a camera file says of each photo."""
+    records = fit.get("per_image", [])
+    if not isinstance(records, list):
+        return []
+    return [record for record in records if isinstance(record, dict)]
+
+
+def _poses_of(fit: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
+    """Photo -> rotation vector and translation, of the records that have them."""
+    import numpy as np
+
+    poses = {}
+    for record in _records(fit):
+        pose = record.get("camera_from_world")
+        if not isinstance(pose, dict):
+            continue
+        try:
+            vectors = np.array([pose.get("rotation_vector"), pose.get("translation")], dtype=float)
+        except (TypeError, ValueError):
+            continue
+        if vectors.shape == (2, 3) and np.isfinite(vectors).all():
+            poses[Path(str(record.get("image"))).name] = (vectors[0], vectors[1])
+    return poses
+
+
+def plane_options(function: Decorated) -> Decorated:
+    """The options; the command gets them as one argument, ``plane``."""
+    import functools
+
+    @functools.wraps(function)
+    def with_plane(*args: Any, **options: Any) -> Any:
+        names = ("board", "target", "pixels_a_unit", "margin")
+        plane = PlaneOptions(**{name: options.pop(name) for name in names})
+        return function(*args, plane=plane, **options)
+
+    decorators: tuple[Callable[[Any], Any], ...] = (
+        click.option(
+            "--margin",
+            type=click.FloatRange(min=0),
+            metavar="UNITS",
+            help="Of a plane: how far it goes on beyond the outer corners. [default: a square]",
+        ),
+        click.option(
+            "--pixels-per-unit",
+            "pixels_a_unit",
+            type=click.FloatRange(min=0, min_open=True),
+            metavar="N",
+            help="Scale of a plane. [default: the largest that the photo has there]",
+        ),
+        click.option(
+            "-t",
+            "--target",
+            type=FILE,
+            metavar="FILE",
+            help="The calibration object, for --plane.",
+        ),
+        click.option(
+            "--plane",
+            "board",
+            metavar="BOARD",
+            help="The metric picture of a board's plane instead of a view; needs --target.",
+        ),
+    )
+    decorated: Any = with_plane
+    for decorator in decorators:
+        decorated = decorator(decorated)
+    result: Decorated = decorated
+    return result
