@@ -197,9 +197,11 @@ def test_a_board_of_another_layout_with_the_same_ids_is_left_out():
     narrow = Target(units="mm", boards=(wall("front", "charuco", (5, 5), 24.0),))
     found = find(photo_of(Target(units="mm", boards=MIXED.boards[:1])), narrow)
     assert len(found) == 0
+    assert found.contradictory == (0,)
     tags = Target(units="mm", boards=(wall("right", "aprilgrid", (3, 4), 34.0),))
     found = find(photo_of(Target(units="mm", boards=MIXED.boards[2:3])), tags)
     assert len(found) == 0
+    assert found.contradictory == (0,)
 
 
 @pytest.mark.parametrize(

@@ -48,6 +48,9 @@ _ALONE = 3
 # Of the markers that are clearly seen through a board's corners, so many times more must be
 # its own than others; and a marker that nothing else vouched for must not be the only one.
 _OWN_FOR_ANOTHER = 4
+# So many markers, at least two side by side, are no misreadings even where others refute them.
+_NO_ACCIDENT = 3
+_QUARTER = np.array([(0, 1), (-1, 0)])
 _SAME_CORNER = 0.3  # of the distance to the next corner
 
 
@@ -127,15 +130,22 @@ def find_marked_corners(
     )
     free = np.concatenate([grids.refused, *(grid.pixel for grid in grids.grids)])
     pieces: list[_Piece] = []
+    refuted = np.zeros(len(target.boards), np.intp)
     for index in np.unique(markers.board):
         own = markers.of(int(index))
         label = _places(own, target, int(index))
         for place in np.unique(label):
             piece = _piece(pyramid, target, int(index), own, label == place, grids.grids, free)
-            if piece is not None and _agrees(pyramid, target, all_families, piece):
+            if piece is None:
+                continue
+            if _agrees(pyramid, target, all_families, piece):
                 pieces.append(piece)
-    pieces.sort(key=lambda piece: -piece.markers)
-    return _marked(*_settle(pieces, len(grids.grids)))
+            elif piece.markers > 1:
+                refuted[index] += piece.markers
+    kept, contradictory = _settle(sorted(pieces, key=lambda piece: -piece.markers))
+    refuted[[piece.board for piece in kept]] = 0
+    contradictory |= set(np.nonzero(refuted >= _NO_ACCIDENT)[0].tolist())
+    return _marked(kept, len(grids.grids), tuple(sorted(contradictory)))
 
 
 def _places(markers: SeenMarkers, target: Target, board: int) -> IntArray:
@@ -251,9 +261,6 @@ def _name_grid(lattice: BoardLattice, grid: Grid) -> IntArray | None:
     return named if fits else None
 
 
-_QUARTER = np.array([(0, 1), (-1, 0)])
-
-
 def _agrees(pyramid: Pyramid, target: Target, all_families: list[Family], piece: _Piece) -> bool:
     """Whether the markers that can be read through the piece's corners are the board's own."""
     board = target.boards[piece.board]
@@ -284,7 +291,7 @@ def _agrees(pyramid: Pyramid, target: Target, all_families: list[Family], piece:
     return bool(own.sum() >= least and own.sum() >= _OWN_FOR_ANOTHER * (clear & ~own).sum())
 
 
-def _settle(pieces: list[_Piece], grids: int) -> tuple[list[_Piece], int, tuple[int, ...]]:
+def _settle(pieces: list[_Piece]) -> tuple[list[_Piece], set[int]]:
     """Merge pieces that continue each other; leave out boards that are in two places."""
     kept: list[_Piece] = []
     contradictory: set[int] = set()
@@ -299,8 +306,7 @@ def _settle(pieces: list[_Piece], grids: int) -> tuple[list[_Piece], int, tuple[
             _merge(same[0], piece)
         else:
             contradictory.add(piece.board)
-    left = [piece for piece in kept if piece.board not in contradictory]
-    return left, grids, tuple(sorted(contradictory))
+    return [piece for piece in kept if piece.board not in contradictory], contradictory
 
 
 def _share_pixels(one: _Piece, other: _Piece) -> bool:
@@ -321,7 +327,7 @@ def _continue_each_other(one: _Piece, other: _Piece) -> bool:
         return bool((apart < limit).all()) and not _names_differ(one, other)
     if _share_pixels(one, other):
         return False
-    # Nearest cells of the two: the way between must be as long and lead as both pieces say.
+    # The way between their nearest cells must be as long, and lead where, both pieces say.
     a, b = one.lattice.cells(), other.lattice.cells()
     distance, index = nearest(a.astype(float), b.astype(float), 1)
     start = a[distance[:, 0].argmin()][None]
