@@ -1,0 +1,60 @@
+"""A grid as a whole: a board, or an accident of texture."""
+
+import numpy as np
+import pytest
+
+from cubicfish_cli.detection.believe import is_board, is_large_enough
+from cubicfish_cli.detection.crossing import Crossings
+from cubicfish_cli.detection.lattice import Lattice
+from cubicfish_cli.detection.pyramid import enlarged, reduced
+
+
+def judged(*, jitter=0.0, blur=1.0, contrast_change=0.0, shape=(4, 4), side=20.0):
+    rng = np.random.default_rng(0)
+    cells = np.argwhere(np.ones(shape, bool))
+    pixel = 50 + side * cells + side * rng.normal(0, 1, cells.shape) * jitter
+    count = len(cells)
+    contrast = 100 * np.exp(contrast_change * rng.normal(0, 1, count))
+    lattice = Lattice.from_cells(cells, pixel, contrast, 1)
+    found = Crossings(
+        pixel=pixel,
+        ok=np.ones(count, bool),
+        level=np.zeros((count, 4)),
+        blur=np.full((count, 2), blur),
+        turn=np.zeros(count),
+        misfit=np.zeros(count),
+        spread=np.zeros(count),
+    )
+    return is_board(lattice, lattice.cells(), found, np.full(count, 100.0))
+
+
+def test_a_regular_sharp_grid_is_a_board():
+    assert judged()
+    assert judged(jitter=0.01, blur=0.8, contrast_change=0.05, side=7.0)
+
+
+@pytest.mark.parametrize("flaw", [{"jitter": 0.12}, {"blur": 3.5}, {"contrast_change": 0.6}])
+def test_each_flaw_alone_speaks_against_it(flaw):
+    assert not judged(**flaw)
+
+
+def test_a_large_grid_may_be_blurred_more_but_not_like_a_sine():
+    assert not judged(blur=3.2)
+    assert judged(blur=3.2, shape=(8, 8))
+    assert not judged(blur=4.2, shape=(8, 8))
+
+
+@pytest.mark.parametrize(("shape", "enough"), [((3, 3), True), ((2, 4), False), ((2, 5), True)])
+def test_eight_corners_and_four_squares_are_the_least(shape, enough):
+    cells = np.argwhere(np.ones(shape, bool))
+    lattice = Lattice.from_cells(cells, 20.0 * cells, np.full(len(cells), 9.0), 1)
+    assert is_large_enough(lattice) == enough
+
+
+def test_a_reduced_photo_s_pixels_lead_back_to_the_photo_s():
+    image = np.zeros((41, 50), np.float32)
+    image[20:24, 32:36] = 1  # its middle is (33.5, 21.5)
+    small = reduced(image, 4)
+    y, x = np.nonzero(small)
+    assert small.shape == (10, 12)
+    assert np.allclose(enlarged(np.stack([x, y], -1).astype(float), 4), [[33.5, 21.5]])
