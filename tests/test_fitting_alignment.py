@@ -44,6 +44,19 @@ def test_frames_with_other_axes(axes):
     check(axes)
 
 
+@pytest.mark.parametrize("vector", [[3.1, 0, 0], [0, 0, 2.5], [1.5, -1, 0.7]])
+def test_a_narrow_field_that_looks_elsewhere_is_found(vector):
+    """From the unturned start the two fields have no ray in common."""
+    camera = replace(cubic_camera(60.0, bend=0.002), max_angle_deg=40.0)
+    turn = Rotation.from_rotvec(vector).as_matrix()
+    rays = random_rays(39.5, 1000)
+    miss, found = aligned_difference(Turned(camera, turn), camera, rays)
+    finite = np.isfinite(miss[:, 0])
+    assert finite.mean() > 0.97
+    assert np.abs(miss[finite]).max() < 1e-5
+    np.testing.assert_allclose(found, turn, atol=1e-7)
+
+
 def test_equal_lenses_do_not_differ():
     miss, rotation = aligned_difference(CAMERA, CAMERA, RAYS)
     assert np.abs(miss).max() < 1e-6

@@ -8,6 +8,7 @@ from lenses import cubic_camera, radial_camera
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.comparison import compare_cameras, pixel_grid
+from cubicfish_cli.fitting.poses import rotation_from_vector
 
 CAMERA = radial_camera(90.0)
 
@@ -57,6 +58,27 @@ def test_a_stretch_that_no_rotation_makes():
     assert result.statistics.rms_px == pytest.approx(np.sqrt(np.mean(off**2)), rel=0.01)
     assert result.statistics.max_px == pytest.approx(off.max(), rel=0.02)
     assert result.statistics.corners == seen.sum()
+
+
+class Turned:
+    """CAMERA in a frame that is turned by ``rotation``."""
+
+    image_size = CAMERA.image_size
+
+    def __init__(self, rotation):
+        self.rotation = rotation
+
+    def project(self, points):
+        return CAMERA.project(points @ self.rotation)
+
+
+def test_a_turned_frame_is_the_same_camera():
+    turn = rotation_from_vector([[0.02, -0.4, 0.3]])[0]
+    result = compare_cameras(CAMERA, Turned(turn))
+    np.testing.assert_allclose(result.rotation, turn, atol=1e-8)
+    assert result.rotation_deg == pytest.approx(np.rad2deg(np.linalg.norm([0.02, -0.4, 0.3])))
+    pixel = np.array([[300.0, 351], [488, 600], [800, 200]])
+    np.testing.assert_allclose(result.difference(pixel), 0, atol=1e-5)
 
 
 def test_rings_by_angle_hold_all_pixels():

@@ -11,6 +11,7 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.point_fit import calibrate_points, fit_ratio, ratio
 from cubicfish_cli.fitting.subset import select, select_photos
 from cubicfish_cli.model.lift import lift
+from cubicfish_cli.model.point_cubic import PointCamera
 from cubicfish_cli.rendering.pose import rotation_matrix
 from cubicfish_cli.undistortion.maps import build_map
 from cubicfish_cli.undistortion.plane import PlaneView
@@ -70,7 +71,12 @@ def test_each_stage_is_nearer_to_the_truth():
     P[2, 16:19] = 0.35, -0.3, 0.3  # denominators that differ widely
     points = rng.uniform(-1, 1, (400, 3))
     exact = 200 * ratio(P, lift(points)) + 300
-    fit = fit_ratio(points, exact + 0.5 * rng.standard_normal(exact.shape))
+    noisy = exact + 0.5 * rng.standard_normal(exact.shape)
+    fit = fit_ratio(points, noisy)
+    cost = [
+        np.sum((ratio(found, lift(points)) - noisy) ** 2) for found in (fit.reweighted, fit.refined)
+    ]
+    assert cost[1] < 0.9999 * cost[0]
     error = [
         np.sqrt(np.mean((ratio(found, lift(points)) - exact) ** 2))
         for found in (fit.plain, fit.reweighted, fit.refined)
@@ -93,6 +99,24 @@ def test_one_photo_in_the_world_frame():
     record = result.as_record()
     assert record["rank"] == 19
     assert record["corners"] == len(pairs.pixel)
+
+
+def test_beyond_the_corners_there_is_no_answer():
+    P = np.zeros((3, 20))
+    P[0, 16] = P[1, 17] = P[2, 19] = 1
+    camera = PointCamera(
+        image_size=(100, 100),
+        P=P,
+        frame="world",
+        offset=np.array([1.0, 0, 0]),
+        scale=2.0,
+        null=np.zeros((0, 20)),
+        reach=1.5,
+        valid=np.zeros((0, 2)),
+    )
+    found = camera.project([[3.9, 0, 0], [4.1, 0, 0], [1, 0, 2.9], [1, 0, -3.1], [np.nan, 0, 0]])
+    np.testing.assert_allclose(found[[0, 2]], [[1.45, 0], [0, 0]])
+    assert np.isnan(found[[1, 3, 4]]).all()
 
 
 def test_off_the_boards_is_refused_with_the_reason():
