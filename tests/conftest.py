@@ -46,8 +46,11 @@ def run() -> Run:
 
 
 @pytest.fixture(autouse=True)
-def no_model_from_outside(monkeypatch: pytest.MonkeyPatch) -> None:
+def nothing_from_outside(
+    monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     monkeypatch.delenv("CUBICFISH_MODEL", raising=False)
+    monkeypatch.setenv("CUBICFISH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
 
 
 @pytest.fixture(scope="session")

@@ -110,7 +110,7 @@ def test_what_a_user_can_cause_has_an_exit_code(
     def fail(path: Path) -> Any:
         raise error
 
-    monkeypatch.setattr(camera_yaml, "load_camera", fail)
+    monkeypatch.setattr(camera_yaml, "load_any_camera", fail)
     result = run("project", "-m", "any.yaml", input="0,0,1\n", code=code)
     assert result.stderr.startswith(said)
     assert result.stdout == ""
@@ -120,7 +120,7 @@ def test_a_bug_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(path: Path) -> Any:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(camera_yaml, "load_camera", fail)
+    monkeypatch.setattr(camera_yaml, "load_any_camera", fail)
     result = CliRunner().invoke(cli, ["project", "-m", "any.yaml"], input="0,0,1\n")
     assert isinstance(result.exception, ZeroDivisionError)
 

@@ -27,6 +27,7 @@ ALLOWED: dict[str, set[str]] = {
     "fitting": {"errors", "target", "correspondences", "model"},
     "naming": {
         "errors",
+        "files",
         "photos",
         "target",
         "detection",

@@ -27,6 +27,7 @@ from cubicfish_cli.cli.options import (
     jobs_option,
     json_option,
     max_rms_option,
+    no_cache_option,
     overwrite_option,
     size_option,
     target_option,
@@ -97,6 +98,7 @@ if TYPE_CHECKING:
 @overwrite_option
 @json_option
 @jobs_option
+@no_cache_option
 @common_options
 def command(
     inputs: tuple[Path, ...],
@@ -112,6 +114,7 @@ def command(
     overwrite: bool,
     as_json: bool,
     jobs: int | None,
+    no_cache: bool,
 ) -> None:
     """Calibrate a camera from PHOTOS (files, folders or globs) of the object in target.yaml.
 
@@ -127,13 +130,27 @@ def command(
     for path in outputs.values():
         refuse_existing(path, overwrite=overwrite)
     loaded = load_pairs(
-        inputs, correspondences=correspondences, target=target, size=size, jobs=jobs
+        inputs,
+        correspondences=correspondences,
+        target=target,
+        size=size,
+        jobs=jobs,
+        no_cache=no_cache,
     )
     if loaded.detection is not None:
         for line in photo_problems(loaded.detection):
             say(line)
     if loaded.corners is None:  # the input held pairs
         outputs.pop("corners", None)
+    if refine_target == "auto" and loaded.detection is not None:
+        by_convention = [photo.name for photo in loaded.detection.photos if not photo.exact]
+        if by_convention:
+            # Corners that may be others than they are named as say nothing about the object.
+            refine_target = "off"
+            say(
+                f"The object stays as drawn: {count(len(by_convention), 'photo')} show too little "
+                "of the board to tell which corners these are."
+            )
     say(f"Fitting to {count(len(loaded.pairs.pixel), 'corner')}.")
     if lift == "point":
         calibrate_points.run(

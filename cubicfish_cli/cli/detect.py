@@ -16,6 +16,7 @@ from cubicfish_cli.cli.options import (
     examples,
     jobs_option,
     json_option,
+    no_cache_option,
     overwrite_option,
     target_option,
 )
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
 @overwrite_option
 @json_option
 @jobs_option
+@no_cache_option
 @common_options
 def command(
     photos: tuple[Path, ...],
@@ -64,6 +66,7 @@ def command(
     overwrite: bool,
     as_json: bool,
     jobs: int | None,
+    no_cache: bool,
 ) -> None:
     """Find the corners of the object in PHOTOS (files, folders or globs) and name them.
 
@@ -81,7 +84,7 @@ def command(
     pictures = {photo.name: draw / f"{photo.name}.png" for photo in found} if draw else {}
     for picture in pictures.values():
         refuse_existing(picture, overwrite=overwrite)
-    detection = detect(found, load_target(target), jobs)
+    detection = detect(found, load_target(target), jobs, no_cache=no_cache)
     save_corners(output, detection.corners, overwrite=overwrite)
     if draw is not None:
         _draw(found, detection, pictures, overwrite=overwrite)

@@ -17,6 +17,7 @@ from cubicfish_cli.cli.options import (
     max_rms_option,
     model_option,
     model_path,
+    no_cache_option,
     size_option,
     target_option,
 )
@@ -38,6 +39,7 @@ from cubicfish_cli.cli.terminal import print_json, result, say
 @max_rms_option
 @json_option
 @jobs_option
+@no_cache_option
 @common_options
 def command(
     inputs: tuple[Path, ...],
@@ -47,6 +49,7 @@ def command(
     max_rms: float | None,
     as_json: bool,
     jobs: int | None,
+    no_cache: bool,
 ) -> None:
     """Measure the reprojection error of a camera on PHOTOS, corners.csv or correspondences.csv.
 
@@ -57,7 +60,12 @@ def command(
 
     camera = load_camera(model_path(model)).camera
     loaded = load_pairs(
-        inputs, correspondences=None, target=target, size=size or camera.image_size, jobs=jobs
+        inputs,
+        correspondences=None,
+        target=target,
+        size=size or camera.image_size,
+        jobs=jobs,
+        no_cache=no_cache,
     )
     evaluation = evaluate(camera, loaded.pairs)
     record = evaluation.as_record()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,6 +48,7 @@ def load_pairs(
     target: Path | None,
     size: tuple[int, int] | None,
     jobs: int | None,
+    no_cache: bool,
 ) -> Pairs:
     """Read pairs from photos, from one corners.csv, or from one correspondences.csv.
 
@@ -63,7 +65,7 @@ def load_pairs(
         raise click.UsageError("name photos, a folder of photos, or a corners.csv")
     tables = [path for path in inputs if path.suffix.lower() == ".csv"]
     if not tables:
-        return _from_photos(inputs, _needed(target), jobs)
+        return _from_photos(inputs, _needed(target), jobs, no_cache)
     if len(inputs) > 1:
         raise click.UsageError(f"{quoted(str(tables[0]))} must be the only input, as all CSV files")
     if _holds_world_points(tables[0]):
@@ -106,14 +108,16 @@ def _from_corners(path: Path, target_path: Path, size: tuple[int, int] | None) -
     )
 
 
-def _from_photos(inputs: Sequence[Path], target_path: Path, jobs: int | None) -> Pairs:
+def _from_photos(
+    inputs: Sequence[Path], target_path: Path, jobs: int | None, no_cache: bool
+) -> Pairs:
     from cubicfish_cli.correspondences import pair
     from cubicfish_cli.photos import find_photos
     from cubicfish_cli.target import load_target
 
     target = load_target(target_path)
     photos = find_photos(inputs)
-    detection = detect(photos, target, jobs)
+    detection = detect(photos, target, jobs, no_cache=no_cache)
     return Pairs(
         pairs=pair(detection.corners, target),
         corners=detection.corners,
@@ -132,14 +136,32 @@ def photo_problems(detection: Detection) -> list[str]:
     return lines
 
 
-def detect(photos: Sequence[Photo], target: Target, jobs: int | None) -> Detection:
+def cache_folder() -> Path:
+    """Where what was found in photos is kept: CUBICFISH_CACHE, else the user's cache folder."""
+    named = os.environ.get("CUBICFISH_CACHE")
+    if named:
+        return Path(named)
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "cubicfish"
+
+
+def detect(
+    photos: Sequence[Photo], target: Target, jobs: int | None, *, no_cache: bool
+) -> Detection:
     """Find and name the corners of a target in photos, in two passes with progress bars."""
+    from cubicfish_cli.naming.cache import GridCache
     from cubicfish_cli.naming.detect import detect_corners
     from cubicfish_cli.naming.second_pass import second_pass
 
     say(f"Looking for corners in {count(len(photos), 'photo')}.")
     with progress("Finding corners") as callback:
-        detection = detect_corners(photos, target, jobs=jobs, progress=callback)
+        detection = detect_corners(
+            photos,
+            target,
+            jobs=jobs,
+            progress=callback,
+            cache=None if no_cache else GridCache(folder=cache_folder()),
+        )
     with progress("Looking again") as callback:
         detection = second_pass(photos, detection, target, jobs=jobs, progress=callback)
     added = sum(photo.added for photo in detection.photos)

@@ -98,6 +98,13 @@ jobs_option = click.option(
     help="Photos to work on at a time. [default: the number of processors]",
 )
 
+no_cache_option = click.option(
+    "--no-cache",
+    is_flag=True,
+    help="Search every photo anew. Otherwise what was found in a photo is kept in "
+    "~/.cache/cubicfish (or where CUBICFISH_CACHE says) until the photo changes.",
+)
+
 max_rms_option = click.option(
     "--max-rms",
     type=click.FloatRange(min=0, min_open=True),

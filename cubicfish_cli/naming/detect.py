@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -12,10 +13,11 @@ from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.errors import DetectionError, PhotoError
+from cubicfish_cli.naming.cache import GridCache
 from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.name_grids import GridReport, Naming, name_grids
 from cubicfish_cli.naming.pool import map_photos, workers_for
-from cubicfish_cli.photos import Photo, Picture, read_grey
+from cubicfish_cli.photos import Photo, Picture, decode_picture, grey, read_file
 from cubicfish_cli.target import Board, Target
 
 # Share of the grey scale below which nearly all of a photo is dark, or all of it is alike.
@@ -86,6 +88,7 @@ def detect_corners(
     *,
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
+    cache: GridCache | None = None,
 ) -> Detection:
     """Find and name the corners of ``target`` in photos.
 
@@ -97,13 +100,14 @@ def detect_corners(
         target: the object.
         jobs: processes to use; None for one a processor.
         progress: called with photos done and all photos.
+        cache: what was found in photos that were searched before; None searches them all.
 
     Raises:
         DetectionError: no corner could be named in any photo; the text says what to check.
 
     """
     found = []
-    for one in map_photos(_find, photos, workers_for(jobs, len(photos))):
+    for one in map_photos(partial(_find, cache=cache), photos, workers_for(jobs, len(photos))):
         found.append(one)
         if progress is not None:
             progress(len(found), len(photos))
@@ -126,12 +130,19 @@ def detect_corners(
     return Detection(corners=_only_seen(naming.corners), photos=tuple(reports))
 
 
-def _find(photo: Photo) -> _Found:
+def _find(photo: Photo, *, cache: GridCache | None) -> _Found:
     try:
-        picture = read_grey(photo.path)
+        data = read_file(photo.path)
+        key = cache.key(data) if cache else ""
+        known = cache.load(key) if cache else None
+        if known is not None and known.grids:
+            return _Found(grids=known, problem=None)
+        picture = grey(decode_picture(photo.path, data))
     except PhotoError as error:
         return _Found(grids=None, problem=str(error))
-    grids = find_grids(picture)
+    grids = find_grids(picture) if known is None else known
+    if cache and known is None:
+        cache.save(key, grids)
     return _Found(grids=grids, problem=None if grids.grids else _why_nothing(picture))
 
 
