@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from cubicfish_cli.detection.finder import find_grids
+from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.markers import How, find_marked_corners
 from cubicfish_cli.rendering.lens import TrueLens
-from cubicfish_cli.rendering.pose import look_at
+from cubicfish_cli.rendering.pose import camera_points, look_at
 from cubicfish_cli.rendering.render import plain_background, render
 from cubicfish_cli.rendering.truth import project_corners
 from cubicfish_cli.target import Board, Markers, Target
@@ -202,6 +203,58 @@ def test_a_board_of_another_layout_with_the_same_ids_is_left_out():
     found = find(photo_of(Target(units="mm", boards=MIXED.boards[2:3])), tags)
     assert len(found) == 0
     assert found.contradictory == (0,)
+
+
+def test_one_of_its_markers_inside_a_foreign_board_names_nothing():
+    foreign = Target(units="mm", boards=(wall("front", "charuco", (6, 5), 24.0, first=21),))
+    photo = photo_of(foreign)
+    # Marker 10 of the target, seen in the square with the corners (2, 1) to (3, 2).
+    board = MIXED.boards[0]
+    corner = board.world_points([2, 3, 3, 2], [1, 1, 2, 2])
+    middle = corner.mean(axis=0)
+    seen = LENS.project(camera_points(POSE, middle + 0.74 * (corner - middle)))
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    marker = cv2.aruco.generateImageMarker(dictionary, 10, 60)
+    place = cv2.getPerspectiveTransform(
+        np.array([(0, 0), (59, 0), (59, 59), (0, 59)], np.float32), seen.astype(np.float32)
+    )
+    pasted = cv2.warpPerspective(marker, place, SIZE, flags=cv2.INTER_AREA)
+    there = cv2.warpPerspective(np.full_like(marker, 255), place, SIZE) > 128
+    photo[there] = 20 + 0.5 * pasted[there]
+    target = Target(units="mm", boards=(board,))
+    assert len(find(photo_of(target), target)) == 30
+    assert len(find(photo, target)) == 0
+
+
+@pytest.mark.parametrize("turn", range(4))
+def test_a_grid_takes_its_names_from_the_markers(turn):
+    target = Target(units="mm", boards=MIXED.boards[:1])
+    seen = project_corners(target, LENS, POSE, SIZE)
+    cells = np.stack([seen.column, seen.row], axis=-1)
+    turned = cells @ np.linalg.matrix_power(np.array([[0, -1], [1, 0]]), turn)
+    turned -= turned.min(axis=0)
+    # The square right and below of the board's first corner is dark.
+    parity = -1 if (turned[0].sum() + turn) % 2 == 0 else 1
+
+    def named(cells, parity, chosen=slice(None)):
+        grid = Grid(
+            cells=cells[chosen],
+            pixel=seen.pixel[chosen],
+            parity=parity,
+            step=20.0,
+            contrast=np.full(len(cells[chosen]), 100.0),
+        )
+        grids = FoundGrids(grids=(grid,), refused=np.zeros((0, 2)), image_size=SIZE)
+        return find_marked_corners(mixed_photo(), target, grids)
+
+    found = named(turned, parity)
+    assert found.grid_board.tolist() == [0]
+    assert errors(found, target)[0].max() < 0.5
+    assert named(turned, -parity).grid_board.tolist() == [-1]
+    # Two corners are too few to vote, and a grid that does not fit the board is not its.
+    assert named(turned, parity, slice(0, 2)).grid_board.tolist() == [-1]
+    stretched = turned * (1, 2)
+    assert named(stretched, parity).grid_board.tolist() == [-1]
 
 
 @pytest.mark.parametrize(
