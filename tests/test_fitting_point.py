@@ -92,6 +92,7 @@ def test_one_photo_in_the_world_frame():
     camera = result.camera
     assert (camera.frame, camera.rank, result.poses) == ("world", 19, None)
     assert 0.07 < result.errors.rms_px < 0.2
+    assert result.held_out_rms_px is None
     np.testing.assert_allclose(
         camera.project(pairs.world) - pairs.pixel, result.residual, atol=1e-8
     )
@@ -163,6 +164,8 @@ def test_several_photos_in_the_camera_frame():
         result.camera.project(points) - result.pairs.pixel, result.residual, atol=1e-7
     )
     assert result.errors.rms_px < 3
+    assert result.errors.rms_px < result.held_out_rms_px < 60
+    assert calibrate_points(pairs, hold_out=False).held_out_rms_px is None
     assert len(result.as_record()["per_image"][0]["camera_from_world"]["translation"]) == 3
 
 

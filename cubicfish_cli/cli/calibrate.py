@@ -157,6 +157,7 @@ def command(
             loaded,
             outputs,
             _made_by({"lift": lift}, target if loaded.target else None, loaded.files),
+            hold_out=hold_out,
             as_json=as_json,
             max_rms=max_rms,
             overwrite=overwrite,

@@ -19,6 +19,7 @@ def run(
     outputs: Mapping[str, Path],
     made_by: Mapping[str, Any],
     *,
+    hold_out: bool,
     as_json: bool,
     max_rms: float | None,
     overwrite: bool,
@@ -29,6 +30,7 @@ def run(
         loaded: the pairs.
         outputs: where ``camera``, and ``corners`` if they are to be written, go.
         made_by: goes into the camera's file.
+        hold_out: also measure the held-out error.
         as_json: print one JSON object.
         max_rms: the user's gate.
         overwrite: replace files that exist.
@@ -39,7 +41,7 @@ def run(
     from cubicfish_cli.fitting.point_fit import calibrate_points
     from cubicfish_cli.formats.camera_yaml import save_camera
 
-    calibration = calibrate_points(loaded.pairs)
+    calibration = calibrate_points(loaded.pairs, hold_out=hold_out)
     record = calibration.as_record()
     names = [name for name in ("camera", "corners") if name in outputs]
     if loaded.corners is None:
@@ -72,6 +74,11 @@ def _print(calibration: PointCalibration, record: Mapping[str, Any]) -> None:
         [
             ("  linear, plain", calibration.plain_rms_px, "Eq. 8 and 9"),
             ("  linear, reweighted", calibration.reweighted_rms_px, "over its denominators"),
+            (
+                "held-out RMS",
+                calibration.held_out_rms_px,
+                "not measured" if calibration.held_out_rms_px is None else "poses by a radial lens",
+            ),
         ],
     )
     meaning = (

@@ -18,6 +18,8 @@ from scipy.spatial import ConvexHull
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.companion import fit_companion, refit_companion
+from cubicfish_cli.fitting.held_out import FOLDS, MIN_PHOTOS
+from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.linear import ROUNDS, linear_ratios
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import gross_px, huber_px
@@ -27,7 +29,7 @@ from cubicfish_cli.fitting.statistics import (
     photo_records,
     rms_px,
 )
-from cubicfish_cli.fitting.subset import select, world_scale
+from cubicfish_cli.fitting.subset import select, select_photos, world_scale
 from cubicfish_cli.model.lift import lift
 from cubicfish_cli.model.point_cubic import PointCamera
 
@@ -76,6 +78,8 @@ class PointCalibration:
             whose pose was not needed.
         residual: (N, 2) projection less pixel, pixels.
         errors: over the used pairs.
+        held_out_rms_px: of photos that took no part in the fit, placed by a radial companion
+            that never saw them either; None with fewer than three photos, or where not asked for.
         plain_rms_px, reweighted_rms_px: of the two linear solutions on the same pairs.
         dropped: how many corners were left out as grossly wrong.
         unfit: photos left out, with the reason.
@@ -87,6 +91,7 @@ class PointCalibration:
     poses: Poses | None
     residual: FloatArray
     errors: ErrorStatistics
+    held_out_rms_px: float | None
     plain_rms_px: float
     reweighted_rms_px: float
     dropped: int
@@ -97,7 +102,7 @@ class PointCalibration:
         return {
             **self.errors.as_record(),
             "images": len(self.pairs.images),
-            "held_out_rms_px": None,
+            "held_out_rms_px": self.held_out_rms_px,
             "lift": "point",
             "frame": self.camera.frame,
             "rank": self.camera.rank,
@@ -115,12 +120,13 @@ class PointCalibration:
         return [{"image": names[0], **self.errors.as_record()}]
 
 
-def calibrate_points(pairs: Correspondences) -> PointCalibration:
+def calibrate_points(pairs: Correspondences, *, hold_out: bool = True) -> PointCalibration:
     """Fit the ``point`` lift to 2D-3D pairs.
 
     Args:
         pairs: of one photo (world frame), or of several (camera frame, poses from the radial
             companion).
+        hold_out: also measure the held-out error (five more fits), with three photos or more.
 
     Raises:
         FitError: the pairs are too few for the rank that they have, the photos cannot be
@@ -145,11 +151,38 @@ def calibrate_points(pairs: Correspondences) -> PointCalibration:
         poses=poses,
         residual=residual,
         errors=error_statistics(residual),
+        held_out_rms_px=_held_out(used) if hold_out else None,
         plain_rms_px=stages[0],
         reweighted_rms_px=stages[1],
         dropped=given - len(used.pixel),
         unfit=unfit,
     )
+
+
+def _held_out(pairs: Correspondences) -> float | None:
+    """RMS over the corners of photos left out of the fit, in folds as the ``ray`` lift's."""
+    photos = np.arange(len(pairs.images))
+    if len(photos) < MIN_PHOTOS:
+        return None
+    folds = min(FOLDS, len(photos))
+    residuals = []
+    for fold in range(folds):
+        train = select_photos(pairs, photos[photos % folds != fold])
+        test = select_photos(pairs, photos[photos % folds == fold])
+        scale = world_scale(train)
+        try:
+            camera = calibrate_points(train, hold_out=False).camera
+            companion = fit_companion(replace(train, world=train.world / scale))
+        except FitError:
+            return None
+        placed, own, _ = fit_poses(companion.camera, replace(test, world=test.world / scale))
+        if placed is None:
+            return None
+        points = placed.poses.apply(own.image, own.world) * scale
+        residuals.append(camera.project(points) - own.pixel)
+    residual = np.vstack(residuals)
+    # Beyond the volume of the training corners there is no answer to judge.
+    return rms_px(residual[np.isfinite(residual[:, 0])])
 
 
 def _placed(pairs: Correspondences) -> tuple[Correspondences, Poses, dict[str, str]]:

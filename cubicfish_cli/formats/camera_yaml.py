@@ -142,8 +142,8 @@ def load_camera(path: Path) -> CameraFile:
     loaded = load_any_camera(path)
     if isinstance(loaded, PointCameraFile):
         raise CameraFileError(
-            f"{path} is of lift 'point', which has no rays: it takes points within its boards' "
-            "volume to pixels (cubicfish project) and no more; calibrate with --lift ray for this"
+            f"{path} is of lift 'point', which has no rays: it serves 'project' and 'undistort "
+            "--plane' alone; calibrate with --lift ray for this"
         )
     return loaded
 
