@@ -12,9 +12,11 @@ import numpy as np
 from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.grids import FoundGrids, Grid
+from cubicfish_cli.detection.markers import MarkedCorners, find_marked_corners
 from cubicfish_cli.errors import DetectionError, PhotoError
 from cubicfish_cli.naming.cache import GridCache
 from cubicfish_cli.naming.decide import Verdict
+from cubicfish_cli.naming.marked import has_markers, marked_corners
 from cubicfish_cli.naming.name_grids import GridReport, Naming, name_grids
 from cubicfish_cli.naming.pool import map_photos, workers_for
 from cubicfish_cli.photos import Photo, Picture, decode_picture, grey, read_file
@@ -80,6 +82,7 @@ class _Found:
 
     grids: FoundGrids | None
     problem: str | None
+    marked: MarkedCorners | None = None
 
 
 def detect_corners(
@@ -107,7 +110,8 @@ def detect_corners(
 
     """
     found = []
-    for one in map_photos(partial(_find, cache=cache), photos, workers_for(jobs, len(photos))):
+    look = partial(_find, target=target, cache=cache)
+    for one in map_photos(look, photos, workers_for(jobs, len(photos))):
         found.append(one)
         if progress is not None:
             progress(len(found), len(photos))
@@ -116,26 +120,37 @@ def detect_corners(
         raise DetectionError(_nothing_read(found))
     found = [_of_size(one, size) for one in found]
     usable = [index for index, one in enumerate(found) if one.grids is not None]
-    grids = [_grids(found[index]) for index in usable]
-    naming = name_grids(grids, target, size, [photos[index].name for index in usable])
-    _refuse_counted_squares(grids, naming, target)
-    if not len(naming.corners.pixel):
-        raise DetectionError(_nothing_named(found, naming, target))
+    names = [photos[index].name for index in usable]
     reports = [
         PhotoReport(name=photo.name, problem=one.problem)
         for photo, one in zip(photos, found, strict=True)
     ]
-    for number, index in enumerate(usable):
-        reports[index] = _report(photos[index].name, found[index], naming, number, target)
-    return Detection(corners=_only_seen(naming.corners), photos=tuple(reports))
+    if has_markers(target):
+        marked = [_marked(found[index]) for index in usable]
+        corners = marked_corners(marked, target, size, names)
+        if not len(corners.pixel):
+            raise DetectionError(_no_markers(len(found), target))
+        for number, index in enumerate(usable):
+            reports[index] = _marked_report(names[number], found[index], corners, number)
+    else:
+        grids = [_grids(found[index]) for index in usable]
+        naming = name_grids(grids, target, size, names)
+        corners = naming.corners
+        _refuse_counted_squares(grids, naming, target)
+        if not len(corners.pixel):
+            raise DetectionError(_nothing_named(found, naming, target))
+        for number, index in enumerate(usable):
+            reports[index] = _report(names[number], found[index], naming, number, target)
+    return Detection(corners=_only_seen(corners), photos=tuple(reports))
 
 
-def _find(photo: Photo, *, cache: GridCache | None) -> _Found:
+def _find(photo: Photo, *, target: Target, cache: GridCache | None) -> _Found:
+    markers = has_markers(target)
     try:
         data = read_file(photo.path)
         key = cache.key(data) if cache else ""
         known = cache.load(key) if cache else None
-        if known is not None and known.grids:
+        if known is not None and known.grids and not markers:
             return _Found(grids=known, problem=None)
         picture = grey(decode_picture(photo.path, data))
     except PhotoError as error:
@@ -143,6 +158,10 @@ def _find(photo: Photo, *, cache: GridCache | None) -> _Found:
     grids = find_grids(picture) if known is None else known
     if cache and known is None:
         cache.save(key, grids)
+    if markers:
+        marked = find_marked_corners(picture, target, grids)
+        problem = None if len(marked) else _why_no_markers(picture, grids)
+        return _Found(grids=grids, problem=problem, marked=marked)
     return _Found(grids=grids, problem=None if grids.grids else _why_nothing(picture))
 
 
@@ -188,7 +207,7 @@ def _report(name: str, one: _Found, naming: Naming, number: int, target: Target)
     boards = sorted({grid.place.board for grid in grids if grid.place is not None})
     notes = tuple(note for note in map(_note, grids) if note)
     problem = one.problem
-    if problem is None and not named:
+    if problem is None and not named and notes:
         problem = "; ".join(notes)
     return PhotoReport(
         name=name,
@@ -199,6 +218,46 @@ def _report(name: str, one: _Found, naming: Naming, number: int, target: Target)
         exact=bool(naming.exact[number]),
         found=one.grids,
         grids=grids,
+    )
+
+
+def _marked(one: _Found) -> MarkedCorners:
+    if one.marked is None:
+        raise ValueError("a photo of an object with markers was not searched for them")
+    return one.marked
+
+
+def _marked_report(name: str, one: _Found, corners: Corners, number: int) -> PhotoReport:
+    own = corners.image == number
+    return PhotoReport(
+        name=name,
+        problem=one.problem,
+        notes=tuple(
+            f"board {corners.boards[board]} is left out: its markers are in two places, so two "
+            "copies of it are in view, or it is not as the target says"
+            for board in _marked(one).contradictory
+        ),
+        boards=tuple(corners.boards[board] for board in np.unique(corners.board[own])),
+        corners=int(own.sum()),
+        found=replace(one.grids, grids=()) if one.grids is not None else None,
+    )
+
+
+def _why_no_markers(picture: Picture, found: FoundGrids) -> str:
+    if not found.grids:
+        return _why_nothing(picture)
+    return (
+        "squares were found but none of the target's markers: are dictionary (or family) and "
+        "first_marker right, and are markers at least about 15 pixels wide?"
+    )
+
+
+def _no_markers(photos: int, target: Target) -> str:
+    families = sorted({board.markers.dictionary for board in target.boards if board.markers})
+    return (
+        f"none of the target's markers ({', '.join(families)}) was found in {photos} "
+        f"photo{'s' * (photos != 1)}: check dictionary (or family) and first_marker of the boards, "
+        "and that photos are sharp and not mirrored"
     )
 
 
