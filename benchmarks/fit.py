@@ -1,0 +1,61 @@
+"""How the fit's time grows with the photos: 10, 100 and 1,000 photos of about 300 corners.
+
+    python benchmarks/fit.py [--photos 10 100 1000]
+
+Synthetic corners of a box of four boards seen by a lens that is no cubic, with 0.1 px noise.
+Prints seconds for the fit of camera and poses (object as drawn) and with the boards' shapes
+free, and how the time a photo compares with that of the smallest set.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+
+import numpy as np
+import synthetic
+
+from cubicfish_cli.fitting.calibrate import calibrate
+from cubicfish_cli.fitting.subset import select
+
+CORNERS = 300
+
+
+def photos_of(count: int):
+    target = synthetic.box_of_four()
+    poses = synthetic.poses_around(target, count, seed=1)
+    pairs = synthetic.synthetic_correspondences(target, poses, noise=0.1, seed=2)
+    # About CORNERS of each photo, chosen at random.
+    rng = np.random.default_rng(3)
+    share = CORNERS / np.bincount(pairs.image, minlength=count)[pairs.image]
+    return target, select(pairs, rng.random(len(pairs.image)) < share)[0]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--photos", type=int, nargs="+", default=[10, 100, 1000])
+    first: dict[str, float] = {}
+    print("photos  corners  level  seconds  per photo, times that of the first  RMS px")
+    for count in parser.parse_args().photos:
+        target, pairs = photos_of(count)
+        for level in ("off", "shape"):
+            start = time.perf_counter()
+            result = calibrate(pairs, target=target, refine_target=level, hold_out=False)
+            seconds = time.perf_counter() - start
+            each = seconds / count
+            ratio = each / first.setdefault(level, each)
+            print(
+                f"{count:6d}  {len(pairs.pixel):7d}  {level:5s}  {seconds:7.2f}  {ratio:35.2f}  "
+                f"{result.errors.rms_px:.4f}",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()
