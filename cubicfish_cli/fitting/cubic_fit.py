@@ -44,6 +44,8 @@ _DENOMINATOR_PULL = 1e-4
 # Expected relative departure of P3Φ from that of the companion's cubic.
 _DENOMINATOR_SPREAD = 0.1
 _SCAN_ITERATIONS = 30
+# The bottom of the evidence over weights is flat: it need not be known to the last digit.
+_SCAN_DECREASE = 1e-4
 # For fits that only lead to the next one.
 _ROUGH_DECREASE = 1e-6
 
@@ -218,7 +220,7 @@ def _best_weight(start: CubicFit, companion: Companion) -> tuple[float, CubicFit
             companion.pairs,
             huber_px=limit,
             max_iterations=_SCAN_ITERATIONS,
-            relative_decrease=_ROUGH_DECREASE,
+            relative_decrease=_SCAN_DECREASE,
         )
         lens, poses = _cubic(fit), fit.poses
         tried.append((_negative_log_evidence(fit, companion.pairs), weight, lens, poses))
