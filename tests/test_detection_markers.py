@@ -8,6 +8,10 @@ import pytest
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.markers import How, find_marked_corners
+from cubicfish_cli.detection.markers_detect import families
+from cubicfish_cli.detection.markers_lattice import BoardLattice
+from cubicfish_cli.detection.markers_read import read_grid
+from cubicfish_cli.detection.pyramid import build_pyramid
 from cubicfish_cli.rendering.lens import TrueLens
 from cubicfish_cli.rendering.pose import camera_points, look_at
 from cubicfish_cli.rendering.render import plain_background, render
@@ -208,13 +212,13 @@ def test_a_board_of_another_layout_with_the_same_ids_is_left_out():
 def test_one_of_its_markers_inside_a_foreign_board_names_nothing():
     foreign = Target(units="mm", boards=(wall("front", "charuco", (6, 5), 24.0, first=21),))
     photo = photo_of(foreign)
-    # Marker 10 of the target, seen in the square with the corners (2, 1) to (3, 2).
+    # Marker 11 of the target, seen in the square with the corners (2, 1) to (3, 2).
     board = MIXED.boards[0]
     corner = board.world_points([2, 3, 3, 2], [1, 1, 2, 2])
     middle = corner.mean(axis=0)
     seen = LENS.project(camera_points(POSE, middle + 0.74 * (corner - middle)))
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
-    marker = cv2.aruco.generateImageMarker(dictionary, 10, 60)
+    marker = cv2.aruco.generateImageMarker(dictionary, 11, 60)
     place = cv2.getPerspectiveTransform(
         np.array([(0, 0), (59, 0), (59, 59), (0, 59)], np.float32), seen.astype(np.float32)
     )
@@ -226,35 +230,76 @@ def test_one_of_its_markers_inside_a_foreign_board_names_nothing():
     assert len(find(photo, target)) == 0
 
 
-@pytest.mark.parametrize("turn", range(4))
-def test_a_grid_takes_its_names_from_the_markers(turn):
-    target = Target(units="mm", boards=MIXED.boards[:1])
+def true_grid(board, turn=0):
+    """A target of one board of the mixed photo, and the grid that a finder would give of it."""
+    target = Target(units="mm", boards=(board,))
     seen = project_corners(target, LENS, POSE, SIZE)
     cells = np.stack([seen.column, seen.row], axis=-1)
     turned = cells @ np.linalg.matrix_power(np.array([[0, -1], [1, 0]]), turn)
     turned -= turned.min(axis=0)
-    # The square right and below of the board's first corner is dark.
-    parity = -1 if (turned[0].sum() + turn) % 2 == 0 else 1
+    grid = Grid(
+        cells=turned,
+        pixel=seen.pixel,
+        # The square right and below of the board's first corner is dark.
+        parity=-1 if (turned[0].sum() + turn) % 2 == 0 else 1,
+        step=20.0,
+        contrast=np.full(len(cells), 100.0),
+    )
+    return target, grid
 
-    def named(cells, parity, chosen=slice(None)):
-        grid = Grid(
-            cells=cells[chosen],
-            pixel=seen.pixel[chosen],
-            parity=parity,
-            step=20.0,
-            contrast=np.full(len(cells[chosen]), 100.0),
-        )
+
+@pytest.mark.parametrize("turn", range(4))
+def test_markers_are_read_through_a_grid(turn):
+    board = MIXED.boards[0]
+    target, grid = true_grid(board, turn)
+    pyramid = build_pyramid(mixed_photo())
+    seen = read_grid(pyramid, target, families(target), grid)
+    inner = (board.marker_cells()[:, 1:] > 0) & (board.marker_cells()[:, 1:] < (6, 5))
+    wanted = board.marker_cells()[inner.all(axis=1), 1:]
+    np.testing.assert_array_equal(np.unique(seen.cell, axis=0), np.unique(wanted, axis=0))
+    # Outlines start at the top left of the upright board.
+    first = (seen.cell - 1) * 24.0 + 24.0 * 0.13
+    corner = board.origin + first[:, :1] * board.x_axis + first[:, 1:] * board.y_axis
+    expected = LENS.project(camera_points(POSE, corner))
+    assert np.hypot(*(seen.pixel[:, 0] - expected).T).max() < 1.0
+
+
+def test_corners_that_the_rim_cuts_are_refused():
+    board = MIXED.boards[0]
+    _, grid = true_grid(board)
+    lattice = BoardLattice(board=board)
+    lattice.put(grid.cells, grid.pixel)
+    fit = lattice.fit(grid.cells)
+    y, x = np.indices(SIZE[::-1])
+    whole = build_pyramid(mixed_photo())
+    assert lattice.refined(whole, grid.cells, grid.pixel, fit)[1].all()
+    for direction in np.radians(np.arange(0, 360, 30)):
+        photo = mixed_photo().copy()
+        # Beyond 1.5 px from each corner in this direction all is as dark as outside the circle.
+        for px, py in grid.pixel:
+            near = np.hypot(x - px, y - py) < 9
+            cut = (x - px) * np.cos(direction) + (y - py) * np.sin(direction) > 1.5
+            photo[near & cut] = 6
+        assert not lattice.refined(build_pyramid(photo), grid.cells, grid.pixel, fit)[1].any()
+
+
+@pytest.mark.parametrize("turn", range(4))
+def test_a_grid_takes_its_names_from_the_markers(turn):
+    target, whole = true_grid(MIXED.boards[0], turn)
+
+    def named(**changes):
+        grid = replace(whole, **changes)
         grids = FoundGrids(grids=(grid,), refused=np.zeros((0, 2)), image_size=SIZE)
         return find_marked_corners(mixed_photo(), target, grids)
 
-    found = named(turned, parity)
+    found = named()
     assert found.grid_board.tolist() == [0]
     assert errors(found, target)[0].max() < 0.5
-    assert named(turned, -parity).grid_board.tolist() == [-1]
+    assert named(parity=-whole.parity).grid_board.tolist() == [-1]
     # Two corners are too few to vote, and a grid that does not fit the board is not its.
-    assert named(turned, parity, slice(0, 2)).grid_board.tolist() == [-1]
-    stretched = turned * (1, 2)
-    assert named(stretched, parity).grid_board.tolist() == [-1]
+    few = named(cells=whole.cells[:2], pixel=whole.pixel[:2], contrast=whole.contrast[:2])
+    assert few.grid_board.tolist() == [-1]
+    assert named(cells=whole.cells * (1, 2)).grid_board.tolist() == [-1]
 
 
 @pytest.mark.parametrize(
