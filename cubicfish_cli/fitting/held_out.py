@@ -65,33 +65,45 @@ def held_out_error(fit: ObjectFit, drawing: Drawing) -> HeldOut | None:
     if len(photos) < MIN_PHOTOS:
         return None
     folds = min(FOLDS, len(photos))
-    cubic: list[FloatArray] = []
-    radial: list[FloatArray] = []
-    for fold in range(folds):
-        train, test = photos[photos % folds != fold], photos[photos % folds == fold]
-        training = drawing.of(select_photos(pairs, train))
-        try:
-            trained = refit_object(fit, training, fit.cubic.poses[train])
-        except FitError:
-            return None
-        camera = CubicCamera(
-            image_size=pairs.image_size,
-            P=trained.cubic.lens.P,
-            max_angle_deg=trained.cubic.max_angle_deg,
-            radial=trained.companion.camera,
-        )
-        left_out, poses = select_photos(pairs, test), fit.cubic.poses[test]
-        target = trained.refined_target(training)
-        if target is not None:
-            world = target.world_points(left_out.board, left_out.column, left_out.row)
-            left_out = replace(left_out, world=world / drawing.scale)
-        cubic.append(pose_only_residual(camera, left_out, poses)[1])
-        radial.append(pose_only_residual(camera.radial, left_out, poses)[1])
+    parts = [photos[photos % folds == fold] for fold in range(folds)]
+    measured = [pair for pair in (_fold(fit, drawing, test) for test in parts) if pair is not None]
+    if len(measured) < folds:
+        return None
+    cubic, radial = zip(*measured, strict=True)
     return HeldOut(
         rms_px=rms_px(np.vstack(cubic)),
         companion_rms_px=rms_px(np.vstack(radial)),
         corners=sum(map(len, cubic)),
         folds=folds,
+    )
+
+
+def _fold(fit: ObjectFit, drawing: Drawing, test: IntArray) -> tuple[FloatArray, FloatArray] | None:
+    """Residuals of the photos ``test`` under a fit to the others: the cubic's, the companion's.
+
+    None when the other photos alone cannot determine a camera.
+    """
+    pairs = drawing.pairs
+    train = np.setdiff1d(np.arange(len(pairs.images)), test)
+    training = drawing.of(select_photos(pairs, train))
+    try:
+        trained = refit_object(fit, training, fit.cubic.poses[train])
+    except FitError:
+        return None
+    camera = CubicCamera(
+        image_size=pairs.image_size,
+        P=trained.cubic.lens.P,
+        max_angle_deg=trained.cubic.max_angle_deg,
+        radial=trained.companion.camera,
+    )
+    left_out, poses = select_photos(pairs, test), fit.cubic.poses[test]
+    target = trained.refined_target(training)
+    if target is not None:
+        world = target.world_points(left_out.board, left_out.column, left_out.row)
+        left_out = replace(left_out, world=world / drawing.scale)
+    return (
+        pose_only_residual(camera, left_out, poses)[1],
+        pose_only_residual(camera.radial, left_out, poses)[1],
     )
 
 
