@@ -52,8 +52,8 @@ def aprilgrid_is_dark(board: Board) -> Callable[[FloatArray], BoolArray]:
         # Gaps lie before each tag; one more gap follows the last.
         cell = np.floor((plane + gap) / pitch).astype(np.int32)
         within = plane - cell * pitch
-        in_gap: BoolArray = np.less(within, 0)
-        printed: BoolArray = ((cell >= 0) & (cell <= (columns, rows))).all(axis=-1)
+        in_gap = np.less(within, 0)
+        printed: BoolArray = np.all((cell >= 0) & (cell <= (columns, rows)), axis=-1)
         square: BoolArray = in_gap.all(axis=-1) & printed
         tag: BoolArray = printed & ~in_gap.any(axis=-1) & (cell < (columns, rows)).all(axis=-1)
         module = np.floor(within / board.square * size).astype(np.int32)
