@@ -211,11 +211,16 @@ def measure_batch(camera: CubicCamera, folder: Path, count: int) -> None:
 
 
 def peak_mb(args: list[str]) -> float:
-    with subprocess.Popen(args, stdout=subprocess.DEVNULL) as process:
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-    assert process.returncode == 0
-    return usage.ru_maxrss / 1024
+    """Peak memory of a command, started by a small process: a fork counts its parent's."""
+    launcher = (
+        "import resource, subprocess, sys\n"
+        "subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL)\n"
+        "print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-S", "-c", launcher, *args], check=True, capture_output=True, text=True
+    )
+    return int(done.stdout) / 1024
 
 
 def measure_memory(model: Path, folder: Path) -> None:

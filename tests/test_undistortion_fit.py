@@ -130,3 +130,6 @@ def test_the_photos_corners_count_where_the_circle_is_cut():
     fitted = fit_view(camera, CENTRAL_KINDS["equidistant"], (480, 360), share=1.0)
     assert fitted.view.hfov_deg < 120
     assert lost(camera, fitted.view) == 0
+    inner = fit_view(camera, CENTRAL_KINDS["perspective"], (480, 360), share=0.0)
+    assert build_map(camera, inner.view).valid.all()
+    assert not build_map(camera, narrower(inner, 0.99)).valid.all()

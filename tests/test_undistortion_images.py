@@ -15,6 +15,7 @@ from cubicfish_cli.undistortion.images import (
     remap_picture,
     write_picture,
 )
+from cubicfish_cli.undistortion.jpeg import jpeg_nature, with_segments
 from cubicfish_cli.undistortion.maps import build_map, save_map
 from cubicfish_cli.undistortion.views import PerspectiveView
 
@@ -197,3 +198,21 @@ def test_quality_is_the_one_asked_for():
     assert len(encode_picture(Path("a.webp"), values, quality=40)) < len(
         encode_picture(Path("a.webp"), values)
     )
+
+
+def test_a_jpegs_nature_goes_from_the_photo_to_the_picture(tmp_path):
+    source, out = tmp_path / "in.jpg", tmp_path / "out.jpg"
+    body = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x08\0\0\0\0\0\0\0"
+    segment = b"\xff\xe1" + (len(body) + 2).to_bytes(2, "big") + body
+    options = [cv2.IMWRITE_JPEG_QUALITY, 71, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, 0x111111]
+    data = cv2.imencode(".jpg", picture(channels=3), options)[1].tobytes()
+    source.write_bytes(with_segments(data, (segment,)))
+    undistort_picture_file(source, out, MAP, overwrite=False)
+    nature = jpeg_nature(out.read_bytes())
+    assert nature == jpeg_nature(source.read_bytes())
+    assert nature.segments == (segment,)
+    # Undistorted as the sensor saw it; only who looks at it turns it: 8 is a quarter turn.
+    assert read_picture(out).shape[:2] == (50, 70)
+    assert cv2.imread(str(out)).shape[:2] == (70, 50)
+    undistort_picture_file(source, out, MAP, Rendering(quality=30), overwrite=True)
+    assert jpeg_nature(out.read_bytes()).quality == 30

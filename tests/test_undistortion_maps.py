@@ -121,6 +121,15 @@ def test_only_pixels_with_four_neighbours_in_the_photo_are_valid(shift, columns,
     assert made.map_y[made.valid].max() <= 7
 
 
+@pytest.mark.parametrize("side", [(-3, 0), (3, 0), (0, -3), (0, 3)])
+def test_each_edge_of_the_photo_counts_by_itself(side):
+    view = PerspectiveView(size=(10, 8), focal=8.0)
+    camera = Crop(view, 5.0)
+    camera.project = lambda points: Crop.project(camera, points) + side
+    columns, rows = build_map(camera, view).valid.any(axis=0), build_map(camera, view).valid.any(1)
+    assert (columns.sum(), rows.sum()) == (10 - abs(side[0]), 8 - abs(side[1]))
+
+
 def test_the_cubic_camera_takes_the_fast_way(monkeypatch):
     def slow(*_):
         raise AssertionError("projected ray by ray")

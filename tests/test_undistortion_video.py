@@ -1,5 +1,6 @@
 """Videos: every frame remapped, at its time, with its sound; whole or not at all."""
 
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -13,7 +14,12 @@ from cubicfish_cli.undistortion.frames import camera_for_photos
 from cubicfish_cli.undistortion.images import Rendering
 from cubicfish_cli.undistortion.maps import build_map
 from cubicfish_cli.undistortion.projections import PerspectiveView
-from cubicfish_cli.undistortion.video import Encoding, undistort_video, video_size
+from cubicfish_cli.undistortion.video import (
+    Encoding,
+    _chroma_maps,
+    undistort_video,
+    video_size,
+)
 from cubicfish_cli.undistortion.view import rotation_from_angles
 
 av = pytest.importorskip("av")
@@ -131,6 +137,20 @@ def test_colours_lie_where_the_brightness_lies(tmp_path, pix_fmt):
     # The slopes of the scene turn shifts into brightness: a quarter of a pixel gives 0.05.
     assert np.abs(np.mean(differences, axis=(0, 1))).max() < 0.04
     assert np.abs(differences).mean() < 1
+
+
+@pytest.mark.parametrize(("source", "result"), [(0, 0), (1, 0), (0, 1), (1, 1)])
+def test_colour_samples_lie_where_their_codec_has_them(source, result):
+    # A view that shows the photo shifted: every pixel (x, y) comes from (x + 10.5, y + 3).
+    x, y = np.meshgrid(np.arange(64, dtype=np.float32), np.arange(32, dtype=np.float32))
+    made = replace(MAP, map_x=x + 10.5, map_y=y + 3, valid=np.ones((32, 64), bool))
+    map_x, map_y = _chroma_maps(
+        made, 2, 2, source_centred=bool(source), result_centred=bool(result)
+    )
+    columns, rows = np.meshgrid(np.arange(32), np.arange(16))
+    place = 2 * columns + result / 2 + 10.5  # in pixels of brightness
+    np.testing.assert_allclose(map_x, (place - source / 2) / 2, atol=1e-4)
+    np.testing.assert_allclose(map_y, (2 * rows + 0.5 + 3 - 0.5) / 2, atol=1e-4)
 
 
 def test_sound_is_copied_bit_by_bit(tmp_path):

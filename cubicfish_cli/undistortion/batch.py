@@ -1,19 +1,24 @@
-"""Many photos: decoded, remapped and encoded on several threads, a few in memory at a time."""
+"""Many photos: decoded, remapped and encoded on several threads, a few in memory at a time.
+
+One thread more than work at a time: the disk takes as long as a tenth of the work, and while
+some wait for it the others go on.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from threading import BoundedSemaphore
 
 import cv2
 
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.photos import decode_picture, read_file, shown
-from cubicfish_cli.undistortion.images import Rendering, check_outputs, write_views
+from cubicfish_cli.undistortion.images import Rendering, check_outputs, render_files, write_files
 from cubicfish_cli.undistortion.maps import UndistortMap
 
 MapsOf = Callable[[Path, tuple[int, int]], Sequence[UndistortMap]]
@@ -70,10 +75,11 @@ def undistort_photos(
 
     """
     failures: dict[int, Failure] = {}
+    slots = BoundedSemaphore(workers)
 
     def work(number: int) -> None:
         try:
-            undistort_photo(jobs[number], maps, rendering, overwrite=overwrite)
+            undistort_photo(jobs[number], maps, rendering, overwrite=overwrite, slots=slots)
         except CubicfishError as error:
             failures[number] = Failure(job=jobs[number], error=error)
 
@@ -83,7 +89,7 @@ def undistort_photos(
             work(number)
             progress(number + 1, len(jobs))
     else:
-        with _one_thread_a_picture(), ThreadPoolExecutor(workers) as threads:
+        with _one_thread_a_picture(), ThreadPoolExecutor(workers + 1) as threads:
             try:
                 for done in _in_order_of_completion(threads, work, len(jobs), 2 * workers):
                     progress(done, len(jobs))
@@ -93,24 +99,42 @@ def undistort_photos(
     return [failures[number] for number in sorted(failures)]
 
 
-def undistort_photo(job: PhotoJob, maps: MapsOf, rendering: Rendering, *, overwrite: bool) -> None:
+def undistort_photo(
+    job: PhotoJob,
+    maps: MapsOf,
+    rendering: Rendering,
+    *,
+    overwrite: bool,
+    slots: AbstractContextManager[object] | None = None,
+) -> None:
     """Undistort one photo into all its outputs.
+
+    Args:
+        job: the photo.
+        maps: how it is rendered.
+        rendering: how pixels are made.
+        overwrite: whether outputs may be replaced.
+        slots: entered while there is work for a processor, and left to wait for the disk.
 
     Raises:
         PhotoError: the photo cannot be read.
-        CubicfishError: as :func:`~.images.write_views`; ``maps`` may raise others.
+        CubicfishError: as :func:`~.images.render_files`; ``maps`` may raise others.
+        OutputError: an output exists and ``overwrite`` is false, or cannot be written.
 
     """
     check_outputs(job.outputs, overwrite=overwrite)
     data = read_file(job.source)
-    picture = decode_picture(job.source, data, floats=True)
-    height, width = picture.shape[:2]
-    try:
-        own = maps(job.source, (width, height))
-    except CubicfishError as problem:
-        raise type(problem)(f"{shown(job.source)}: {problem}") from problem
-    outputs = list(zip(job.outputs, own, strict=True))
-    write_views(job.source, data, picture, outputs, rendering, overwrite=overwrite)
+    with slots or nullcontext():
+        picture = decode_picture(job.source, data, floats=True)
+        height, width = picture.shape[:2]
+        try:
+            own = maps(job.source, (width, height))
+        except CubicfishError as problem:
+            raise type(problem)(f"{shown(job.source)}: {problem}") from problem
+        outputs = list(zip(job.outputs, own, strict=True))
+        files = render_files(job.source, data, picture, outputs, rendering)
+        del data, picture  # the disk may take its time
+    write_files(files, overwrite=overwrite)
 
 
 def _in_order_of_completion(

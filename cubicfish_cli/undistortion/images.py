@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -105,16 +105,14 @@ def _border_value(picture: Picture, colour: tuple[float, float, float]) -> tuple
     return (blue, green, red, 0.0)
 
 
-def write_views(
+def render_files(
     source: Path,
     data: bytes,
     picture: Picture,
     outputs: Sequence[tuple[Path, UndistortMap]],
     rendering: Rendering = PLAIN,
-    *,
-    overwrite: bool,
-) -> None:
-    """Render each map's view of a picture and write them all, with its depth and channels.
+) -> dict[Path, bytes]:
+    """Render each map's view of a picture, with its depth and channels: path -> file's bytes.
 
     A JPEG's EXIF record, colour profile and quality go along.
 
@@ -124,23 +122,31 @@ def write_views(
         picture: what they hold.
         outputs: where each map's view goes.
         rendering: how pixels are made.
-        overwrite: whether outputs may be replaced.
 
     Raises:
         ViewError: the picture does not have the size that a map is for.
-        OutputError: an output exists and ``overwrite`` is false, cannot be written, or is a
-            kind of file that cannot hold the picture.
+        OutputError: an output is a kind of file that cannot hold the picture.
 
     """
-    encoded = []
+    files = {}
     for path, undistort_map in outputs:
         try:
             out = remap_picture(picture, undistort_map, rendering)
         except ViewError as problem:
             raise ViewError(f"{shown(source)}: {problem}") from problem
-        encoded.append(encode_picture(path, out, quality=rendering.quality, like=data))
-    with whole_files([path for path, _ in outputs], overwrite=overwrite) as temporaries:
-        for temporary, content in zip(temporaries, encoded, strict=True):
+        files[path] = encode_picture(path, out, quality=rendering.quality, like=data)
+    return files
+
+
+def write_files(files: Mapping[Path, bytes], *, overwrite: bool) -> None:
+    """Write files, all or none.
+
+    Raises:
+        OutputError: one exists and ``overwrite`` is false, or cannot be written.
+
+    """
+    with whole_files(list(files), overwrite=overwrite) as temporaries:
+        for temporary, content in zip(temporaries, files.values(), strict=True):
             temporary.write_bytes(content)
 
 
@@ -169,9 +175,7 @@ def write_picture(path: Path, picture: Picture, *, overwrite: bool) -> None:
 
     """
     path = Path(path)
-    content = encode_picture(path, picture)
-    with whole_files([path], overwrite=overwrite) as (temporary,):
-        temporary.write_bytes(content)
+    write_files({path: encode_picture(path, picture)}, overwrite=overwrite)
 
 
 def encode_picture(

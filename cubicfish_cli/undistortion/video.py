@@ -33,6 +33,9 @@ DEFAULT_CRF = 18
 
 # Frames between one thread and the next: enough to even out their pace.
 _QUEUE = 4
+# Codecs whose colour samples lie in the middle of their columns; those of all others lie on the
+# first, unless a video says otherwise, which hardly any does.
+_CENTRED = frozenset(["mjpeg"])
 _WAIT_S = 0.1
 
 # Pixel format -> bits, and columns and rows of brightness for one sample of colour
@@ -136,7 +139,8 @@ def undistort_video(
             raise ViewError(f"{shown(source)}: {problem}") from problem
         writer = _Writer(temporary, destination, container, stream, undistort_map, encoding)
         with closing(writer):
-            remapper = _PlaneRemapper(undistort_map, rendering, writer.pixel_format)
+            codecs = (stream.codec_context.name, writer.codec)
+            remapper = _PlaneRemapper(undistort_map, rendering, writer.pixel_format, codecs)
             return _pipeline(source, container, stream, remapper, writer, progress)
 
 
@@ -315,7 +319,7 @@ class _Writer:
         codec = encoding.codec or (
             "libvpx-vp9" if destination.suffix.lower() == ".webm" else "libx264"
         )
-        self._codec = codec
+        self.codec = codec
         with self._errors():
             known = {"crf": str(encoding.crf)}
             if encoding.preset:
@@ -363,7 +367,7 @@ class _Writer:
             return usable[0]
         self._container.close()
         raise OutputError(
-            f"{shown(self._destination)}: the codec {self._codec} takes no planar video: "
+            f"{shown(self._destination)}: the codec {self.codec} takes no planar video: "
             "choose another --codec, such as libx264"
         )
 
@@ -390,7 +394,7 @@ class _Writer:
             return
 
     def _errors(self) -> _Errors:
-        return _Errors(self._av.FFmpegError, self._destination, self._codec)
+        return _Errors(self._av.FFmpegError, self._destination, self.codec)
 
 
 class _Errors:
@@ -417,8 +421,13 @@ class _PlaneRemapper:
     """Remaps frames plane by plane."""
 
     def __init__(
-        self, undistort_map: UndistortMap, rendering: Rendering, pixel_format: str
+        self,
+        undistort_map: UndistortMap,
+        rendering: Rendering,
+        pixel_format: str,
+        codecs: tuple[str, str],
     ) -> None:
+        """Prepare for frames of a codec that are to be encoded by another."""
         bits, across, down = _PLANAR[pixel_format]
         self._format, self._size = pixel_format, undistort_map.view.size
         self._dtype = np.dtype(np.uint8 if bits == 8 else np.uint16)
@@ -428,8 +437,13 @@ class _PlaneRemapper:
         self._wide = rendering.interpolation in ("cubic", "lanczos")
         self._maps = [(undistort_map.map_x, undistort_map.map_y)]
         if across:
-            centred = pixel_format.startswith("yuvj")
-            chroma = _chroma_maps(undistort_map, across, down, centred=centred)
+            chroma = _chroma_maps(
+                undistort_map,
+                across,
+                down,
+                source_centred=codecs[0] in _CENTRED,
+                result_centred=codecs[1] in _CENTRED,
+            )
             self._maps += [chroma, chroma]
         self._values: tuple[int, ...] | None = None
 
@@ -465,15 +479,20 @@ class _PlaneRemapper:
 
 
 def _chroma_maps(
-    undistort_map: UndistortMap, across: int, down: int, *, centred: bool
+    undistort_map: UndistortMap,
+    across: int,
+    down: int,
+    *,
+    source_centred: bool,
+    result_centred: bool,
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     """The map for colour samples, each of which stands for ``across`` x ``down`` pixels.
 
-    A sample lies in the middle of its rows and, as in MPEG, on its first column; ``centred``
-    ones (JPEG) in the middle of their columns too. Its source is the mean of the sources of
-    the pixels around it.
+    A sample lies in the middle of its rows and on its first column, or when it is ``centred``
+    in the middle of its columns too. Its source is the mean of the sources of the pixels
+    around it.
     """
-    columns = range(across) if centred else range(1)
+    columns = range(across) if result_centred else range(1)
     parts = [(row, column) for row in range(down) for column in columns]
 
     def mean(values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
@@ -483,7 +502,7 @@ def _chroma_maps(
 
     photo_width, photo_height = undistort_map.image_size
     limit_x, limit_y = -(-photo_width // across) - 1, -(-photo_height // down) - 1
-    shift_x = (across - 1) / 2 if centred else 0.0
+    shift_x = (across - 1) / 2 if source_centred else 0.0
     x = np.clip((mean(undistort_map.map_x) - shift_x) / across, 0, limit_x)
     y = np.clip((mean(undistort_map.map_y) - (down - 1) / 2) / down, 0, limit_y)
     outside = mean(undistort_map.valid) < 1

@@ -1,0 +1,95 @@
+"""Many photos: each done once, a few at a time, whatever becomes of the others."""
+
+import threading
+import time
+
+import cv2
+import numpy as np
+import pytest
+from synthetic import lens_of_size
+
+from cubicfish_cli.errors import PhotoError, ViewError
+from cubicfish_cli.undistortion.batch import PhotoJob, undistort_photos
+from cubicfish_cli.undistortion.images import PLAIN
+from cubicfish_cli.undistortion.maps import build_map
+from cubicfish_cli.undistortion.projections import PerspectiveView
+
+LENS = lens_of_size(0.125)
+MAP = build_map(LENS, PerspectiveView.with_field(100, (40, 30)))
+
+
+def jobs_of(folder, count):
+    jobs = []
+    for number in range(count):
+        path = folder / f"{number}.png"
+        cv2.imwrite(str(path), np.full(LENS.image_size[::-1], number, np.uint8))
+        out = folder / "out" / path.name
+        jobs.append(PhotoJob(name=path.name, source=path, outputs=(out,)))
+    return jobs
+
+
+def run(jobs, maps=lambda source, size: [MAP], workers=2, progress=lambda done, total: None):
+    return undistort_photos(jobs, maps, PLAIN, workers=workers, overwrite=False, progress=progress)
+
+
+@pytest.mark.parametrize("workers", [1, 2, 5])
+def test_every_photo_is_done_and_counted(tmp_path, workers):
+    jobs, seen = jobs_of(tmp_path, 12), []
+    assert run(jobs, workers=workers, progress=lambda *counts: seen.append(counts)) == []
+    assert seen == [(done, 12) for done in range(13)]
+    for number, job in enumerate(jobs):
+        assert cv2.imread(str(job.outputs[0]), cv2.IMREAD_UNCHANGED).max() == number
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_failures_come_back_in_order_and_the_rest_is_done(tmp_path, workers):
+    jobs = jobs_of(tmp_path, 8)
+    jobs[6].source.write_bytes(b"")
+    jobs[2].source.unlink()
+
+    def maps(source, size):
+        if source.name == "4.png":
+            raise ViewError("no such view")
+        return [MAP]
+
+    failures = run(jobs, maps, workers)
+    assert [failure.job.name for failure in failures] == ["2.png", "4.png", "6.png"]
+    kinds = [type(failure.error) for failure in failures]
+    assert kinds == [PhotoError, ViewError, PhotoError]
+    assert "4.png: no such view" in str(failures[1].error)
+    assert len(list((tmp_path / "out").iterdir())) == 5
+
+
+def test_no_more_photos_are_in_work_than_asked_for(tmp_path):
+    lock, working, most = threading.Lock(), 0, 0
+
+    def maps(source, size):
+        nonlocal working, most
+        with lock:
+            working += 1
+            most = max(most, working)
+        time.sleep(0.01)
+        with lock:
+            working -= 1
+        return [MAP]
+
+    run(jobs_of(tmp_path, 12), maps, workers=3)
+    assert 1 < most <= 3
+
+
+def test_an_unknown_error_stops_the_batch(tmp_path):
+    def maps(source, size):
+        raise ZeroDivisionError
+
+    threads = cv2.getNumThreads()
+    with pytest.raises(ZeroDivisionError):
+        run(jobs_of(tmp_path, 50), maps)
+    assert cv2.getNumThreads() == threads
+
+
+def test_several_outputs_of_a_photo_appear_together(tmp_path):
+    (job,) = jobs_of(tmp_path, 1)
+    pair = (tmp_path / "out" / "a.png", tmp_path / "out" / "b.gif")
+    failures = run([PhotoJob(name="x", source=job.source, outputs=pair)], lambda s, z: [MAP, MAP])
+    assert "b.gif" in str(failures[0].error)
+    assert not (tmp_path / "out").exists()
