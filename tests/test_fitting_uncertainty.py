@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.companion import fit_companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import fit_cubic
-from cubicfish_cli.fitting.uncertainty import camera_uncertainty, uncertainty_record
+from cubicfish_cli.fitting.uncertainty import camera_uncertainty, sigma_at, uncertainty_record
 from cubicfish_cli.model.soundness import cone_rays
 
 TARGET = synthetic.corner_of_three()
@@ -79,3 +79,10 @@ def test_the_record_is_that_of_the_rays():
     ray = camera.unproject([record["x"][6], record["y"][4]])
     expected = uncertainty.sigma_px(ray[None])[0]
     assert record["sigma_px"][4][6] == pytest.approx(expected, abs=1e-5)
+
+
+def test_between_grid_points_it_is_interpolated():
+    record = {"x": [0, 10, 20], "y": [0, 10], "sigma_px": [[1.0, 2.0, None], [3.0, 4.0, None]]}
+    pixel = np.array([[0, 0], [5, 0], [5, 5], [10, 10], [15, 0], [20, 5], [-9, 40]], float)
+    expected = [1, 1.5, 2.5, 4, 2, np.nan, 3]
+    np.testing.assert_allclose(sigma_at(record, pixel), expected)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_photos
+from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_photos, px
 from cubicfish_cli.cli.inputs import load_pairs, photo_problems
 from cubicfish_cli.cli.options import (
     FILE,
@@ -22,6 +24,9 @@ from cubicfish_cli.cli.options import (
     target_option,
 )
 from cubicfish_cli.cli.terminal import print_json, result, say
+
+if TYPE_CHECKING:
+    from cubicfish_cli.fitting.uncertainty import FloatArray
 
 
 @click.command(
@@ -58,7 +63,8 @@ def command(
     from cubicfish_cli.fitting.evaluate import evaluate
     from cubicfish_cli.formats.camera_yaml import load_camera
 
-    camera = load_camera(model_path(model)).camera
+    file = load_camera(model_path(model))
+    camera = file.camera
     loaded = load_pairs(
         inputs,
         correspondences=None,
@@ -69,11 +75,17 @@ def command(
     )
     evaluation = evaluate(camera, loaded.pairs)
     record = evaluation.as_record()
+    record["uncertainty"] = _uncertainty(file.fit, evaluation.pairs.pixel)
     if as_json:
         print_json(record)
     else:
         result(f"{count(record['images'], 'photo')}, {count(record['corners'], 'corner')}\n")
         print_errors(record, [])
+        if record["uncertainty"] is not None:
+            result(
+                f"{'uncertainty':<24}{px(record['uncertainty']['median_px']):>7} px  of the "
+                f"camera itself at these corners; at most {px(record['uncertainty']['max_px'])}"
+            )
         result()
         print_photos(record["per_image"])
     if evaluation.outside:
@@ -86,3 +98,22 @@ def command(
     for photo in evaluation.unplaced:
         say(f"{photo}: too few corners to place it; not counted.")
     hold_gate(record["rms_px"], max_rms)
+
+
+def _uncertainty(fit: Mapping[str, Any], pixel: FloatArray) -> dict[str, float] | None:
+    """How far the camera itself may be off at these pixels; None where its file does not say."""
+    import numpy as np
+
+    from cubicfish_cli.fitting.uncertainty import sigma_at
+
+    record = fit.get("uncertainty")
+    if not isinstance(record, dict):
+        return None
+    try:
+        sigma = sigma_at(record, pixel)
+    except (KeyError, TypeError, ValueError, IndexError):
+        return None  # not this tool's; the errors are measured all the same
+    sigma = sigma[np.isfinite(sigma)]
+    if not len(sigma):
+        return None
+    return {"median_px": float(np.median(sigma)), "max_px": float(sigma.max())}
