@@ -37,12 +37,12 @@ def explain_no_grids(image: npt.NDArray[np.generic], found: FoundGrids) -> str:
     full = float(np.iinfo(small.dtype).max) if np.issubdtype(small.dtype, np.integer) else None
     sample = small[:: max(1, height // 500), :: max(1, width // 500)]
     low, high = np.percentile(sample, [1, 99])
-    if high <= low:
-        return "an even picture without any pattern"
     if full is not None and high < _DARK * full:
         return "too dark"
     if full is not None and low > _BRIGHT * full:
         return "too bright (overexposed)"
+    if high <= low:
+        return "an even picture without any pattern"
     pyramid = build_pyramid(small)
     if (high - low) * pyramid.gain < _FLAT * pyramid.noise:
         return "too little contrast above the noise"

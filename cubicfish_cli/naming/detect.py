@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from cubicfish_cli.correspondences import Corners
+from cubicfish_cli.detection.diagnose import explain_no_grids
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.markers import MarkedCorners, find_marked_corners
@@ -22,8 +23,17 @@ from cubicfish_cli.naming.pool import map_photos, workers_for
 from cubicfish_cli.photos import Photo, Picture, decode_picture, grey, read_file
 from cubicfish_cli.target import Board, Target
 
-# Share of the grey scale below which nearly all of a photo is dark, or all of it is alike.
-_DARK, _UNIFORM = 0.15, 0.08
+# What to do about what the finder says, by a part of its phrase.
+_ADVICE = {
+    "dark": "expose it longer",
+    "bright": "expose it shorter",
+    "blurred": "focus, and hold the camera still",
+    "contrast": "light the boards better",
+    "too close together": "go nearer, or use larger squares",
+    "too small": "use the photo as the camera made it",
+}
+_NOTHING_FOUND = "no checkerboard found: "
+_ADVICE_ELSE = "is a board in view, whole squares of it, and not covered?"
 _WHY = {
     Verdict.AMBIGUOUS: "several places on the target fit nearly as well",
     Verdict.SLIDE: "no end of a board is seen, so it could be anywhere along it",
@@ -162,20 +172,13 @@ def _find(photo: Photo, *, target: Target, cache: GridCache | None) -> _Found:
         marked = find_marked_corners(picture, target, grids)
         problem = None if len(marked) else _why_no_markers(picture, grids)
         return _Found(grids=grids, problem=problem, marked=marked)
-    return _Found(grids=grids, problem=None if grids.grids else _why_nothing(picture))
+    return _Found(grids=grids, problem=None if grids.grids else _why_nothing(picture, grids))
 
 
-def _why_nothing(picture: Picture) -> str:
-    full = 65535.0 if picture.dtype == np.uint16 else 255.0
-    low, high = np.percentile(picture[::4, ::4], [2, 98]) / full
-    if high < _DARK:
-        return "no checkerboard found: the photo is nearly black, expose it longer"
-    if high - low < _UNIFORM:
-        return "no checkerboard found: the photo has hardly any contrast"
-    return (
-        "no checkerboard found: is a board in view, sharp, and are its squares at least about "
-        "10 pixels wide?"
-    )
+def _why_nothing(picture: Picture, found: FoundGrids) -> str:
+    why = explain_no_grids(picture, found)
+    advice = next((what for part, what in _ADVICE.items() if part in why), _ADVICE_ELSE)
+    return f"{_NOTHING_FOUND}{why}; {advice}"
 
 
 def _common_size(found: Sequence[_Found]) -> tuple[int, int] | None:
@@ -245,7 +248,7 @@ def _marked_report(name: str, one: _Found, corners: Corners, number: int) -> Pho
 
 def _why_no_markers(picture: Picture, found: FoundGrids) -> str:
     if not found.grids:
-        return _why_nothing(picture)
+        return _why_nothing(picture, found)
     return (
         "squares were found but none of the target's markers: are dictionary (or family) and "
         "first_marker right, and are markers at least about 15 pixels wide?"
@@ -328,7 +331,8 @@ def _nothing_named(found: Sequence[_Found], naming: Naming, target: Target) -> s
     grids = [grid for own in naming.grids for grid in own]
     if not grids:
         problems = Counter(one.problem for one in found if one.problem)
-        return f"{photos}, no checkerboard: {problems.most_common(1)[0][0]}"
+        problem = problems.most_common(1)[0][0].removeprefix(_NOTHING_FOUND)
+        return f"{photos}, no checkerboard: {problem}"
     says = ", ".join(f"{board.columns}x{board.rows}" for board in _grid_boards(target)[:6])
     largest = max(grids, key=lambda grid: grid.corners)
     size = f"{largest.size[0]}x{largest.size[1]}"
