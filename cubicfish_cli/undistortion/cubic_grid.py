@@ -43,15 +43,17 @@ class CubicGrid(ABC):
     def outside(self, rows: slice) -> npt.NDArray[np.bool_] | None:
         """Where the rows (h, W) leave the camera's cone or the view; None for nowhere."""
 
-    def pixels(self, rows: slice) -> tuple[FloatArray, FloatArray]:
-        """Pixels u and v of the rows: two of (h, W), NaN outside the camera's cone."""
+    def fill(
+        self, rows: slice, map_x: npt.NDArray[np.float32], map_y: npt.NDArray[np.float32]
+    ) -> None:
+        """Put the pixels of the rows into two of (h, W), NaN outside the camera's cone."""
         outside = self.outside(rows)
         u, v, w = self.homogeneous(rows)
         if outside is not None:
             w[outside] = np.nan
-        u /= w
-        v /= w
-        return u, v
+        # Divided in float64; only the result is rounded.
+        np.divide(u, w, out=map_x, casting="same_kind")
+        np.divide(v, w, out=map_y, casting="same_kind")
 
 
 def grid_of(camera: CubicCamera, view: View) -> CubicGrid | None:

@@ -28,7 +28,7 @@ FORMAT = "cubicfish undistort_map 1"
 OUTSIDE = -1.0
 _KEYS = ("map_x", "map_y", "valid", "view", "format", "image_size")
 # A block's arrays stay in the processor's cache; fewer pixels than these are not worth a thread.
-_PIXELS_A_BLOCK = 32_768
+_PIXELS_A_BLOCK = 65_536
 _PIXELS_FOR_THREADS = 250_000
 _THREADS = 2
 
@@ -76,13 +76,12 @@ def build_map(camera: PointProjector, view: View) -> UndistortMap:
         return _cross_map(camera, view)
     map_x, map_y = np.empty((2, height, width), np.float32)
     valid = np.empty((height, width), bool)
-    pixels = _pixels_of_rows(camera, view)
+    put = _filler(camera, view)
 
     def fill(top: int) -> None:
         rows = slice(top, min(height, top + rows_a_block))
-        u, v = pixels(rows)
         x, y = map_x[rows], map_y[rows]
-        x[...], y[...] = u, v
+        put(rows, x, y)
         # Comparisons with NaN are false. Beyond the outer pixels' centres cv2.remap would
         # blend with the black around the photo.
         if (
@@ -123,20 +122,19 @@ def _cross_map(camera: PointProjector, view: CrossView) -> UndistortMap:
     )
 
 
-def _pixels_of_rows(
+def _filler(
     camera: PointProjector, view: View
-) -> Callable[[slice], tuple[FloatArray, FloatArray]]:
-    """A function from rows of the view to the photo's pixels u, v, (h, W) each."""
+) -> Callable[[slice, npt.NDArray[np.float32], npt.NDArray[np.float32]], None]:
+    """What puts the photo's pixels for rows of the view into two of (h, W), NaN for none."""
     grid = grid_of(camera, view) if isinstance(camera, CubicCamera) else None
     if grid is not None:
-        return grid.pixels
+        return grid.fill
 
-    def plain(rows: slice) -> tuple[FloatArray, FloatArray]:
+    def plain(rows: slice, map_x: npt.NDArray[np.float32], map_y: npt.NDArray[np.float32]) -> None:
         columns = np.arange(view.size[0])
         index = np.arange(rows.start, rows.stop)
         pixel = np.stack(np.broadcast_arrays(columns, index[:, None]), axis=-1)
-        u, v = np.moveaxis(camera.project(view.rays(pixel)), -1, 0)
-        return u, v
+        map_x[...], map_y[...] = np.moveaxis(camera.project(view.rays(pixel)), -1, 0)
 
     return plain
 
