@@ -57,6 +57,7 @@ class CropType(click.ParamType):
 crop_option = click.option(
     "--crop",
     type=CropType(),
+    metavar="WxH+X+Y",
     help="The photos are this part of the calibrated photo (or an exact rescale of it).",
 )
 

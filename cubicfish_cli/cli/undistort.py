@@ -77,7 +77,8 @@ if TYPE_CHECKING:
     "camera_out",
     type=FILE,
     metavar="FILE",
-    help="Also write the virtual camera of the result: FILE.view.yaml and FILE.view.opencv.yaml.",
+    help="Also write the virtual camera of the result: for flat.png, flat.view.yaml and "
+    "flat.view.opencv.yaml.",
 )
 @click.option("--skip-existing", is_flag=True, help="Leave out photos whose result exists.")
 @click.option("--dry-run", is_flag=True, help="Say what would be done, and write nothing.")

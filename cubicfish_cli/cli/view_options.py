@@ -231,12 +231,14 @@ def view_options(function: Decorated) -> Decorated:
         click.option(
             "--rotate",
             type=RotationType(),
+            metavar="YAW,PITCH,ROLL",
             default=(0.0, 0.0, 0.0),
             help="Look right, then up, then turn the view clockwise: degrees.",
         ),
         click.option(
             "--fit",
             type=FitType(),
+            metavar="inner|outer|SHARE",
             help="Field from what the camera sees: no empty pixel, nothing lost, or a share "
             "between (0 to 1).",
         ),

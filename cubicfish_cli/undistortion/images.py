@@ -14,6 +14,7 @@ from cubicfish_cli.files import refuse_existing, whole_files
 from cubicfish_cli.photos import Picture, quiet_stderr, shown
 from cubicfish_cli.undistortion.jpeg import DEFAULT_QUALITY, jpeg_nature, with_segments
 from cubicfish_cli.undistortion.maps import UndistortMap
+from cubicfish_cli.undistortion.png import encode_grey_with_alpha, is_grey_with_alpha
 
 INTERPOLATIONS = {
     "nearest": cv2.INTER_NEAREST,
@@ -218,6 +219,8 @@ def encode_picture(
         options = [cv2.IMWRITE_WEBP_QUALITY, quality]
     elif depth == 32:  # else some versions of OpenCV take LogLuv, which loses
         options = [cv2.IMWRITE_TIFF_COMPRESSION, _TIFF_LZW]
+    elif suffix == ".png" and channel_count == 4 and is_grey_with_alpha(like):
+        return encode_grey_with_alpha(picture)
     try:
         with quiet_stderr():
             done, data = cv2.imencode(suffix, picture, options)
