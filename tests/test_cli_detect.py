@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 from conftest import SAMPLE, Run
 
+from cubicfish_cli.cli.detect import drawings
 from cubicfish_cli.correspondences import load_corners
+from cubicfish_cli.errors import OutputError
+from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import load_target
 
 TARGET = SAMPLE / "target.yaml"
@@ -65,10 +68,35 @@ def test_json_has_a_row_for_every_photo(detected: Path) -> None:
 
 def test_every_photo_is_drawn(detected: Path) -> None:
     names = sorted(path.name for path in (detected / "seen").iterdir())
-    assert names == ["black.png.png", "corner_01.jpg.png", "corner_03.jpg.png"]
-    drawn = cv2.imread(str(detected / "seen" / "corner_01.jpg.png"))
+    assert names == ["black.png", "corner_01.png", "corner_03.png"]
+    drawn = cv2.imread(str(detected / "seen" / "corner_01.png"))
     assert drawn.shape == (720, 960, 3)
     assert np.ptp(drawn.astype(int), axis=2).max() > 100
+
+
+@pytest.mark.parametrize(
+    ("names", "folder", "drawn"),
+    [
+        (["a.jpg", "b.x.png"], "seen", ["a.png", "b.x.png"]),
+        (["a.jpg", "A.tif"], "seen", ["a.jpg.png", "A.tif.png"]),
+        (["left/a.jpg", "right/a.jpg"], "seen", ["left/a.png", "right/a.png"]),
+        (["a.png", "b.png"], ".", ["a.png.png", "b.png.png"]),
+    ],
+)
+def test_drawings_have_names_of_their_own(
+    tmp_path: Path, names: list[str], folder: str, drawn: list[str]
+) -> None:
+    photos = [Photo(name=name, path=tmp_path / name) for name in names]
+    pictures = drawings(tmp_path / folder, photos)
+    assert pictures == {
+        name: tmp_path / folder / one for name, one in zip(names, drawn, strict=True)
+    }
+
+
+def test_drawings_never_replace_photos(tmp_path: Path) -> None:
+    photos = [Photo(name=name, path=tmp_path / name) for name in ("a.png", "a.png.png")]
+    with pytest.raises(OutputError, match="choose another folder"):
+        drawings(tmp_path, photos)
 
 
 def test_existing_corners_are_refused_before_the_work(
@@ -83,9 +111,9 @@ def test_existing_corners_are_refused_before_the_work(
     said = run("detect", *PHOTOS, "-t", TARGET, "-o", path, code=1).stderr
     assert "corners.csv exists already" in said
     assert path.read_text() == "old"
-    (tmp_path / "corner_03.jpg.png").write_text("old")
+    (tmp_path / "corner_03.png").write_text("old")
     args = ["detect", *PHOTOS, "-t", TARGET, "-o", tmp_path / "new.csv", "--draw", tmp_path]
-    assert "corner_03.jpg.png exists already" in run(*args, code=1).stderr
+    assert "corner_03.png exists already" in run(*args, code=1).stderr
 
 
 def test_a_camera_is_evaluated_on_photos(run: Run, calibrated: Path) -> None:
@@ -113,10 +141,10 @@ def test_a_camera_is_calibrated_from_one_photo_of_several_boards(run: Run, tmp_p
     [
         (["detect", "-t", TARGET], 2, "Missing argument"),
         (["detect", *PHOTOS], 2, "name the calibration object with --target target.yaml"),
-        (["detect", "black.png", "-t", TARGET], 1, "nearly black"),
+        (["detect", "black.png", "-t", TARGET], 1, "expose it longer"),
         (["detect", "text.png", "-t", TARGET], 1, "text.png"),
         (["detect", "empty", "-t", TARGET], 1, "empty"),
-        (["calibrate", "black.png", "-t", TARGET], 1, "nearly black"),
+        (["calibrate", "black.png", "-t", TARGET], 1, "expose it longer"),
     ],
 )
 def test_photos_without_corners_say_why_and_leave_nothing(

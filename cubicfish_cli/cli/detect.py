@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
 import click
@@ -21,6 +22,7 @@ from cubicfish_cli.cli.options import (
     target_option,
 )
 from cubicfish_cli.cli.terminal import print_json, print_table, progress, result, say
+from cubicfish_cli.errors import OutputError
 
 if TYPE_CHECKING:
     from cubicfish_cli.naming.detect import Detection
@@ -50,8 +52,8 @@ if TYPE_CHECKING:
     "--draw",
     type=FILE,
     metavar="FOLDER",
-    help="Also write a picture of each photo with its corners, a colour a board, red what was "
-    "left out.",
+    help="Also write FOLDER/<photo>.png for each photo: its corners in a colour a board, a disc at "
+    "corner (0, 0), arrows along x and y, in red what was left out and why.",
 )
 @overwrite_option
 @json_option
@@ -81,7 +83,7 @@ def command(
         raise click.UsageError("name the calibration object with --target target.yaml")
     refuse_existing(output, overwrite=overwrite)
     found = find_photos(photos)
-    pictures = {photo.name: draw / f"{photo.name}.png" for photo in found} if draw else {}
+    pictures = drawings(draw, found) if draw else {}
     for picture in pictures.values():
         refuse_existing(picture, overwrite=overwrite)
     detection = detect(found, load_target(target), jobs, no_cache=no_cache)
@@ -122,6 +124,28 @@ def command(
         result(f"\nwrote {output}: {count(corners, 'corner')} in {count(images, 'photo')}")
     for line in photo_problems(detection):
         say(line)
+
+
+def drawings(folder: Path, photos: Sequence[Photo]) -> dict[str, Path]:
+    """Where the drawing of each photo goes, by the photo's name.
+
+    The photo's suffix is left out, unless two drawings would then have one name or a drawing
+    would replace a photo.
+
+    Raises:
+        OutputError: a drawing would replace a photo whatever it is called.
+
+    """
+    taken = {os.path.realpath(photo.path) for photo in photos}
+    full = [photo.name for photo in photos]
+    short = [PurePath(name).with_suffix("").as_posix() for name in full]
+    for names in (short, full):
+        paths = [folder / f"{name}.png" for name in names]
+        # File systems may not tell a from A.
+        apart = names is full or len({name.casefold() for name in names}) == len(names)
+        if apart and taken.isdisjoint(map(os.path.realpath, paths)):
+            return dict(zip(full, paths, strict=True))
+    raise OutputError(f"drawings in {folder} would replace photos: choose another folder")
 
 
 def _draw(
