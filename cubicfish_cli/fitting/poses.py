@@ -56,7 +56,10 @@ class Poses:
 
 def rotation_from_vector(vector: npt.ArrayLike) -> FloatArray:
     """Rotation vectors (M, 3), radians -> matrices (M, 3, 3)."""
-    return Rotation.from_rotvec(np.asarray(vector, float)).as_matrix()
+    vector = np.asarray(vector, float)
+    if not len(vector):  # which older versions of scipy refuse
+        return np.zeros((0, 3, 3))
+    return Rotation.from_rotvec(vector).as_matrix()
 
 
 def cross_matrix(vector: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ from cubicfish_cli.naming.cache import GridCache
 from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.marked import has_markers, marked_corners
 from cubicfish_cli.naming.name_grids import GridReport, Naming, name_grids
-from cubicfish_cli.naming.pool import map_photos, workers_for
+from cubicfish_cli.naming.pool import map_photos, settled, workers_for
 from cubicfish_cli.photos import Photo, Picture, decode_picture, grey, read_file
 from cubicfish_cli.target import Board, Target
 
@@ -165,14 +165,20 @@ def _find(photo: Photo, *, target: Target, cache: GridCache | None) -> _Found:
         picture = grey(decode_picture(photo.path, data))
     except PhotoError as error:
         return _Found(grids=None, problem=str(error))
-    grids = find_grids(picture) if known is None else known
+    grids = _settled(find_grids(picture)) if known is None else known
     if cache and known is None:
         cache.save(key, grids)
     if markers:
         marked = find_marked_corners(picture, target, grids)
+        marked = replace(marked, pixel=settled(marked.pixel))
         problem = None if len(marked) else _why_no_markers(picture, grids)
         return _Found(grids=grids, problem=problem, marked=marked)
     return _Found(grids=grids, problem=None if grids.grids else _why_nothing(picture, grids))
+
+
+def _settled(found: FoundGrids) -> FoundGrids:
+    grids = tuple(replace(grid, pixel=settled(grid.pixel)) for grid in found.grids)
+    return replace(found, grids=grids)
 
 
 def _why_nothing(picture: Picture, found: FoundGrids) -> str:

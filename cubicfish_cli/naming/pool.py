@@ -12,14 +12,25 @@ from contextlib import contextmanager
 from typing import TypeVar
 
 import cv2
+import numpy as np
+import numpy.typing as npt
 
 from cubicfish_cli.errors import DetectionError
 
+FloatArray = npt.NDArray[np.float64]
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
 
 # Fewer photos than this are not worth starting other processes for.
 _ITEMS_FOR_POOL = 4
+# Positions are rounded to this many digits of a pixel, far below any noise: their last bits
+# depend on how memory happens to be aligned, and no result may depend on the processes used.
+_DIGITS = 5
+
+
+def settled(pixel: FloatArray) -> FloatArray:
+    """Pixels without the digits that differ from one process to another."""
+    return np.asarray(np.round(pixel, _DIGITS))
 
 
 def workers_for(jobs: int | None, items: int) -> int:

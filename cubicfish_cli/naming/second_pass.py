@@ -19,7 +19,7 @@ from cubicfish_cli.fitting.calibrate import Calibration, calibrate
 from cubicfish_cli.fitting.robust import gross_px
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.naming.detect import Detection
-from cubicfish_cli.naming.pool import map_photos, workers_for
+from cubicfish_cli.naming.pool import map_photos, settled, workers_for
 from cubicfish_cli.photos import Photo, read_grey
 from cubicfish_cli.target import Board, Target
 
@@ -198,7 +198,7 @@ def _look(prediction: _Prediction) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
     side = np.hypot(prediction.step[:, 0], prediction.step[:, 1]).min(axis=1)
     moved = np.hypot(*(pixel - prediction.pixel).T)
     ok &= moved < np.minimum(prediction.limit_px, _FARTHEST_SHARE * side)
-    return pixel, ok & ~prediction.known
+    return settled(pixel), ok & ~prediction.known
 
 
 def _with_added(
