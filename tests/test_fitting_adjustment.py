@@ -157,3 +157,15 @@ def test_a_start_at_infinity_is_refused(pairs, cubic):
     behind = Poses(rotation=cubic.poses.rotation, translation=np.full((5, 3), np.nan))
     with pytest.raises(FitError, match="infinity"):
         adjust(cubic.lens, behind, pairs, huber_px=1.0)
+
+
+def test_the_pull_of_offsets_is_in_hessian_and_gradient(pairs, cubic):
+    world = RefinedWorld.drawn(pairs, TARGET, noise=0.2, offset_spread=0.01)
+    world = world.moved(np.zeros(len(world.parameters)), np.full(world.offsets.shape, 0.003))
+    held = normal_equations(cubic.lens, cubic.poses, pairs, 5.0, world)
+    free = normal_equations(cubic.lens, cubic.poses, pairs, 5.0, world.with_noise(0.2, 1e9))
+    pull = (0.2 / 0.01) ** 2
+    np.testing.assert_allclose(
+        held.corner - free.corner, np.broadcast_to(pull * np.eye(3), held.corner.shape), atol=1e-6
+    )
+    np.testing.assert_allclose(held.corner_gradient - free.corner_gradient, 0.003 * pull)

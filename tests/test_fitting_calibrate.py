@@ -8,6 +8,7 @@ import synthetic
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting import cubic_fit
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.companion import fit_companion
@@ -266,3 +267,60 @@ def test_weak_prior_still_gives_a_sound_camera(pairs):
     result = fit_cubic(fit_companion(pairs), weight=1e-4)
     assert result.soundness.sound
     assert result.prior_weight >= 1e-4
+
+
+def test_a_pole_holds_p_closer_to_the_companion(pairs, monkeypatch):
+    """Whatever weight gives a bad P is raised until the check passes; it never passes silently."""
+    companion = fit_companion(pairs)
+    checked = []
+
+    def fold_twice(P, angle_deg):
+        checked.append(angle_deg)
+        real = check_soundness(P, angle_deg)
+        return real if len(checked) > 2 else replace(real, sound_to_deg=angle_deg - 1)
+
+    monkeypatch.setattr(cubic_fit, "check_soundness", fold_twice)
+    result = fit_cubic(companion, weight=0.2)
+    assert len(checked) == 3
+    assert result.prior_weight == pytest.approx(2.0)
+    monkeypatch.setattr(
+        cubic_fit,
+        "check_soundness",
+        lambda P, angle_deg: replace(check_soundness(P, angle_deg), sound_to_deg=50.0),
+    )
+    with pytest.raises(FitError, match="folds at 50°"):
+        fit_cubic(companion, weight=1000.0)
+
+
+def test_a_lens_that_flattens_out_keeps_its_profile():
+    """An orthographic fisheye folds at 90°: its companion keeps its coefficients."""
+    lens = RadialCamera(
+        image_size=(960, 720),
+        fx=340,
+        fy=340,
+        cx=480,
+        cy=360,
+        k=np.array([-1 / 6, 1 / 120, -1 / 5040, 1 / 362880]),
+    )
+    target = synthetic.box_of_four()
+    poses = synthetic.poses_around(target, 10, seed=3, distance=(0.3, 0.5))
+    pairs = synthetic.synthetic_correspondences(target, poses, lens=lens, noise=0.05, seed=4)
+    points = calibrate(pairs, hold_out=False)
+    assert points.covered_deg > 80
+    assert points.errors.rms_px < 0.08
+    assert points.companion_rms_px < 0.08
+    assert points.covered_deg <= points.camera.max_angle_deg < 90.5
+
+
+def test_held_out_photos_have_the_last_word_on_the_prior(pairs, monkeypatch):
+    few = select_photos(pairs, np.arange(5))
+
+    def too_weak(start, companion):
+        return 1e-3, start, companion.poses
+
+    monkeypatch.setattr(cubic_fit, "_best_weight", too_weak)
+    rng = np.random.default_rng(1)
+    noisy = replace(few, pixel=few.pixel + rng.normal(0, 0.6, few.pixel.shape))
+    result = calibrate(noisy)
+    assert result.prior_weight > 1e-3
+    assert result.held_out.rms_px <= 1.02 * result.held_out.companion_rms_px

@@ -106,7 +106,7 @@ def test_companion_recovers_a_radial_lens_and_the_poses(target):
     np.testing.assert_allclose(known.poses.rotation, companion.poses.rotation, atol=1e-6)
 
 
-@pytest.mark.parametrize("centre", [(300, 420), (680, 250)])
+@pytest.mark.parametrize("centre", [(300, 420), (680, 250), (900, 60)])
 def test_a_principal_point_far_off_the_middle_is_found(centre):
     truth = RadialCamera(
         image_size=(960, 720), fx=240, fy=240, cx=centre[0], cy=centre[1], k=np.zeros(4)

@@ -121,6 +121,13 @@ def test_radial_profile_beyond_its_fold():
     assert camera.angle(camera.profile(0.9 * fold)) == pytest.approx(0.9 * fold)
 
 
+def test_slope_of_the_radial_profile():
+    camera = radial_camera(k=(-0.03, 0.02, -0.005, 0.0004))
+    theta = np.linspace(0, 1.8, 50)
+    slope = (camera.profile(theta + 1e-6) - camera.profile(theta - 1e-6)) / 2e-6
+    np.testing.assert_allclose(camera.profile_slope(theta), slope, atol=1e-8)
+
+
 LENSES = {
     "radial": RadialFit(values=radial_camera().parameters),
     "radial, two terms": RadialFit(

@@ -65,3 +65,9 @@ def test_a_narrow_pole_between_corners_is_caught():
         * np.eye(20)[MONOMIALS.index("X")]
     )
     assert not check_soundness(P, camera.max_angle_deg).sound
+
+
+def test_a_denominator_that_is_negative_everywhere_is_caught():
+    """−P projects alike, but the file promises P3Φ > 0, and readers rely on it."""
+    camera = cubic_camera()
+    assert not check_soundness(-camera.P, camera.max_angle_deg).sound

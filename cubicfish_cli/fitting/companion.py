@@ -34,6 +34,8 @@ _PHOTOS_FOR_CENTRE = 8
 # A photo is set aside in the first fit when its start is this many times worse than the median.
 _BAD_START = 6.0
 _ROUNDS = 3
+# A profile with fewer coefficients may be noisier by this factor.
+_WORTH_A_TERM = 1.05
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,6 +84,8 @@ def fit_companion(pairs: Correspondences) -> Companion:
         FitError: no photo can be placed, or the corners do not fit the target.
 
     """
+    # Photos without any pair would shift the others' indices further on.
+    pairs = select_photos(pairs, np.arange(len(pairs.images)))
     fit, used = _first_fit(pairs)
     unfit: dict[str, str] = {}
     for _ in range(_ROUNDS):
@@ -271,19 +275,25 @@ def _bad_photos(fit: Adjustment, pairs: Correspondences) -> dict[int, str]:
 
 
 def _sound_profile(fit: Adjustment, pairs: Correspondences) -> tuple[Adjustment, int]:
-    """Take coefficients away until the profile grows over the whole valid cone."""
+    """Take coefficients away until the profile grows over the whole valid cone.
+
+    A lens that really flattens out just beyond its corners (an orthographic fisheye does) fits
+    much worse with fewer: it keeps them all, and its valid cone ends at the fold.
+    """
     lens = fit.lens
     terms = lens.terms if isinstance(lens, RadialFit) else 4
-    while terms > 0:
-        camera = _camera(fit, pairs)
-        length = np.hypot(fit.residual[:, 0], fit.residual[:, 1])
-        near = length <= gross_px(fit.residual)
-        covered = angles(fit.poses.apply(pairs.image, pairs.world))[near].max()
-        if camera.max_angle >= min(np.pi, covered + np.deg2rad(MARGIN_DEG + 0.5)):
+    worst = _WORTH_A_TERM * noise_px(fit.residual)
+    best = fit
+    for fewer in range(terms, -1, -1):
+        if fewer < terms:
+            fit = _with_terms(fit, pairs, fewer)
+        if noise_px(fit.residual) > worst:
             break
-        terms -= 1
-        fit = _with_terms(fit, pairs, terms)
-    return fit, terms
+        near = np.hypot(fit.residual[:, 0], fit.residual[:, 1]) <= gross_px(fit.residual)
+        covered = angles(fit.poses.apply(pairs.image, pairs.world))[near].max()
+        if _camera(fit, pairs).max_angle >= min(np.pi, covered + np.deg2rad(MARGIN_DEG + 0.5)):
+            return fit, fewer
+    return best, terms
 
 
 def _focal_uncertainty(fit: Adjustment) -> float:

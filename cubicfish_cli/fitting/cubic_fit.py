@@ -94,7 +94,7 @@ def fit_cubic(
 
     """
     pairs = companion.pairs
-    max_angle_deg = min(np.rad2deg(companion.covered) + MARGIN_DEG, _LARGEST_ANGLE_DEG)
+    max_angle_deg = float(np.rad2deg(_valid_angle(companion)))
     start = _start_lens(companion)
     if weight is None:
         weight, start, poses = _best_weight(start, companion)
@@ -150,6 +150,16 @@ def _cubic(fit: Adjustment) -> CubicFit:
     if not isinstance(fit.lens, CubicFit):
         raise TypeError("the adjustment must be of a cubic lens")
     return fit.lens
+
+
+def _valid_angle(companion: Companion) -> float:
+    """Half-angle of the cone over which P is to be trusted, radians."""
+    covered = companion.covered
+    return min(
+        covered + np.deg2rad(MARGIN_DEG),
+        max(_FOLD_SHARE * companion.camera.max_angle, covered),
+        np.deg2rad(_LARGEST_ANGLE_DEG),
+    )
 
 
 def prior_cone(camera: RadialCamera, covered: float) -> float:
