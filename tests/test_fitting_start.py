@@ -106,13 +106,17 @@ def test_companion_recovers_a_radial_lens_and_the_poses(target):
     np.testing.assert_allclose(known.poses.rotation, companion.poses.rotation, atol=1e-6)
 
 
-@pytest.mark.parametrize("centre", [(300, 420), (680, 250), (900, 60)])
-def test_a_principal_point_far_off_the_middle_is_found(centre):
+@pytest.mark.parametrize(
+    ("centre", "focal"),
+    [((300, 420), 240), ((680, 250), 240), ((900, 60), 240), ((900, 60), 500)],
+    ids=["left", "right", "corner", "corner, where the middle is no start"],
+)
+def test_a_principal_point_far_off_the_middle_is_found(centre, focal):
     truth = RadialCamera(
-        image_size=(960, 720), fx=240, fy=240, cx=centre[0], cy=centre[1], k=np.zeros(4)
+        image_size=(960, 720), fx=focal, fy=focal, cx=centre[0], cy=centre[1], k=np.zeros(4)
     )
     target = synthetic.corner_of_three()
-    poses = synthetic.poses_around(target, 8, seed=5)
+    poses = synthetic.poses_around(target, 8, seed=5, off_axis_deg=50)
     pairs = synthetic.synthetic_correspondences(target, poses, lens=truth, noise=0.1)
     camera = fit_companion(pairs).camera
     assert (camera.cx, camera.cy) == pytest.approx(centre, abs=1)
