@@ -23,6 +23,7 @@ EXIT_INTERRUPTED = 130
 EXIT_BROKEN_PIPE = 141  # what a shell reports for a program that SIGPIPE ended
 
 COMMANDS = (
+    "target",
     "calibrate",
     "detect",
     "evaluate",

@@ -1,0 +1,201 @@
+"""``cubicfish target check``: what an object can tell about a lens, and what may be mixed up."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.options import (
+    FILE,
+    common_options,
+    examples,
+    json_option,
+    overwrite_option,
+)
+from cubicfish_cli.cli.target_words import advice
+from cubicfish_cli.cli.terminal import print_json, print_table, result
+
+if TYPE_CHECKING:
+    from cubicfish_cli.naming.object_check import ObjectFacts, Turn
+    from cubicfish_cli.target import Board, Target
+
+_LABEL, _LINE = 12, 96
+
+
+@click.command(
+    "check",
+    short_help="Say what an object is worth, and draw it.",
+    epilog=examples(
+        "cubicfish target check target.yaml",
+        "cubicfish target check target.yaml --draw object.svg",
+    ),
+)
+@click.argument("target", type=FILE, metavar="TARGET")
+@click.option(
+    "--draw", type=FILE, metavar="FILE.svg", help="Also draw the object: does it look like yours?"
+)
+@overwrite_option
+@json_option
+@common_options
+def command(target: Path, draw: Path | None, overwrite: bool, as_json: bool) -> None:
+    """Check TARGET, a target.yaml, before you take photos.
+
+    Says which boards are where, how many photos to take, whether boards or the whole object can
+    be mistaken for something else in photos, and what looks like a slip of the pen. The exit
+    code is 1 only when the file is no usable target.
+    """
+    from cubicfish_cli.errors import OutputError
+    from cubicfish_cli.files import refuse_existing, write_text
+    from cubicfish_cli.naming.object_check import check_object
+    from cubicfish_cli.rendering.object_drawing import object_svg
+    from cubicfish_cli.target import load_target
+
+    if draw is not None:
+        if draw.suffix.lower() != ".svg":
+            raise OutputError(f"{draw}: drawings are SVG: end the name in .svg")
+        refuse_existing(draw, overwrite=overwrite)
+    loaded = load_target(target)
+    facts = check_object(loaded)
+    if draw is not None:
+        write_text(draw, object_svg(loaded), overwrite=overwrite)
+    if as_json:
+        record = _record(loaded, facts)
+        print_json({**record, **({"drawing": str(draw)} if draw else {})})
+        return
+    _print(loaded, facts)
+    if draw is not None:
+        result(f"\nwrote {draw}")
+
+
+def _print(target: Target, facts: ObjectFacts) -> None:
+    print_table(
+        (
+            "board",
+            "type",
+            "corners",
+            "square",
+            "print",
+            "corner (0, 0)",
+            "columns",
+            "rows",
+            "faces",
+        ),
+        [_row(board) for board in target.boards],
+    )
+    result(f"\nlengths in {target.units}; the print includes the outer squares\n")
+    planes = count(facts.planes, "plane")
+    _paragraph("Object", f"{count(facts.corners, 'corner')} on {planes}")
+    before = ""
+    for label, text in advice(target, facts):
+        _paragraph("" if label == before else label, text)
+        before = label
+
+
+def _paragraph(label: str, text: str) -> None:
+    lines = textwrap.wrap(text, _LINE - _LABEL, break_on_hyphens=False)
+    for number, line in enumerate(lines):
+        result(f"{label if number == 0 else '':<{_LABEL}}{line}")
+
+
+def _row(board: Board) -> tuple[str, ...]:
+    size = " x ".join(f"{side:g}" for side in _print_size(board))
+    if board.points is not None:
+        first = _vector(board.points[0])
+        return (board.name, board.kind, str(board.columns), "-", size, first, "-", "-", "-")
+    return (
+        board.name,
+        board.kind,
+        f"{board.columns}x{board.rows}",
+        f"{board.square:g}",
+        size,
+        _vector(board.origin),
+        _direction(board.x_axis),
+        _direction(board.y_axis),
+        _direction(-board.axes[2]),
+    )
+
+
+def _print_size(board: Board) -> list[float]:
+    """Width and height of the print; of a list of points its extent along x, y and z."""
+    if board.points is not None:
+        extent = board.points.max(axis=0) - board.points.min(axis=0)
+        return [round(float(side), 6) for side in extent]
+    rim = 0.0 if board.kind == "aprilgrid" else 2 * board.square
+    end = board.plane_points(board.columns - 1, board.rows - 1) + rim
+    return [round(float(side), 6) for side in end]
+
+
+def _vector(values: Iterable[float]) -> str:
+    return ", ".join(f"{round(float(value), 3) + 0.0:g}" for value in values)
+
+
+def _direction(axis: Iterable[float]) -> str:
+    """``+x`` for a world axis, else the three numbers."""
+    values = list(axis)
+    for name, value in zip("xyz", values, strict=True):
+        if abs(value) > 1 - 5e-7:
+            return f"{'+' if value > 0 else '-'}{name}"
+    return _vector(values)
+
+
+def _record(target: Target, facts: ObjectFacts) -> dict[str, Any]:
+    return {
+        "units": target.units,
+        "boards": [_board_record(board) for board in target.boards],
+        "corners": facts.corners,
+        "planes": facts.planes,
+        "rank": facts.rank,
+        "flat": facts.flat,
+        "named_by": facts.named_by,
+        "ambiguous": facts.ambiguous,
+        "symmetries": [_turn_record(turn) for turn in facts.symmetries],
+        "near_symmetries": [_turn_record(turn) for turn in facts.near_symmetries],
+        "look_alikes": None
+        if facts.look_alikes is None
+        else [_turn_record(turn) for turn in facts.look_alikes],
+        "boards_needed": facts.boards_needed,
+        "boards_at_once": facts.boards_at_once,
+        "never_together": facts.never_together,
+        "turned_away": facts.turned_away,
+        "crossing": facts.crossing,
+        "advice": [{"about": label, "text": text} for label, text in advice(target, facts)],
+    }
+
+
+def _board_record(board: Board) -> dict[str, Any]:
+    record: dict[str, Any] = {
+        "name": board.name,
+        "type": board.kind,
+        "columns": board.columns,
+        "rows": board.rows,
+        "print": _print_size(board),
+    }
+    if board.points is not None:
+        return record
+    markers = board.markers
+    return {
+        **record,
+        "square": board.square,
+        "origin": board.origin,
+        "x_axis": board.x_axis,
+        "y_axis": board.y_axis,
+        "faces": -board.axes[2] + 0.0,
+        "markers": None
+        if markers is None
+        else {"dictionary": markers.dictionary, "first": markers.first, "count": markers.count},
+    }
+
+
+def _turn_record(turn: Turn) -> dict[str, Any]:
+    return {
+        "angle_deg": turn.angle_deg,
+        "axis": turn.axis,
+        "point": turn.point,
+        "onto": dict(zip(turn.boards, turn.onto, strict=True)),
+        "error_squares": turn.error,
+    }

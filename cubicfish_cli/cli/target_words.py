@@ -1,0 +1,171 @@
+"""What the facts about an object mean for someone who is about to take photos, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cubicfish_cli.naming.object_check import ObjectFacts, Turn
+    from cubicfish_cli.target import Target
+
+_FULL_RANK = 20
+# More examples than this are not read.
+_MOST = 4
+
+
+def advice(target: Target, facts: ObjectFacts) -> list[tuple[str, str]]:
+    """(what it is about, text) for each thing that is worth saying, in order."""
+    return [
+        ("Point lift", _point_lift(facts)),
+        ("Photos", _photos(target, facts)),
+        *(("Names", text) for text in _names(facts)),
+        *(("Places", text) for text in _places(facts)),
+    ]
+
+
+def _point_lift(facts: ObjectFacts) -> str:
+    left = _FULL_RANK - facts.rank
+    says = f"Φ has rank {facts.rank} of {_FULL_RANK}: "
+    if left == 0:
+        return says + (
+            "'calibrate --lift point' determines its P in the volume that the boards fill. The "
+            "default, --lift ray, does not need that."
+        )
+    cubics = "one cubic vanishes" if left == 1 else f"{left} cubics vanish"
+    return says + (
+        f"{cubics} at every corner, so 'calibrate --lift point' would say nothing off the boards. "
+        "The default, --lift ray, does not depend on this."
+    )
+
+
+def _photos(target: Target, facts: ObjectFacts) -> str:
+    points = any(board.points is not None for board in target.boards)
+    if facts.flat or (facts.boards_at_once < 2 and not points):
+        why = "The object is flat" if facts.flat else "No photo shows two of the boards at once"
+        return (
+            f"{why}, and one photo of a flat board cannot determine a lens: take five or more, "
+            "tilted to all sides and filling the picture to the rim."
+        )
+    return (
+        "One photo can be enough, if it shows boards at an angle and fills the picture to the "
+        "rim. Three or more also give the held-out error."
+    )
+
+
+def _names(facts: ObjectFacts) -> Iterator[str]:
+    if facts.named_by == "table":
+        yield (
+            "Lists of points are not looked for in photos: calibrate from a corners.csv that says "
+            "where they are."
+        )
+        return
+    if facts.named_by == "markers":
+        yield "The markers' ids name the corners: nothing can be mixed up."
+        if facts.plain:
+            yield (
+                f"{_list(facts.plain)}, without markers, "
+                f"{'is' if len(facts.plain) == 1 else 'are'} found where a board with markers is "
+                "in the same photo."
+            )
+        return
+    alone = len(facts.plain) == 1
+    for turn in facts.symmetries[:_MOST]:
+        yield f"{_turned(turn, alone=alone)} {'it' if alone else 'the object'} looks the same."
+    if len(facts.symmetries) > _MOST:
+        yield f"So it does after {len(facts.symmetries) - _MOST} more turns."
+    if facts.symmetries:
+        yield (
+            "Its corners may be named in either way, which is harmless for the lens. The way that "
+            "is most upright in the photo is taken: columns to the right, rows down."
+        )
+    elif alone:
+        yield (
+            f"The colours of its squares tell which way round {facts.plain[0]} is: nothing can be "
+            "mixed up when it is seen whole."
+        )
+    for turn in facts.near_symmetries[:_MOST]:
+        yield (
+            f"{_turned(turn, alone=alone)} the object looks nearly the same: boards are "
+            f"{turn.error:.2g} squares apart then. Photos may not tell such places apart, and are "
+            "left out if they do not. If the difference is none, make it none in the file; or "
+            "move a board by half a square or more."
+        )
+    if not alone:
+        yield from _telling_apart(facts)
+
+
+def _telling_apart(facts: ObjectFacts) -> Iterator[str]:
+    if facts.look_alikes is None or facts.boards_needed is None:
+        yield "There are too many boards without markers to see which look alike in photos."
+        return
+    but = "Up to such turns, " if facts.symmetries else "In photos "
+    if facts.boards_needed == 1:
+        yield but + "each board, seen whole, is told from the others by its size and colours."
+        return
+    total, needed = len(facts.plain), facts.boards_needed
+    how = "by their sizes and by how they lie to each other"
+    if needed > facts.boards_at_once:
+        yield (
+            "Groups of boards look like other groups, and no photo shows enough boards to be "
+            "sure: give the boards different sizes, or markers."
+        )
+    elif needed == total:
+        yield but + f"only a photo of all {total} boards is sure to tell which is which, {how}."
+    else:
+        yield but + f"any {needed} boards that are seen together can be told apart, {how}."
+    alone = [turn for turn in facts.look_alikes if len(turn.boards) == 1]
+    groups = [turn for turn in facts.look_alikes if len(turn.boards) > 1]
+    alike = [f"{_list(turn.boards)} could be {_list(turn.onto)}" for turn in groups[:_MOST]]
+    if len(groups) > _MOST:
+        alike.append(f"{len(groups) - _MOST} more groups likewise")
+    if len(alone) == 1:
+        alike.append(_alone(alone[0]))
+    elif alone:
+        names = _or([turn.boards[0] for turn in alone])
+        alike.append(f"{names} could be another board, or itself the other way round")
+    yield (
+        f"Seen without the rest, {'; '.join(alike)}. Such photos are left out, and nothing is "
+        "guessed."
+    )
+    if needed > 2:
+        yield "With a board of another size, or one moved by a square in its plane, fewer would do."
+
+
+def _alone(turn: Turn) -> str:
+    if turn.boards == turn.onto:
+        return f"{turn.boards[0]} could be itself turned by {turn.angle_deg:.0f}°"
+    return f"{turn.boards[0]} could be {turn.onto[0]}"
+
+
+def _or(words: Sequence[str]) -> str:
+    return f"{', '.join(words[:-1])} or {words[-1]}"
+
+
+def _places(facts: ObjectFacts) -> Iterator[str]:
+    for one, other in facts.crossing[:_MOST]:
+        yield f"The prints of {one} and {other} reach into each other: check origin and axes."
+    for board, other in facts.turned_away[:_MOST]:
+        yield (
+            f"{board} shows its back to {other}, which faces it: is x_axis or y_axis of one of "
+            "them reversed? Seen on the printed face, x is to the right and y down."
+        )
+    pairs = [f"{one} and {other}" for one, other in facts.never_together]
+    if pairs:
+        more = f" (and {len(pairs) - _MOST} more pairs)" if len(pairs) > _MOST else ""
+        yield f"Back to back, so never in one photo: {_list(pairs[:_MOST], '; ')}{more}."
+
+
+def _turned(turn: Turn, *, alone: bool) -> str:
+    if alone:
+        return f"Turned by {turn.angle_deg:.0f}° about the middle of {turn.boards[0]}"
+    axis, point = (
+        "(" + ", ".join(f"{round(float(value), 2) + 0.0:g}" for value in vector) + ")"
+        for vector in (turn.axis, turn.point)
+    )
+    moved = [f"{a} → {b}" for a, b in zip(turn.boards, turn.onto, strict=True)]
+    return f"Turned by {turn.angle_deg:.0f}° about the axis {axis} through {point} ({_list(moved)})"
+
+
+def _list(words: Sequence[str], comma: str = ", ") -> str:
+    return comma.join(words)

@@ -1,0 +1,257 @@
+"""A drawing of the calibration object as SVG text: its boards in parallel projection."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.target import Board, Target
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+
+_WIDTH, _MARGIN, _HIGHEST = 900.0, 60.0, 1100.0
+_FOOT = 44.0
+_DIRECTIONS = 500
+# A face needs not be seen squarer than this (cosine); its back is worth little.
+_SQUARE_ENOUGH, _BACK = 0.75, 0.2
+# Larger prints are drawn as plain plates, to keep the file small.
+_MOST_SQUARES = 6000
+_MOST_POINTS = 5000
+_ORIGIN_COLOUR, _X_COLOUR, _Y_COLOUR, _Z_COLOUR = "#d6336c", "#e8590c", "#1c7ed6", "#2f9e44"
+_STYLE = """\
+  text { font: 15px system-ui, sans-serif; }
+  .talk { fill: #7a7a7a; }
+  .dot { fill: #ae3ec9; }
+  .edge { stroke: #888; stroke-width: 1; }
+  .paper { fill: #f4f1ea; }
+  .print { fill: #454b57; }
+  .back { fill: #888; fill-opacity: 0.12; stroke: #888; stroke-dasharray: 5 4; }
+  .name { fill: #111; stroke: #fff; stroke-width: 4px; paint-order: stroke; text-anchor: middle; }
+  .arrow { stroke-width: 3; fill: none; stroke-linecap: round; stroke-linejoin: round; }
+  @media (prefers-color-scheme: light) { .talk { fill: #333; } }
+  @media (prefers-color-scheme: dark) { .talk { fill: #ddd; } }"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Picture:
+    """A parallel projection onto the drawing.
+
+    Attributes:
+        rows: (2, 3) world directions of the drawing's x and y (down).
+        to_viewer: (3,) world direction towards the viewer.
+        scale: drawing units for a unit of the world.
+        shift: (2,) where the world's origin is drawn.
+
+    """
+
+    rows: FloatArray
+    to_viewer: FloatArray
+    scale: float
+    shift: FloatArray
+
+    def at(self, world: FloatArray) -> FloatArray:
+        """World points (..., 3) -> places on the drawing (..., 2)."""
+        return np.asarray(self.scale * world @ self.rows.T + self.shift)
+
+
+def object_svg(target: Target) -> str:
+    """Draw the boards of a target, corner (0, 0) and both axes of each, and the world's axes.
+
+    The object is seen from where most boards show their printed faces; boards that show their
+    backs are dashed. The colours suit light and dark pages alike.
+    """
+    plates = [_rim(board) for board in target.boards]
+    picture, height = _picture(target, np.concatenate(plates))
+    total = height + _FOOT
+    order = sorted(range(len(plates)), key=lambda k: plates[k].mean(0) @ picture.to_viewer)
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH:.0f} {total:.0f}" '
+        f'width="{_WIDTH:.0f}" height="{total:.0f}">',
+        f"<title>{escape(', '.join(target.board_names))}</title>",
+        f"<style>\n{_STYLE}\n</style>",
+    ]
+    for index in order:
+        # A label goes with its board, so that what hides the one hides the other.
+        lines += _drawn(target.boards[index], plates[index], picture)
+        lines += _labels(target.boards[index], plates[index], picture)
+    lines += [*_world_axes(picture, total), *_legend(target.units, picture, total), "</svg>", ""]
+    return "\n".join(lines)
+
+
+def _rim(board: Board) -> FloatArray:
+    """World points of a board's print: (4, 3) its corners in order, or all points."""
+    if board.points is not None:
+        return board.points
+    rim = 0.0 if board.kind == "aprilgrid" else board.square
+    end = board.plane_points(board.columns - 1, board.rows - 1) + rim
+    plane = np.array([[-rim, -rim], [end[0], -rim], end, [-rim, end[1]]])
+    return board.origin + plane @ board.axes[:2]
+
+
+def _faces(board: Board, picture: _Picture) -> bool:
+    """Whether the viewer sees the printed face; lists of points have none and are always seen."""
+    return board.points is not None or bool(-board.axes[2] @ picture.to_viewer > 0)
+
+
+def _picture(target: Target, world: FloatArray) -> tuple[_Picture, float]:
+    printed = [board for board in target.boards if board.points is None]
+    up = _up(printed)
+    way = _way(printed, up)
+    right = np.cross(-way, up)
+    right /= np.linalg.norm(right)
+    rows = np.stack([right, -np.cross(right, -way)])
+    flat = world @ rows.T
+    low, extent = flat.min(axis=0), np.ptp(flat, axis=0)
+    room = np.array([_WIDTH, _HIGHEST]) - 2 * _MARGIN
+    scale = float((room / np.maximum(extent, 1e-12 * np.abs(world).max() + 1e-12)).min())
+    height = max(scale * extent[1] + 2 * _MARGIN, 240.0)
+    shift = np.array([_WIDTH, height]) / 2 - scale * (low + extent / 2)
+    return _Picture(rows=rows, to_viewer=way, scale=scale, shift=shift), float(height)
+
+
+def _up(boards: list[Board]) -> FloatArray:
+    """The world axis along which rows run down most; z where none does more."""
+    down = sum((board.y_axis for board in boards), np.zeros(3))
+    axes = np.concatenate([np.eye(3)[::-1], -np.eye(3)[::-1]])
+    best: FloatArray = axes[np.argmax(np.round(-axes @ down, 6))]
+    return best
+
+
+def _way(boards: list[Board], up: FloatArray) -> FloatArray:
+    """The direction towards a viewer who sees most faces well, a little from above and aside."""
+    k = np.arange(_DIRECTIONS)
+    z = 1 - (2 * k + 1) / _DIRECTIONS
+    across = np.sqrt(1 - z * z)
+    turn = k * np.pi * (3 - np.sqrt(5))
+    ways = np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=-1)
+    ways = ways[np.abs(ways @ up) < 0.9]
+    normals = -np.array([board.axes[2] for board in boards]).reshape(-1, 3)
+    cosine = ways @ normals.T
+    seen = np.sqrt(np.minimum(np.abs(cosine), _SQUARE_ENOUGH))
+    score = np.where(cosine > 0, seen, _BACK * seen).sum(axis=1)
+    aside = np.cross(up, normals.sum(axis=0))
+    if np.linalg.norm(aside) < 1e-6:
+        aside = np.ones(3) - up
+    score += 0.05 * ways @ up + 0.02 * ways @ (aside / np.linalg.norm(aside))
+    best: FloatArray = ways[np.argmax(score)]
+    return best
+
+
+def _drawn(board: Board, plate: FloatArray, picture: _Picture) -> list[str]:
+    if board.points is not None:
+        dots = picture.at(board.points[:_MOST_POINTS])
+        return [f'<circle class="dot" cx="{x:.1f}" cy="{y:.1f}" r="3"/>' for x, y in dots]
+    outline = _path(picture.at(plate)[None])
+    if not _faces(board, picture):
+        return [f'<path class="back" d="{outline}"/>']
+    lines = [f'<path class="paper edge" d="{outline}"/>']
+    squares = _dark_squares(board)
+    if len(squares) <= _MOST_SQUARES:
+        world = board.origin + squares @ board.axes[:2]
+        lines.append(f'<path class="print" d="{_path(picture.at(world))}"/>')
+    return lines
+
+
+def _dark_squares(board: Board) -> FloatArray:
+    """(N, 4, 2) the corners of dark squares (or of tags) in the board's plane."""
+    step = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    if board.kind == "aprilgrid":
+        row, column = np.indices((board.rows // 2, board.columns // 2)).reshape(2, -1)
+        corner = 2 * np.stack([column, row], axis=-1)[:, None] + step
+        return board.plane_points(corner[..., 0], corner[..., 1])
+    row, column = np.indices((board.rows + 1, board.columns + 1)).reshape(2, -1)
+    dark = (row + column) % 2 == (0 if board.first_square == "dark" else 1)
+    corner = np.stack([column, row], axis=-1)[dark][:, None] - 1 + step
+    return np.asarray(board.square * corner)
+
+
+def _path(polygons: FloatArray) -> str:
+    """(N, K, 2) -> the ``d`` of one path."""
+    parts = ["M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in polygon) + "Z" for polygon in polygons]
+    return "".join(parts)
+
+
+def _labels(board: Board, plate: FloatArray, picture: _Picture) -> list[str]:
+    name = escape(board.name)
+    middle = picture.at(plate.mean(axis=0))
+    if board.points is None:
+        if not _faces(board, picture):
+            name += " (its back)"
+        length = 2 * board.square
+        lines = [
+            _arrow(picture.at(board.origin), picture.at(board.origin + length * axis), colour)
+            for axis, colour in ((board.x_axis, _X_COLOUR), (board.y_axis, _Y_COLOUR))
+        ]
+        x, y = picture.at(board.origin)
+        lines.append(
+            f'<circle cx="{x:.1f}" cy="{y:.1f}" r="6" fill="{_ORIGIN_COLOUR}" stroke="#fff"/>'
+        )
+    else:
+        lines = []
+    return [*lines, f'<text class="name" x="{middle[0]:.1f}" y="{middle[1]:.1f}">{name}</text>']
+
+
+def _arrow(start: FloatArray, end: FloatArray, colour: str) -> str:
+    along = end - start
+    length = float(np.hypot(*along))
+    if length < 1:
+        return ""
+    along = along / length
+    head = min(8.0, length / 2)
+    side = np.array([-along[1], along[0]])
+    a, b = end - head * along + 0.5 * head * side, end - head * along - 0.5 * head * side
+    (x0, y0), (x1, y1), (xa, ya), (xb, yb) = start, end, a, b
+    return (
+        f'<path class="arrow" stroke="{colour}" d="M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}'
+        f'M{xa:.1f} {ya:.1f}L{x1:.1f} {y1:.1f}L{xb:.1f} {yb:.1f}"/>'
+    )
+
+
+def _world_axes(picture: _Picture, total: float) -> list[str]:
+    """The directions of the world's axes, at the bottom on the left."""
+    start = np.array([_MARGIN, total - _MARGIN])
+    lines = []
+    for axis, name, colour in zip(np.eye(3), "xyz", (_X_COLOUR, _Y_COLOUR, _Z_COLOUR), strict=True):
+        along = picture.rows @ axis
+        x, y = start + 46 * along
+        lines.append(_arrow(start, start + 36 * along, colour))
+        lines.append(f'<text x="{x - 4:.1f}" y="{y + 5:.1f}" fill="{colour}">{name}</text>')
+    return lines
+
+
+def _legend(units: str, picture: _Picture, total: float) -> list[str]:
+    y = total - 14
+    x = 3 * _MARGIN
+    right = np.array([24.0, 0.0])
+    parts = []
+    for words, colour, width in (
+        ("corner (0, 0)", None, 130),
+        ("columns (x_axis)", _X_COLOUR, 160),
+        ("rows (y_axis)", _Y_COLOUR, 140),
+    ):
+        start = np.array([x - 30, y - 5])
+        if colour is None:
+            parts.append(f'<circle cx="{x - 12:.1f}" cy="{y - 5:.1f}" r="6" '
+                         f'fill="{_ORIGIN_COLOUR}" stroke="#fff"/>')  # fmt: skip
+        else:
+            parts.append(_arrow(start, start + right, colour))
+        parts.append(f'<text class="talk" x="{x:.1f}" y="{y:.1f}">{words}</text>')
+        x += width + 20
+    extent = _round_length(130 / picture.scale)
+    bar = extent * picture.scale
+    parts.append(
+        f'<path stroke="#888" stroke-width="2" fill="none" d="M{x - 10:.1f} {y - 5:.1f}h{bar:.1f}'
+        f'm0 -5v10m{-bar:.1f} 0v-10"/><text class="talk" x="{x + bar:.1f}" y="{y:.1f}">'
+        f"{extent:g} {escape(units)}</text>"
+    )
+    return parts
+
+
+def _round_length(most: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above ``most``."""
+    power = 10.0 ** np.floor(np.log10(most))
+    return float(max(step for step in (1, 2, 5) if step * power <= most * (1 + 1e-9)) * power)

@@ -1,0 +1,270 @@
+"""What is said of an object before photos: against geometry by hand, and against the naming."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import synthetic
+from anonymous_grids import anonymous_photos
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from synthetic import IMAGE_SIZE, box_of_four, checkerboard, corner_of_three, flat_board
+
+from cubicfish_cli.fitting.poses import rotation_from_vector
+from cubicfish_cli.naming.congruence import is_symmetry, similarity
+from cubicfish_cli.naming.decide import Verdict
+from cubicfish_cli.naming.name_grids import name_grids
+from cubicfish_cli.naming.object_check import ALIKE, all_corners, check_object, rank_of_lift
+from cubicfish_cli.naming.places import sides_of
+from cubicfish_cli.target import Board, Markers, Target
+
+
+def only(columns: int, rows: int) -> Target:
+    return Target(units="mm", boards=(checkerboard("board", columns, rows, 25.0),))
+
+
+def cube(corners: int, gap: float = 60.0) -> Target:
+    """Six equal boards on the outside of a cube."""
+    half = 20.0 * (corners - 1)
+    boards = []
+    for number, (x, y) in enumerate(
+        [
+            ((1, 0, 0), (0, -1, 0)),
+            ((0, 1, 0), (0, 0, -1)),
+            ((-1, 0, 0), (0, 0, -1)),
+            ((0, -1, 0), (0, 0, -1)),
+            ((1, 0, 0), (0, 0, -1)),
+            ((1, 0, 0), (0, 1, 0)),
+        ]
+    ):
+        out = np.cross(y, x)
+        origin = out * (half + gap) - half * np.add(x, y)
+        boards.append(checkerboard(f"face {number}", corners, corners, 40.0, origin, x, y))
+    return Target(units="mm", boards=tuple(boards))
+
+
+def shifted(board: Board, *by: float) -> Board:
+    return replace(board, origin=board.origin + np.array(by))
+
+
+@pytest.mark.parametrize(("planes", "rank"), [(1, 10), (2, 16), (3, 19), (4, 20)])
+def test_rank_by_number_of_planes_in_any_unit(planes, rank):
+    boards = box_of_four().boards[:planes]
+    for scale in (1e-3, 1.0):
+        made = [replace(b, origin=b.origin * scale, square=b.square * scale) for b in boards]
+        facts = check_object(Target(units="mm", boards=tuple(made)))
+        assert (facts.planes, facts.rank) == (planes, rank)
+        assert facts.flat == (planes == 1)
+
+
+def test_rank_counts_what_the_corners_carry():
+    assert rank_of_lift(all_corners(only(2, 2))) == 4
+    assert rank_of_lift(all_corners(only(4, 4))) == 10
+
+
+@pytest.mark.parametrize(
+    ("size", "angles"),
+    [
+        ((9, 6), []),  # half a turn swaps dark and light
+        ((6, 4), [180]),
+        ((7, 5), [180]),
+        ((7, 7), [180]),  # a quarter turn swaps dark and light
+        ((8, 8), [90, 90, 180]),
+    ],
+)
+@pytest.mark.parametrize("first_square", ["dark", "light"])
+def test_turns_of_a_single_board(size, angles, first_square):
+    target = only(*size)
+    target = replace(target, boards=(replace(target.boards[0], first_square=first_square),))
+    facts = check_object(target)
+    assert sorted(round(turn.angle_deg, 6) for turn in facts.symmetries) == angles
+    for turn in facts.symmetries:
+        assert abs(turn.axis[2]) == pytest.approx(1)
+        np.testing.assert_allclose(turn.point, all_corners(target).mean(axis=0), atol=1e-9)
+    assert facts.boards_needed == 1
+    assert facts.ambiguous == bool(angles)
+
+
+def test_three_different_boards_at_a_corner():
+    facts = check_object(corner_of_three())
+    assert facts.corners == 54 + 56 + 35
+    assert facts.symmetries == facts.near_symmetries == ()
+    (alone,) = facts.look_alikes  # 7x5: the only board that half a turn leaves as it is
+    assert (alone.boards, alone.onto) == (("right",), ("right",))
+    assert alone.angle_deg == pytest.approx(180)
+    assert (facts.boards_needed, facts.boards_at_once) == (2, 3)
+    assert facts.never_together == facts.turned_away == facts.crossing == ()
+
+
+def test_a_box_without_a_lid_and_a_wall_has_one_half_turn():
+    facts = check_object(box_of_four())
+    (turn,) = facts.symmetries
+    assert dict(zip(turn.boards, turn.onto, strict=True)) == {
+        "floor": "back", "back": "floor", "left": "right", "right": "left"
+    }  # fmt: skip
+    assert turn.angle_deg == pytest.approx(180)
+    np.testing.assert_allclose(turn.axis, [0, 0.5**0.5, 0.5**0.5], atol=1e-9)
+    np.testing.assert_allclose(np.cross(turn.point - 300, turn.axis), 0, atol=1e-6)
+    assert {frozenset(turn.boards) for turn in facts.look_alikes} == {
+        frozenset(set(box_of_four().board_names) - {missing})
+        for missing in box_of_four().board_names
+    }
+    assert facts.boards_needed == 4
+
+
+@pytest.mark.parametrize(("corners", "turns", "needed"), [(8, 23, 1), (7, 3, 3)])
+def test_a_cube_has_the_turns_that_its_colours_leave(corners, turns, needed):
+    target = cube(corners)
+    facts = check_object(target)
+    assert len(facts.symmetries) == turns
+    assert facts.boards_needed == needed
+    assert facts.boards_at_once == 3
+    assert all(len(turn.boards) <= 3 for turn in facts.look_alikes)
+    assert set(facts.never_together) == {
+        ("face 0", "face 5"), ("face 1", "face 3"), ("face 2", "face 4")
+    }  # fmt: skip
+
+
+@settings(max_examples=12)
+@given(st.lists(st.floats(-3, 3), min_size=6, max_size=6))
+def test_turns_are_those_of_the_object_wherever_it_is(motion):
+    rotation = rotation_from_vector(np.array(motion[:3]))
+    moved = [
+        replace(
+            board,
+            origin=rotation @ board.origin + 100 * np.array(motion[3:]),
+            x_axis=rotation @ board.x_axis,
+            y_axis=rotation @ board.y_axis,
+        )
+        for board in box_of_four().boards
+    ]
+    target = Target(units="mm", boards=tuple(moved))
+    (turn,) = check_object(target).symmetries
+    about = rotation_from_vector(np.radians(turn.angle_deg) * turn.axis)
+    world = all_corners(target)
+    image = (world - turn.point) @ about.T + turn.point
+    apart = np.linalg.norm(image[::7, None] - world[None], axis=-1).min(axis=1)
+    assert apart.max() < 1e-6
+    assert is_symmetry(similarity(world, image), sides_of(target))
+
+
+@pytest.mark.parametrize(("shift", "near"), [(0.05, True), (0.3, False)])
+def test_an_object_that_is_nearly_symmetric_is_said_to_be(shift, near):
+    *others, right = box_of_four().boards
+    moved = shifted(right, 40 * shift, 40 * shift, 0)
+    facts = check_object(Target(units="mm", boards=(*others, moved)))
+    assert facts.symmetries == ()
+    assert len(facts.near_symmetries) == near
+    if near:
+        assert 0.5 * shift < facts.near_symmetries[0].error < 2 * shift
+
+
+def named(target: Target, boards: list[int]) -> list[Verdict]:
+    """What naming makes of photos in which only some boards are found."""
+    poses = synthetic.poses_around(target, 3, distance=(0.3, 0.6), off_axis_deg=45, seed=185)
+    corners = synthetic.synthetic_corners(target, poses, noise=0.1)
+    keep = np.isin(corners.board, boards)
+    fields = ("image", "board", "column", "row", "pixel", "weight")
+    corners = replace(corners, **{name: getattr(corners, name)[keep] for name in fields})
+    grids, _ = anonymous_photos(corners, target)
+    naming = name_grids(grids, target, IMAGE_SIZE, ["a", "b", "c"])
+    return [grid.verdict for photo in naming.grids for grid in photo]
+
+
+def test_naming_leaves_out_exactly_what_is_said_to_look_alike():
+    box = box_of_four()
+    assert set(named(box, [0, 1, 2, 3])) == {Verdict.NAMED}
+    assert set(named(box, [0, 1, 2])) == {Verdict.SLIDE}
+    # One wall a square and a half further along tells the boards that stand beside it.
+    moved = replace(box, boards=(*box.boards[:2], shifted(box.boards[2], 0, 0, 60), box.boards[3]))
+    facts = check_object(moved)
+    groups = [set(turn.boards) for turn in facts.look_alikes]
+    assert not any({"floor", "left", "back"} <= group for group in groups)
+    assert facts.symmetries == ()
+    assert set(named(moved, [0, 1, 2])) == {Verdict.NAMED}
+
+
+def test_equal_boards_far_from_each_other_need_not_be_close_to_look_alike():
+    target = Target(
+        units="mm",
+        boards=(
+            checkerboard("one", 9, 6, 25.0),
+            checkerboard("two", 9, 6, 50.0, (900, 0, 0)),
+            checkerboard("three", 8, 5, 25.0, (0, 900, 0)),
+        ),
+    )
+    facts = check_object(target)  # alone, a board of twice the size is only nearer
+    assert {turn.boards + turn.onto for turn in facts.look_alikes} == {
+        ("one", "two"), ("two", "one")
+    }  # fmt: skip
+    assert all(turn.error < ALIKE for turn in facts.look_alikes)
+    assert facts.boards_needed == 2
+
+
+def test_markers_leave_nothing_to_mix_up():
+    floor, left, right = corner_of_three().boards
+    marks = Markers(dictionary="DICT_4X4_50", side=18.0, first=0, count=35)
+    marked = replace(floor, kind="charuco", markers=marks)
+    facts = check_object(Target(units="mm", boards=(marked, left, right)))
+    assert facts.named_by == "markers"
+    assert facts.plain == ("left", "right")
+    assert not facts.ambiguous
+    assert facts.boards_needed is None
+    assert check_object(Target(units="mm", boards=(replace(marked, rows=9),))).symmetries == ()
+
+
+def points(name: str, world: np.ndarray) -> Board:
+    board = checkerboard(name, len(world), 1, 0.0)
+    return replace(board, kind="points", points=world)
+
+
+def test_lists_of_points_are_no_boards():
+    world = np.random.default_rng(0).uniform(0, 50, (40, 3))
+    facts = check_object(Target(units="mm", boards=(points("dots", world),)))
+    assert (facts.planes, facts.rank, facts.named_by, facts.boards_at_once) == (0, 20, "table", 0)
+    both = check_object(Target(units="mm", boards=(points("dots", world), *only(6, 4).boards)))
+    assert (both.corners, both.named_by, both.plain) == (64, "geometry", ("board",))
+    assert len(both.symmetries) == 1
+
+
+def test_a_board_that_shows_its_back_is_named():
+    floor, left, right = corner_of_three().boards
+    flipped = replace(left, y_axis=-left.y_axis, origin=left.origin + 6 * left.square * left.y_axis)
+    facts = check_object(Target(units="mm", boards=(floor, flipped, right)))
+    assert set(facts.turned_away) == {("left", "floor"), ("left", "right")}
+    steps = Target(
+        units="mm",
+        boards=(checkerboard("a", 5, 4, 25.0), checkerboard("b", 6, 4, 25.0, (0, 200, 90))),
+    )
+    assert check_object(steps).turned_away == ()
+
+
+def test_prints_that_reach_into_each_other_are_named():
+    floor, left, right = corner_of_three().boards
+    sunk = shifted(left, 50, 0, -60)
+    assert check_object(Target(units="mm", boards=(floor, sunk, right))).crossing == (
+        ("floor", "left"),
+    )
+    beside = [floor, shifted(floor, 230, 0, 0), shifted(floor, 600, 0, 0)]
+    boards = tuple(replace(b, name=n) for b, n in zip(beside, "abc", strict=True))
+    assert check_object(Target(units="mm", boards=boards)).crossing == (("a", "b"),)
+    touching = shifted(boards[0], 250, 0, 0)
+    touching = replace(touching, name="d")
+    assert check_object(Target(units="mm", boards=(boards[0], touching))).crossing == ()
+    back = replace(
+        flat_board().boards[0], name="back", x_axis=-np.eye(3)[0], origin=np.array([300.0, 0, 0])
+    )
+    plate = Target(units="mm", boards=(*flat_board().boards, back))
+    assert check_object(plate).crossing == ()
+    assert check_object(plate).never_together == (("board", "back"),)
+
+
+def test_many_boards_are_looked_at_in_time():
+    boards = [
+        checkerboard(f"b{k}", 9, 6, 25.0, (400.0 * (k % 10), 400.0 * (k // 10), 0))
+        for k in range(60)
+    ]
+    facts = check_object(Target(units="mm", boards=tuple(boards)))
+    assert facts.look_alikes is None
+    assert facts.boards_needed is None
+    assert facts.symmetries == ()
