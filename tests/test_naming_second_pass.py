@@ -87,6 +87,13 @@ def test_missed_corners_are_added_where_they_are(thinned):
     assert (np.diff(detection.corners.image) >= 0).all()
 
 
+def test_a_board_that_only_the_second_pass_saw_is_reported(thinned):
+    without = subset(thinned, (thinned.image != 0) | (thinned.board != 2))
+    detection = second_pass(PHOTOS, first_pass(without), TARGET, jobs=1)
+    report = next(one for one in detection.photos if one.name == without.images[0])
+    assert report.boards == TARGET.board_names
+
+
 def test_nothing_is_added_that_no_photo_shows(thinned):
     """What is added beyond the list of true corners lies at the rim of what can be seen."""
     detection = second_pass(PHOTOS, first_pass(truth()), TARGET, jobs=1)

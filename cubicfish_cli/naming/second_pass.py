@@ -18,7 +18,7 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.calibrate import Calibration, calibrate
 from cubicfish_cli.fitting.robust import gross_px
 from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.naming.detect import Detection
+from cubicfish_cli.naming.detect import Detection, PhotoReport
 from cubicfish_cli.naming.pool import map_photos, settled, workers_for
 from cubicfish_cli.photos import Photo, read_grey
 from cubicfish_cli.target import Board, Target
@@ -224,25 +224,31 @@ def _with_added(
     column, row = joined(corners.column, lambda p: p.column), joined(corners.row, lambda p: p.row)
     pixel = np.concatenate([corners.pixel, *(pixel[new] for pixel, new in found)])
     order = np.lexsort([column, row, board, image])
+    joint = replace(
+        corners,
+        image=image[order],
+        board=board[order],
+        column=column[order],
+        row=row[order],
+        pixel=pixel[order],
+        weight=np.concatenate([corners.weight, np.ones(len(image) - len(corners.weight))])[order],
+    )
     return replace(
         detection,
-        corners=replace(
-            corners,
-            image=image[order],
-            board=board[order],
-            column=column[order],
-            row=row[order],
-            pixel=pixel[order],
-            weight=np.concatenate([corners.weight, np.ones(len(image) - len(corners.weight))])[
-                order
-            ],
-        ),
+        corners=joint,
         photos=tuple(
-            replace(
-                report,
-                added=added.get(report.name, 0),
-                corners=report.corners + added.get(report.name, 0),
-            )
-            for report in detection.photos
+            _with_counts(report, joint, added.get(report.name, 0)) for report in detection.photos
         ),
+    )
+
+
+def _with_counts(report: PhotoReport, corners: Corners, added: int) -> PhotoReport:
+    if not added:
+        return report
+    own = corners.image == corners.images.index(report.name)
+    return replace(
+        report,
+        added=added,
+        corners=report.corners + added,
+        boards=tuple(corners.boards[board] for board in np.unique(corners.board[own])),
     )
