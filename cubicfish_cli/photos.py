@@ -345,6 +345,17 @@ def _tiff_size(data: bytes, order: str) -> tuple[int, int] | None:
 
 
 @contextmanager
+def one_opencv_thread() -> Iterator[None]:
+    """Keep OpenCV from using several threads for one picture while several are at work."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)
+
+
+@contextmanager
 def quiet_stderr() -> Iterator[None]:
     """Send what C libraries write to stderr nowhere: decoders complain there by themselves.
 

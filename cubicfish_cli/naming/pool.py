@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import multiprocessing
+import multiprocessing.context
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from typing import TypeVar
 
 import cv2
@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import DetectionError
+from cubicfish_cli.photos import one_opencv_thread
 
 FloatArray = npt.NDArray[np.float64]
 Item = TypeVar("Item")
@@ -54,13 +55,10 @@ def map_photos(
 
     """
     if workers == 1:
-        with _single_thread():
+        with one_opencv_thread():
             yield from map(work, items)
         return
-    # A forked copy of a process whose OpenCV has threads may hang; a fresh one does not.
-    pool = ProcessPoolExecutor(
-        workers, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker
-    )
+    pool = ProcessPoolExecutor(workers, mp_context=_context(), initializer=_start_worker)
     try:
         yield from pool.map(work, items)
     except BrokenProcessPool as error:
@@ -72,17 +70,20 @@ def map_photos(
         pool.shutdown(wait=True, cancel_futures=True)
 
 
+def _context() -> multiprocessing.context.BaseContext:
+    """How worker processes are made.
+
+    A forked copy of a process whose OpenCV has threads may hang. Copies of a server that has the
+    libraries loaded and has run nothing do not, and start at once.
+    """
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["cubicfish_cli.naming.second_pass"])
+    return context
+
+
 def _start_worker() -> None:
     # The parent alone answers Ctrl-C, and the workers together use one thread a processor.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     cv2.setNumThreads(1)
-
-
-@contextmanager
-def _single_thread() -> Iterator[None]:
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        yield
-    finally:
-        cv2.setNumThreads(before)

@@ -8,16 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from threading import BoundedSemaphore
 
-import cv2
-
 from cubicfish_cli.errors import CubicfishError
-from cubicfish_cli.photos import decode_picture, read_file, shown
+from cubicfish_cli.photos import decode_picture, one_opencv_thread, read_file, shown
 from cubicfish_cli.undistortion.images import Rendering, check_outputs, render_files, write_files
 from cubicfish_cli.undistortion.maps import UndistortMap
 
@@ -89,7 +87,7 @@ def undistort_photos(
             work(number)
             progress(number + 1, len(jobs))
     else:
-        with _one_thread_a_picture(), ThreadPoolExecutor(workers + 1) as threads:
+        with one_opencv_thread(), ThreadPoolExecutor(workers + 1) as threads:
             try:
                 for done in _in_order_of_completion(threads, work, len(jobs), 2 * workers):
                     progress(done, len(jobs))
@@ -151,14 +149,3 @@ def _in_order_of_completion(
             finished += 1
             yield finished
         pending |= {threads.submit(work, n) for n in islice(numbers, len(done))}
-
-
-@contextmanager
-def _one_thread_a_picture() -> Iterator[None]:
-    """Keep OpenCV from using several threads for one picture while several are at work."""
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        yield
-    finally:
-        cv2.setNumThreads(before)
