@@ -140,6 +140,15 @@ def test_the_drawing_shows_every_board_where_it_is(run: Run, tmp_path: Path) -> 
         assert (bx - ax) * (cy - by) - (by - ay) * (cx - bx) > 0
 
 
+@pytest.mark.parametrize(("first", "dark"), [("dark", 18), ("light", 17)])
+def test_squares_are_dark_where_they_are(run: Run, tmp_path: Path, first: str, dark: int) -> None:
+    drawing = tmp_path / "object.svg"
+    board = checkerboard(6, 4) | {"first_square": first}
+    run("target", "check", one(tmp_path, board), "--draw", drawing)
+    (line,) = (line for line in drawing.read_text().splitlines() if 'class="print"' in line)
+    assert line.count("Z") == dark  # of 7 x 5
+
+
 def test_every_kind_of_board_can_be_drawn(run: Run, tmp_path: Path) -> None:
     place = {"x_axis": [0, 1, 0], "y_axis": [0, 0, -1]}
     tags = {"name": "<tags & co>", "type": "aprilgrid", "tags": [3, 2], "tag": 20, "spacing": 0.3}
