@@ -59,13 +59,20 @@ def test_a_board_that_moved_in_one_photo_is_named(pairs):
     assert result.errors.rms_px < 0.16
 
 
-def test_a_blurred_photo_is_named(pairs):
+def test_a_blurred_photo_is_named_and_left_out(pairs):
     pixel = pairs.pixel.copy()
     own = pairs.image == 6
-    pixel[own] += np.random.default_rng(0).normal(0, 0.8, (own.sum(), 2))
+    pixel[own] += np.random.default_rng(0).normal(0, 0.9, (own.sum(), 2))
     result = calibrate(replace(pairs, pixel=pixel), target=TARGET, hold_out=False)
-    (note,) = [line for line in result.notes if "noisier" in line]
-    assert note.startswith("06.png")
+    assert list(result.unfit) == ["06.png"]
+    assert "blurred" in result.unfit["06.png"]
+    assert "06.png" not in result.pairs.images
+    assert result.errors.rms_px < 0.16
+
+
+def test_photos_that_are_all_noisy_are_kept(pairs):
+    pixel = pairs.pixel + np.random.default_rng(0).normal(0, 0.9, pairs.pixel.shape)
+    assert not calibrate(replace(pairs, pixel=pixel), target=TARGET, hold_out=False).unfit
 
 
 def test_a_good_set_is_not_talked_about(pairs):

@@ -29,7 +29,7 @@ from cubicfish_cli.fitting.statistics import (
     photo_records,
     rms_px,
 )
-from cubicfish_cli.fitting.subset import flatness, select, world_scale
+from cubicfish_cli.fitting.subset import flatness, select, select_photos, world_scale
 from cubicfish_cli.fitting.uncertainty import camera_uncertainty, uncertainty_record
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lift import lift
@@ -179,6 +179,7 @@ def calibrate(
     scale = world_scale(pairs)
     companion = fit_companion(replace(pairs, world=pairs.world / scale))
     fit, dropped = _without_gross(companion)
+    fit = _without_noisy(fit)
     _refuse_undetermined(fit.companion)
     drawing = Drawing(target=target, pairs=fit.companion.pairs, scale=scale)
     fit, held_out = _climb(fit, drawing, refine_target, hold_out)
@@ -195,7 +196,6 @@ def calibrate(
     )
     share = coverage(used.pixel, camera.outline(), pairs.image_size)
     notes = dropped_groups(pairs, [(c.image, c.board, c.error_px) for c in dropped])
-    notes += noisy_photos(used, cubic.residual)
     notes += coverage_notes(share, len(used.images), not hold_out or fit.level in held_out_by_level)
     return Calibration(
         camera=camera,
@@ -247,6 +247,19 @@ def _without_gross(companion: Companion) -> tuple[ObjectFit, tuple[DroppedCorner
         ObjectFit(level="off", companion=companion, cubic=cubic),
         tuple(_dropped(everything, ~kept, length)),
     )
+
+
+def _without_noisy(fit: ObjectFit) -> ObjectFit:
+    """Leave out photos that are blurred, moving or badly lit, and say so."""
+    pairs = fit.companion.pairs
+    noisy = noisy_photos(pairs, fit.cubic.residual)
+    if not noisy:
+        return fit
+    good = np.setdiff1d(np.arange(len(pairs.images)), list(noisy))
+    companion = refit_companion(fit.companion, select_photos(pairs, good), fit.cubic.poses[good])
+    named = {pairs.images[photo]: reason for photo, reason in noisy.items()}
+    companion = replace(companion, unfit=companion.unfit | named)
+    return replace(fit, companion=companion, cubic=fit_cubic(companion))
 
 
 def _climb(

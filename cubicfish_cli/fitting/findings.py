@@ -16,9 +16,9 @@ FloatArray = npt.NDArray[np.float64]
 _CELLS = 8
 _POOR_COVERAGE = 0.5
 _FEW_PHOTOS = 3
-# A photo this many times noisier than the median photo is worth a look.
-_NOISY = 3.0
-_NOISY_PX = 0.3
+# A photo this many times noisier than the median photo does more harm than good.
+_NOISY = 4.0
+_NOISY_PX = 0.5
 _GROUP_SHARE = 0.5
 _GROUP_SIZE = 4
 
@@ -84,19 +84,26 @@ def dropped_groups(
     return lines
 
 
-def noisy_photos(pairs: Correspondences, residual: FloatArray) -> list[str]:
-    """Photos whose corners are much noisier than the others': blurred, moving, badly lit."""
-    if len(pairs.images) < _FEW_PHOTOS:
-        return []
-    noise = np.array(
-        [noise_px(residual[pairs.image == photo]) for photo in range(len(pairs.images))]
-    )
+def noisy_photos(pairs: Correspondences, residual: FloatArray) -> dict[int, str]:
+    """Photos whose corners are much noisier than the others': blurred, moving, badly lit.
+
+    Returns:
+        Index of each and what to say of it; none where they would be a third or more.
+
+    """
+    photos = len(pairs.images)
+    if photos < _FEW_PHOTOS + 1:
+        return {}
+    noise = np.array([noise_px(residual[pairs.image == photo]) for photo in range(photos)])
     typical = float(np.median(noise))
-    return [
-        f"{pairs.images[photo]}: corners are {noise[photo] / typical:.0f} times noisier than in "
-        "the other photos: blurred, moving or badly lit? Leave it out or take it again"
-        for photo in np.flatnonzero(noise > max(_NOISY * typical, _NOISY_PX))
-    ]
+    noisy = np.flatnonzero(noise > max(_NOISY * typical, _NOISY_PX))
+    if 3 * len(noisy) >= photos:
+        return {}
+    return {
+        int(photo): f"its corners are {noise[photo] / typical:.0f} times noisier than those of the "
+        "other photos: blurred, moving or badly lit; take it again"
+        for photo in noisy
+    }
 
 
 def coverage_notes(share: float, photos: int, held_out: bool) -> list[str]:
