@@ -35,7 +35,7 @@ NEARLY = 0.1
 # Boards that a turn brings this close to boards, in squares, look the same in a photo: corners
 # are some hundredths of a square wrong, and as far as that can be, so is a lens from one photo.
 ALIKE = 0.03
-_FLAT = 1e-3
+_FLAT = 1e-4
 # Objects of more plain boards are not searched for groups of boards that look alike.
 _MOST_BOARDS = 16
 # Candidate motions times places that are compared at a time, to bound memory.
@@ -286,15 +286,24 @@ def _look_alikes(boards: _Plain, faced: BoolArray) -> tuple[list[Turn] | None, i
     if count == 1:
         return [], 1
     groups: dict[frozenset[int], Turn] = {}
+    looked: set[tuple[int, ...]] = set()
+    views = np.unique(faced, axis=0)
     for base in range(count):
         matrix, shift = boards.motions(base)
         landings = [boards.landing(matrix, shift, board) for board in range(count)]
         error = np.stack([one for one, _ in landings], axis=1)
         place = np.stack([one for _, one in landings], axis=1)
         for own, places in zip(error < ALIKE, place, strict=True):
+            # One and the same motion comes up with each board that it moves to a board.
+            key = tuple(np.where(own, places, -1).tolist())
+            if key in looked:
+                continue
+            looked.add(key)
             if own.all() and _makes_no_difference(boards, places):
                 continue
-            for group in _seen_at_once(own, faced):
+            for group in _seen_at_once(own, views):
+                if any(frozenset(group) < other for other in groups):
+                    continue
                 motion, miss = _fitted(boards, group, places[group])
                 turn = _turn(boards, group, places[group], motion, miss)
                 known = groups.get(frozenset(group))
@@ -418,7 +427,7 @@ def _never_together(boards: Sequence[Board]) -> tuple[tuple[str, str], ...]:
     """Pairs whose half-spaces, those before their faces, have nothing in common."""
     normals, height = _normals(boards), _heights(boards)
     opposite = (normals @ normals.T < -1 + AXES_TOLERANCE) & (height <= _FLATTEST)
-    return _names(boards, opposite & opposite.T)
+    return _names(boards, opposite)
 
 
 def _turned_away(boards: Sequence[Board]) -> tuple[tuple[str, str], ...]:
