@@ -43,7 +43,7 @@ def command_lines() -> list[list[str]]:
 
 @pytest.mark.parametrize("args", command_lines(), ids=" ".join)
 def test_a_command_of_the_readme_parses(args: list[str]) -> None:
-    group = click.Context(cli, info_name="cubicfish")
+    group = click.Context(cli, info_name="cubicfish", **cli.context_settings)
     command = cli.get_command(group, args[0])
     assert command is not None
     command.make_context(args[0], args[1:], parent=group)
