@@ -27,12 +27,12 @@ POSES = synthetic.poses_around(TARGET, 5, seed=2)
 
 def normal_equations(lens, poses, pairs, huber_px, world=None):
     world = DrawnWorld(pairs.world) if world is None else world
-    return adjustment._normal_equations(adjustment._State(lens, poses, world), pairs, huber_px)
+    return adjustment._evaluated(adjustment._State(lens, poses, world), pairs, huber_px).normal
 
 
 def cost(lens, poses, pairs, huber_px, world=None):
     world = DrawnWorld(pairs.world) if world is None else world
-    return adjustment._cost(adjustment._State(lens, poses, world), pairs, huber_px)[0]
+    return adjustment._evaluated(adjustment._State(lens, poses, world), pairs, huber_px).cost
 
 
 @pytest.fixture(scope="module")

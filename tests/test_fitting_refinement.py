@@ -53,7 +53,7 @@ def test_derivatives_of_the_object():
     assert len(world.parameters) == 4 * 5 + 3 * 6
     np.testing.assert_array_equal(world.points, pairs.world)
     d_world = np.random.default_rng(0).standard_normal((len(pairs.world), 2, 3))
-    chained = world.chain(d_world)
+    chained = world.chain(d_world, slice(0, len(d_world)))
     none = np.zeros_like(world.offsets)
     for index in range(len(world.parameters)):
         step = np.zeros(len(world.parameters))

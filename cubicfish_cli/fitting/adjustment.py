@@ -10,7 +10,12 @@ import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.normal_equations import NormalEquations, corner_terms, shared_terms
+from cubicfish_cli.fitting.normal_equations import (
+    Linearised,
+    NormalEquations,
+    NormalSums,
+    runs_of_photos,
+)
 from cubicfish_cli.fitting.poses import Poses, cross_matrix
 from cubicfish_cli.fitting.world import DrawnWorld, World
 
@@ -119,23 +124,22 @@ def adjust(
     """
     state = _State(lens, poses, DrawnWorld(pairs.world) if world is None else world)
     damping = 1e-4
-    cost, residual = _cost(state, pairs, huber_px)
-    if not np.isfinite(cost):
+    now = _evaluated(state, pairs, huber_px)
+    if now.normal is None:
         raise FitError(
             "the start of the fit sees corners at infinity: check that the corners are named "
             "rightly and that the camera belongs to these photos"
         )
-    normal = _normal_equations(state, pairs, huber_px)
+    normal = now.normal
     iterations = 0
     while iterations < max_iterations:
         iterations += 1
         candidate = state.moved(*normal.solve(damping))
-        new_cost, new_residual = _cost(candidate, pairs, huber_px)
-        if new_cost < cost:
-            decrease = (cost - new_cost) / max(cost, 1e-300)
-            state, cost, residual = candidate, new_cost, new_residual
+        new = _evaluated(candidate, pairs, huber_px)
+        if new.normal is not None and new.cost < now.cost:
+            decrease = (now.cost - new.cost) / max(now.cost, 1e-300)
+            state, now, normal = candidate, new, new.normal
             damping = max(damping / 10, 1e-12)
-            normal = _normal_equations(state, pairs, huber_px)
             if decrease < relative_decrease:
                 break
         else:
@@ -146,51 +150,75 @@ def adjust(
         lens=state.lens,
         poses=state.poses,
         world=state.world,
-        residual=residual,
-        cost=cost,
+        residual=now.residual,
+        cost=now.cost,
         iterations=iterations,
         normal=normal,
     )
 
 
-def _cost(state: _State, pairs: Correspondences, huber_px: float) -> tuple[float, FloatArray]:
-    points = state.poses.apply(pairs.image, state.world.points)
-    residual = state.lens.project(points) - pairs.pixel
-    distance = np.hypot(residual[:, 0], residual[:, 1])
-    prior = np.concatenate([state.lens.prior()[0], state.world.prior()[0]])
-    offset = state.world.offset_weight * state.world.offsets
-    with np.errstate(over="ignore"):
-        cost = float(
-            np.sum(pairs.weight * huber_cost(distance, huber_px))
-            + 0.5 * np.sum(prior * prior)
-            + 0.5 * np.sum(offset * offset)
-        )
-    return (cost if np.isfinite(cost) else np.inf), residual
+@dataclass(frozen=True, eq=False)
+class _Evaluation:
+    """Cost, residuals and normal equations of a state; None where the cost is infinite."""
+
+    cost: float
+    residual: FloatArray
+    normal: NormalEquations | None
 
 
-def _normal_equations(state: _State, pairs: Correspondences, huber_px: float) -> NormalEquations:
-    rotation = state.poses.rotation[pairs.image]
-    rotated = (rotation @ state.world.points[:, :, None])[:, :, 0]
-    points = rotated + state.poses.translation[pairs.image]
-    pixel, d_point, d_lens = state.lens.project_jacobian(points)
-    residual = pixel - pairs.pixel
+def _evaluated(state: _State, pairs: Correspondences, huber_px: float) -> _Evaluation:
+    """Evaluate a state with its derivatives at once: nearly every step that is tried is taken."""
+    lens, world = state.lens, state.world
+    priors = _priors(lens, world)
+    sums = NormalSums(len(lens.parameters), len(world.parameters), len(state.poses), world)
+    residual = np.empty_like(pairs.pixel)
+    # A step may lead anywhere: what overflows there has an infinite cost and is turned down.
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for photos, run in runs_of_photos(pairs.image, len(state.poses)):
+            terms = _linearised(state, pairs, run)
+            residual[run] = terms.residual
+            length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
+            if not np.isfinite(length).all():
+                return _Evaluation(np.inf, residual, None)
+            root = np.sqrt(pairs.weight[run] * huber_weight(length, huber_px))
+            sums.add(terms, root, photos, pairs.image[run], run)
+        cost = _cost(residual, pairs, huber_px, priors[0], world)
+    if not np.isfinite(cost):
+        return _Evaluation(np.inf, residual, None)
+    return _Evaluation(cost, residual, sums.equations(priors))
+
+
+def _cost(
+    residual: FloatArray, pairs: Correspondences, huber_px: float, prior: FloatArray, world: World
+) -> float:
     distance = np.hypot(residual[:, 0], residual[:, 1])
-    root = np.sqrt(pairs.weight * huber_weight(distance, huber_px))[:, None, None]
-    d_point = d_point * root
-    d_pose = np.concatenate([-d_point @ cross_matrix(rotated), d_point], axis=2)
-    d_shared = d_lens * root
-    world = state.world
-    free_world = len(world.parameters) > 0 or len(world.offsets) > 0
-    d_world = d_point @ rotation if free_world else d_point
-    if len(world.parameters):
-        d_shared = np.concatenate([d_shared, world.chain(d_world)], axis=2)
-    residual = residual * root[:, :, 0]
-    normal = shared_terms(
-        d_shared, d_pose, residual, pairs.image, len(state.poses), _priors(state.lens, world)
+    offset = world.offset_weight * world.offsets
+    return float(
+        np.sum(pairs.weight * huber_cost(distance, huber_px))
+        + 0.5 * np.sum(prior * prior)
+        + 0.5 * np.sum(offset * offset)
     )
-    if len(world.offsets):
-        normal = corner_terms(normal, d_shared, d_pose, d_world, residual, pairs.image, world)
-    return normal
+
+
+def _linearised(state: _State, pairs: Correspondences, run: slice) -> Linearised:
+    """Residuals of a run of pairs and their derivatives by everything that is free."""
+    world = state.world
+    rotation = state.poses.rotation[pairs.image[run]]
+    rotated = (rotation @ world.points[run, :, None])[:, :, 0]
+    points = rotated + state.poses.translation[pairs.image[run]]
+    pixel, d_point, d_lens = state.lens.project_jacobian(points)
+    d_board, d_corner = None, None
+    if len(world.parameters) or len(world.offsets):
+        d_corner = d_point @ rotation
+        d_board = world.chain(d_corner, run)
+    return Linearised(
+        residual=pixel - pairs.pixel[run],
+        d_lens=d_lens,
+        d_board=d_board,
+        d_turn=-d_point @ cross_matrix(rotated),
+        d_shift=d_point,
+        d_corner=d_corner,
+    )
 
 
 def _priors(lens: FitLens, world: World) -> tuple[FloatArray, FloatArray]:

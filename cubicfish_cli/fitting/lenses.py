@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -107,6 +108,11 @@ class RayPrior:
     denominator: FloatArray
     denominator_weight: float
 
+    @cached_property
+    def values(self) -> FloatArray:
+        """(M, 16) the basis of cubics on the sphere at the rays, which never move."""
+        return lift(self.rays) @ sphere_basis()
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CubicFit:
@@ -184,7 +190,7 @@ class CubicFit:
         P3Φ that vanishes somewhere differs widely from one that is positive on the whole cone.
         """
         prior = self.ray_prior
-        values = lift(prior.rays) @ sphere_basis()
+        values = prior.values
         pixel, denominator = self._pixel(values)
         miss = prior.weight * (pixel * self.scale + self.centre - prior.pixel)
         jacobian = prior.weight * self._d_parameters(values, pixel, denominator)

@@ -7,7 +7,8 @@ by the Schur complement, so the work grows linearly with the photos.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +18,9 @@ from cubicfish_cli.fitting.world import World
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
+
+# Derivatives of so many pairs fit into a core's cache; larger arrays wait for memory.
+_RUN_PAIRS = 1000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -169,79 +173,152 @@ def _damped(matrix: FloatArray, damping: float) -> FloatArray:
     return damped
 
 
-def shared_terms(
-    d_shared: FloatArray,
-    d_pose: FloatArray,
-    residual: FloatArray,
-    image: IntArray,
-    photos: int,
-    priors: tuple[FloatArray, FloatArray],
-) -> NormalEquations:
-    """Gather the blocks of shared unknowns and poses.
+def runs_of_photos(image: IntArray, photos: int) -> Iterator[tuple[slice, slice]]:
+    """Whole photos in runs whose derivatives stay in the processor's cache.
 
     Args:
-        d_shared: (N, 2, K) weighted derivatives by the shared unknowns.
-        d_pose: (N, 2, 6) weighted derivatives by the corner's own pose.
-        residual: (N, 2) weighted residuals.
-        image: (N,) photo of each corner, non-decreasing.
+        image: (N,) photo of each pair, non-decreasing.
         photos: M.
-        priors: residuals (L,) and derivatives (L, K) of the pseudo-observations.
+
+    Returns:
+        The photos of each run and their pairs.
 
     """
-    count = d_shared.shape[2]
-    jacobian = np.concatenate([d_shared, d_pose, residual[:, :, None]], axis=2)
-    # One Gram matrix a photo holds every block, the gradient in its last column.
-    gram = np.zeros((photos, count + 7, count + 7))
     bounds = np.searchsorted(image, np.arange(photos + 1))
-    for photo in range(photos):
-        rows = jacobian[bounds[photo] : bounds[photo + 1]].reshape(-1, count + 7)
-        gram[photo] = rows.T @ rows
-    total = gram[:, :count, :].sum(axis=0)
-    prior, d_prior = priors
-    return NormalEquations(
-        shared=total[:, :count] + d_prior.T @ d_prior,
-        prior=d_prior.T @ d_prior,
-        pose=gram[:, count : count + 6, count : count + 6],
-        shared_pose=gram[:, :count, count : count + 6]
-        .transpose(1, 0, 2)
-        .reshape(count, 6 * photos),
-        shared_gradient=total[:, -1] + d_prior.T @ prior,
-        pose_gradient=gram[:, count : count + 6, -1],
-        corner=np.zeros((0, 3, 3)),
-        shared_corner=np.zeros((count, 0)),
-        pose_corner=np.zeros((6 * photos, 0)),
-        corner_gradient=np.zeros((0, 3)),
-    )
+    first = 0
+    while first < photos:
+        stop = int(np.searchsorted(bounds, bounds[first] + _RUN_PAIRS, side="right")) - 1
+        stop = min(max(stop, first + 1), photos)
+        yield slice(first, stop), slice(int(bounds[first]), int(bounds[stop]))
+        first = stop
 
 
-def corner_terms(
-    normal: NormalEquations,
-    d_shared: FloatArray,
-    d_pose: FloatArray,
-    d_world: FloatArray,
-    residual: FloatArray,
-    image: IntArray,
-    world: World,
-) -> NormalEquations:
-    """Add the blocks of free corners; ``d_world`` is (N, 2, 3) by the corner's world point."""
-    pairs, corners = len(d_world), len(world.offsets)
-    row = np.arange(2 * pairs)
-    shape = (2 * pairs, 3 * corners)
-    columns = 3 * np.repeat(world.corner, 2)[:, None] + np.arange(3)
-    by_corner = csr_array((d_world.reshape(-1), (np.repeat(row, 3), columns.ravel())), shape=shape)
-    columns = 6 * np.repeat(image, 2)[:, None] + np.arange(6)
-    by_pose = csr_array(
-        (d_pose.reshape(-1), (np.repeat(row, 6), columns.ravel())),
-        shape=(2 * pairs, 6 * len(normal.pose)),
-    )
-    products = np.zeros((corners, 3, 3))
-    np.add.at(products, world.corner, d_world.transpose(0, 2, 1) @ d_world)
-    pull = world.offset_weight**2
-    gradient = np.asarray(by_corner.T @ residual.reshape(-1)).reshape(-1, 3)
-    return replace(
-        normal,
-        corner=products + pull * np.eye(3),
-        shared_corner=np.asarray(by_corner.T @ d_shared.reshape(2 * pairs, d_shared.shape[2])).T,
-        pose_corner=(by_pose.T @ by_corner).toarray(),
-        corner_gradient=gradient + pull * world.offsets,
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Linearised:
+    """Residuals of n pairs and their derivatives, unweighted.
+
+    Attributes:
+        residual: (n, 2) pixels.
+        d_lens: (n, 2, L) by the lens's parameters.
+        d_board: (n, 2, S) by the boards' shapes and places; None where S is 0.
+        d_turn: (n, 2, 3) by the rotation of the pair's photo.
+        d_shift: (n, 2, 3) by its translation.
+        d_corner: (n, 2, 3) by the pair's world point; None where the object is not free.
+
+    """
+
+    residual: FloatArray
+    d_lens: FloatArray
+    d_board: FloatArray | None
+    d_turn: FloatArray
+    d_shift: FloatArray
+    d_corner: FloatArray | None
+
+
+class NormalSums:
+    """The blocks of the normal equations, summed up over runs of photos.
+
+    Shared unknowns are the lens's, then the boards'.
+    """
+
+    def __init__(self, lens: int, boards: int, photos: int, world: World) -> None:
+        """Zeros for so many parameters of lens and boards and so many photos."""
+        self._world = world
+        self._lens = lens
+        count = self._shared = lens + boards
+        corners = 3 * len(world.offsets)
+        self._total = np.zeros((count, count + 7))
+        self._pose = np.empty((photos, 6, 6))
+        self._shared_pose = np.empty((count, photos, 6))
+        self._pose_gradient = np.empty((photos, 6))
+        self._corner = np.zeros((len(world.offsets), 3, 3))
+        self._shared_corner = np.zeros((corners, count))
+        self._pose_corner = np.zeros((6 * photos, corners))
+        self._corner_gradient = np.zeros(corners)
+
+    def add(
+        self, terms: Linearised, root: FloatArray, photos: slice, image: IntArray, pairs: slice
+    ) -> None:
+        """Add a run of whole photos.
+
+        Args:
+            terms: of the run's n pairs.
+            root: (n,) square root of each pair's weight.
+            photos: the run's photos.
+            image: (n,) photo of each pair, non-decreasing.
+            pairs: the run's place among all pairs.
+
+        """
+        count = self._shared
+        jacobian = np.empty((len(root), 2, count + 7))
+        jacobian[:, :, : self._lens] = terms.d_lens
+        if terms.d_board is not None:
+            jacobian[:, :, self._lens : count] = terms.d_board
+        jacobian[:, :, count : count + 3] = terms.d_turn
+        jacobian[:, :, count + 3 : count + 6] = terms.d_shift
+        jacobian[:, :, count + 6] = terms.residual
+        jacobian *= root[:, None, None]
+        bounds = np.searchsorted(image, np.arange(photos.start, photos.stop + 1))
+        for photo, start, stop in zip(
+            range(photos.start, photos.stop), bounds[:-1], bounds[1:], strict=True
+        ):
+            # One Gram matrix a photo holds every block, the gradient in its last column.
+            rows = jacobian[start:stop].reshape(-1, count + 7)
+            gram = rows.T @ rows
+            self._total += gram[:count]
+            self._pose[photo] = gram[count:-1, count:-1]
+            self._shared_pose[:, photo] = gram[:count, count:-1]
+            self._pose_gradient[photo] = gram[count:-1, -1]
+        if len(self._corner) and terms.d_corner is not None:
+            d_corner = terms.d_corner * root[:, None, None]
+            self._add_corners(jacobian, d_corner, photos, image, self._world.corner[pairs])
+
+    def _add_corners(
+        self,
+        jacobian: FloatArray,
+        d_corner: FloatArray,
+        photos: slice,
+        image: IntArray,
+        corner: IntArray,
+    ) -> None:
+        """The blocks of free corners: jacobian (n, 2, K + 7), d_corner (n, 2, 3), weighted."""
+        count = self._shared
+        rows = jacobian.reshape(-1, count + 7)
+        by_corner = _by_own_block(d_corner, corner, len(self._corner))
+        by_pose = _by_own_block(
+            jacobian[:, :, count:-1], image - photos.start, photos.stop - photos.start
+        )
+        np.add.at(self._corner, corner, d_corner.transpose(0, 2, 1) @ d_corner)
+        self._shared_corner += by_corner.T @ rows[:, :count]
+        self._pose_corner[6 * photos.start : 6 * photos.stop] = (by_pose.T @ by_corner).toarray()
+        self._corner_gradient += by_corner.T @ rows[:, -1]
+
+    def equations(self, priors: tuple[FloatArray, FloatArray]) -> NormalEquations:
+        """The sums with the priors: residuals (L,) and derivatives (L, K), and offsets' pull."""
+        count = self._shared
+        residual, d_prior = priors
+        prior = d_prior.T @ d_prior
+        offsets = self._world.offsets
+        pull = self._world.offset_weight**2
+        return NormalEquations(
+            shared=self._total[:, :count] + prior,
+            prior=prior,
+            pose=self._pose,
+            shared_pose=self._shared_pose.reshape(count, 6 * len(self._pose)),
+            shared_gradient=self._total[:, -1] + d_prior.T @ residual,
+            pose_gradient=self._pose_gradient,
+            corner=self._corner + pull * np.eye(3),
+            shared_corner=self._shared_corner.T,
+            pose_corner=self._pose_corner,
+            corner_gradient=self._corner_gradient.reshape(-1, 3) + pull * offsets,
+        )
+
+
+def _by_own_block(derivative: FloatArray, block: IntArray, blocks: int) -> csr_array:
+    """Sparse (2n, b·blocks): each pair's (2, b) derivative in the columns of its own block."""
+    pairs, _, size = derivative.shape
+    columns = size * np.repeat(block, 2)[:, None] + np.arange(size)
+    starts = np.arange(0, 2 * pairs * size + 1, size)
+    return csr_array(
+        (derivative.ravel(), columns.ravel(), starts), shape=(2 * pairs, size * blocks)
     )

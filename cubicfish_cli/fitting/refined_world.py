@@ -8,6 +8,7 @@ told from noise. The overall scale cannot be seen and stays as drawn.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -130,7 +131,7 @@ class RefinedWorld:
         weight = 0.0 if offset_spread is None else noise / offset_spread
         return replace(self, noise=noise, offset_weight=weight)
 
-    @property
+    @cached_property
     def points(self) -> FloatArray:
         """(N, 3) world point of each pair."""
         points = self.as_drawn.copy()
@@ -154,23 +155,24 @@ class RefinedWorld:
             self, parameters=self.parameters + parameters, offsets=self.offsets + offsets
         )
 
-    def chain(self, d_world: FloatArray) -> FloatArray:
-        """From d pixel / d world point (N, 2, 3) to d pixel / d parameters (N, 2, S).
+    def chain(self, d_world: FloatArray, run: slice) -> FloatArray:
+        """From d pixel / d world point (n, 2, 3) to d pixel / d parameters (n, 2, S).
 
-        Turns of a board are small (some hundredths of a radian at most): the derivatives of its
-        shape and of its corners' offsets leave the turn out.
+        The n pairs are those of ``run``. Turns of a board are small (some hundredths of a radian
+        at most): the derivatives of its shape and of its corners' offsets leave the turn out.
         """
         chained = np.zeros((len(d_world), 2, len(self.parameters)))
-        points = self.points
         for part in self.parts:
-            own = d_world[part.pairs]
-            columns = [own @ part.basis]
+            first, stop = np.searchsorted(part.pairs, [run.start, run.stop])
+            pairs = part.pairs[first:stop]
+            own = d_world[pairs - run.start]
+            columns = [own @ part.basis[first:stop]]
             place = self.parameters[part.place]
             if len(place):
-                arm = points[part.pairs] - part.middle - place[3:] * part.size
+                arm = self.points[pairs] - part.middle - place[3:] * part.size
                 columns += [-own @ cross_matrix(arm), own * part.size]
-            stop = part.place.stop
-            chained[part.pairs, :, part.shape.start : stop] = np.concatenate(columns, axis=2)
+            parameters = slice(part.shape.start, part.place.stop)
+            chained[pairs - run.start, :, parameters] = np.concatenate(columns, axis=2)
         return chained
 
     def prior(self) -> tuple[FloatArray, FloatArray]:

@@ -38,8 +38,11 @@ class World(Protocol):
     def moved(self, parameters: FloatArray, offsets: FloatArray) -> World:
         """The same object after steps (S,) and (Q, 3)."""
 
-    def chain(self, d_world: FloatArray) -> FloatArray:
-        """From d pixel / d world point (N, 2, 3) to d pixel / d parameters (N, 2, S)."""
+    def chain(self, d_world: FloatArray, run: slice) -> FloatArray:
+        """From d pixel / d world point (n, 2, 3) to d pixel / d parameters (n, 2, S).
+
+        The n pairs are those of ``run``, which has a start and a stop.
+        """
 
     def prior(self) -> tuple[FloatArray, FloatArray]:
         """Pull of the parameters to the drawing: residuals (L,) in pixels, derivatives (L, S)."""
@@ -75,8 +78,8 @@ class DrawnWorld:
         """Itself: nothing is free."""
         return self
 
-    def chain(self, d_world: FloatArray) -> FloatArray:
-        """(N, 2, 0)."""
+    def chain(self, d_world: FloatArray, run: slice) -> FloatArray:
+        """(n, 2, 0)."""
         return np.zeros((len(d_world), 2, 0))
 
     def prior(self) -> tuple[FloatArray, FloatArray]:
