@@ -9,6 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cubicfish_cli.cli.mask_limit import (
+    check_mask_limit,
+    mask_limit_option,
+    trusted_within,
+    uncertainty_of,
+)
 from cubicfish_cli.cli.options import (
     FILE,
     SizeType,
@@ -68,6 +74,7 @@ SUFFIXES = (".npz", ".exr", ".png", ".pgm")
     metavar="FILE",
     help="Also write where the map may be trusted: 255, and 0 elsewhere.",
 )
+@mask_limit_option
 @overwrite_option
 @common_options
 def command(
@@ -80,6 +87,7 @@ def command(
     fixed_point: bool,
     origin: Any,
     mask: Path | None,
+    mask_limit: float | None,
     overwrite: bool,
 ) -> None:
     r"""Write where each pixel of a view comes from in the photo, and the view's camera beside it.
@@ -109,6 +117,11 @@ def command(
         )
     if fixed_point and suffix != ".npz":
         raise click.UsageError("--fixed-point is for maps in .npz")
+    check_mask_limit(mask_limit, mask)
+    if redistort and mask_limit is not None:
+        raise click.UsageError(
+            "--mask-limit is for the map that undistorts: leave it out, or --redistort"
+        )
     parts = {
         part: map_writer(part_name(output, part), fixed_point=fixed_point, origin=origin)
         for part in view.parts
@@ -116,9 +129,16 @@ def command(
     for paths, _ in parts.values():
         for path in paths:
             refuse_existing(path, overwrite=overwrite)
-    whole = load_camera(model_path(model)).camera
+    loaded = load_camera(model_path(model))
+    whole = loaded.camera
     size = photo_size or ((crop.width, crop.height) if crop else whole.image_size)
     camera = camera_for_photos(whole, size, crop)
+    trusted = None
+    if mask_limit is not None:
+        record = uncertainty_of(loaded, model_path(model))
+        trusted = trusted_within(
+            mask_limit, record, calibrated_size=whole.image_size, size=size, crop=crop
+        )
     chosen = view.chosen(camera)
     maps = {
         part: build_redistort_map(camera, own) if redistort else PixelMap.of(build_map(camera, own))
@@ -128,7 +148,7 @@ def command(
     for part, (paths, write) in parts.items():
         for index, path in enumerate(paths):
             writers[path] = partial(write, index, maps[part])
-    writers |= view_writers(maps, mask=mask, beside=output)
+    writers |= view_writers(maps, mask=mask, beside=output, trusted=trusted)
     written = write_all(writers, overwrite=overwrite)
     result(f"wrote {written[0]}: {chosen.describe()}")
     for path in written[1:]:

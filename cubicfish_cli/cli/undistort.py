@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from glob import glob, has_magic
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -21,6 +21,12 @@ from cubicfish_cli.cli.chosen_views import (
     plane_options,
 )
 from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.mask_limit import (
+    check_mask_limit,
+    mask_limit_option,
+    trusted_within,
+    uncertainty_of,
+)
 from cubicfish_cli.cli.options import (
     FILE,
     common_options,
@@ -40,6 +46,8 @@ from cubicfish_cli.cli.video_options import EncodingOptions, encoding_options, i
 from cubicfish_cli.cli.view_options import ChosenView, ViewOptions, view_options
 
 if TYPE_CHECKING:
+    from cubicfish_cli.cli.mask_limit import Trusted
+    from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
     from cubicfish_cli.undistortion.batch import Failure, PhotoJob
     from cubicfish_cli.undistortion.frames import Crop
     from cubicfish_cli.undistortion.maps import UndistortMap
@@ -72,6 +80,7 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="Also write where the result may be trusted: 255, and 0 elsewhere.",
 )
+@mask_limit_option
 @click.option(
     "--camera",
     "camera_out",
@@ -95,6 +104,7 @@ def command(
     pixels: RenderingOptions,
     encoding: EncodingOptions,
     mask: Path | None,
+    mask_limit: float | None,
     camera_out: Path | None,
     skip_existing: bool,
     dry_run: bool,
@@ -112,16 +122,22 @@ def command(
 
     if skip_existing and overwrite:
         raise click.UsageError("--skip-existing and --overwrite exclude each other")
+    check_mask_limit(mask_limit, mask)
     plane.check(view)
     planned = _plan(sources, destination, view, plane)
-    chosen = _views(model_path(model), crop, view, plane)
+    chosen, loaded = _views(model_path(model), crop, view, plane)
+    trusted: Callable[[tuple[int, int]], Trusted] | None = None
+    if mask_limit is not None:
+        trusted = partial(
+            _trusted, mask_limit, uncertainty_of(loaded, model_path(model)), loaded, crop
+        )
     planned = planned.free(skip_existing=skip_existing, overwrite=overwrite)
     if isinstance(chosen, PlanesOfPhotos):
         chosen.find_missing(planned.jobs)
     if dry_run:
         _describe_plan(planned, chosen)
         return
-    extras = _extras(mask, camera_out, planned, chosen, overwrite=overwrite)
+    extras = _extras(mask, camera_out, planned, chosen, overwrite=overwrite, trusted=trusted)
     if planned.videos:
         failures = _undistort_videos(planned, chosen, pixels, encoding, overwrite=overwrite)
     else:
@@ -191,13 +207,29 @@ class _Plan:
         return replace(self, jobs=jobs, skipped=len(self.jobs) - len(jobs))
 
 
-def _views(model: Path, crop: Crop | None, view: ViewOptions, plane: PlaneOptions) -> Views:
-    """What is rendered of each photo."""
+def _views(
+    model: Path, crop: Crop | None, view: ViewOptions, plane: PlaneOptions
+) -> tuple[Views, CameraFile | PointCameraFile]:
+    """What is rendered of each photo, and the camera file that it is rendered by."""
     from cubicfish_cli.formats.camera_yaml import load_any_camera, load_camera
 
     if plane.board is not None:
-        return PlanesOfPhotos(load_any_camera(model), crop, plane)
-    return ViewsBySize(load_camera(model).camera, crop, view)
+        loaded = load_any_camera(model)
+        return PlanesOfPhotos(loaded, crop, plane), loaded
+    central = load_camera(model)
+    return ViewsBySize(central.camera, crop, view), central
+
+
+def _trusted(
+    limit: float,
+    record: dict[str, Any],
+    loaded: CameraFile | PointCameraFile,
+    crop: Crop | None,
+    size: tuple[int, int],
+) -> Trusted:
+    """What makes the mask of photos of ``size``."""
+    whole = loaded.camera.image_size
+    return trusted_within(limit, record, calibrated_size=whole, size=size, crop=crop)
 
 
 def _plan(
@@ -371,6 +403,7 @@ def _extras(
     chosen: Views,
     *,
     overwrite: bool,
+    trusted: Callable[[tuple[int, int]], Trusted] | None,
 ) -> list[Path]:
     """Write the mask and the virtual camera, which are the same for all photos of one size."""
     if (mask is None and camera_out is None) or not planned.jobs:
@@ -387,7 +420,13 @@ def _extras(
     source, size = next(iter(sizes.items()))
     view, maps = chosen.view(source, size), chosen.maps(source, size)
     named = dict(zip(view.views, maps, strict=True))
-    return write_view_outputs(named, mask=mask, beside=camera_out, overwrite=overwrite)
+    return write_view_outputs(
+        named,
+        mask=mask,
+        beside=camera_out,
+        overwrite=overwrite,
+        trusted=trusted(size) if trusted else None,
+    )
 
 
 def _report(planned: _Plan, failures: Sequence[Failure], chosen: Views) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from cubicfish_cli.cli.mask_limit import Trusted
     from cubicfish_cli.undistortion.map_formats import PixelMap
     from cubicfish_cli.undistortion.maps import UndistortMap
 
@@ -24,8 +25,12 @@ def view_writers(
     *,
     mask: Path | None,
     beside: Path | None,
+    trusted: Trusted | None = None,
 ) -> dict[Path, Write]:
-    """Path -> what writes it, for the mask and the virtual camera of each part of a view."""
+    """Path -> what writes it, for the mask and the virtual camera of each part of a view.
+
+    The mask is what ``trusted`` makes of a map; without it, where the map is valid.
+    """
     from cubicfish_cli.undistortion.images import check_suffix, encode_picture
     from cubicfish_cli.undistortion.view_files import (
         mask_picture,
@@ -38,7 +43,7 @@ def view_writers(
     for part, made in maps.items():
         if mask is not None:
             check_suffix(mask)
-            content = encode_picture(mask, mask_picture(made.valid))
+            content = encode_picture(mask, mask_picture(trusted(made) if trusted else made.valid))
             writers[part_name(mask, part)] = partial(_write_bytes, content)
         if beside is not None:
             plain, opencv = view_file_names(part_name(beside, part))
@@ -70,9 +75,11 @@ def write_view_outputs(
     mask: Path | None,
     beside: Path | None,
     overwrite: bool,
+    trusted: Trusted | None = None,
 ) -> list[Path]:
     """Write the mask and the virtual camera, those that are asked for; return the files."""
-    return write_all(view_writers(maps, mask=mask, beside=beside), overwrite=overwrite)
+    writers = view_writers(maps, mask=mask, beside=beside, trusted=trusted)
+    return write_all(writers, overwrite=overwrite)
 
 
 def _write_bytes(content: bytes, path: Path) -> None:

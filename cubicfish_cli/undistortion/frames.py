@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.model.cubic import CubicCamera
@@ -48,6 +49,20 @@ def parse_crop(text: str) -> Crop:
         )
     width, height, x, y = map(int, match.groups())
     return Crop(x=x, y=y, width=width, height=height)
+
+
+def calibrated_pixels(
+    pixel: npt.NDArray[np.float64],
+    calibrated_size: tuple[int, int],
+    size: tuple[int, int],
+    crop: Crop | None = None,
+) -> npt.NDArray[np.float64]:
+    """Pixels (N, 2) of photos of ``size`` -> pixels (N, 2) of the photo as calibrated.
+
+    The way back from the photos that :func:`camera_for_photos` makes a camera for.
+    """
+    width, start = (crop.width, (crop.x, crop.y)) if crop else (calibrated_size[0], (0, 0))
+    return (pixel + 0.5) * (width / size[0]) - 0.5 + np.array(start)
 
 
 def camera_for_photos(
