@@ -31,7 +31,6 @@ class NormalEquations:
 
     Attributes:
         shared: (K, K), priors included.
-        prior: (K, K), the priors' part of it.
         pose: (M, 6, 6).
         shared_pose: (K, 6M).
         shared_gradient: (K,).
@@ -44,7 +43,6 @@ class NormalEquations:
     """
 
     shared: FloatArray
-    prior: FloatArray
     pose: FloatArray
     shared_pose: FloatArray
     shared_gradient: FloatArray
@@ -297,12 +295,10 @@ class NormalSums:
         """The sums with the priors: residuals (L,) and derivatives (L, K), and offsets' pull."""
         count = self._shared
         residual, d_prior = priors
-        prior = d_prior.T @ d_prior
         offsets = self._world.offsets
         pull = self._world.offset_weight**2
         return NormalEquations(
-            shared=self._total[:, :count] + prior,
-            prior=prior,
+            shared=self._total[:, :count] + d_prior.T @ d_prior,
             pose=self._pose,
             shared_pose=self._shared_pose.reshape(count, 6 * len(self._pose)),
             shared_gradient=self._total[:, -1] + d_prior.T @ residual,
