@@ -38,7 +38,10 @@ ALLOWED: dict[str, set[str]] = {
     "undistortion": {"errors", "files", "photos", "model", "wording"},
     "formats": {"errors", "files", "plain_yaml", "target", "model", "wording"},
     "rendering": {"errors", "target"},
+    "printing": {"errors", "files", "wording", "target", "formats", "rendering"},
+    "advice": {"errors", "target", "correspondences", "model", "fitting", "rendering"},
 }
+ALLOWED["report"] = {*ALLOWED}
 ALLOWED["cli"] = {*ALLOWED}
 
 # Libraries that only some parts may import. numpy is left out of what `--help` loads by
@@ -51,6 +54,8 @@ CONFINED: dict[str, set[str]] = {
     "click": {"cli"},
     "rich": {"cli"},
     "yaml": {"plain_yaml"},
+    "matplotlib": {"printing", "report"},
+    "jinja2": {"report"},
     "numpy": {*ALLOWED} - {"__init__", "errors", "wording", "files", "plain_yaml"},
 }
 

@@ -1,0 +1,1 @@
+"""Cubic cameras from and to the lens models of other tools."""
