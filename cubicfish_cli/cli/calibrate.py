@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli import __version__
 from cubicfish_cli.cli import calibrate_points
 from cubicfish_cli.cli.figures import (
     count,
@@ -20,6 +18,7 @@ from cubicfish_cli.cli.figures import (
     px,
 )
 from cubicfish_cli.cli.inputs import Pairs, load_pairs, photo_problems
+from cubicfish_cli.cli.made_by import made_at, made_by_record
 from cubicfish_cli.cli.options import (
     FILE,
     common_options,
@@ -126,6 +125,7 @@ def command(
 
     if lift == "point" and compare:
         raise click.UsageError("--compare is of cameras with rays: it goes with --lift ray")
+    made_at()  # said before the work if it cannot be
     outputs = _outputs(output, inputs)
     for path in outputs.values():
         refuse_existing(path, overwrite=overwrite)
@@ -156,7 +156,7 @@ def command(
         calibrate_points.run(
             loaded,
             outputs,
-            _made_by({"lift": lift}, target if loaded.target else None, loaded.files),
+            made_by_record({"lift": lift}, target if loaded.target else None, loaded.files),
             hold_out=hold_out,
             as_json=as_json,
             max_rms=max_rms,
@@ -169,7 +169,7 @@ def command(
     if calibration.refined == "off":
         outputs.pop("target")
     options = {"hold_out": hold_out, "refine_target": refine_target}
-    made_by = _made_by(options, target if loaded.target else None, loaded.files)
+    made_by = made_by_record(options, target if loaded.target else None, loaded.files)
     _write(outputs, calibration, loaded, made_by, overwrite=overwrite)
     record = calibration.as_record()
     models = _compared(calibration, loaded.target, hold_out=hold_out) if compare else []
@@ -216,20 +216,6 @@ def _compared(
     say("Fitting other lens models to the same corners.")
     rows = compare_baselines(calibration, drawn=drawn, hold_out=hold_out)
     return [row.as_record() for row in rows]
-
-
-def _made_by(
-    options: Mapping[str, Any], target: Path | None, files: Sequence[Path]
-) -> dict[str, Any]:
-    from cubicfish_cli.files import sha256_of
-
-    return {
-        "version": __version__,
-        "date": datetime.now(UTC).isoformat(timespec="seconds"),
-        "options": dict(options),
-        "target": {"file": str(target), "sha256": sha256_of(target)} if target else None,
-        "inputs": [{"file": str(path), "sha256": sha256_of(path)} for path in files],
-    }
 
 
 def _write(

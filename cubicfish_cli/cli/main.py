@@ -9,8 +9,10 @@ from __future__ import annotations
 import importlib
 import io
 import os
+import signal
 import sys
-from typing import Any
+from types import FrameType
+from typing import Any, NoReturn
 
 import click
 
@@ -20,6 +22,7 @@ from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.wording import did_you_mean
 
 EXIT_INTERRUPTED = 130
+EXIT_SIGNAL = 128  # and the signal's number, as shells count
 EXIT_BROKEN_PIPE = 141  # what a shell reports for a program that SIGPIPE ended
 
 COMMANDS = (
@@ -33,6 +36,18 @@ COMMANDS = (
     "project",
     "unproject",
 )
+
+
+class Terminated(KeyboardInterrupt):
+    """A request to end (SIGTERM, SIGHUP), to be cleaned up after like Ctrl-C."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+
+
+def _terminate(number: int, frame: FrameType | None) -> NoReturn:
+    raise Terminated(number)
 
 
 class LazyGroup(click.Group):
@@ -67,6 +82,8 @@ class LazyGroup(click.Group):
             if ctx.meta.get(DEBUG_KEY):
                 raise
             raise click.ClickException(str(error)) from error
+        except Terminated as request:
+            ctx.exit(EXIT_SIGNAL + request.number)
         except KeyboardInterrupt:
             click.echo("Interrupted.", err=True)
             ctx.exit(EXIT_INTERRUPTED)
@@ -111,6 +128,12 @@ def main() -> None:
     # run it waits for its turn again and again. Work is shared out by processes instead.
     for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(threads, "1")
+    # Without a handler these end the process on the spot, and temporary files stay behind.
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)
+        # A parent such as nohup has asked for the signal to be ignored.
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, _terminate)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a terminal may lack some characters
             stream.reconfigure(errors="backslashreplace")
