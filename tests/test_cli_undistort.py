@@ -304,7 +304,7 @@ def test_an_interrupt_leaves_whole_files_only(model: Path, tmp_path: Path) -> No
         (photos / f"{number}.jpg").write_bytes(PHOTO.read_bytes())
     args = ["undistort", str(photos), str(out), "-m", str(model), "-j", "2"]
     with subprocess.Popen(
-        [sys.executable, "-m", "cubicfish_cli.cli.main", *args],
+        [sys.executable, "-m", "cubicfish_cli.cli.start", *args],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -7,22 +7,18 @@ work inside their bodies: help and usage errors answer at once.
 from __future__ import annotations
 
 import importlib
-import io
 import os
-import signal
 import sys
-from types import FrameType
-from typing import Any, NoReturn
+from typing import Any
 
 import click
 
 from cubicfish_cli import __version__
 from cubicfish_cli.cli.options import DEBUG_KEY, common_options
+from cubicfish_cli.cli.start import EXIT_INTERRUPTED, EXIT_SIGNAL, Terminated
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.wording import did_you_mean
 
-EXIT_INTERRUPTED = 130
-EXIT_SIGNAL = 128  # and the signal's number, as shells count
 EXIT_BROKEN_PIPE = 141  # what a shell reports for a program that SIGPIPE ended
 
 COMMANDS = (
@@ -36,18 +32,6 @@ COMMANDS = (
     "project",
     "unproject",
 )
-
-
-class Terminated(KeyboardInterrupt):
-    """A request to end (SIGTERM, SIGHUP), to be cleaned up after like Ctrl-C."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__()
-        self.number = number
-
-
-def _terminate(number: int, frame: FrameType | None) -> NoReturn:
-    raise Terminated(number)
 
 
 class LazyGroup(click.Group):
@@ -120,25 +104,3 @@ def cli() -> None:
     to stdout, everything else to stderr. Exit codes: 0 done, 1 the work could not be done,
     2 wrong usage, 3 done but a --max-rms gate failed, 130 interrupted.
     """
-
-
-def main() -> None:
-    """Run the command line."""
-    # The matrices here are small: a second BLAS thread gains nothing, and where other processes
-    # run it waits for its turn again and again. Work is shared out by processes instead.
-    for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(threads, "1")
-    # Without a handler these end the process on the spot, and temporary files stay behind.
-    for name in ("SIGTERM", "SIGHUP"):
-        number = getattr(signal, name, None)
-        # A parent such as nohup has asked for the signal to be ignored.
-        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
-            signal.signal(number, _terminate)
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a terminal may lack some characters
-            stream.reconfigure(errors="backslashreplace")
-    cli(prog_name="cubicfish")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,0 +1,76 @@
+"""Where the program begins: signals and threads are settled before anything else is loaded."""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import sys
+from types import FrameType
+from typing import NoReturn
+
+EXIT_SIGNAL = 128  # and the signal's number, as shells count
+EXIT_INTERRUPTED = EXIT_SIGNAL + signal.SIGINT
+
+
+class Terminated(KeyboardInterrupt):
+    """A request to end (SIGTERM, SIGHUP), to be cleaned up after like Ctrl-C."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+
+
+def _terminate(number: int, frame: FrameType | None) -> NoReturn:
+    raise Terminated(number)
+
+
+def _our_signals() -> list[int]:
+    """The signals that end a run and that the parent has not asked to ignore, as nohup does."""
+    names = ("SIGINT", "SIGTERM", "SIGHUP")
+    numbers = [int(getattr(signal, name)) for name in names if hasattr(signal, name)]
+    return [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
+
+
+def _end_at_once(numbers: list[int]) -> None:
+    for number in numbers:
+        signal.signal(number, signal.SIG_DFL)
+
+
+def _raise(numbers: list[int]) -> None:
+    for number in numbers:
+        interrupt = number == signal.SIGINT
+        signal.signal(number, signal.default_int_handler if interrupt else _terminate)
+
+
+def main() -> None:
+    """Run the command line.
+
+    Signals end the process at once, without a word, while there is nothing to clean up: before
+    the command line is loaded, and after it has ended. In between they are exceptions.
+    """
+    # The matrices here are small: a second BLAS thread gains nothing, and where other processes
+    # run it waits for its turn again and again. Work is shared out by processes instead.
+    for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(threads, "1")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal may lack some characters
+            stream.reconfigure(errors="backslashreplace")
+    numbers = _our_signals()
+    _end_at_once(numbers)
+    from cubicfish_cli.cli.main import cli
+
+    try:
+        try:
+            _raise(numbers)
+            cli(prog_name="cubicfish")
+        finally:
+            _end_at_once(numbers)
+    except Terminated as request:
+        sys.exit(EXIT_SIGNAL + request.number)
+    except KeyboardInterrupt:
+        sys.exit(EXIT_INTERRUPTED)
+
+
+if __name__ == "__main__":
+    main()
