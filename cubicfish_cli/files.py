@@ -7,6 +7,7 @@ import os
 import secrets
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from cubicfish_cli.errors import CubicfishError, OutputError
@@ -98,6 +99,54 @@ def write_text(path: Path, text: str, *, overwrite: bool) -> None:
     """Write ``text`` as UTF-8 to ``path``, whole or not at all."""
     with whole_file(path, overwrite=overwrite) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fingerprint:
+    """What a file held when it was looked at.
+
+    Attributes:
+        path: the file.
+        sha256: of its bytes, 64 hexadecimal digits.
+        stamp: its size, times and place on the disk, which change when it is written to.
+
+    """
+
+    path: Path
+    sha256: str
+    stamp: tuple[int, ...]
+
+    def refuse_changed(self) -> None:
+        """Raise :class:`OutputError` when the file is no longer what it was."""
+        try:
+            same = _stamp(self.path) == self.stamp
+        except OSError:
+            same = False
+        if not same:
+            raise OutputError(
+                f"{self.path} changed while it was being read, and nothing was written: run again"
+            )
+
+
+def fingerprint(path: Path) -> Fingerprint:
+    """Take a file's fingerprint, before it is read.
+
+    Raises:
+        CubicfishError: the file cannot be read.
+
+    """
+    try:
+        stamp = _stamp(path)
+        return Fingerprint(path=path, sha256=sha256_of(path), stamp=stamp)
+    except OSError as error:
+        raise CubicfishError(
+            f"{path} cannot be read ({error.strerror or error}): check its name and permissions"
+        ) from error
+
+
+def _stamp(path: Path) -> tuple[int, ...]:
+    status = path.stat()
+    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
 
 
 def sha256_of(path: Path) -> str:

@@ -245,3 +245,38 @@ def test_evaluate_says_what_it_did_not_count(run: Run, calibrated: Path, tmp_pat
     result = run("evaluate", tmp_path / "few.csv", "-t", TARGET, "-m", tmp_path / "narrow.yaml")
     assert "corners not counted: beyond the 60°" in result.stderr
     assert "corner_10.jpg: too few corners to place it" in result.stderr
+
+
+def test_a_date_of_ones_own_makes_the_same_bytes_again(
+    run: Run, tmp_path: Path, quick_fit: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    for name in ("a", "b"):
+        run("calibrate", CORNERS, "--target", TARGET, "-o", tmp_path / name)
+    texts = [(tmp_path / name / "camera.yaml").read_bytes() for name in ("a", "b")]
+    assert texts[0] == texts[1]
+    assert b"2023-11-14T22:13:20+00:00" in texts[0]
+
+
+def test_a_date_that_is_none_is_told_before_the_work(
+    run: Run, tmp_path: Path, no_fit: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "yesterday")
+    said = run("calibrate", CORNERS, "--target", TARGET, "-o", tmp_path / "a", code=1).stderr
+    assert "SOURCE_DATE_EPOCH='yesterday' is not a time" in said
+
+
+def test_an_input_that_changes_meanwhile_stops_it(
+    run: Run, tmp_path: Path, fitted: fitting.Calibration, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    corners = tmp_path / "corners.csv"
+    corners.write_bytes(CORNERS.read_bytes())
+
+    def fit(pairs: object, **options: object) -> fitting.Calibration:
+        corners.write_text("image,board,column,row,x,y\n")
+        return fitted
+
+    monkeypatch.setattr(fitting, "calibrate", fit)
+    said = run("calibrate", corners, "--target", TARGET, "-o", tmp_path / "a", code=1).stderr
+    assert "corners.csv changed while it was being read" in said
+    assert not (tmp_path / "a").exists()

@@ -17,7 +17,7 @@ from cubicfish_cli.cli.main import COMMANDS, cli
 from cubicfish_cli.errors import CameraFileError, FitError
 from cubicfish_cli.formats import camera_yaml
 
-CUBICFISH = [sys.executable, "-m", "cubicfish_cli.cli.start"]
+CUBICFISH = [sys.executable, "-m", "cubicfish_cli"]
 HEAVY = ("numpy", "cv2", "scipy", "yaml", "rich")
 
 

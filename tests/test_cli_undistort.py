@@ -181,6 +181,9 @@ def test_existing_results_are_skipped_when_asked(
     assert {name: after[name] for name in before} == before
     assert len(after) == 3
     assert run(*args).stdout == "nothing to do\n"
+    mask = tmp_path / "mask.png"
+    assert run(*args, "--mask", mask).stdout == f"nothing to do\nwrote {mask}\n"
+    assert run(*args, "--mask", mask).stdout == "nothing to do\n"
 
 
 def test_names_come_as_arguments_globs_and_from_stdin(
@@ -304,7 +307,7 @@ def test_an_interrupt_leaves_whole_files_only(model: Path, tmp_path: Path) -> No
         (photos / f"{number}.jpg").write_bytes(PHOTO.read_bytes())
     args = ["undistort", str(photos), str(out), "-m", str(model), "-j", "2"]
     with subprocess.Popen(
-        [sys.executable, "-m", "cubicfish_cli.cli.start", *args],
+        [sys.executable, "-m", "cubicfish_cli", *args],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -43,6 +43,7 @@ ALLOWED: dict[str, set[str]] = {
 }
 ALLOWED["report"] = {*ALLOWED}
 ALLOWED["cli"] = {*ALLOWED}
+ALLOWED["__main__"] = {"cli"}
 
 # Libraries that only some parts may import. numpy is left out of what `--help` loads by
 # test_cli_main.py, since importing it lazily is enough there.

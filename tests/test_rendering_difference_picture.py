@@ -44,3 +44,11 @@ def test_the_scale_is_below_and_shows_every_colour_and_numbers():
 
 def test_nothing_known_is_drawn_too():
     assert (difference_picture(np.full((30, 300), np.nan))[:30] == 255).all()
+
+
+@pytest.mark.parametrize("size", [0, 1e-12, 3e-5, 0.02, 5e7])
+def test_differences_of_any_size_are_drawn(size):
+    picture = difference_picture(np.full((20, 240), size))
+    assert (picture[20:] == 0).all(axis=-1).any()
+    wanted = COLOURS[0] if size < 1e-4 else COLOURS[-1]
+    np.testing.assert_array_equal(picture[0, 0, ::-1], wanted)

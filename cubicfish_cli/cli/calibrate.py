@@ -156,7 +156,7 @@ def command(
         calibrate_points.run(
             loaded,
             outputs,
-            made_by_record({"lift": lift}, target if loaded.target else None, loaded.files),
+            made_by_record({"lift": lift}, loaded.target_file, loaded.files),
             hold_out=hold_out,
             as_json=as_json,
             max_rms=max_rms,
@@ -169,7 +169,7 @@ def command(
     if calibration.refined == "off":
         outputs.pop("target")
     options = {"hold_out": hold_out, "refine_target": refine_target}
-    made_by = made_by_record(options, target if loaded.target else None, loaded.files)
+    made_by = made_by_record(options, loaded.target_file, loaded.files)
     _write(outputs, calibration, loaded, made_by, overwrite=overwrite)
     record = calibration.as_record()
     models = _compared(calibration, loaded.target, hold_out=hold_out) if compare else []

@@ -16,6 +16,7 @@ from cubicfish_cli.wording import quoted
 
 if TYPE_CHECKING:
     from cubicfish_cli.correspondences import Corners, Correspondences
+    from cubicfish_cli.files import Fingerprint
     from cubicfish_cli.naming.detect import Detection
     from cubicfish_cli.photos import Photo
     from cubicfish_cli.target import Target
@@ -30,7 +31,8 @@ class Pairs:
         corners: the named corners behind them; None for pairs that came as such.
         target: the object; None for pairs that came as such.
         detection: what was found in each photo; None for CSV files.
-        files: every file that was read, in order.
+        files: every file that was read, in order, as it was before.
+        target_file: the target's.
 
     """
 
@@ -38,7 +40,8 @@ class Pairs:
     corners: Corners | None
     target: Target | None
     detection: Detection | None
-    files: tuple[Path, ...]
+    files: tuple[Fingerprint, ...]
+    target_file: Fingerprint | None
 
 
 def load_pairs(
@@ -92,19 +95,30 @@ def _holds_world_points(path: Path) -> bool:
 
 def _from_correspondences(path: Path, size: tuple[int, int] | None) -> Pairs:
     from cubicfish_cli.correspondences import load_correspondences
+    from cubicfish_cli.files import fingerprint
 
+    file = fingerprint(path)
     pairs = load_correspondences(path, image_size=size)
-    return Pairs(pairs=pairs, corners=None, target=None, detection=None, files=(path,))
+    return Pairs(
+        pairs=pairs, corners=None, target=None, detection=None, files=(file,), target_file=None
+    )
 
 
 def _from_corners(path: Path, target_path: Path, size: tuple[int, int] | None) -> Pairs:
     from cubicfish_cli.correspondences import load_corners, pair
+    from cubicfish_cli.files import fingerprint
     from cubicfish_cli.target import load_target
 
+    target_file, file = fingerprint(target_path), fingerprint(path)
     target = load_target(target_path)
     corners = load_corners(path, target, image_size=size)
     return Pairs(
-        pairs=pair(corners, target), corners=corners, target=target, detection=None, files=(path,)
+        pairs=pair(corners, target),
+        corners=corners,
+        target=target,
+        detection=None,
+        files=(file,),
+        target_file=target_file,
     )
 
 
@@ -112,18 +126,22 @@ def _from_photos(
     inputs: Sequence[Path], target_path: Path, jobs: int | None, no_cache: bool
 ) -> Pairs:
     from cubicfish_cli.correspondences import pair
+    from cubicfish_cli.files import fingerprint
     from cubicfish_cli.photos import find_photos
     from cubicfish_cli.target import load_target
 
+    target_file = fingerprint(target_path)
     target = load_target(target_path)
     photos = find_photos(inputs)
+    files = tuple(fingerprint(photo.path) for photo in photos)
     detection = detect(photos, target, jobs, no_cache=no_cache)
     return Pairs(
         pairs=pair(detection.corners, target),
         corners=detection.corners,
         target=target,
         detection=detection,
-        files=tuple(photo.path for photo in photos),
+        files=files,
+        target_file=target_file,
     )
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli import __version__
 from cubicfish_cli.errors import CubicfishError
+
+if TYPE_CHECKING:
+    from cubicfish_cli.files import Fingerprint
 
 
 def made_at() -> str:
@@ -30,15 +32,24 @@ def made_at() -> str:
 
 
 def made_by_record(
-    options: Mapping[str, Any], target: Path | None, files: Sequence[Path]
+    options: Mapping[str, Any], target: Fingerprint | None, files: Sequence[Fingerprint]
 ) -> dict[str, Any]:
-    """Version, date and options, and the SHA-256 of the target and of every input."""
-    from cubicfish_cli.files import sha256_of
+    """Version, date and options, and the SHA-256 of the target and of every input.
 
+    Raises:
+        OutputError: a file is no longer what it was when it was read.
+
+    """
+    for file in (*files, *([target] if target else [])):
+        file.refuse_changed()
     return {
         "version": __version__,
         "date": made_at(),
         "options": dict(options),
-        "target": {"file": str(target), "sha256": sha256_of(target)} if target else None,
-        "inputs": [{"file": str(path), "sha256": sha256_of(path)} for path in files],
+        "target": _of(target) if target else None,
+        "inputs": [_of(file) for file in files],
     }
+
+
+def _of(file: Fingerprint) -> dict[str, str]:
+    return {"file": str(file.path), "sha256": file.sha256}

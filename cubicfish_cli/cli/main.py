@@ -14,8 +14,8 @@ from typing import Any
 import click
 
 from cubicfish_cli import __version__
+from cubicfish_cli.cli.ending import EXIT_INTERRUPTED, EXIT_SIGNAL, Terminated
 from cubicfish_cli.cli.options import DEBUG_KEY, common_options
-from cubicfish_cli.cli.start import EXIT_INTERRUPTED, EXIT_SIGNAL, Terminated
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.wording import did_you_mean
 

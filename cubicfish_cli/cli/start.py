@@ -6,23 +6,8 @@ import io
 import os
 import signal
 import sys
-from types import FrameType
-from typing import NoReturn
 
-EXIT_SIGNAL = 128  # and the signal's number, as shells count
-EXIT_INTERRUPTED = EXIT_SIGNAL + signal.SIGINT
-
-
-class Terminated(KeyboardInterrupt):
-    """A request to end (SIGTERM, SIGHUP), to be cleaned up after like Ctrl-C."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__()
-        self.number = number
-
-
-def _terminate(number: int, frame: FrameType | None) -> NoReturn:
-    raise Terminated(number)
+from cubicfish_cli.cli.ending import EXIT_INTERRUPTED, EXIT_SIGNAL, Terminated, terminate
 
 
 def _our_signals() -> list[int]:
@@ -40,7 +25,7 @@ def _end_at_once(numbers: list[int]) -> None:
 def _raise(numbers: list[int]) -> None:
     for number in numbers:
         interrupt = number == signal.SIGINT
-        signal.signal(number, signal.default_int_handler if interrupt else _terminate)
+        signal.signal(number, signal.default_int_handler if interrupt else terminate)
 
 
 def main() -> None:
@@ -70,7 +55,3 @@ def main() -> None:
         sys.exit(EXIT_SIGNAL + request.number)
     except KeyboardInterrupt:
         sys.exit(EXIT_INTERRUPTED)
-
-
-if __name__ == "__main__":
-    main()

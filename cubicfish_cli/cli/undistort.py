@@ -133,11 +133,19 @@ def command(
         )
     planned = planned.free(skip_existing=skip_existing, overwrite=overwrite)
     if isinstance(chosen, PlanesOfPhotos):
-        chosen.find_missing(planned.jobs)
+        chosen.find_missing([*planned.jobs, *planned.skipped])
     if dry_run:
         _describe_plan(planned, chosen)
         return
-    extras = _extras(mask, camera_out, planned, chosen, overwrite=overwrite, trusted=trusted)
+    extras = _extras(
+        mask,
+        camera_out,
+        planned,
+        chosen,
+        overwrite=overwrite,
+        skip_existing=skip_existing,
+        trusted=trusted,
+    )
     if planned.videos:
         failures = _undistort_videos(planned, chosen, pixels, encoding, overwrite=overwrite)
     else:
@@ -164,7 +172,7 @@ class _Plan:
         destination: OUT.
         one: whether a single file was named.
         videos: whether they are videos.
-        skipped: how many are left out, since their results exist.
+        skipped: those that are left out, since their results exist.
 
     """
 
@@ -172,7 +180,7 @@ class _Plan:
     destination: Path
     one: bool
     videos: bool
-    skipped: int = 0
+    skipped: Sequence[PhotoJob] = ()
 
     @property
     def kind(self) -> str:
@@ -194,17 +202,18 @@ class _Plan:
         from cubicfish_cli.files import refuse_existing
         from cubicfish_cli.undistortion.images import check_suffix
 
-        jobs = []
+        jobs, skipped = [], []
         for job in self.jobs:
             for path in job.outputs:
                 if not self.videos:
                     check_suffix(path)
             if skip_existing and all(path.is_file() for path in job.outputs):
+                skipped.append(job)
                 continue
             for path in job.outputs:
                 refuse_existing(path, overwrite=overwrite)
             jobs.append(job)
-        return replace(self, jobs=jobs, skipped=len(self.jobs) - len(jobs))
+        return replace(self, jobs=jobs, skipped=skipped)
 
 
 def _views(
@@ -354,7 +363,7 @@ def _describe_plan(planned: _Plan, chosen: Views) -> None:
             continue
         groups.setdefault(chosen.group(job.source, size), []).append((job.source, size))
     files = sum(len(job.outputs) for job in planned.jobs)
-    skipped = f", {planned.skipped} skipped" * bool(planned.skipped)
+    skipped = f", {len(planned.skipped)} skipped" * bool(planned.skipped)
     given = count(len(planned.jobs), planned.kind)
     result(f"would write {count(files, 'file')} from {given}{skipped}")
     for members in groups.values():
@@ -403,15 +412,17 @@ def _extras(
     chosen: Views,
     *,
     overwrite: bool,
+    skip_existing: bool,
     trusted: Callable[[tuple[int, int]], Trusted] | None,
 ) -> list[Path]:
     """Write the mask and the virtual camera, which are the same for all photos of one size."""
-    if (mask is None and camera_out is None) or not planned.jobs:
+    jobs = [*planned.jobs, *planned.skipped]
+    if (mask is None and camera_out is None) or not jobs:
         return []
     from cubicfish_cli.cli.view_outputs import write_view_outputs
     from cubicfish_cli.errors import ViewError
 
-    sizes = {job.source: planned.size_of(job) for job in planned.jobs}
+    sizes = {job.source: planned.size_of(job) for job in jobs}
     if len({chosen.group(source, size) for source, size in sizes.items()}) > 1:
         raise ViewError(
             "these photos have a mask and a virtual camera each, since their sizes or planes "
@@ -425,6 +436,7 @@ def _extras(
         mask=mask,
         beside=camera_out,
         overwrite=overwrite,
+        skip_existing=skip_existing,
         trusted=trusted(size) if trusted else None,
     )
 
@@ -440,7 +452,7 @@ def _report(planned: _Plan, failures: Sequence[Failure], chosen: Views) -> None:
     failed = {failure.job.source for failure in failures}
     done = [job for job in planned.jobs if job.source not in failed]
     if planned.skipped:
-        say(f"skipped {count(planned.skipped, planned.kind)} whose result exists")
+        say(f"skipped {count(len(planned.skipped), planned.kind)} whose result exists")
     if done:
         view = chosen.view(done[0].source, planned.size_of(done[0]))
         files = sum(len(job.outputs) for job in done)

@@ -75,10 +75,13 @@ def write_view_outputs(
     mask: Path | None,
     beside: Path | None,
     overwrite: bool,
+    skip_existing: bool = False,
     trusted: Trusted | None = None,
 ) -> list[Path]:
     """Write the mask and the virtual camera, those that are asked for; return the files."""
     writers = view_writers(maps, mask=mask, beside=beside, trusted=trusted)
+    if skip_existing:
+        writers = {path: write for path, write in writers.items() if not path.is_file()}
     return write_all(writers, overwrite=overwrite)
 
 

@@ -14,6 +14,8 @@ _BANDS = bytes.fromhex("00204d 00336f 39486b 575c6d 707173 8a8779 a69d75 c4b56c 
 COLOURS = np.frombuffer(_BANDS, np.uint8).reshape(10, 3)
 _PAPER = 255
 _INK = 0
+# Differences far below any noise are not worth a scale of their own.
+_SMALLEST_TOP = 1e-3
 # Letters of 3 x 5 dots, a row a digit in octal: 4 is the left dot, 1 the right one.
 _LETTERS = {
     "0": "75557",
@@ -53,7 +55,8 @@ def difference_picture(magnitude: FloatArray, *, top: float | None = None) -> Pi
     """
     known = np.isfinite(magnitude)
     if top is None:
-        top = round_up(float(np.percentile(magnitude[known], 99)) if known.any() else 1.0)
+        most = float(np.percentile(magnitude[known], 99)) if known.any() else 1.0
+        top = max(round_up(most), _SMALLEST_TOP)
     share = np.where(known, magnitude, 0) / top
     band = np.clip((share * len(COLOURS)).astype(int), 0, len(COLOURS) - 1)
     picture = np.where(known[..., None], COLOURS[band], np.uint8(_PAPER)).astype(np.uint8)
@@ -68,7 +71,7 @@ def _scale(width: int, top: float) -> Picture:
     for left, right, colour in zip(edges[:-1], edges[1:], COLOURS, strict=True):
         picture[margin : margin + bar, left:right] = colour
     for share in (0.0, 0.5, 1.0):
-        text = f"{share * top:.6g}" + (" px" if share == 1 else "")
+        text = f"{share * top:.6f}".rstrip("0").rstrip(".") + (" px" if share == 1 else "")
         ink = _letters(text, dot)
         middle = int(edges[0] + share * (edges[-1] - edges[0]))
         left = max(0, min(middle - 2 * dot, width - ink.shape[1]))

@@ -14,7 +14,7 @@ import numpy as np
 
 PROJECT = Path(__file__).parents[2]
 SAMPLE = PROJECT / "sample_data"
-PROGRAM = (sys.executable, "-m", "cubicfish_cli.cli.start")
+PROGRAM = (sys.executable, "-m", "cubicfish_cli")
 # A command that takes longer than this hangs.
 LONGEST_S = 300.0
 

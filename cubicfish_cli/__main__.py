@@ -1,0 +1,6 @@
+"""``python -m cubicfish_cli`` is ``cubicfish``."""
+
+from cubicfish_cli.cli.start import main
+
+if __name__ == "__main__":
+    main()
