@@ -11,6 +11,7 @@ from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.robust import noise_px
 
 FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
 
 # Cells along the photo's shorter side in which coverage is counted.
 _CELLS = 8
@@ -32,6 +33,21 @@ def coverage(pixel: FloatArray, outline: FloatArray, image_size: tuple[int, int]
         image_size: (width, height), pixels.
 
     """
+    _, valid, hit = field_cells(pixel, outline, image_size)
+    return float((hit & valid).sum() / max(valid.sum(), 1))
+
+
+def field_cells(
+    pixel: FloatArray, outline: FloatArray, image_size: tuple[int, int]
+) -> tuple[float, BoolArray, BoolArray]:
+    """The squares that coverage counts: their side, and (rows, columns) of two kinds.
+
+    The arguments are those of :func:`coverage`.
+
+    Returns:
+        Side of a square, pixels; which squares' middles lie in the field; which hold a corner.
+
+    """
     width, height = image_size
     cell = min(image_size) / _CELLS
     x = np.arange(cell / 2, width, cell)
@@ -42,10 +58,10 @@ def coverage(pixel: FloatArray, outline: FloatArray, image_size: tuple[int, int]
     kept = (column >= 0) & (row >= 0) & (column < len(x)) & (row < len(y))
     hit = np.zeros_like(valid)
     hit[row[kept], column[kept]] = True
-    return float((hit & valid).sum() / max(valid.sum(), 1))
+    return cell, valid, hit
 
 
-def _inside(points: FloatArray, polygon: FloatArray) -> npt.NDArray[np.bool_]:
+def _inside(points: FloatArray, polygon: FloatArray) -> BoolArray:
     """Which points (N, 2) lie in a polygon (K, 2), by crossings of a ray to the right."""
     ax, ay = polygon.T
     bx, by = np.roll(polygon, -1, axis=0).T
