@@ -14,7 +14,7 @@ import numpy as np
 
 PROJECT = Path(__file__).parents[2]
 SAMPLE = PROJECT / "sample_data"
-PROGRAM = (sys.executable, "-m", "cubicfish_cli")
+PROGRAM = (str(Path(sys.executable).with_name("cubicfish")),)
 # A command that takes longer than this hangs.
 LONGEST_S = 300.0
 
@@ -148,8 +148,6 @@ def environment(folder: Path) -> dict[str, str]:
         "TMPDIR": str(folder / "tmp"),
         "SOURCE_DATE_EPOCH": "1700000000",
         "OMP_NUM_THREADS": "1",
-        "PYTHONWARNINGS": "error",
-        "PYTHONPATH": str(PROJECT),
     }
 
 
