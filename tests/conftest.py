@@ -6,7 +6,7 @@ import os
 for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_threads, "1")
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from inspect import signature
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from cubicfish_cli.cli.main import cli
 from cubicfish_cli.correspondences import load_corners, pair
 from cubicfish_cli.fitting import calibrate
 from cubicfish_cli.fitting.calibrate import Calibration
+from cubicfish_cli.report import extra
 from cubicfish_cli.target import load_target
 
 # Loaded machines are slow at times; no test judges by the clock.
@@ -51,6 +52,25 @@ def nothing_from_outside(
 ) -> None:
     monkeypatch.delenv("CUBICFISH_MODEL", raising=False)
     monkeypatch.setenv("CUBICFISH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+
+
+_MISSING = extra.missing
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_report() -> Iterator[None]:
+    """As if the extra 'report' were absent: what writes pages takes its time, and says so."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(extra, "missing", lambda: ["matplotlib"])
+        yield
+
+
+@pytest.fixture
+def with_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The extra 'report' as it is here; without it the test is skipped."""
+    for library in extra.LIBRARIES:
+        pytest.importorskip(library)
+    monkeypatch.setattr(extra, "missing", _MISSING)
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import calibrate_points
+from cubicfish_cli.cli import calibrate_points, report_step
 from cubicfish_cli.cli.figures import (
     count,
     hold_gate,
@@ -35,6 +35,7 @@ from cubicfish_cli.cli.terminal import detail, print_json, print_table, result, 
 
 if TYPE_CHECKING:
     from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
+    from cubicfish_cli.fitting.verdict import Verdict
     from cubicfish_cli.target import Target
 
 
@@ -63,7 +64,7 @@ if TYPE_CHECKING:
     default=Path("calibration"),
     show_default=True,
     metavar="FOLDER",
-    help="Where camera.yaml, undistort_map.npz and corners.csv go.",
+    help="Where camera.yaml, undistort_map.npz, corners.csv and report.html go.",
 )
 @click.option(
     "--refine-target",
@@ -93,6 +94,7 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Also fit other lens models to the same corners, and print one table.",
 )
+@report_step.report_option
 @max_rms_option
 @overwrite_option
 @json_option
@@ -109,6 +111,7 @@ def command(
     hold_out: bool,
     lift: str,
     compare: bool,
+    report: bool,
     max_rms: float | None,
     overwrite: bool,
     as_json: bool,
@@ -122,11 +125,14 @@ def command(
     """
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.fitting.calibrate import calibrate
+    from cubicfish_cli.fitting.verdict import verdict
 
     if lift == "point" and compare:
         raise click.UsageError("--compare is of cameras with rays: it goes with --lift ray")
     made_at()  # said before the work if it cannot be
     outputs = _outputs(output, inputs)
+    if not (report and report_step.is_possible()):
+        outputs.pop("report")
     for path in outputs.values():
         refuse_existing(path, overwrite=overwrite)
     loaded = load_pairs(
@@ -161,6 +167,7 @@ def command(
             as_json=as_json,
             max_rms=max_rms,
             overwrite=overwrite,
+            report=report,
         )
         return
     calibration = calibrate(
@@ -170,14 +177,18 @@ def command(
         outputs.pop("target")
     options = {"hold_out": hold_out, "refine_target": refine_target}
     made_by = made_by_record(options, loaded.target_file, loaded.files)
-    _write(outputs, calibration, loaded, made_by, overwrite=overwrite)
     record = calibration.as_record()
+    camera = calibration.camera
+    page = report_step.make_page(outputs, camera, record, made_by, loaded, calibration.target)
+    _write(outputs, calibration, loaded, made_by, page, overwrite=overwrite)
+    judged = verdict(record, camera.image_size, camera.outline())
     models = _compared(calibration, loaded.target, hold_out=hold_out) if compare else []
     if as_json:
         compared = {"models": models} if compare else {}
-        print_json({**record, **compared, "model": str(outputs["camera"])})
+        files = report_step.as_record(judged, outputs)
+        print_json({**record, **compared, **files, "model": str(outputs["camera"])})
     else:
-        _print(calibration, record, models, outputs)
+        _print(calibration, record, judged, models, outputs)
     for corner in record["dropped_corners"]:
         detail(
             "dropped: {image} {board} column {column} row {row}: {error_px:.1f} px off".format(
@@ -191,6 +202,7 @@ def command(
     for departure in calibration.departures:
         for doubt in departure.doubts:
             say(f"warning: board {departure.board} seems {doubt}")
+    report_step.say_if_missing(outputs, wanted=report)
     hold_gate(calibration.errors.rms_px, max_rms)
 
 
@@ -199,6 +211,7 @@ def _outputs(folder: Path, inputs: Sequence[Path]) -> dict[str, Path]:
         "camera": folder / "camera.yaml",
         "map": folder / "undistort_map.npz",
         "target": folder / "target.refined.yaml",
+        "report": folder / report_step.NAME,
     }
     corners = folder / "corners.csv"
     # Corners that were read from this very file need not be written again.
@@ -223,6 +236,7 @@ def _write(
     calibration: Calibration,
     loaded: Pairs,
     made_by: Mapping[str, Any],
+    page: str | None,
     *,
     overwrite: bool,
 ) -> None:
@@ -244,11 +258,14 @@ def _write(
             write_text(names["target"], target_text(calibration.target), overwrite=False)
         if "corners" in names and loaded.corners is not None:
             save_corners(names["corners"], loaded.corners, overwrite=False)
+        if "report" in names and page is not None:
+            write_text(names["report"], page, overwrite=False)
 
 
 def _print(
     calibration: Calibration,
     record: Mapping[str, Any],
+    judged: Verdict,
     models: Sequence[Mapping[str, Any]],
     outputs: Mapping[str, Path],
 ) -> None:
@@ -280,6 +297,7 @@ def _print(
         f"{'uncertainty':<24}{px(uncertainty['median_px']):>7} px  of a distant point's pixel, "
         f"median over the field; at most {px(uncertainty['max_px'])}\n"
     )
+    result(f"verdict: {judged.line}\n")
     _print_object(calibration)
     print_photos(record["per_image"])
     if models:

@@ -6,64 +6,75 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cubicfish_cli.cli import report_step
 from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_photos
 from cubicfish_cli.cli.inputs import Pairs
 from cubicfish_cli.cli.terminal import print_json, result, say
 
 if TYPE_CHECKING:
     from cubicfish_cli.fitting.point_fit import PointCalibration
+    from cubicfish_cli.fitting.verdict import Verdict
 
 
 def run(
     loaded: Pairs,
-    outputs: Mapping[str, Path],
+    outputs: dict[str, Path],
     made_by: Mapping[str, Any],
     *,
     hold_out: bool,
     as_json: bool,
     max_rms: float | None,
     overwrite: bool,
+    report: bool,
 ) -> None:
     """Fit, write the camera (and the corners) and print; see ``cubicfish calibrate``.
 
     Args:
         loaded: the pairs.
-        outputs: where ``camera``, and ``corners`` if they are to be written, go.
+        outputs: where ``camera``, and ``corners`` and ``report`` if they are to be written, go.
         made_by: goes into the camera's file.
         hold_out: also measure the held-out error.
         as_json: print one JSON object.
         max_rms: the user's gate.
         overwrite: replace files that exist.
+        report: whether the user wants a report, where the libraries for one are there.
 
     """
     from cubicfish_cli.correspondences import save_corners
-    from cubicfish_cli.files import whole_files
+    from cubicfish_cli.files import whole_files, write_text
     from cubicfish_cli.fitting.point_fit import calibrate_points
+    from cubicfish_cli.fitting.verdict import verdict
     from cubicfish_cli.formats.camera_yaml import save_camera
 
     calibration = calibrate_points(loaded.pairs, hold_out=hold_out)
     record = calibration.as_record()
-    names = [name for name in ("camera", "corners") if name in outputs]
-    if loaded.corners is None:
-        names = ["camera"]
+    camera = calibration.camera
+    page = report_step.make_page(outputs, camera, record, made_by, loaded, loaded.target)
+    names = [name for name in ("camera", "corners", "report") if name in outputs]
     with whole_files([outputs[name] for name in names], overwrite=overwrite) as temporary:
-        save_camera(temporary[0], calibration.camera, fit=record, made_by=made_by, overwrite=False)
-        if len(temporary) > 1 and loaded.corners is not None:
-            save_corners(temporary[1], loaded.corners, overwrite=False)
+        places = dict(zip(names, temporary, strict=True))
+        save_camera(places["camera"], camera, fit=record, made_by=made_by, overwrite=False)
+        if "corners" in places and loaded.corners is not None:
+            save_corners(places["corners"], loaded.corners, overwrite=False)
+        if "report" in places and page is not None:
+            write_text(places["report"], page, overwrite=False)
+    judged = verdict(record, camera.image_size, camera.valid)
     if as_json:
-        print_json({**record, "model": str(outputs["camera"])})
+        files = report_step.as_record(judged, outputs)
+        print_json({**record, **files, "model": str(outputs["camera"])})
     else:
-        _print(calibration, record)
+        _print(calibration, record, judged)
         result()
         for name in names:
             result(f"wrote {outputs[name]}")
         result(f"\nNext: cubicfish project POINTS --model {outputs['camera']}")
     for photo, reason in calibration.unfit.items():
         say(f"left out: {photo}: {reason}")
+    report_step.say_if_missing(outputs, wanted=report)
     hold_gate(calibration.errors.rms_px, max_rms)
 
 
-def _print(calibration: PointCalibration, record: Mapping[str, Any]) -> None:
+def _print(calibration: PointCalibration, record: Mapping[str, Any], judged: Verdict) -> None:
     camera = calibration.camera
     result(
         f"{count(record['images'], 'photo')}, {count(record['corners'], 'corner')} used, "
@@ -88,4 +99,5 @@ def _print(calibration: PointCalibration, record: Mapping[str, Any]) -> None:
     )
     result(f"{'rank':<24}{camera.rank:>7}     of 20: {meaning}")
     result(f"{'frame':<24}{camera.frame:>7}     of the points that it takes\n")
+    result(f"verdict: {judged.line}\n")
     print_photos(record["per_image"])

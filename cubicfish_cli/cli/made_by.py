@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
+
+import click
+from click.core import ParameterSource
 
 from cubicfish_cli import __version__
 from cubicfish_cli.errors import CubicfishError
 
 if TYPE_CHECKING:
     from cubicfish_cli.files import Fingerprint
+
+_CHANGES_NO_CAMERA = {
+    "as_json", "compare", "jobs", "max_rms", "no_cache", "output", "overwrite", "report",
+}  # fmt: skip
 
 
 def made_at() -> str:
@@ -34,7 +42,7 @@ def made_at() -> str:
 def made_by_record(
     options: Mapping[str, Any], target: Fingerprint | None, files: Sequence[Fingerprint]
 ) -> dict[str, Any]:
-    """Version, date and options, and the SHA-256 of the target and of every input.
+    """Version, date, command and options, and the SHA-256 of the target and of every input.
 
     Raises:
         OutputError: a file is no longer what it was when it was read.
@@ -45,10 +53,32 @@ def made_by_record(
     return {
         "version": __version__,
         "date": made_at(),
+        "command": command_line(),
         "options": dict(options),
         "target": _of(target) if target else None,
         "inputs": [_of(file) for file in files],
     }
+
+
+def command_line() -> str:
+    """The command that is being run, without what is by default and what changes no camera."""
+    context = click.get_current_context()
+    words = context.command_path.split()
+    for parameter in context.command.params:
+        value = context.params.get(parameter.name or "")
+        if isinstance(parameter, click.Argument):
+            words += map(str, value if isinstance(value, tuple) else [value])
+            continue
+        given = context.get_parameter_source(parameter.name or "")
+        if parameter.name not in context.params or parameter.name in _CHANGES_NO_CAMERA:
+            continue
+        if given is not ParameterSource.COMMANDLINE:
+            continue
+        names = parameter.secondary_opts if value is False else parameter.opts
+        words.append(max(names or parameter.opts, key=len))
+        if not isinstance(value, bool):
+            words.append("x".join(map(str, value)) if isinstance(value, tuple) else str(value))
+    return shlex.join(words)
 
 
 def _of(file: Fingerprint) -> dict[str, str]:

@@ -27,6 +27,7 @@ COMMANDS = (
     "detect",
     "evaluate",
     "compare",
+    "report",
     "undistort",
     "map",
     "project",

@@ -1,0 +1,85 @@
+"""``cubicfish report``: one page about a calibration."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from cubicfish_cli.cli.options import (
+    FILE,
+    common_options,
+    examples,
+    model_option,
+    model_path,
+    overwrite_option,
+    target_option,
+)
+from cubicfish_cli.cli.terminal import result, say
+
+
+@click.command(
+    "report",
+    short_help="One HTML page about a calibration: is it good, and why.",
+    epilog=examples(
+        "cubicfish report",
+        "cubicfish report calibration/ --photos photos/ -o lens.html",
+        "cubicfish report --model camera.yaml --target target.yaml --overwrite",
+    ),
+)
+@click.argument("calibration", type=FILE, required=False, metavar="[FOLDER|CAMERA_YAML]")
+@model_option
+@target_option
+@click.option(
+    "--photos",
+    type=FILE,
+    multiple=True,
+    metavar="PATH",
+    help="The photos (a folder, a file or a glob; may be given again), where they are not at "
+    "their old place.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=FILE,
+    metavar="FILE",
+    help="The page. [default: report.html beside the camera]",
+)
+@overwrite_option
+@common_options
+def command(
+    calibration: Path | None,
+    model: Path | None,
+    target: Path | None,
+    photos: tuple[Path, ...],
+    output: Path | None,
+    overwrite: bool,
+) -> None:
+    """Write one HTML page about the calibration in FOLDER (by default: calibration).
+
+    The page stands alone: no network, no program, every picture inside. Corners, target and
+    photos are looked for beside the camera and where the calibration found them; what is no
+    longer there, or has changed, is left out, and the page says so. The errors are worked out
+    again from camera.yaml and corners.csv.
+    """
+    from cubicfish_cli.errors import CubicfishError
+    from cubicfish_cli.files import refuse_existing, write_text
+    from cubicfish_cli.report.extra import INSTALL, missing
+
+    if missing():
+        raise CubicfishError(f"a report needs {' and '.join(missing())}: {INSTALL}")
+    camera = calibration or model_path(model)
+    if camera.is_dir():
+        camera = camera / "camera.yaml"
+    page = output or camera.parent / "report.html"
+    refuse_existing(page, overwrite=overwrite)
+
+    from cubicfish_cli.report.from_files import facts_of_files
+    from cubicfish_cli.report.page import report_html
+
+    facts = facts_of_files(camera, target=target, photos=photos)
+    text = report_html(facts)
+    write_text(page, text, overwrite=overwrite)
+    for line in facts.absent:
+        say(f"left out: {line}")
+    result(f"{facts.verdict.line}\n\nwrote {page}")

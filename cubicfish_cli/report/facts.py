@@ -1,0 +1,316 @@
+"""What a page says: the record of a fit, and every corner's error worked out again from it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.correspondences import MAX_COORDINATE, Correspondences
+from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
+from cubicfish_cli.fitting.statistics import rms_px
+from cubicfish_cli.fitting.subset import select
+from cubicfish_cli.fitting.verdict import Verdict, photo_verdicts, verdict
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.model.point_cubic import PointCamera
+from cubicfish_cli.target import Target
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+# Errors that are worked out again and differ by more than this share are of other corners.
+_SAME_RMS = 0.02
+_SAME_RMS_PX = 1e-3
+_NO_PHOTOS = (
+    "Pictures of the photos, and an undistorted one: the photos are not at hand. "
+    "'cubicfish report --photos FOLDER' shows them."
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PhotoFacts:
+    """A photo of the fit.
+
+    Attributes:
+        name: of the photo.
+        corners: how many were used.
+        rms_px, median_px, p95_px, max_px: of its reprojection errors; None where not known.
+        rotation, translation: (3, 3) and (3,) camera_from_world; None where not known.
+        words: how it stands beside the others.
+
+    """
+
+    name: str
+    corners: int
+    rms_px: float | None
+    median_px: float | None
+    p95_px: float | None
+    max_px: float | None
+    rotation: FloatArray | None
+    translation: FloatArray | None
+    words: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DroppedFacts:
+    """A corner that was left out as grossly wrong."""
+
+    image: str
+    board: str | None
+    column: int
+    row: int
+    error_px: float | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ErrorFacts:
+    """Every used corner with its error.
+
+    Attributes:
+        pairs: the corners.
+        residual: (N, 2) projection less pixel, pixels.
+        angle_deg: (N,) from the camera's axis; None for a camera without rays.
+
+    """
+
+    pairs: Correspondences
+    residual: FloatArray
+    angle_deg: FloatArray | None
+
+    @property
+    def length(self) -> FloatArray:
+        """(N,) lengths of the residuals, pixels."""
+        return np.hypot(self.residual[:, 0], self.residual[:, 1])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Facts:
+    """All that a page is made from.
+
+    Attributes:
+        camera: the camera.
+        fit, made_by: the records of camera.yaml.
+        verdict: what the fit is worth.
+        photos: of the fit, in its order.
+        dropped: corners that were left out; only counted where the lift is ``point``.
+        dropped_pixels: photo and (2,) pixel of those of them that are at hand.
+        errors: None where the corners or what they are of are not at hand.
+        target: the object as fitted; None where it is not at hand.
+        files: where each photo is, as far as that is known.
+        digests: SHA-256 that a photo's file must have to be shown, where that is known.
+        absent: what the page lacks and why, a line each.
+
+    """
+
+    camera: CubicCamera | PointCamera
+    fit: Mapping[str, Any]
+    made_by: Mapping[str, Any]
+    verdict: Verdict
+    photos: tuple[PhotoFacts, ...]
+    dropped: tuple[DroppedFacts, ...]
+    dropped_pixels: tuple[tuple[str, FloatArray], ...]
+    errors: ErrorFacts | None
+    target: Target | None
+    files: Mapping[str, Path]
+    digests: Mapping[str, str]
+    absent: tuple[str, ...]
+
+    def number(self, key: str) -> float | None:
+        """A finite number of the fit's record; None where there is none."""
+        return finite(self.fit.get(key))
+
+    @property
+    def units(self) -> str:
+        """Unit of lengths; empty where the object is not known."""
+        return self.target.units if self.target else ""
+
+    @property
+    def outline(self) -> FloatArray:
+        """(K, 2) the field within the photo where the camera may be trusted, pixels."""
+        return self.camera.valid if isinstance(self.camera, PointCamera) else self.camera.outline()
+
+
+def gather(
+    camera: CubicCamera | PointCamera,
+    fit: Mapping[str, Any],
+    made_by: Mapping[str, Any],
+    *,
+    pairs: Correspondences | None,
+    target: Target | None,
+    files: Mapping[str, Path],
+    digests: Mapping[str, str] | None = None,
+    absent: Sequence[str] = (),
+) -> Facts:
+    """Put together what a page says.
+
+    Args:
+        camera: the camera.
+        fit: how well it fits, as camera.yaml has it; whatever in it is not what a calibration
+            writes is passed over.
+        made_by: version, date, options and hashes, as camera.yaml has them.
+        pairs: the corners with the world points of the object as fitted. Those that the fit
+            left out may be among them.
+        target: the object as fitted.
+        files: the photos' files by the photos' names.
+        digests: SHA-256 that these files must have, by the photos' names; others are not shown.
+        absent: what is known to be missing and why, a line each.
+
+    """
+    photos = _photos(fit)
+    dropped = _dropped(fit)
+    lines = list(absent)
+    errors = None
+    pixels: tuple[tuple[str, FloatArray], ...] = ()
+    if pairs is not None:
+        errors, problem = _errors(camera, fit, pairs, photos, dropped)
+        lines += [problem] if problem else []
+        pixels = tuple(
+            (pairs.images[pairs.image[index]], pairs.pixel[index])
+            for index in np.flatnonzero(_among(pairs, dropped))
+        )
+    if photos and not files:
+        lines.append(_NO_PHOTOS)
+    outline = camera.valid if isinstance(camera, PointCamera) else camera.outline()
+    return Facts(
+        camera=camera,
+        fit=fit,
+        made_by=made_by,
+        verdict=verdict(fit, camera.image_size, outline),
+        photos=photos,
+        dropped=dropped,
+        dropped_pixels=pixels,
+        errors=errors,
+        target=target,
+        files=files,
+        digests=digests or {},
+        absent=tuple(lines),
+    )
+
+
+def finite(value: object) -> float | None:
+    """A finite number as such; None for anything else."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if math.isfinite(value) else None
+
+
+def mappings(value: object) -> list[Mapping[str, Any]]:
+    """The mappings of a list; none of anything else."""
+    return [item for item in value if isinstance(item, Mapping)] if isinstance(value, list) else []
+
+
+def _photos(fit: Mapping[str, Any]) -> tuple[PhotoFacts, ...]:
+    photos = []
+    for record, words in zip(mappings(fit.get("per_image")), photo_verdicts(fit), strict=True):
+        pose = record.get("camera_from_world")
+        pose = pose if isinstance(pose, Mapping) else {}
+        vector, translation = _three(pose.get("rotation_vector")), _three(pose.get("translation"))
+        if vector is None or translation is None:
+            vector = translation = None
+        photos.append(
+            PhotoFacts(
+                name=str(record.get("image")),
+                corners=int(finite(record.get("corners")) or 0),
+                rms_px=finite(record.get("rms_px")),
+                median_px=finite(record.get("median_px")),
+                p95_px=finite(record.get("p95_px")),
+                max_px=finite(record.get("max_px")),
+                rotation=None if vector is None else rotation_from_vector(vector[None])[0],
+                translation=translation,
+                words=words,
+            )
+        )
+    return tuple(photos)
+
+
+def _three(value: object) -> FloatArray | None:
+    numbers = [finite(item) for item in value] if isinstance(value, list) else []
+    known = [number for number in numbers if number is not None and abs(number) <= MAX_COORDINATE]
+    return np.array(known) if len(known) == len(numbers) == 3 else None
+
+
+def _dropped(fit: Mapping[str, Any]) -> tuple[DroppedFacts, ...]:
+    return tuple(
+        DroppedFacts(
+            image=str(record.get("image")),
+            board=None if record.get("board") is None else str(record["board"]),
+            column=int(finite(record.get("column")) or 0),
+            row=int(finite(record.get("row")) or 0),
+            error_px=finite(record.get("error_px")),
+        )
+        for record in mappings(fit.get("dropped_corners"))
+    )
+
+
+def _errors(
+    camera: CubicCamera | PointCamera,
+    fit: Mapping[str, Any],
+    pairs: Correspondences,
+    photos: Sequence[PhotoFacts],
+    dropped: Sequence[DroppedFacts],
+) -> tuple[ErrorFacts | None, str | None]:
+    """Every used corner's error, or why there is none."""
+    by_name = {photo.name: photo for photo in photos}
+    in_world = isinstance(camera, PointCamera) and camera.frame == "world"
+    placed = [
+        name in by_name and (in_world or by_name[name].rotation is not None)
+        for name in pairs.images
+    ]
+    used, _ = select(pairs, np.array(placed, bool)[pairs.image] & ~_among(pairs, dropped))
+    if not len(used.pixel):
+        return None, "No corner at hand is of a photo of this fit: its errors are not drawn."
+    points = used.world
+    if not in_world:
+        own = [by_name[name] for name in used.images]
+        poses = Poses(
+            rotation=np.array([photo.rotation for photo in own]),
+            translation=np.array([photo.translation for photo in own]),
+        )
+        points = poses.apply(used.image, used.world)
+    residual = camera.project(points) - used.pixel
+    length = np.where(np.isfinite(residual[:, 0]), np.hypot(*residual.T), np.inf)
+    kept = np.isfinite(length)
+    count = finite(fit.get("corners"))
+    if isinstance(camera, PointCamera) and count and count < kept.sum():
+        # Which corners this fit dropped is not on record: they were the worst.
+        kept[np.argsort(length, kind="stable")[int(count) :]] = False
+    if not kept.any():
+        return None, "No corner at hand lies where this camera may be trusted."
+    used, _ = select(used, kept)
+    residual, points = residual[kept], points[kept]
+    before, now = finite(fit.get("rms_px")), rms_px(residual)
+    if before is not None and abs(now - before) > max(_SAME_RMS * before, _SAME_RMS_PX):
+        return None, (
+            f"The corners and the object at hand give an RMS of {now:.3f} px and the fit had "
+            f"{before:.3f} px: they are not those of the fit, and their errors are not drawn."
+        )
+    angle = None
+    if isinstance(camera, CubicCamera):
+        angle = np.rad2deg(np.arctan2(np.hypot(points[:, 0], points[:, 1]), points[:, 2]))
+    return ErrorFacts(pairs=used, residual=residual, angle_deg=angle), None
+
+
+def _among(pairs: Correspondences, dropped: Sequence[DroppedFacts]) -> BoolArray:
+    """Which pairs are corners that the fit dropped."""
+    if not dropped:
+        return np.zeros(len(pairs.pixel), bool)
+    boards: dict[str | None, int] = {name: index for index, name in enumerate(pairs.boards)}
+    images = {name: index for index, name in enumerate(pairs.images)}
+    gone = {
+        (images[corner.image], boards.get(corner.board, -1), corner.column, corner.row)
+        for corner in dropped
+        if corner.image in images
+    }
+    keys = zip(
+        pairs.image.tolist(),
+        pairs.board.tolist(),
+        pairs.column.tolist(),
+        pairs.row.tolist(),
+        strict=True,
+    )
+    return np.array([key in gone for key in keys], bool)

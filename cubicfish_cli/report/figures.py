@@ -1,0 +1,511 @@
+"""The figures of a page: where the corners are, how far off they are, and what the lens is like."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from cubicfish_cli.fitting.findings import field_cells
+from cubicfish_cli.fitting.statistics import rms_px
+from cubicfish_cli.fitting.uncertainty import sigma_at
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.rendering.difference_picture import COLOURS, round_up
+from cubicfish_cli.report.facts import ErrorFacts, Facts, finite
+from cubicfish_cli.report.svg import (
+    BLUE,
+    GREEN,
+    GRID,
+    INK,
+    ORANGE,
+    PURPLE,
+    RED,
+    VARIABLES,
+    WIDTH,
+    Box,
+    add_axes,
+    areas,
+    dots,
+    drawing,
+    new_figure,
+    rectangles,
+    strokes,
+    svg_text,
+)
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+
+MOST_DOTS = 4000
+_MOST_STROKES = 1500
+_CELLS = 8  # along the shorter side, as coverage counts them
+_FINE_CELLS = 12
+BOARD_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, RED)
+_STEP_DEG = 5.0
+# 95 of 100 arrows are at most this share of the picture's longer side.
+_ARROW_SHARE = 0.04
+_BANDS = 5
+_MOST_BANDS = 7
+
+
+@dataclass(frozen=True, kw_only=True)
+class Key:
+    """An entry of a legend: a mark of a kind (``dot``, ``line``, ``dash``, ``area``), its words."""
+
+    kind: str
+    colour: str
+    text: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawn:
+    """A figure for the page.
+
+    Attributes:
+        name: short, for ids.
+        title: what it is.
+        svg: the drawing.
+        caption: what it tells.
+        keys: its legend.
+
+    """
+
+    name: str
+    title: str
+    svg: str
+    caption: str
+    keys: tuple[Key, ...] = ()
+
+
+def key(kind: str, colour: str, text: str) -> Key:
+    """An entry of a legend, by a stand-in colour or by one that stays as it is."""
+    variable = VARIABLES.get(colour)
+    return Key(kind=kind, colour=f"var({variable})" if variable else colour, text=text)
+
+
+def all_figures(facts: Facts) -> dict[str, Drawn]:
+    """Every figure that these facts allow, by its name."""
+    makers: list[Callable[[], Drawn | None]] = []
+    errors = facts.errors
+    if errors is not None:
+        makers += [
+            lambda: coverage_figure(facts, errors),
+            lambda: vectors_figure(facts, errors),
+            lambda: places_figure(facts, errors),
+            lambda: angle_figure(errors),
+            lambda: histogram_figure(errors),
+        ]
+    camera = facts.camera
+    if isinstance(camera, CubicCamera):
+        makers += [lambda: profile_figure(facts, camera), lambda: uncertainty_figure(facts, camera)]
+    with drawing():
+        drawn = [make() for make in makers]
+    return {figure.name: figure for figure in drawn if figure is not None}
+
+
+def some(count: int, most: int) -> IntArray:
+    """At most ``most`` of so many indices, evenly from first to last."""
+    if count <= most:
+        return np.arange(count)
+    return np.unique(np.linspace(0, count - 1, most).round().astype(np.intp))
+
+
+def thinned(count: int, most: int, what: str) -> str:
+    """What a caption says where not everything is drawn."""
+    return f" {most:,} of {count:,} {what} are drawn." if count > most else ""
+
+
+def coverage_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
+    """Where the corners are, and the cells of the field that hold none."""
+    figure, axes = _photo_axes(facts.camera.image_size)
+    pixel, pairs = errors.pairs.pixel, errors.pairs
+    outline = facts.outline
+    empty = _empty_cells(pixel, outline, facts.camera.image_size)
+    areas(axes, empty, RED, 0.22)
+    shown = some(len(pixel), MOST_DOTS)
+    boards = pairs.boards if 1 < len(pairs.boards) <= len(BOARD_COLOURS) else ()
+    keys = []
+    if boards:
+        for index, board in enumerate(boards):
+            own = shown[pairs.board[shown] == index]
+            dots(axes, pixel[own], BOARD_COLOURS[index], 2.0)
+            keys.append(key("dot", BOARD_COLOURS[index], board))
+    else:
+        dots(axes, pixel[shown], BLUE, 2.0)
+        keys.append(key("dot", BLUE, "corner"))
+    if len(outline) > 2:
+        strokes(axes, outline[None], INK, 0.9, closed=True)
+        keys.append(key("line", INK, "where the camera may be trusted"))
+    if len(empty):
+        keys.append(key("area", RED, "no corner here"))
+    share = facts.number("coverage")
+    caption = "" if share is None else f"Corners cover {100 * share:.0f} % of the field."
+    if len(empty):
+        caption += " What a camera says of places without corners nobody has checked."
+    return Drawn(
+        name="coverage",
+        title="Where the corners are",
+        svg=svg_text(
+            figure,
+            "coverage",
+            f"{len(pixel)} corners over the photo, and {len(empty)} parts of the field without any",
+        ),
+        caption=(caption + thinned(len(pixel), MOST_DOTS, "corners")).strip(),
+        keys=tuple(keys),
+    )
+
+
+def arrow_zoom(facts: Facts, errors: ErrorFacts) -> float:
+    """How many times as long as they are errors are drawn, so that most can be seen."""
+    typical = float(np.percentile(errors.length, 95))
+    return round_down(_ARROW_SHARE * max(facts.camera.image_size) / max(typical, 1e-9))
+
+
+def vectors_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
+    """Residuals as arrows, magnified."""
+    width, height = facts.camera.image_size
+    length = errors.length
+    typical = float(np.percentile(length, 95))
+    zoom = arrow_zoom(facts, errors)
+    figure, axes = _photo_axes(facts.camera.image_size, foot=22)
+    shown = some(len(length), _MOST_STROKES)
+    start = errors.pairs.pixel[shown]
+    ends = np.stack([start, start + zoom * errors.residual[shown]], axis=1)
+    strokes(axes, ends, BLUE, 0.7, 0.85)
+    dots(axes, start, INK, 1.3)
+    sample = round_down(0.16 * max(width, height) / zoom)
+    drawn = zoom * sample / width * axes.get_position().width
+    left = float(axes.get_position().x0)
+    y = 7 / (figure.get_figheight() * 72)
+    figure.add_artist(_line([left, left + drawn], [y, y]))
+    figure.text(left + drawn + 6 / WIDTH, y, f"{sample:g} px", va="center", color=INK)
+    return Drawn(
+        name="vectors",
+        title="Errors as arrows",
+        svg=svg_text(
+            figure,
+            "vectors",
+            f"Reprojection errors as arrows, {zoom:g} times as long as they are; the 95th "
+            f"percentile is {typical:.3f} px",
+        ),
+        caption=f"From each detected corner towards where the camera puts it, {zoom:g} times as "
+        "long. Noise points every way; neighbours that point one way are an error of the camera, "
+        "of the object or of the corner finder." + thinned(len(length), _MOST_STROKES, "errors"),
+        keys=(key("dot", INK, "detected corner"), key("line", BLUE, f"its error, {zoom:g} ×")),
+    )
+
+
+def places_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
+    """RMS error in cells over the photo."""
+    width, height = facts.camera.image_size
+    cell = min(width, height) / _FINE_CELLS
+    columns, rows = -(-width // cell), -(-height // cell)
+    column, row = np.floor((errors.pairs.pixel + 0.5) / cell).astype(int).T
+    column, row = np.clip(column, 0, int(columns) - 1), np.clip(row, 0, int(rows) - 1)
+    place = row * int(columns) + column
+    count = np.bincount(place, minlength=int(columns * rows))
+    square = np.bincount(place, errors.length**2, minlength=int(columns * rows))
+    hit = np.flatnonzero(count)
+    value = np.sqrt(square[hit] / count[hit])
+    top = round_up(float(np.percentile(value, 95)))
+    colours = _band_colours(_BANDS)
+    band = np.clip((value / top * _BANDS).astype(int), 0, _BANDS - 1)
+    figure, axes = _photo_axes(facts.camera.image_size, foot=30)
+    y, x = np.divmod(hit, int(columns))
+    for index, colour in enumerate(colours):
+        own = band == index
+        areas(axes, rectangles(x[own] * cell - 0.5, y[own] * cell - 0.5, cell, cell), colour)
+    if len(facts.outline) > 2:
+        strokes(axes, facts.outline[None], INK, 0.9, closed=True)
+    edges = [f"{top * i / _BANDS:.3g}" for i in range(_BANDS + 1)]
+    edges[-1] += "+" * bool(value.max() > top)
+    _scale_bar(figure, colours, edges, "px RMS")
+    return Drawn(
+        name="places",
+        title="Errors over the picture",
+        svg=svg_text(
+            figure,
+            "places",
+            f"RMS error in {len(hit)} cells of the photo, from {value.min():.3f} to "
+            f"{value.max():.3f} px",
+        ),
+        caption="RMS of the corners in each cell. A rim much worse than the middle means blur "
+        "there, or a lens that the model does not follow.",
+    )
+
+
+def angle_figure(errors: ErrorFacts) -> Drawn | None:
+    """Error by angle from the axis."""
+    angle, length = errors.angle_deg, errors.length
+    if angle is None:
+        return None
+    bins = np.floor(angle / _STEP_DEG).astype(int)
+    used = np.unique(bins)
+    rms = np.array([rms_px(errors.residual[bins == index]) for index in used])
+    number = np.array([int((bins == index).sum()) for index in used])
+    top = 1.15 * max(float(np.percentile(length, 99)), float(rms.max()), 1e-9)
+    figure = new_figure(240)
+    axes = add_axes(figure, Box(left=46, top=8, width=304, height=196))
+    axes.grid(True)
+    shown = some(len(length), MOST_DOTS // 2)
+    inside = shown[length[shown] <= top]
+    dots(axes, np.stack([angle[inside], length[inside]], axis=-1), BLUE, 1.6, 0.45)
+    steps = np.stack([used, used + 1], axis=-1) * _STEP_DEG
+    strokes(axes, np.stack([steps, np.stack([rms, rms], axis=-1)], axis=-1), ORANGE, 2.4)
+    axes.set_xlim(0, float(_STEP_DEG * (used.max() + 1)))
+    axes.set_ylim(0, top)
+    axes.set_xlabel("angle from the axis, degrees")
+    axes.set_ylabel("error, px")
+    beyond = int((length > top).sum())
+    few = int(number.min())
+    return Drawn(
+        name="angle",
+        title="Errors by angle from the axis",
+        svg=svg_text(
+            figure,
+            "angle",
+            f"Errors by angle from the axis; RMS from {rms.min():.3f} to {rms.max():.3f} px in "
+            f"steps of {_STEP_DEG:g} degrees",
+        ),
+        caption=f"The least filled step holds {few:,} corner{'s' * (few != 1)}."
+        + (f" {beyond:,} larger errors lie above the figure." if beyond else "")
+        + thinned(len(length), MOST_DOTS // 2, "corners"),
+        keys=(
+            key("dot", BLUE, "a corner"),
+            key("line", ORANGE, f"RMS of {_STEP_DEG:g}° each"),
+        ),
+    )
+
+
+def histogram_figure(errors: ErrorFacts) -> Drawn:
+    """Residuals along x and y against the normal distribution of the same spread."""
+    values = errors.residual.ravel()
+    sigma = max(1.4826 * float(np.median(np.abs(values - np.median(values)))), 1e-9)
+    reach = 4.0 * sigma
+    counts, edges = np.histogram(values, bins=40, range=(-reach, reach))
+    step = float(edges[1] - edges[0])
+    x = np.linspace(-reach, reach, 121)
+    normal = len(values) * step * np.exp(-0.5 * (x / sigma) ** 2) / (sigma * np.sqrt(2 * np.pi))
+    figure = new_figure(240)
+    axes = add_axes(figure, Box(left=46, top=8, width=304, height=196))
+    axes.grid(True, axis="y")
+    bars = np.concatenate([rectangles(edges[i : i + 1], np.zeros(1), 0.9 * step, float(number))
+                           for i, number in enumerate(counts)])  # fmt: skip
+    areas(axes, bars, BLUE, 0.8)
+    strokes(axes, np.stack([x, normal], axis=-1)[None], ORANGE, 2)
+    axes.set_xlim(-reach, reach)
+    axes.set_ylim(0, 1.08 * float(max(counts.max(), normal.max())))
+    axes.set_xlabel("error along x or y, px")
+    axes.set_ylabel("how many")
+    beyond = float(np.mean(np.abs(values) > reach))
+    return Drawn(
+        name="histogram",
+        title="How errors are spread",
+        svg=svg_text(
+            figure,
+            "histogram",
+            f"Histogram of errors along x and y with the normal distribution of sigma {sigma:.4f} "
+            "px",
+        ),
+        caption=f"{100 * beyond:.2g} % lie beyond four σ, where a normal distribution has "
+        "0.006 %: corners that were found worse than most, which weigh little in the fit.",
+        keys=(
+            key("area", BLUE, "errors along x and along y"),
+            key("line", ORANGE, f"normal, σ = {sigma:.3f} px (from the median)"),
+        ),
+    )
+
+
+def profile_figure(facts: Facts, camera: CubicCamera) -> Drawn:
+    """Radius by angle, beside the companion and ideal lenses."""
+    theta = np.deg2rad(np.linspace(0, camera.max_angle_deg, 61))[1:]
+    azimuth = np.linspace(0, 2 * np.pi, 48, endpoint=False)
+    sine = np.sin(theta)[:, None]
+    rays = np.stack(
+        [sine * np.cos(azimuth), sine * np.sin(azimuth),
+         np.broadcast_to(np.cos(theta)[:, None], (len(theta), len(azimuth)))],
+        axis=-1,
+    )  # fmt: skip
+    radial = camera.radial
+    middle = np.array([radial.cx, radial.cy])
+    own = np.linalg.norm(camera.project(rays) - middle, axis=-1)
+    other = np.linalg.norm(radial.project(rays) - middle, axis=-1)
+    difference = own - other
+    known = np.isfinite(difference).all(axis=1)
+    degrees = np.rad2deg(theta)
+    focal = (radial.fx + radial.fy) / 2
+    ideals = (
+        ("equidistant, f θ", GREEN, focal * theta),
+        ("stereographic, 2 f tan(θ/2)", PURPLE, 2 * focal * np.tan(theta / 2)),
+        ("equisolid, 2 f sin(θ/2)", RED, 2 * focal * np.sin(theta / 2)),
+    )
+    figure = new_figure(330)
+    axes = add_axes(figure, Box(left=46, top=8, width=304, height=170))
+    below = add_axes(figure, Box(left=46, top=200, width=304, height=90))
+    for part in (axes, below):
+        part.grid(True)
+        part.set_xlim(0, float(degrees[-1]))
+    for _, colour, radius in ideals:
+        axes.plot(degrees, radius, color=colour, linewidth=0.9, linestyle=(0, (4, 2)))
+    axes.plot(degrees[known], other.mean(axis=1)[known], color=ORANGE, linewidth=3.2)
+    axes.plot(degrees, own.mean(axis=1), color=BLUE, linewidth=1.4)
+    axes.set_ylim(0, 1.12 * float(own.mean(axis=1).max()))
+    axes.set_ylabel("radius, px")
+    axes.tick_params(labelbottom=False)
+    low, high = difference[known].min(axis=1), difference[known].max(axis=1)
+    below.fill_between(degrees[known], low, high, color=BLUE, alpha=0.25, linewidth=0)
+    below.plot(degrees[known], difference[known].mean(axis=1), color=BLUE, linewidth=1.4)
+    below.axhline(0, color=ORANGE, linewidth=1.2)
+    below.set_ylabel("cubic less\ncompanion, px")
+    below.set_xlabel("angle from the axis θ, degrees")
+    largest = float(np.abs(difference[known]).max()) if known.any() else 0.0
+    return Drawn(
+        name="profile",
+        title="The lens: radius by angle",
+        svg=svg_text(
+            figure,
+            "profile",
+            f"Radius by angle from the axis to {camera.max_angle_deg:.0f} degrees, beside the "
+            "radial companion, which differs by up to "
+            f"{largest:.1f} px, and three ideal lenses of focal length {focal:.0f} px",
+        ),
+        caption="Below, how far the camera departs from the radial companion: the line is the mean "
+        "over all directions, the band from the least to the most, which is what no radial lens "
+        f"follows. Ideal lenses with the companion's focal length, f = {focal:.0f} px.",
+        keys=(
+            key("line", BLUE, "this camera, mean over all directions"),
+            key("line", ORANGE, "radial companion (Kannala–Brandt)"),
+            *(key("dash", colour, text) for text, colour, _ in ideals),
+        ),
+    )
+
+
+def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
+    """How far the camera's own pixels may be off, over the photo."""
+    record = _uncertainty_grid(facts)
+    if record is None:
+        return None
+    width, height = camera.image_size
+    x, y = np.linspace(0, width - 1, 73), np.linspace(0, height - 1, 55)
+    grid = np.stack(np.meshgrid(x, y), axis=-1)
+    sigma = sigma_at(record, grid.reshape(-1, 2)).reshape(grid.shape[:2])
+    if not np.isfinite(sigma).any():
+        return None
+    levels = _levels(float(np.nanmin(sigma)), float(np.nanmax(sigma)))
+    colours = _band_colours(len(levels) - 1)
+    figure, axes = _photo_axes(camera.image_size, foot=30)
+    # Where no point of the grid is near, the outline is nearer still.
+    known = np.ma.masked_invalid(sigma)
+    bands = axes.contourf(x, y, known, levels=levels, colors=colours)
+    edge = axes.fill(*facts.outline.T, facecolor="none", edgecolor=INK, linewidth=0.9)[0]
+    bands.set_clip_path(edge)
+    _scale_bar(figure, colours, [f"{level:g}" for level in levels], "px")
+    middle, most = finite(record.get("median_px")), finite(record.get("max_px"))
+    return Drawn(
+        name="uncertainty",
+        title="How certain the camera is",
+        svg=svg_text(
+            figure,
+            "uncertainty",
+            f"Uncertainty of a distant point's pixel over the photo, from {np.nanmin(sigma):.3f} "
+            f"to {np.nanmax(sigma):.3f} px",
+        ),
+        caption="How far the pixel of a distant point would move, were the same photos taken again "
+        "with other noise"
+        + (f": {middle:.3f} px in the median" if middle is not None else "")
+        + (f", {most:.3f} px at most" if most is not None else "")
+        + ". Errors of the object or of the model are not in it.",
+    )
+
+
+def _uncertainty_grid(facts: Facts) -> Mapping[str, Any] | None:
+    """The record's grid, if it is one."""
+    record = facts.fit.get("uncertainty")
+    if not isinstance(record, dict):
+        return None
+    x, y, sigma = (record.get(name) for name in ("x", "y", "sigma_px"))
+    if not (isinstance(x, list) and isinstance(y, list) and isinstance(sigma, list)):
+        return None
+    right = len(x) > 1 and len(y) > 1 and len(sigma) == len(y) and len(x) * len(y) < 1e6
+    if not right or not all(isinstance(row, list) and len(row) == len(x) for row in sigma):
+        return None
+    columns, rows = [finite(value) for value in x], [finite(value) for value in y]
+    if None in columns or None in rows:
+        return None
+    values = [[finite(value) for value in row] for row in sigma]
+    if not all(value is None or 0 <= value < 1e6 for row in values for value in row):
+        return None
+    return {**record, "x": columns, "y": rows, "sigma_px": values}
+
+
+def _photo_axes(size: tuple[int, int], foot: float = 0.0) -> tuple[Figure, Axes]:
+    """Axes of a photo's shape, y down, with ``foot`` units of room below for a scale."""
+    width, height = size
+    most = (WIDTH - 46.0, 300.0)
+    scale = min(most[0] / width, most[1] / height)
+    box = Box(left=36, top=8, width=scale * width, height=scale * height)
+    figure = new_figure(box.height + 26 + foot)
+    axes = add_axes(figure, box)
+    axes.set_xlim(-0.5, width - 0.5)
+    axes.set_ylim(height - 0.5, -0.5)
+    for side in axes.spines.values():
+        side.set_visible(True)
+        side.set_color(GRID)
+    axes.locator_params(nbins=5)
+    return figure, axes
+
+
+def _scale_bar(figure: Figure, colours: Sequence[str], edges: Sequence[str], unit: str) -> None:
+    """Bands of colour with their edges' values at the foot of a figure."""
+    height = figure.get_figheight() * 72
+    axes = add_axes(figure, Box(left=36, top=height - 26, width=200, height=9))
+    axes.set_axis_off()
+    axes.set_xlim(0, len(colours))
+    axes.set_ylim(0, 1)
+    for index, colour in enumerate(colours):
+        areas(axes, rectangles(np.array([float(index)]), np.zeros(1), 1, 1), colour)
+    for index, text in enumerate(edges):
+        axes.text(index, -0.35, text, ha="center", va="top", fontsize=8)
+    axes.text(len(colours) + 0.03 * len(colours), 0.5, unit, ha="left", va="center", fontsize=8)
+
+
+def _band_colours(count: int) -> list[str]:
+    place = np.linspace(0, len(COLOURS) - 1, max(count, 1)).round().astype(int)
+    return ["#{:02x}{:02x}{:02x}".format(*COLOURS[index].tolist()) for index in place]
+
+
+def _levels(low: float, high: float) -> list[float]:
+    """Round numbers around all from the lowest to the highest, in steps that grow with them."""
+    low = max(low, high / 1e4, 1e-9)
+    first = np.floor(np.log10(low))
+    powers = np.arange(first, np.floor(np.log10(max(high, low))) + 2)
+    series = np.array([step * 10.0**power for power in powers for step in (1, 1.5, 2, 3, 5, 7)])
+    begin = int(np.searchsorted(series, low * 1.000001)) - 1
+    end = max(int(np.searchsorted(series, high * 0.999999)), begin + 1)
+    every = -(-(end - begin) // _MOST_BANDS)
+    levels = series[begin : end + every : every]
+    return [float(f"{level:.2g}") for level in levels]
+
+
+def round_down(value: float) -> float:
+    """The next of 1, 2, 5 times a power of ten at or below a positive value."""
+    power = 10.0 ** np.floor(np.log10(max(value, 1e-12)) + 1e-9)
+    return float(max(step * power for step in (1, 2, 5) if step * power <= value * 1.000001))
+
+
+def _empty_cells(pixel: FloatArray, outline: FloatArray, size: tuple[int, int]) -> FloatArray:
+    """(N, 4, 2) the cells of the field that hold no corner, as coverage counts them."""
+    cell, valid, hit = field_cells(pixel, outline, size)
+    row, column = np.nonzero(valid & ~hit)
+    left, top = column.astype(float), row.astype(float)
+    return rectangles(left * cell - 0.5, top * cell - 0.5, cell, cell)
+
+
+def _line(x: Sequence[float], y: Sequence[float]) -> Line2D:
+    return Line2D(x, y, color=BLUE, linewidth=2, solid_capstyle="butt")

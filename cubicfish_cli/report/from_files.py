@@ -1,0 +1,124 @@
+"""A calibration's folder -> what a page says of it, with what cannot be found left out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from cubicfish_cli.correspondences import (
+    Correspondences,
+    load_corners,
+    load_correspondences,
+    pair,
+)
+from cubicfish_cli.files import sha256_of
+from cubicfish_cli.formats.camera_yaml import load_any_camera
+from cubicfish_cli.photos import find_photos
+from cubicfish_cli.report.facts import Facts, gather, mappings
+from cubicfish_cli.report.pictures import matched
+from cubicfish_cli.target import Target, load_target
+
+_REFINED = "target.refined.yaml"
+_CORNERS = "corners.csv"
+
+
+def facts_of_files(camera_file: Path, *, target: Path | None, photos: Sequence[Path]) -> Facts:
+    """Read a camera and what lies beside it, or where it says that it came from.
+
+    A file that the camera file names is read only if it still has the SHA-256 that stands there.
+
+    Args:
+        camera_file: camera.yaml; corners.csv and target.refined.yaml are looked for beside it.
+        target: the object as drawn, where it is not at its recorded place.
+        photos: files, folders or patterns of the photos, where they are not at theirs.
+
+    Raises:
+        CubicfishError: a file that is there cannot be used.
+
+    """
+    loaded = load_any_camera(camera_file)
+    folder = camera_file.parent
+    absent: list[str] = []
+    drawn = target or _recorded(loaded.made_by.get("target"), folder)
+    if loaded.fit.get("refine_target") in ("shape", "points"):
+        beside = folder / _REFINED
+        drawn = beside if beside.is_file() else target
+    thing = None if drawn is None else load_target(drawn)
+    pairs = _pairs(folder, loaded.made_by, thing, loaded.camera.image_size)
+    if pairs is None:
+        absent.append(_missing(loaded.made_by, thing))
+    inputs = mappings(loaded.made_by.get("inputs"))
+    names = [str(record.get("image")) for record in mappings(loaded.fit.get("per_image"))]
+    known = [Path(str(record.get("file"))) for record in inputs]
+    digests = {Path(str(r.get("file"))): str(r.get("sha256")) for r in inputs}
+    recorded = matched(names, known)
+    if photos:
+        found = find_photos(photos)
+        files = {photo.name: photo.path for photo in found}
+        files = {**matched(names, [photo.path for photo in found]), **files}
+    else:
+        places = {name: _place(path, folder) for name, path in recorded.items()}
+        files = {name: path for name, path in places.items() if path is not None}
+    lost = [name for name in names if name not in files]
+    if lost and files:
+        absent.append(f"{len(lost)} of {len(names)} photos are not at hand, such as {lost[0]}.")
+    return gather(
+        loaded.camera,
+        loaded.fit,
+        loaded.made_by,
+        pairs=pairs,
+        target=thing,
+        files=files,
+        digests={name: digests[path] for name, path in recorded.items()},
+        absent=absent,
+    )
+
+
+def _pairs(
+    folder: Path, made_by: Mapping[str, Any], target: Target | None, size: tuple[int, int]
+) -> Correspondences | None:
+    beside = folder / _CORNERS
+    if target is not None and beside.is_file():
+        return pair(load_corners(beside, target, image_size=size), target)
+    inputs = mappings(made_by.get("inputs"))
+    table = _recorded(inputs[0], folder) if len(inputs) == 1 else None
+    if table is None or table.suffix.lower() != ".csv":
+        return None
+    if made_by.get("target") is None:
+        return load_correspondences(table, image_size=size)
+    return None if target is None else pair(load_corners(table, target, image_size=size), target)
+
+
+def _missing(made_by: Mapping[str, Any], target: Target | None) -> str:
+    if made_by.get("target") is not None and target is None:
+        return (
+            "Corners, errors and the object: the target is not where it was, or has changed. "
+            "'cubicfish report --target FILE' names it."
+        )
+    return (
+        "Corners and errors: there is no corners.csv beside the camera, and the table that it was "
+        "calibrated from is not where it was, or has changed."
+    )
+
+
+def _recorded(record: object, folder: Path) -> Path | None:
+    """The file that a record names, if it is there and still the same."""
+    if not isinstance(record, Mapping):
+        return None
+    path = _place(Path(str(record.get("file"))), folder)
+    try:
+        return path if path and sha256_of(path) == record.get("sha256") else None
+    except OSError:
+        return None
+
+
+def _place(path: Path, folder: Path) -> Path | None:
+    """Where a recorded path leads: from here, or from the folder that holds the calibration's."""
+    for place in (path, folder.resolve().parent / path):
+        try:
+            if place.is_file():
+                return place
+        except (OSError, ValueError):  # a name that no file can have
+            continue
+    return None

@@ -1,0 +1,228 @@
+"""The page itself: figures, pictures and tables put into the template."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, StrictUndefined
+
+from cubicfish_cli.fitting.verdict import WORDS
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.report.facts import Facts, finite, mappings
+from cubicfish_cli.report.figures import all_figures, arrow_zoom
+from cubicfish_cli.report.pictures import MOST_CARDS, all_pictures, matched
+from cubicfish_cli.report.scene import scene_figures
+
+_MOST_DROPPED = 200
+_MOST_ROWS = 5000
+_LONGEST_TEXT = 1000
+_POINT_ABSENT = (
+    "A point-lift camera has no rays: errors by angle, the lens's profile, uncertainty, coverage "
+    "and an undistorted example do not exist for it."
+)
+
+
+def report_html(facts: Facts) -> str:
+    """One self-contained HTML page about a calibration.
+
+    The same facts give the same page, to the byte.
+    """
+    figures = {**all_figures(facts), **scene_figures(facts)}
+    zoom = arrow_zoom(facts, facts.errors) if facts.errors else 1.0
+    pictures = all_pictures(facts, zoom)
+    absent = [*facts.absent, *pictures.problems]
+    if not isinstance(facts.camera, CubicCamera):
+        absent.append(_POINT_ABSENT)
+    names = [photo.name for photo in facts.photos]
+    date = _text(facts.made_by.get("date"))
+    return _template().render(
+        facts=facts,
+        fit=facts.fit,
+        verdict=facts.verdict,
+        words=WORDS,
+        camera=facts.camera,
+        is_ray=isinstance(facts.camera, CubicCamera),
+        figures={
+            name: {
+                "title": drawn.title,
+                "svg": drawn.svg,
+                "caption": drawn.caption,
+                "keys": drawn.keys,
+            }
+            for name, drawn in figures.items()
+        },
+        tiles=_tiles(facts),
+        pictures=pictures,
+        number_of={name: index for index, name in enumerate(names, start=1)},
+        boards_of=_boards(facts),
+        cards=[name for name, copies in pictures.photos.items() if copies.card is not None],
+        most_cards=MOST_CARDS,
+        most_rows=_MOST_ROWS,
+        zoom=zoom,
+        departures=_departures(facts.fit),
+        empty=_without_corners(facts),
+        unfit=_pairs(facts.fit.get("unfit_images")),
+        notes=_texts(facts.fit.get("notes")),
+        dropped=sorted(facts.dropped, key=lambda corner: -(corner.error_px or 0))[:_MOST_DROPPED],
+        made=_made(facts.made_by),
+        day=date.replace("T", " ").replace("+00:00", " UTC") if date else None,
+        absent=absent,
+    )
+
+
+@cache
+def _template() -> Any:
+    folder = files("cubicfish_cli.report") / "templates"
+    environment = Environment(
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_printable,
+    )
+    environment.filters["px"] = _px
+    environment.filters["count"] = _count
+    environment.globals["style"] = (folder / "report.css").read_text(encoding="utf-8")
+    return environment.from_string((folder / "report.html").read_text(encoding="utf-8"))
+
+
+def _printable(value: Any) -> Any:
+    """Text from outside on one line, letters only: what nobody vouches for is in every name."""
+    if not isinstance(value, str) or hasattr(value, "__html__"):  # the package's own markup
+        return value
+    if value.startswith("data:image/jpeg;base64,"):
+        return value
+    if len(value) > _LONGEST_TEXT:
+        value = value[: _LONGEST_TEXT - 1] + "…"
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in value)
+
+
+def _px(value: float | None, places: int = 3) -> str:
+    return "–" if value is None else f"{value:.{places}f}"
+
+
+def _count(value: float) -> str:
+    return f"{value:,.0f}"
+
+
+def _tiles(facts: Facts) -> list[tuple[str, str, str]]:
+    """The figures at the top: name, value, meaning."""
+    tiles = []
+
+    def add(name: str, key: str, meaning: str, unit: str = " px", places: int = 3) -> None:
+        value = facts.number(key)
+        if value is not None:
+            tiles.append((name, f"{value:.{places}f}{unit}", meaning))
+
+    add("RMS error", "rms_px", "on the photos of the fit")
+    add("Held-out RMS", "held_out_rms_px", "on photos that a fit never saw")
+    add("Radial companion, held out", "companion_held_out_rms_px", "a Kannala–Brandt lens")
+    record = facts.fit.get("uncertainty")
+    median = finite(record.get("median_px")) if isinstance(record, Mapping) else None
+    if median is not None:
+        tiles.append(("Uncertainty", f"{median:.3f} px", "of a distant point, in the median"))
+    share = facts.number("coverage")
+    if share is not None:
+        tiles.append(("Coverage", f"{100 * share:.0f} %", "of the field holds corners"))
+    covered = facts.number("covered_deg")
+    if covered is not None and isinstance(facts.camera, CubicCamera):
+        trusted = facts.camera.max_angle_deg
+        tiles.append(("Field", f"{covered:.1f}°", f"from the axis; trusted to {trusted:.1f}°"))
+    rank = facts.number("rank")
+    if rank is not None and not isinstance(facts.camera, CubicCamera):
+        tiles.append(("Rank", f"{rank:.0f} of 20", "what the corners determine of P"))
+    return tiles
+
+
+def _boards(facts: Facts) -> dict[str, str]:
+    """Which boards each photo shows, with their corners, where the corners are at hand."""
+    if facts.errors is None or not facts.errors.pairs.boards:
+        return {}
+    pairs = facts.errors.pairs
+    many = len(pairs.boards)
+    counts: dict[int, int] = {}
+    for place in (pairs.image * many + pairs.board).tolist():
+        counts[place] = counts.get(place, 0) + 1
+    told: dict[str, list[str]] = {}
+    for place, number in sorted(counts.items()):
+        image, board = divmod(place, many)
+        told.setdefault(pairs.images[image], []).append(f"{pairs.boards[board]} {number}")
+    return {name: ", ".join(boards) for name, boards in told.items()}
+
+
+def _departures(fit: Mapping[str, Any]) -> list[dict[str, Any]]:
+    rows = []
+    for record in mappings(fit.get("departures")):
+        bend, stretch = (
+            [finite(value) or 0.0 for value in record[name]]
+            if isinstance(record.get(name), list)
+            else [0.0, 0.0]
+            for name in ("bend", "stretch")
+        )
+        single = {
+            name: finite(record.get(name)) or 0.0
+            for name in ("twist", "shift", "turn_deg", "offset_rms")
+        }
+        rows.append(
+            {
+                "board": str(record.get("board")),
+                "bend": " ".join(f"{value:.2g}" for value in bend[:2]),
+                "stretch": " ".join(f"{100 * value:.2f}" for value in stretch[:2]),
+                "twist": f"{single['twist']:.2g}",
+                "shift": f"{single['shift']:.2g}",
+                "turn": f"{single['turn_deg']:.2f}",
+                "offset": f"{single['offset_rms']:.2g}",
+                "doubts": _texts(record.get("doubts")),
+            }
+        )
+    return rows
+
+
+def _made(made_by: Mapping[str, Any]) -> dict[str, Any]:
+    """How the calibration was made, as text."""
+    options = made_by.get("options")
+    target = made_by.get("target")
+    inputs = mappings(made_by.get("inputs"))
+    return {
+        "version": _text(made_by.get("version")),
+        "date": _text(made_by.get("date")),
+        "command": _text(made_by.get("command")),
+        "options": [
+            (name, "yes" if value is True else "no" if value is False else str(value))
+            for name, value in (options.items() if isinstance(options, Mapping) else ())
+        ],
+        "target": (str(target.get("file")), str(target.get("sha256")))
+        if isinstance(target, Mapping)
+        else None,
+        "inputs": [(str(record.get("file")), str(record.get("sha256"))) for record in inputs],
+    }
+
+
+def _without_corners(facts: Facts) -> list[str]:
+    """Photos that went in and of which no corner took part, besides those left out by name."""
+    unfit = facts.fit.get("unfit_images")
+    known = {photo.name for photo in facts.photos} | {
+        *(unfit if isinstance(unfit, Mapping) else ())
+    }
+    files = [str(record.get("file")) for record in mappings(facts.made_by.get("inputs"))]
+    paths = [Path(file) for file in files if not file.lower().endswith(".csv")]
+    taken = set(matched(sorted(known), paths).values())
+    return [path.name for path in paths if path not in taken]
+
+
+def _text(value: object) -> str | None:
+    return None if value is None else str(value)
+
+
+def _texts(value: object) -> list[str]:
+    return [str(item) for item in value] if isinstance(value, list) else []
+
+
+def _pairs(value: object) -> Sequence[tuple[str, str]]:
+    if not isinstance(value, Mapping):
+        return []
+    return [(str(name), str(reason)) for name, reason in value.items()]

@@ -1,0 +1,233 @@
+"""matplotlib's figures as SVG that stands in a page and takes the page's colours and letters.
+
+Figures are drawn in stand-in colours that become CSS variables, so that one drawing suits light
+pages, dark pages and paper. What is drawn many times (dots, strokes, cells) is one path each.
+Names that a user chose never enter a figure: legends and captions are the page's.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import re
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Outline
+
+FloatArray = npt.NDArray[np.float64]
+
+# Stand-ins for the page's colours, which no figure uses for anything else.
+INK, MUTED, GRID, PAPER = "#0a0b01", "#0a0b02", "#0a0b03", "#0a0b04"
+BLUE, ORANGE, GREEN, PURPLE, RED, SKY = (
+    "#0a0b11", "#0a0b12", "#0a0b13", "#0a0b14", "#0a0b15", "#0a0b16",
+)  # fmt: skip
+VARIABLES = {
+    INK: "--ink",
+    MUTED: "--muted",
+    GRID: "--grid",
+    PAPER: "--card",
+    BLUE: "--blue",
+    ORANGE: "--orange",
+    GREEN: "--green",
+    PURPLE: "--purple",
+    RED: "--red",
+    SKY: "--sky",
+}
+# Width of every figure in its own units: 9 units of text are read on a phone and on a desk.
+WIDTH = 360.0
+_TEXT = 9.0
+
+_STYLE: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "cubicfish",
+    "font.family": ["DejaVu Sans"],
+    "font.size": _TEXT,
+    "axes.edgecolor": MUTED,
+    "axes.facecolor": "none",
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "figure.facecolor": "none",
+    "grid.color": GRID,
+    "grid.linewidth": 0.5,
+    "axes.axisbelow": True,
+    "text.color": INK,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "path.simplify": False,
+}
+# What concerns windows and files, and not drawing.
+_NOT_STYLE = (
+    "backend", "datapath", "docstring", "figure.max_open_warning", "figure.raise_window",
+    "interactive", "keymap", "savefig.directory", "tk.", "toolbar", "webagg", "timezone",
+    "animation", "examples",
+)  # fmt: skip
+
+
+@contextmanager
+def drawing() -> Iterator[None]:
+    """Draw as this module says, whatever the user's matplotlibrc says, and quietly."""
+    defaults: dict[Any, Any] = {
+        key: value
+        for key, value in mpl.rcParamsDefault.items()
+        if not key.startswith(_NOT_STYLE) and not key.startswith("_")
+    }
+    logger = logging.getLogger("matplotlib")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", mpl.MatplotlibDeprecationWarning)
+            with mpl.rc_context({**defaults, **_STYLE}):
+                yield
+    finally:
+        logger.setLevel(level)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Box:
+    """A place in a figure, in its units from the top left."""
+
+    left: float
+    top: float
+    width: float
+    height: float
+
+
+def new_figure(height: float) -> Figure:
+    """An empty figure of the common width."""
+    figure = Figure(figsize=(WIDTH / 72, height / 72), dpi=72)
+    FigureCanvasSVG(figure)
+    return figure
+
+
+def add_axes(figure: Figure, box: Box) -> Axes:
+    """Axes that fill a box."""
+    height = figure.get_figheight() * 72
+    bottom = height - box.top - box.height
+    return figure.add_axes(
+        (box.left / WIDTH, bottom / height, box.width / WIDTH, box.height / height)
+    )
+
+
+def svg_text(figure: Figure, name: str, label: str) -> str:
+    """A figure as an ``svg`` element for a page.
+
+    Args:
+        figure: drawn within :func:`drawing`.
+        name: letters that no other figure of the page has; they start every id.
+        label: what it shows, for those who cannot see it; plain text.
+
+    """
+    buffer = io.StringIO()
+    nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    figure.savefig(buffer, format="svg", metadata=nothing)
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    # It would hold for the whole page.
+    text = re.sub(r"<style type=\"text/css\">[^<]*</style>", "", text)
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r"<(?!/)[^>]+>", lambda tag: _page_tag(tag[0], name), text)
+    text = re.sub(r">\s+<", "><", text)
+    size = re.search(r'viewBox="[^"]*"', text)
+    inner = text[text.index(">") + 1 :].strip()
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" {size[0] if size else ""} role="img" '
+        f'aria-label="{_attribute(label)}">{inner}'
+    )
+
+
+def _attribute(text: str) -> str:
+    for character, entity in (("&", "&amp;"), ('"', "&quot;"), ("<", "&lt;"), (">", "&gt;")):
+        text = text.replace(character, entity)
+    return text
+
+
+def _page_tag(tag: str, name: str) -> str:
+    """An opening tag with ids of its own, the page's colours and letters, and short numbers."""
+    tag = re.sub(r"font-family: [^;\"]*;? ?", "", tag)
+    tag = re.sub(r"font: ([0-9.]+px) [^;\"]*", r"font-size: \1", tag)
+    tag = re.sub(r'(\s)id="', rf'\1id="{name}-', tag)
+    tag = re.sub(r"url\(#", f"url(#{name}-", tag)
+    tag = re.sub(r'(?:xlink:)?href="#', f'href="#{name}-', tag)
+    tag = tag.replace(' xmlns:xlink="http://www.w3.org/1999/xlink"', "")
+    for colour, variable in VARIABLES.items():
+        tag = tag.replace(colour, f"var({variable})")
+    tag = re.sub(r"-?[0-9]+\.[0-9]{3,}", lambda number: f"{float(number[0]):.2f}", tag)
+    return re.sub(r"\s+", " ", tag)
+
+
+def dots(axes: Axes, at: FloatArray, colour: str, size: float, alpha: float = 1.0) -> None:
+    """Discs at (N, 2), all in one path: strokes of no length with round ends."""
+    strokes(axes, np.stack([at, at], axis=1), colour, size, alpha)
+
+
+def strokes(
+    axes: Axes,
+    ends: FloatArray,
+    colour: str,
+    width: float = 0.8,
+    alpha: float = 1.0,
+    closed: bool = False,
+) -> None:
+    """Lines (N, K, 2) in data coordinates, all in one path."""
+    if not len(ends):
+        return
+    codes = np.full(ends.shape[:2], Outline.LINETO, np.uint8)
+    codes[:, 0] = Outline.MOVETO
+    if closed:
+        ends = np.concatenate([ends, ends[:, :1]], axis=1)
+        codes = np.concatenate([codes, np.full((len(ends), 1), Outline.CLOSEPOLY, np.uint8)], 1)
+    axes.add_patch(
+        PathPatch(
+            Outline(ends.reshape(-1, 2), codes.ravel()),
+            fill=False,
+            edgecolor=colour,
+            linewidth=width,
+            capstyle="round",
+            joinstyle="round",
+            alpha=alpha,
+        )
+    )
+
+
+def areas(axes: Axes, polygons: FloatArray, colour: str, alpha: float = 1.0) -> None:
+    """Filled polygons (N, K, 2) in data coordinates, all in one path."""
+    if not len(polygons):
+        return
+    count, corners = polygons.shape[:2]
+    closed = np.concatenate([polygons, polygons[:, :1]], axis=1)
+    codes = np.full((count, corners + 1), Outline.LINETO, np.uint8)
+    codes[:, 0], codes[:, -1] = Outline.MOVETO, Outline.CLOSEPOLY
+    axes.add_patch(
+        PathPatch(
+            Outline(closed.reshape(-1, 2), codes.ravel()),
+            facecolor=colour,
+            edgecolor="none",
+            alpha=alpha,
+        )
+    )
+
+
+def rectangles(left: FloatArray, top: FloatArray, width: float, height: float) -> FloatArray:
+    """Corners (N, 4, 2) of rectangles of one size by their (N,) left and top edges."""
+    x, y = np.stack([left, left + width]), np.stack([top, top + height])
+    return np.stack(
+        [np.stack([x[i], y[j]], axis=-1) for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))], axis=1
+    )
