@@ -38,5 +38,9 @@ class ViewError(CubicfishError, ValueError):
     """An output view cannot be made from this camera, or a map does not fit a picture."""
 
 
+class ClusterError(CubicfishError, OSError):
+    """A cluster cannot be reached, has no workers, or its workers cannot do this work."""
+
+
 class OutputError(CubicfishError, OSError):
     """An output exists already, or cannot be written."""

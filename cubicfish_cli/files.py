@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cubicfish_cli.errors import CubicfishError, OutputError
+from cubicfish_cli.machines import on_host
 
 
 def refuse_existing(path: Path, *, overwrite: bool) -> None:
@@ -75,7 +76,7 @@ def whole_files(paths: Sequence[Path], *, overwrite: bool) -> Iterator[tuple[Pat
         raise
     except OSError as error:
         raise OutputError(
-            f"{path} cannot be written ({error.strerror or error}): "
+            f"{path} cannot be written{on_host()} ({error.strerror or error}): "
             "check the folder, its permissions and the free space"
         ) from error
     finally:

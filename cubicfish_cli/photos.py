@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import PhotoError
+from cubicfish_cli.machines import on_host
 from cubicfish_cli.wording import quoted
 
 Picture = npt.NDArray[np.integer[Any] | np.floating[Any]]
@@ -48,6 +49,7 @@ _MAGIC = (
     b"P6",
 )
 _stderr_lock = threading.Lock()
+_opencv_lock = threading.Lock()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,6 +65,10 @@ class Photo:
 
     name: str
     path: Path
+
+    def absolute(self) -> Photo:
+        """The same photo, by a path that holds in any current folder."""
+        return Photo(name=self.name, path=Path(os.path.abspath(self.path)))
 
 
 def is_photo_name(path: Path) -> bool:
@@ -257,7 +263,7 @@ def read_file(path: Path) -> bytes:
         raise
     except (OSError, ValueError) as problem:
         what = getattr(problem, "strerror", None) or problem
-        raise PhotoError(f"{shown(path)} cannot be read: {what}") from problem
+        raise PhotoError(f"{shown(path)} cannot be read{on_host()}: {what}") from problem
     if not data:
         raise PhotoError(f"{shown(path)} is empty: copy it again or leave it out")
     return data
@@ -346,13 +352,33 @@ def _tiff_size(data: bytes, order: str) -> tuple[int, int] | None:
 
 @contextmanager
 def one_opencv_thread() -> Iterator[None]:
-    """Keep OpenCV from using several threads for one picture while several are at work."""
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(1)
+    """Keep OpenCV from using several threads for one picture while several are at work.
+
+    Several threads may be inside at once: the last one out gives OpenCV its threads back.
+    """
+    with _opencv_lock:
+        if _opencv.users == 0:
+            _opencv.threads = cv2.getNumThreads()
+            cv2.setNumThreads(1)
+        _opencv.users += 1
     try:
         yield
     finally:
-        cv2.setNumThreads(before)
+        with _opencv_lock:
+            _opencv.users -= 1
+            if _opencv.users == 0:
+                cv2.setNumThreads(_opencv.threads)
+
+
+class _OpenCV:
+    """Its threads while it is held to one; guarded by :data:`_opencv_lock`."""
+
+    def __init__(self) -> None:
+        self.users = 0
+        self.threads = 1
+
+
+_opencv = _OpenCV()
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from cubicfish_cli.cli.view_options import ChosenView, ViewOptions
 
 if TYPE_CHECKING:
     from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
+    from cubicfish_cli.machines import Machines
     from cubicfish_cli.model.cubic import CubicCamera
     from cubicfish_cli.undistortion.batch import PhotoJob
     from cubicfish_cli.undistortion.frames import Crop
@@ -47,6 +48,10 @@ class ViewsBySize:
         self._camera, self._crop, self._options = camera, crop, options
         self._made: dict[tuple[int, int], Sequence[UndistortMap]] = {}
         self._lock = Lock()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel without the maps, which are quicker made than sent, and the lock."""
+        return ViewsBySize, (self._camera, self._crop, self._options)
 
     def group(self, source: Path, size: tuple[int, int]) -> object:
         """The size."""
@@ -142,8 +147,12 @@ class PlanesOfPhotos:
         """The photo itself."""
         return source
 
-    def find_missing(self, jobs: Sequence[PhotoJob]) -> None:
+    def find_missing(self, jobs: Sequence[PhotoJob], machines: Machines | None = None) -> None:
         """Find the poses of photos that the camera file does not know, from corners in them.
+
+        Args:
+            jobs: the photos.
+            machines: who looks at them instead of processes here.
 
         Raises:
             CubicfishError: no corners, or too few, in all of them.
@@ -163,7 +172,7 @@ class PlanesOfPhotos:
         say(f"Looking for corners in {count(len(missing), 'photo')} that have no known pose.")
         photos = [Photo(name=job.source.name, path=job.source) for job in missing]
         with progress("Finding corners") as callback:
-            detection = detect_corners(photos, self._target, progress=callback)
+            detection = detect_corners(photos, self._target, progress=callback, machines=machines)
         pairs = pair(detection.corners, self._target)
         self._poses |= _poses_of(evaluate(self._loaded.camera, pairs).as_record())
 

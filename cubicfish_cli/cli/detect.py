@@ -21,6 +21,7 @@ from cubicfish_cli.cli.options import (
     overwrite_option,
     target_option,
 )
+from cubicfish_cli.cli.scheduler_options import SchedulerOptions, scheduler_options
 from cubicfish_cli.cli.terminal import print_json, print_table, progress, result, say
 from cubicfish_cli.errors import OutputError
 
@@ -58,6 +59,7 @@ if TYPE_CHECKING:
 @overwrite_option
 @json_option
 @jobs_option
+@scheduler_options
 @no_cache_option
 @common_options
 def command(
@@ -68,6 +70,7 @@ def command(
     overwrite: bool,
     as_json: bool,
     jobs: int | None,
+    scheduler: SchedulerOptions,
     no_cache: bool,
 ) -> None:
     """Find the corners of the object in PHOTOS (files, folders or globs) and name them.
@@ -79,6 +82,7 @@ def command(
     from cubicfish_cli.photos import find_photos
     from cubicfish_cli.target import load_target
 
+    scheduler.check(jobs)
     if target is None:
         raise click.UsageError("name the calibration object with --target target.yaml")
     refuse_existing(output, overwrite=overwrite)
@@ -86,7 +90,9 @@ def command(
     pictures = drawings(draw, found) if draw else {}
     for picture in pictures.values():
         refuse_existing(picture, overwrite=overwrite)
-    detection = detect(found, load_target(target), jobs, no_cache=no_cache)
+    loaded = load_target(target)
+    with scheduler.connected() as machines:
+        detection = detect(found, loaded, jobs, no_cache=no_cache, machines=machines)
     save_corners(output, detection.corners, overwrite=overwrite)
     if draw is not None:
         _draw(found, detection, pictures, overwrite=overwrite)

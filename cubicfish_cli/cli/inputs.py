@@ -17,6 +17,7 @@ from cubicfish_cli.wording import quoted
 if TYPE_CHECKING:
     from cubicfish_cli.correspondences import Corners, Correspondences
     from cubicfish_cli.files import Fingerprint
+    from cubicfish_cli.machines import Machines
     from cubicfish_cli.naming.detect import Detection
     from cubicfish_cli.photos import Photo
     from cubicfish_cli.target import Target
@@ -164,7 +165,12 @@ def cache_folder() -> Path:
 
 
 def detect(
-    photos: Sequence[Photo], target: Target, jobs: int | None, *, no_cache: bool
+    photos: Sequence[Photo],
+    target: Target,
+    jobs: int | None,
+    *,
+    no_cache: bool,
+    machines: Machines | None = None,
 ) -> Detection:
     """Find and name the corners of a target in photos, in two passes with progress bars."""
     from cubicfish_cli.naming.cache import GridCache
@@ -178,10 +184,13 @@ def detect(
             target,
             jobs=jobs,
             progress=callback,
-            cache=None if no_cache else GridCache(folder=cache_folder()),
+            cache=None if no_cache else GridCache(folder=cache_folder().absolute()),
+            machines=machines,
         )
     with progress("Looking again") as callback:
-        detection = second_pass(photos, detection, target, jobs=jobs, progress=callback)
+        detection = second_pass(
+            photos, detection, target, jobs=jobs, progress=callback, machines=machines
+        )
     added = sum(photo.added for photo in detection.photos)
     if added:
         say(f"A second look, where a fitted camera expects them, added {count(added, 'corner')}.")

@@ -41,6 +41,7 @@ from cubicfish_cli.cli.rendering_options import (
     crop_option,
     rendering_options,
 )
+from cubicfish_cli.cli.scheduler_options import SchedulerOptions, scheduler_options
 from cubicfish_cli.cli.terminal import progress, result, say
 from cubicfish_cli.cli.video_options import EncodingOptions, encoding_options, is_video_name
 from cubicfish_cli.cli.view_options import ChosenView, ViewOptions, view_options
@@ -64,6 +65,7 @@ if TYPE_CHECKING:
         "find . -name '*.jpg' | cubicfish undistort - flat/ -j 4",
         "cubicfish undistort photo.jpg floor.png --plane floor --target target.yaml",
         "cubicfish undistort drive.mp4 flat.mp4 --hfov 100 --crf 20",
+        "cubicfish undistort photos/ flat/ --scheduler tcp://node1:8786",
     ),
 )
 @click.argument("sources", metavar="IN...", nargs=-1, required=True)
@@ -93,6 +95,7 @@ if TYPE_CHECKING:
 @click.option("--dry-run", is_flag=True, help="Say what would be done, and write nothing.")
 @overwrite_option
 @jobs_option
+@scheduler_options
 @common_options
 def command(
     sources: tuple[str, ...],
@@ -110,6 +113,7 @@ def command(
     dry_run: bool,
     overwrite: bool,
     jobs: int | None,
+    scheduler: SchedulerOptions,
 ) -> None:
     """Render a picture OUT of the photo IN, or a video of a video; flat unless --view says so.
 
@@ -122,9 +126,12 @@ def command(
 
     if skip_existing and overwrite:
         raise click.UsageError("--skip-existing and --overwrite exclude each other")
+    scheduler.check(jobs)
     check_mask_limit(mask_limit, mask)
     plane.check(view)
     planned = _plan(sources, destination, view, plane)
+    if planned.videos and scheduler.address is not None:
+        raise click.UsageError("--scheduler is for photos: do videos without it")
     chosen, loaded = _views(model_path(model), crop, view, plane)
     trusted: Callable[[tuple[int, int]], Trusted] | None = None
     if mask_limit is not None:
@@ -132,32 +139,34 @@ def command(
             _trusted, mask_limit, uncertainty_of(loaded, model_path(model)), loaded, crop
         )
     planned = planned.free(skip_existing=skip_existing, overwrite=overwrite)
-    if isinstance(chosen, PlanesOfPhotos):
-        chosen.find_missing([*planned.jobs, *planned.skipped])
-    if dry_run:
-        _describe_plan(planned, chosen)
-        return
-    extras = _extras(
-        mask,
-        camera_out,
-        planned,
-        chosen,
-        overwrite=overwrite,
-        skip_existing=skip_existing,
-        trusted=trusted,
-    )
-    if planned.videos:
-        failures = _undistort_videos(planned, chosen, pixels, encoding, overwrite=overwrite)
-    else:
-        with progress("Undistorting") as callback:
-            failures = undistort_photos(
-                planned.jobs,
-                chosen.maps,
-                pixels.rendering(),
-                workers=jobs or os.cpu_count() or 1,
-                overwrite=overwrite,
-                progress=callback,
-            )
+    with scheduler.connected(needed=bool(planned.jobs) and not dry_run) as machines:
+        if isinstance(chosen, PlanesOfPhotos):
+            chosen.find_missing([*planned.jobs, *planned.skipped], machines)
+        if dry_run:
+            _describe_plan(planned, chosen)
+            return
+        extras = _extras(
+            mask,
+            camera_out,
+            planned,
+            chosen,
+            overwrite=overwrite,
+            skip_existing=skip_existing,
+            trusted=trusted,
+        )
+        if planned.videos:
+            failures = _undistort_videos(planned, chosen, pixels, encoding, overwrite=overwrite)
+        else:
+            with progress("Undistorting") as callback:
+                failures = undistort_photos(
+                    planned.jobs,
+                    chosen.maps,
+                    pixels.rendering(),
+                    workers=jobs or os.cpu_count() or 1,
+                    overwrite=overwrite,
+                    progress=callback,
+                    machines=machines,
+                )
     _report(planned, failures, chosen)
     for path in extras:
         result(f"wrote {path}")

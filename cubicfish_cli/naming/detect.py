@@ -15,6 +15,7 @@ from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.markers import MarkedCorners, find_marked_corners
 from cubicfish_cli.errors import DetectionError, PhotoError
+from cubicfish_cli.machines import Machines
 from cubicfish_cli.naming.cache import GridCache
 from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.marked import has_markers, marked_corners
@@ -102,6 +103,7 @@ def detect_corners(
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
     cache: GridCache | None = None,
+    machines: Machines | None = None,
 ) -> Detection:
     """Find and name the corners of ``target`` in photos.
 
@@ -114,14 +116,17 @@ def detect_corners(
         jobs: processes to use; None for one a processor.
         progress: called with photos done and all photos.
         cache: what was found in photos that were searched before; None searches them all.
+        machines: who looks at the photos instead of processes here.
 
     Raises:
+        ClusterError: ``machines`` cannot do the work.
         DetectionError: no corner could be named in any photo; the text says what to check.
 
     """
     found = []
     look = partial(_find, target=target, cache=cache)
-    for one in map_photos(look, photos, workers_for(jobs, len(photos))):
+    seen = photos if machines is None else [photo.absolute() for photo in photos]
+    for one in map_photos(look, seen, workers_for(jobs, len(photos)), machines):
         found.append(one)
         if progress is not None:
             progress(len(found), len(photos))

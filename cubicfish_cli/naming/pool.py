@@ -10,17 +10,27 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.errors import DetectionError
+from cubicfish_cli.errors import ClusterError, CubicfishError, DetectionError
+from cubicfish_cli.machines import Machines
 from cubicfish_cli.photos import one_opencv_thread
 
 FloatArray = npt.NDArray[np.float64]
-Item = TypeVar("Item")
+
+
+class _Named(Protocol):
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+        ...
+
+
+Item = TypeVar("Item", bound=_Named)
 Answer = TypeVar("Answer")
 
 # Fewer photos than this are not worth starting other processes for.
@@ -45,16 +55,29 @@ def workers_for(jobs: int | None, items: int) -> int:
 
 
 def map_photos(
-    work: Callable[[Item], Answer], items: Sequence[Item], workers: int
+    work: Callable[[Item], Answer],
+    items: Sequence[Item],
+    workers: int,
+    machines: Machines | None = None,
 ) -> Iterator[Answer]:
     """Yield ``work`` of every item, in order, whatever ``workers`` is.
 
     OpenCV runs one thread in each process.
 
+    Args:
+        work: picklable.
+        items: picklable.
+        workers: processes to use.
+        machines: who does the work instead of this machine's processes.
+
     Raises:
         DetectionError: a process was ended from outside.
+        CubicfishError: what ``work`` raises; the machines cannot do it.
 
     """
+    if machines is not None:
+        yield from _by_machines(work, items, machines)
+        return
     if workers == 1:
         with one_opencv_thread():
             yield from map(work, items)
@@ -69,6 +92,22 @@ def map_photos(
         ) from error
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _by_machines(
+    work: Callable[[Item], Answer], items: Sequence[Item], machines: Machines
+) -> Iterator[Answer]:
+    early: dict[int, Answer] = {}
+    wanted = 0
+    for number, answer in machines.each(work, items):
+        if isinstance(answer, ClusterError):
+            raise ClusterError(f"{items[number].name}: {answer}") from answer
+        if isinstance(answer, CubicfishError):
+            raise answer
+        early[number] = answer
+        while wanted in early:
+            yield early.pop(wanted)
+            wanted += 1
 
 
 def _context() -> multiprocessing.context.BaseContext:

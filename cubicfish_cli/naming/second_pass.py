@@ -17,6 +17,7 @@ from cubicfish_cli.detection.refine import refine_corners
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.calibrate import Calibration, calibrate
 from cubicfish_cli.fitting.robust import gross_px
+from cubicfish_cli.machines import Machines
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.naming.detect import Detection, PhotoReport
 from cubicfish_cli.naming.pool import map_photos, settled, workers_for
@@ -61,6 +62,11 @@ class _Prediction:
     known: npt.NDArray[np.bool_]
     limit_px: float
 
+    @property
+    def name(self) -> str:
+        """The photo's."""
+        return self.photo.name
+
 
 def second_pass(
     photos: Sequence[Photo],
@@ -69,6 +75,7 @@ def second_pass(
     *,
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
+    machines: Machines | None = None,
 ) -> Detection:
     """Add the corners that a camera fitted to the first pass predicts and the photos show.
 
@@ -80,6 +87,7 @@ def second_pass(
         target: the object.
         jobs: processes to use; None for one a processor.
         progress: called with photos done and all photos.
+        machines: who looks at the photos instead of processes here.
 
     Returns:
         The detection with the added corners; the same one where no camera can be fitted.
@@ -91,7 +99,8 @@ def second_pass(
         )
     except FitError:
         return detection
-    by_name = {photo.name: photo for photo in photos}
+    seen = photos if machines is None else [photo.absolute() for photo in photos]
+    by_name = {photo.name: photo for photo in seen}
     exact = {report.name for report in detection.photos if report.exact}
     predictions = [
         _predicted(by_name[name], number, fit, detection.corners, target)
@@ -99,7 +108,8 @@ def second_pass(
         if name in exact
     ]
     found = []
-    for one in map_photos(_look, predictions, workers_for(jobs, len(predictions))):
+    workers = workers_for(jobs, len(predictions))
+    for one in map_photos(_look, predictions, workers, machines):
         found.append(one)
         if progress is not None:
             progress(len(found), len(predictions))

@@ -9,12 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
+from os.path import abspath, commonpath
 from pathlib import Path
 from threading import BoundedSemaphore
 
-from cubicfish_cli.errors import CubicfishError
+from cubicfish_cli.errors import ClusterError, CubicfishError
+from cubicfish_cli.machines import Machines
 from cubicfish_cli.photos import decode_picture, one_opencv_thread, read_file, shown
 from cubicfish_cli.undistortion.images import Rendering, check_outputs, render_files, write_files
 from cubicfish_cli.undistortion.maps import UndistortMap
@@ -55,6 +58,7 @@ def undistort_photos(
     workers: int,
     overwrite: bool,
     progress: Callable[[int, int], None],
+    machines: Machines | None = None,
 ) -> list[Failure]:
     """Undistort photos; one that fails does not stop the others.
 
@@ -67,11 +71,20 @@ def undistort_photos(
         workers: photos to work on at a time.
         overwrite: whether outputs may be replaced.
         progress: called with the number of photos done and of all.
+        machines: who does the work instead of this process; ``maps`` must then be picklable, and
+            ``workers`` says nothing.
 
     Returns:
         What failed, in the order of ``jobs``.
 
+    Raises:
+        ClusterError: ``machines`` cannot do the work.
+
     """
+    if machines is not None:
+        return _undistort_there(
+            jobs, maps, rendering, overwrite=overwrite, progress=progress, machines=machines
+        )
     failures: dict[int, Failure] = {}
     slots = BoundedSemaphore(workers)
 
@@ -133,6 +146,63 @@ def undistort_photo(
         files = render_files(job.source, data, picture, outputs, rendering)
         del data, picture  # the disk may take its time
     write_files(files, overwrite=overwrite)
+
+
+def _undistort_there(
+    jobs: Sequence[PhotoJob],
+    maps: MapsOf,
+    rendering: Rendering,
+    *,
+    overwrite: bool,
+    progress: Callable[[int, int], None],
+    machines: Machines,
+) -> list[Failure]:
+    """Undistort photos by other machines.
+
+    What may be written is decided here, before the work: what a machine finds there later is
+    what another one wrote that was lost before it could say so.
+    """
+    failures: dict[int, Failure] = {}
+    free: list[int] = []
+    for number, job in enumerate(jobs):
+        try:
+            check_outputs(job.outputs, overwrite=overwrite)
+        except CubicfishError as error:
+            failures[number] = Failure(job=job, error=error)
+        else:
+            free.append(number)
+    progress(len(failures), len(jobs))
+    if free:
+        absolute = [_absolute(jobs[number]) for number in free]
+        below = Path(commonpath([path.parent for job in absolute for path in job.outputs]))
+        work = partial(_undistort_again, maps=maps, rendering=rendering)
+        done = len(failures)
+        try:
+            for index, problem in machines.each(work, absolute, writes_below=below):
+                if problem is not None:
+                    job = jobs[free[index]]
+                    if isinstance(problem, ClusterError):  # which does not know the photo
+                        problem = ClusterError(f"{shown(job.source)}: {problem}")
+                    failures[free[index]] = Failure(job=job, error=problem)
+                done += 1
+                progress(done, len(jobs))
+        except ClusterError as problem:
+            if done == len(failures):
+                raise
+            raise ClusterError(f"{problem}; --skip-existing keeps what is done") from problem
+    return [failures[number] for number in sorted(failures)]
+
+
+def _absolute(job: PhotoJob) -> PhotoJob:
+    return replace(
+        job,
+        source=Path(abspath(job.source)),
+        outputs=tuple(Path(abspath(path)) for path in job.outputs),
+    )
+
+
+def _undistort_again(job: PhotoJob, *, maps: MapsOf, rendering: Rendering) -> None:
+    undistort_photo(job, maps, rendering, overwrite=True)
 
 
 def _in_order_of_completion(

@@ -1,0 +1,91 @@
+"""Options that have the work done by the workers of a cluster."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.options import Decorated
+from cubicfish_cli.cli.terminal import say
+
+if TYPE_CHECKING:
+    from cubicfish_cli.machines import Machines
+
+
+@dataclass(frozen=True, kw_only=True)
+class SchedulerOptions:
+    """Where the work is done; ``address`` is None for this machine."""
+
+    address: str | None
+    wait_s: float | None
+
+    def check(self, jobs: int | None) -> None:
+        """Refuse what does not go together."""
+        if self.address is None and self.wait_s is not None:
+            raise click.UsageError("--wait goes with --scheduler")
+        if self.address is not None and jobs is not None:
+            raise click.UsageError(
+                "--jobs is for this machine: with --scheduler, 'dask worker --nthreads' says how "
+                "many photos each worker does at a time"
+            )
+
+    @contextmanager
+    def connected(self, *, needed: bool = True) -> Iterator[Machines | None]:
+        """The cluster's workers while the block runs; None where the work is done here.
+
+        Args:
+            needed: whether there is work at all.
+
+        Raises:
+            ClusterError: they cannot be used.
+
+        """
+        if self.address is None or not needed:
+            yield None
+            return
+        from cubicfish_cli.cluster import WAIT_S, connect
+
+        with connect(self.address, wait_s=WAIT_S if self.wait_s is None else self.wait_s) as there:
+            threads = count(there.threads, "thread")
+            say(f"Using {count(there.workers, 'worker')} with {threads} at {self.address}.")
+            yield there
+
+
+def scheduler_options(function: Decorated) -> Decorated:
+    """The options; the command gets them as one argument, ``scheduler``."""
+
+    @functools.wraps(function)
+    def with_scheduler(*args: Any, **options: Any) -> Any:
+        scheduler = SchedulerOptions(
+            address=options.pop("scheduler_address"), wait_s=options.pop("wait_s")
+        )
+        return function(*args, scheduler=scheduler, **options)
+
+    decorators: tuple[Callable[[Any], Any], ...] = (
+        click.option(
+            "--wait",
+            "wait_s",
+            type=click.FloatRange(min=0, max=1e6),
+            metavar="SECONDS",
+            help="How long to wait while the scheduler has no worker. [default: 60]",
+        ),
+        click.option(
+            "--scheduler",
+            "scheduler_address",
+            metavar="ADDRESS",
+            help="Have the work done by the dask workers of tcp://HOST:8786, which must see the "
+            "same files under the same names (a shared file system). Only use a scheduler that "
+            "you trust. Needs pip install 'cubicfish[scale]'.",
+        ),
+    )
+    decorated: Any = with_scheduler
+    for decorator in decorators:
+        decorated = decorator(decorated)
+    result: Decorated = decorated
+    return result
