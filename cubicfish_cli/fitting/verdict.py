@@ -133,8 +133,9 @@ def verdict(
     )
 
 
-def photo_verdicts(fit: Mapping[str, Any]) -> list[str]:
-    """A word on each photo of ``per_image``: how it stands beside the other photos."""
+def photo_verdicts(fit: Mapping[str, Any], image_size: tuple[int, int]) -> list[str]:
+    """A word on each photo of ``per_image``: its errors, also beside those of the others."""
+    most = _ERROR_PX[0] * max(1.0, max(image_size) / _SIDE)
     records = [record for record in _list(fit, "per_image") if isinstance(record, Mapping)]
     errors = [_number(record, "rms_px") for record in records]
     typical = median([error for error in errors if error is not None] or [0.0])
@@ -148,6 +149,8 @@ def photo_verdicts(fit: Mapping[str, Any]) -> list[str]:
         said = []
         if error is not None and len(errors) > 1 and error > _WORSE_PHOTO * typical > 0:
             said.append(f"{error / typical:.0f} times the others' error: look at it")
+        elif error is not None and error > most:
+            said.append("large errors")
         if dropped:
             said.append(f"{dropped} dropped")
         if corners < _FEW_CORNERS_IN_PHOTO:
@@ -321,6 +324,9 @@ def _figures(fit: Mapping[str, Any]) -> str:
             f"corners cover {100 * coverage:.0f} % of the field, out to {covered:.0f}° from "
             "the axis"
         )
+    unfit = fit.get("unfit_images")
+    if isinstance(unfit, Mapping) and unfit:
+        parts.append(f"{len(unfit)} photo{'s' * (len(unfit) != 1)} left out")
     return ", ".join(parts) or "no figures are known"
 
 

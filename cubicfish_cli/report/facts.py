@@ -161,7 +161,7 @@ def gather(
         absent: what is known to be missing and why, a line each.
 
     """
-    photos = _photos(fit)
+    photos = _photos(fit, camera.image_size)
     dropped = _dropped(fit)
     lines = list(absent)
     errors = None
@@ -204,9 +204,11 @@ def mappings(value: object) -> list[Mapping[str, Any]]:
     return [item for item in value if isinstance(item, Mapping)] if isinstance(value, list) else []
 
 
-def _photos(fit: Mapping[str, Any]) -> tuple[PhotoFacts, ...]:
+def _photos(fit: Mapping[str, Any], size: tuple[int, int]) -> tuple[PhotoFacts, ...]:
     photos = []
-    for record, words in zip(mappings(fit.get("per_image")), photo_verdicts(fit), strict=True):
+    for record, words in zip(
+        mappings(fit.get("per_image")), photo_verdicts(fit, size), strict=True
+    ):
         pose = record.get("camera_from_world")
         pose = pose if isinstance(pose, Mapping) else {}
         vector, translation = _three(pose.get("rotation_vector")), _three(pose.get("translation"))

@@ -50,6 +50,10 @@ BOARD_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, RED)
 _STEP_DEG = 5.0
 # 95 of 100 arrows are at most this share of the picture's longer side.
 _ARROW_SHARE = 0.04
+# Share of errors beyond four σ that noise alone does not explain.
+_HEAVY_TAIL = 0.001
+# Steps of angle whose RMS is this many times the typical one are called a worse rim.
+_WORSE_RIM = 3.0
 _BANDS = 5
 _MOST_BANDS = 7
 
@@ -216,7 +220,7 @@ def places_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
     top = round_up(float(np.percentile(value, 95)))
     colours = _band_colours(_BANDS)
     band = np.clip((value / top * _BANDS).astype(int), 0, _BANDS - 1)
-    figure, axes = _photo_axes(facts.camera.image_size, foot=30)
+    figure, axes = _photo_axes(facts.camera.image_size, foot=34)
     y, x = np.divmod(hit, int(columns))
     for index, colour in enumerate(colours):
         own = band == index
@@ -251,7 +255,7 @@ def angle_figure(errors: ErrorFacts) -> Drawn | None:
     number = np.array([int((bins == index).sum()) for index in used])
     top = 1.15 * max(float(np.percentile(length, 99)), float(rms.max()), 1e-9)
     figure = new_figure(240)
-    axes = add_axes(figure, Box(left=46, top=8, width=304, height=196))
+    axes = add_axes(figure, Box(left=50, top=8, width=300, height=194))
     axes.grid(True)
     shown = some(len(length), MOST_DOTS // 2)
     inside = shown[length[shown] <= top]
@@ -273,13 +277,27 @@ def angle_figure(errors: ErrorFacts) -> Drawn | None:
             f"Errors by angle from the axis; RMS from {rms.min():.3f} to {rms.max():.3f} px in "
             f"steps of {_STEP_DEG:g} degrees",
         ),
-        caption=f"The least filled step holds {few:,} corner{'s' * (few != 1)}."
+        caption=_worse_rim(used, rms)
+        + f"The least filled step holds {few:,} corner{'s' * (few != 1)}."
         + (f" {beyond:,} larger errors lie above the figure." if beyond else "")
         + thinned(len(length), MOST_DOTS // 2, "corners"),
         keys=(
             key("dot", BLUE, "a corner"),
             key("line", ORANGE, f"RMS of {_STEP_DEG:g}° each"),
         ),
+    )
+
+
+def _worse_rim(steps: IntArray, rms: FloatArray) -> str:
+    """Where errors grow towards the rim, in words; empty where they do not."""
+    worse = rms > _WORSE_RIM * np.median(rms)
+    outer = len(rms) - int(np.argmin(worse[::-1])) if not worse.all() else len(rms)
+    if outer == len(rms):
+        return ""
+    times = float(rms[outer:].max() / np.median(rms))
+    return (
+        f"Beyond {_STEP_DEG * steps[outer]:.0f}° errors are up to {times:.0f} times the usual: "
+        "trust the camera less there. "
     )
 
 
@@ -293,7 +311,7 @@ def histogram_figure(errors: ErrorFacts) -> Drawn:
     x = np.linspace(-reach, reach, 121)
     normal = len(values) * step * np.exp(-0.5 * (x / sigma) ** 2) / (sigma * np.sqrt(2 * np.pi))
     figure = new_figure(240)
-    axes = add_axes(figure, Box(left=46, top=8, width=304, height=196))
+    axes = add_axes(figure, Box(left=50, top=8, width=300, height=194))
     axes.grid(True, axis="y")
     bars = np.concatenate([rectangles(edges[i : i + 1], np.zeros(1), 0.9 * step, float(number))
                            for i, number in enumerate(counts)])  # fmt: skip
@@ -304,6 +322,7 @@ def histogram_figure(errors: ErrorFacts) -> Drawn:
     axes.set_xlabel("error along x or y, px")
     axes.set_ylabel("how many")
     beyond = float(np.mean(np.abs(values) > reach))
+    heavy = beyond > _HEAVY_TAIL
     return Drawn(
         name="histogram",
         title="How errors are spread",
@@ -313,8 +332,9 @@ def histogram_figure(errors: ErrorFacts) -> Drawn:
             f"Histogram of errors along x and y with the normal distribution of sigma {sigma:.4f} "
             "px",
         ),
-        caption=f"{100 * beyond:.2g} % lie beyond four σ, where a normal distribution has "
-        "0.006 %: corners that were found worse than most, which weigh little in the fit.",
+        caption=f"{100 * beyond:.2g} % lie beyond four σ, where a normal distribution has 0.006 %"
+        + (": corners that were found worse than most, which weigh little in the fit." * heavy)
+        + "." * (not heavy),
         keys=(
             key("area", BLUE, "errors along x and along y"),
             key("line", ORANGE, f"normal, σ = {sigma:.3f} px (from the median)"),
@@ -346,8 +366,8 @@ def profile_figure(facts: Facts, camera: CubicCamera) -> Drawn:
         ("equisolid, 2 f sin(θ/2)", RED, 2 * focal * np.sin(theta / 2)),
     )
     figure = new_figure(330)
-    axes = add_axes(figure, Box(left=46, top=8, width=304, height=170))
-    below = add_axes(figure, Box(left=46, top=200, width=304, height=90))
+    axes = add_axes(figure, Box(left=50, top=8, width=300, height=170))
+    below = add_axes(figure, Box(left=50, top=200, width=300, height=88))
     for part in (axes, below):
         part.grid(True)
         part.set_xlim(0, float(degrees[-1]))
@@ -399,7 +419,7 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
         return None
     levels = _levels(float(np.nanmin(sigma)), float(np.nanmax(sigma)))
     colours = _band_colours(len(levels) - 1)
-    figure, axes = _photo_axes(camera.image_size, foot=30)
+    figure, axes = _photo_axes(camera.image_size, foot=34)
     # Where no point of the grid is near, the outline is nearer still.
     known = np.ma.masked_invalid(sigma)
     bands = axes.contourf(x, y, known, levels=levels, colors=colours)
@@ -450,7 +470,7 @@ def _photo_axes(size: tuple[int, int], foot: float = 0.0) -> tuple[Figure, Axes]
     most = (WIDTH - 46.0, 300.0)
     scale = min(most[0] / width, most[1] / height)
     box = Box(left=36, top=8, width=scale * width, height=scale * height)
-    figure = new_figure(box.height + 26 + foot)
+    figure = new_figure(box.height + 28 + foot)
     axes = add_axes(figure, box)
     axes.set_xlim(-0.5, width - 0.5)
     axes.set_ylim(height - 0.5, -0.5)
@@ -464,15 +484,15 @@ def _photo_axes(size: tuple[int, int], foot: float = 0.0) -> tuple[Figure, Axes]
 def _scale_bar(figure: Figure, colours: Sequence[str], edges: Sequence[str], unit: str) -> None:
     """Bands of colour with their edges' values at the foot of a figure."""
     height = figure.get_figheight() * 72
-    axes = add_axes(figure, Box(left=36, top=height - 26, width=200, height=9))
+    axes = add_axes(figure, Box(left=36, top=height - 28, width=215, height=9))
     axes.set_axis_off()
     axes.set_xlim(0, len(colours))
     axes.set_ylim(0, 1)
     for index, colour in enumerate(colours):
         areas(axes, rectangles(np.array([float(index)]), np.zeros(1), 1, 1), colour)
     for index, text in enumerate(edges):
-        axes.text(index, -0.35, text, ha="center", va="top", fontsize=8)
-    axes.text(len(colours) + 0.03 * len(colours), 0.5, unit, ha="left", va="center", fontsize=8)
+        axes.text(index, -0.35, text, ha="center", va="top", fontsize=9.5)
+    axes.text(len(colours) + 0.03 * len(colours), 0.5, unit, ha="left", va="center", fontsize=9.5)
 
 
 def _band_colours(count: int) -> list[str]:
@@ -481,16 +501,19 @@ def _band_colours(count: int) -> list[str]:
 
 
 def _levels(low: float, high: float) -> list[float]:
-    """Round numbers around all from the lowest to the highest, in steps that grow with them."""
+    """Round numbers around all from the lowest to the highest; over a wide span they grow."""
     low = max(low, high / 1e4, 1e-9)
-    first = np.floor(np.log10(low))
-    powers = np.arange(first, np.floor(np.log10(max(high, low))) + 2)
-    series = np.array([step * 10.0**power for power in powers for step in (1, 1.5, 2, 3, 5, 7)])
+    high = max(high, 1.05 * low)
+    if high < 3 * low:
+        step = round_up((high - low) / _MOST_BANDS)
+        series = step * np.arange(np.floor(low / step), np.ceil(high / step) + 2)
+    else:
+        powers = 10.0 ** np.arange(np.floor(np.log10(low)), np.floor(np.log10(high)) + 2)
+        series = (powers[:, None] * [1, 1.5, 2, 3, 5, 7]).ravel()
     begin = int(np.searchsorted(series, low * 1.000001)) - 1
     end = max(int(np.searchsorted(series, high * 0.999999)), begin + 1)
     every = -(-(end - begin) // _MOST_BANDS)
-    levels = series[begin : end + every : every]
-    return [float(f"{level:.2g}") for level in levels]
+    return [float(f"{level:.4g}") for level in series[max(begin, 0) : end + every : every]]
 
 
 def round_down(value: float) -> float:

@@ -44,9 +44,9 @@ VARIABLES = {
     RED: "--red",
     SKY: "--sky",
 }
-# Width of every figure in its own units: 9 units of text are read on a phone and on a desk.
+# Width of every figure in its own units: 10 units of text are read on a phone and on a desk.
 WIDTH = 360.0
-_TEXT = 9.0
+_TEXT = 10.0
 
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
