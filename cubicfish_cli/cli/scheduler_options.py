@@ -49,7 +49,7 @@ class SchedulerOptions:
         if self.address is None or not needed:
             yield None
             return
-        from cubicfish_cli.cluster import WAIT_S, connect
+        from cubicfish_cli.cluster.connection import WAIT_S, connect
 
         with connect(self.address, wait_s=WAIT_S if self.wait_s is None else self.wait_s) as there:
             threads = count(there.threads, "thread")
