@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -129,10 +130,10 @@ class Facts:
         """Unit of lengths; empty where the object is not known."""
         return self.target.units if self.target else ""
 
-    @property
+    @cached_property
     def outline(self) -> FloatArray:
         """(K, 2) the field within the photo where the camera may be trusted, pixels."""
-        return self.camera.valid if isinstance(self.camera, PointCamera) else self.camera.outline()
+        return _outline(self.camera)
 
 
 def gather(
@@ -175,12 +176,11 @@ def gather(
         )
     if photos and not files:
         lines.append(_NO_PHOTOS)
-    outline = camera.valid if isinstance(camera, PointCamera) else camera.outline()
     return Facts(
         camera=camera,
         fit=fit,
         made_by=made_by,
-        verdict=verdict(fit, camera.image_size, outline),
+        verdict=verdict(fit, camera.image_size, _outline(camera)),
         photos=photos,
         dropped=dropped,
         dropped_pixels=pixels,
@@ -190,6 +190,11 @@ def gather(
         digests=digests or {},
         absent=tuple(lines),
     )
+
+
+def _outline(camera: CubicCamera | PointCamera) -> FloatArray:
+    """As camera.yaml has it, so that a camera from memory gives the same page as from its file."""
+    return np.round(camera.valid if isinstance(camera, PointCamera) else camera.outline(), 3)
 
 
 def finite(value: object) -> float | None:

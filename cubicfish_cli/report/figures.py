@@ -306,21 +306,22 @@ def histogram_figure(errors: ErrorFacts) -> Drawn:
     values = errors.residual.ravel()
     sigma = max(1.4826 * float(np.median(np.abs(values - np.median(values)))), 1e-9)
     reach = 4.0 * sigma
-    counts, edges = np.histogram(values, bins=40, range=(-reach, reach))
+    number, edges = np.histogram(values, bins=40, range=(-reach, reach))
+    counts = 100 * number / len(values)
     step = float(edges[1] - edges[0])
     x = np.linspace(-reach, reach, 121)
-    normal = len(values) * step * np.exp(-0.5 * (x / sigma) ** 2) / (sigma * np.sqrt(2 * np.pi))
+    normal = 100 * step * np.exp(-0.5 * (x / sigma) ** 2) / (sigma * np.sqrt(2 * np.pi))
     figure = new_figure(240)
     axes = add_axes(figure, Box(left=50, top=8, width=300, height=194))
     axes.grid(True, axis="y")
-    bars = np.concatenate([rectangles(edges[i : i + 1], np.zeros(1), 0.9 * step, float(number))
-                           for i, number in enumerate(counts)])  # fmt: skip
+    bars = np.concatenate([rectangles(edges[i : i + 1], np.zeros(1), 0.9 * step, float(share))
+                           for i, share in enumerate(counts)])  # fmt: skip
     areas(axes, bars, BLUE, 0.8)
     strokes(axes, np.stack([x, normal], axis=-1)[None], ORANGE, 2)
     axes.set_xlim(-reach, reach)
     axes.set_ylim(0, 1.08 * float(max(counts.max(), normal.max())))
     axes.set_xlabel("error along x or y, px")
-    axes.set_ylabel("how many")
+    axes.set_ylabel("share, %")
     beyond = float(np.mean(np.abs(values) > reach))
     heavy = beyond > _HEAVY_TAIL
     return Drawn(

@@ -11,7 +11,7 @@ import io
 import logging
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -143,7 +143,10 @@ def svg_text(figure: Figure, name: str, label: str) -> str:
     # It would hold for the whole page.
     text = re.sub(r"<style type=\"text/css\">[^<]*</style>", "", text)
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    text = re.sub(r"<(?!/)[^>]+>", lambda tag: _page_tag(tag[0], name), text)
+    named = dict.fromkeys(re.findall(r'(?:url\(|href=")#([^)"]+)', text))
+    # matplotlib names by a hash of numbers in full, which differ by rounding from run to run.
+    names = {old: f"{name}-{number}" for number, old in enumerate(named, start=1)}
+    text = re.sub(r"<(?!/)[^>]+>", lambda tag: _page_tag(tag[0], names), text)
     text = re.sub(r">\s+<", "><", text)
     size = re.search(r'viewBox="[^"]*"', text)
     inner = text[text.index(">") + 1 :].strip()
@@ -159,13 +162,17 @@ def _attribute(text: str) -> str:
     return text
 
 
-def _page_tag(tag: str, name: str) -> str:
+def _page_tag(tag: str, names: Mapping[str, str]) -> str:
     """An opening tag with ids of its own, the page's colours and letters, and short numbers."""
+
+    def own_id(found: re.Match[str]) -> str:
+        return f' id="{names[found[1]]}"' if found[1] in names else ""
+
     tag = re.sub(r"font-family: [^;\"]*;? ?", "", tag)
     tag = re.sub(r"font: ([0-9.]+px) [^;\"]*", r"font-size: \1", tag)
-    tag = re.sub(r'(\s)id="', rf'\1id="{name}-', tag)
-    tag = re.sub(r"url\(#", f"url(#{name}-", tag)
-    tag = re.sub(r'(?:xlink:)?href="#', f'href="#{name}-', tag)
+    tag = re.sub(r'\sid="([^"]*)"', own_id, tag)
+    tag = re.sub(r"url\(#([^)]+)\)", lambda found: f"url(#{names[found[1]]})", tag)
+    tag = re.sub(r'(?:xlink:)?href="#([^"]+)"', lambda found: f'href="#{names[found[1]]}"', tag)
     tag = tag.replace(' xmlns:xlink="http://www.w3.org/1999/xlink"', "")
     for colour, variable in VARIABLES.items():
         tag = tag.replace(colour, f"var({variable})")

@@ -1,0 +1,146 @@
+"""The verdict on a fit: good where all is well, and one reason for each thing that is not."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cubicfish_cli.fitting.calibrate import Calibration
+from cubicfish_cli.fitting.verdict import photo_verdicts, verdict
+
+SIZE = (1280, 800)
+GOOD: dict[str, Any] = {
+    "rms_px": 0.11,
+    "held_out_rms_px": 0.12,
+    "companion_held_out_rms_px": 0.2,
+    "corners": 2000,
+    "images": 12,
+    "coverage": 0.9,
+    "covered_deg": 88.0,
+    "rank": 16,
+    "dropped": 3,
+    "unfit_images": {"blurred.png": "noisy"},
+    "uncertainty": {"median_px": 0.02, "max_px": 0.2},
+    "departures": [{"board": "floor", "doubts": []}],
+}
+FAR = {"companion_held_out_rms_px": 5.0}
+
+
+def test_a_good_fit_is_good() -> None:
+    said = verdict(GOOD, SIZE)
+    assert (said.level, said.reasons) == ("good", ())
+    assert said.line == (
+        "good: off by 0.120 px (a radial lens: 0.200) on photos left out of the fit, corners cover "
+        "90 % of the field, out to 88° from the axis, 1 photo left out"
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "level", "why", "do"),
+    [
+        ({"rms_px": 1.2, "held_out_rms_px": 1.3, **FAR}, "care", "off by 1.30 px", "target.yaml"),
+        ({"rms_px": 4.0, "held_out_rms_px": 4.1, **FAR}, "bad", "off by 4.10 px", "target.yaml"),
+        ({"corners": 90}, "care", "90 corners are few", "more photos"),
+        ({"held_out_rms_px": None}, "care", "it is not known how right", "--hold-out"),
+        (
+            {"held_out_rms_px": None, "images": 1, "unfit_images": {}},
+            "care",
+            "from 1 photo it is",
+            "three or more",
+        ),
+        ({"held_out_rms_px": 0.19}, "care", "1.7 times as much", "more photos"),
+        ({"held_out_rms_px": 0.6, "companion_held_out_rms_px": 0.6}, "bad", "5.5 times", "photos"),
+        ({"companion_held_out_rms_px": 0.1}, "care", "a plain radial lens is nearer", "the rim"),
+        ({"coverage": 0.4}, "care", "cover only 40 % of the field", "empty parts"),
+        ({"coverage": 0.1}, "bad", "cover only 10 % of the field", "empty parts"),
+        ({"rank": 13}, "care", "determine 13 of 16", "other parts of the picture"),
+        ({"lift": "point", "rank": 19}, "care", "19 of 20", "--lift ray"),
+        ({"uncertainty": {"median_px": 0.5}}, "care", "uncertain by 0.50 px", "sharper"),
+        ({"uncertainty": {"median_px": 2.5}}, "bad", "uncertain by 2.50 px", "sharper"),
+        ({"uncertainty": {"median_px": 0.1, "max_px": 3}}, "care", "up to 3.00 px", "--mask-limit"),
+        ({"dropped": 200}, "care", "200 of 2200 corners", "which boards"),
+        ({"dropped": 900}, "bad", "900 of 2900 corners", "which boards"),
+        ({"images": 1, "unfit_images": {"a": "", "b": ""}}, "bad", "2 of 3 photos", "again"),
+        (
+            {"departures": [{"board": "left", "doubts": ["stretched by 4 %: is its size right?"]}]},
+            "care",
+            "board left seems stretched by 4 %, more than paper",
+            "measure the object",
+        ),
+    ],
+)
+def test_each_fault_is_one_reason(change: dict[str, Any], level: str, why: str, do: str) -> None:
+    said = verdict({**GOOD, **change}, SIZE)
+    assert said.level == level
+    (reason,) = said.reasons
+    assert reason.level == level
+    assert why in reason.why
+    assert do in reason.do
+    assert reason.why in said.line
+    assert "\n" not in said.line
+    assert said.as_record()["reasons"] == [{"level": level, "why": reason.why, "do": reason.do}]
+
+
+def test_the_worst_reason_comes_first_and_the_others_are_counted() -> None:
+    said = verdict({**GOOD, "corners": 90, "coverage": 0.1, "rank": 5}, SIZE)
+    assert [reason.level for reason in said.reasons] == ["bad", "care", "care"]
+    assert said.line.startswith("not to be trusted: corners cover only 10 %")
+    assert "(and 2 more reasons)" in said.line
+
+
+def test_larger_photos_may_be_off_by_more_of_their_pixels() -> None:
+    fit = {**GOOD, "rms_px": 1.5, "held_out_rms_px": 1.6, "companion_held_out_rms_px": 3}
+    assert verdict(fit, (8000, 6000)).level == "good"
+    assert verdict(fit, SIZE).level == "care"
+
+
+def test_a_field_that_is_a_small_part_of_the_photo_is_told() -> None:
+    middle = np.array([[500.0, 300], [700, 300], [700, 500], [500, 500]])
+    said = verdict(GOOD, SIZE, middle)
+    assert said.level == "care"
+    assert "over 4 % of the photo only" in said.reasons[0].why
+    whole = np.array([[0.0, 0], [1279, 0], [1279, 799], [0, 799]])
+    assert verdict(GOOD, SIZE, whole).level == "good"
+
+
+def test_a_real_fit_is_judged_by_its_record(fitted: Calibration) -> None:
+    said = verdict(fitted.as_record(), fitted.camera.image_size, fitted.camera.outline())
+    assert [reason.why[:12] for reason in said.reasons] == ["it is not kn"]  # no hold-out there
+    assert photo_verdicts(fitted.as_record(), fitted.camera.image_size) == ["good"] * 10
+
+
+def test_photos_beside_each_other() -> None:
+    records = [{"image": f"{i}.png", "rms_px": 0.1, "corners": 100} for i in range(5)]
+    records += [
+        {"image": "bad.png", "rms_px": 0.5, "corners": 100},
+        {"image": "few.png", "rms_px": 0.1, "corners": 9},
+    ]
+    fit = {"per_image": records, "dropped_corners": [{"image": "few.png"}] * 2}
+    assert photo_verdicts(fit, SIZE) == [
+        *["good"] * 5, "5 times the others' error: look at it", "2 dropped; few corners",
+    ]  # fmt: skip
+    far = {"per_image": [{"image": "a", "rms_px": 5.0, "corners": 50}] * 3}
+    assert photo_verdicts(far, SIZE) == ["large errors"] * 3
+
+
+def test_a_record_without_figures_is_not_trusted() -> None:
+    said = verdict({}, SIZE)
+    assert said.level == "bad"
+    assert "does not say how well" in said.reasons[0].why
+
+
+PLAIN = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3)
+    ),
+    max_leaves=6,
+)
+
+
+@given(st.dictionaries(st.sampled_from([*GOOD, "per_image", "dropped_corners", "lift"]), PLAIN))
+def test_no_record_breaks_it(record: dict[str, Any]) -> None:
+    verdict({**GOOD, **record}, SIZE)
+    photo_verdicts(record, SIZE)
