@@ -1,7 +1,9 @@
 """``cubicfish report``, and the page that ``cubicfish calibrate`` writes."""
 
 import json
+import os
 import shutil
+import sys
 import tomllib
 from pathlib import Path
 
@@ -216,6 +218,18 @@ def test_the_command_is_on_record(run: Run, tmp_path: Path) -> None:
     assert record["made_by"]["command"] == (
         f"cubicfish calibrate '{table}' --target {TARGET} --refine-target off --no-hold-out"
     )
+
+
+@pytest.mark.skipif(sys.platform == "darwin", reason="names are UTF-8 there")
+@pytest.mark.usefixtures("with_report", "quick_fit")
+def test_names_that_are_no_utf8_and_hold_line_ends(run: Run, tmp_path: Path) -> None:
+    folder = tmp_path / os.fsdecode(b"caf\xe9\n<b>")
+    folder.mkdir()
+    table = shutil.copy(CORNERS, folder / "corners.csv")
+    run("calibrate", table, "-t", TARGET, "-o", tmp_path / "c")
+    page = (tmp_path / "c" / "report.html").read_text(encoding="utf-8")
+    assert r"caf\udce9\n&lt;b&gt;/corners.csv" in page
+    run("report", tmp_path / "c", "--overwrite")
 
 
 def test_the_templates_go_along_with_the_package() -> None:

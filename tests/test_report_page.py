@@ -203,7 +203,7 @@ def test_the_same_page_to_the_byte_whatever_the_surroundings(
     html: str, fitted: Calibration, pairs: Correspondences, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(mpl.rcParams, "font.size", 31)
-    monkeypatch.setitem(mpl.rcParams, "axes.formatter.use_locale", True)
+    monkeypatch.setitem(mpl.rcParams, "xtick.major.size", 23)
     monkeypatch.setenv("TZ", "Asia/Tokyo")
     before = dict(mpl.rcParams)
     again = report_html(facts_of(fitted, pairs, files={path.name: path for path in PHOTOS}))

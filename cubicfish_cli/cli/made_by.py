@@ -78,8 +78,13 @@ def command_line() -> str:
         words.append(max(names or parameter.opts, key=len))
         if not isinstance(value, bool):
             words.append("x".join(map(str, value)) if isinstance(value, tuple) else str(value))
-    return shlex.join(words)
+    return _text(shlex.join(words))
 
 
 def _of(file: Fingerprint) -> dict[str, str]:
-    return {"file": str(file.path), "sha256": file.sha256}
+    return {"file": _text(str(file.path)), "sha256": file.sha256}
+
+
+def _text(words: str) -> str:
+    """What a name says, also where its bytes are no UTF-8, which no text file can hold."""
+    return words.encode("utf-8", "backslashreplace").decode("utf-8")

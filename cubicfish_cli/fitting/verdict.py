@@ -196,7 +196,9 @@ def _of_held_out(fit: Mapping[str, Any], scale: float) -> Iterator[Reason]:
             level="care",
             why=(f"from {photos:.0f} photo{'s' * (photos != 1)} " if photos and few else "")
             + "it is not known how right the camera is on photos that it has not seen",
-            do="take three or more photos" if few else "calibrate with --hold-out and more photos",
+            do="take three or more photos"
+            if few
+            else "calibrate with --hold-out, or take more photos if that was on",
         )
         return
     level = _ratio_above(held_out, rms, _OVERFIT, scale)

@@ -50,7 +50,6 @@ _TEXT = 10.0
 
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
-    "svg.hashsalt": "cubicfish",
     "font.family": ["DejaVu Sans"],
     "font.size": _TEXT,
     "axes.edgecolor": MUTED,
@@ -144,7 +143,7 @@ def svg_text(figure: Figure, name: str, label: str) -> str:
     text = re.sub(r"<style type=\"text/css\">[^<]*</style>", "", text)
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     named = dict.fromkeys(re.findall(r'(?:url\(|href=")#([^)"]+)', text))
-    # matplotlib names by a hash of numbers in full, which differ by rounding from run to run.
+    # matplotlib's ids are hashes with salt, of numbers in full: they differ from run to run.
     names = {old: f"{name}-{number}" for number, old in enumerate(named, start=1)}
     text = re.sub(r"<(?!/)[^>]+>", lambda tag: _page_tag(tag[0], names), text)
     text = re.sub(r">\s+<", "><", text)
