@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.findings import field_cells
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.uncertainty import sigma_at
@@ -355,9 +356,12 @@ def profile_figure(facts: Facts, camera: CubicCamera) -> Drawn:
     )  # fmt: skip
     radial = camera.radial
     middle = np.array([radial.cx, radial.cy])
-    own = np.linalg.norm(camera.project(rays) - middle, axis=-1)
-    other = np.linalg.norm(radial.project(rays) - middle, axis=-1)
-    difference = own - other
+    own = np.linalg.norm(camera.project(rays) - camera.project([0.0, 0.0, 1.0]), axis=-1)
+    outwards = radial.project(rays) - middle
+    other = np.linalg.norm(outwards, axis=-1)
+    # The poses make up for a rotation between the two, which is no difference of lenses.
+    miss, _ = aligned_difference(camera, radial, rays.reshape(-1, 3))
+    difference = (miss.reshape((*rays.shape[:-1], 2)) * outwards).sum(axis=-1) / other
     known = np.isfinite(difference).all(axis=1)
     degrees = np.rad2deg(theta)
     focal = (radial.fx + radial.fy) / 2
@@ -367,11 +371,12 @@ def profile_figure(facts: Facts, camera: CubicCamera) -> Drawn:
         ("equisolid, 2 f sin(θ/2)", RED, 2 * focal * np.sin(theta / 2)),
     )
     figure = new_figure(330)
-    axes = add_axes(figure, Box(left=50, top=8, width=300, height=170))
-    below = add_axes(figure, Box(left=50, top=200, width=300, height=88))
+    axes = add_axes(figure, Box(left=58, top=8, width=294, height=170))
+    below = add_axes(figure, Box(left=58, top=200, width=294, height=88))
     for part in (axes, below):
         part.grid(True)
         part.set_xlim(0, float(degrees[-1]))
+        part.yaxis.set_label_coords(-0.165, 0.5)
     for _, colour, radius in ideals:
         axes.plot(degrees, radius, color=colour, linewidth=0.9, linestyle=(0, (4, 2)))
     axes.plot(degrees[known], other.mean(axis=1)[known], color=ORANGE, linewidth=3.2)
@@ -383,7 +388,7 @@ def profile_figure(facts: Facts, camera: CubicCamera) -> Drawn:
     below.fill_between(degrees[known], low, high, color=BLUE, alpha=0.25, linewidth=0)
     below.plot(degrees[known], difference[known].mean(axis=1), color=BLUE, linewidth=1.4)
     below.axhline(0, color=ORANGE, linewidth=1.2)
-    below.set_ylabel("cubic less\ncompanion, px")
+    below.set_ylabel("difference, px")
     below.set_xlabel("angle from the axis θ, degrees")
     largest = float(np.abs(difference[known]).max()) if known.any() else 0.0
     return Drawn(
@@ -396,9 +401,10 @@ def profile_figure(facts: Facts, camera: CubicCamera) -> Drawn:
             "radial companion, which differs by up to "
             f"{largest:.1f} px, and three ideal lenses of focal length {focal:.0f} px",
         ),
-        caption="Below, how far the camera departs from the radial companion: the line is the mean "
-        "over all directions, the band from the least to the most, which is what no radial lens "
-        f"follows. Ideal lenses with the companion's focal length, f = {focal:.0f} px.",
+        caption="Below, how much farther out the camera sees than the radial companion, a rotation "
+        "between them taken out: the line is the mean over all directions, the band goes from the "
+        "least to the most, and no radial lens follows it. Ideal lenses with the companion's focal "
+        f"length, f = {focal:.0f} px.",
         keys=(
             key("line", BLUE, "this camera, mean over all directions"),
             key("line", ORANGE, "radial companion (Kannala–Brandt)"),

@@ -139,7 +139,7 @@ def _view(
     strokes(scale, np.array([[[0.0, 0.5], [1.0, 0.5]]]), INK, 1.6)
     figure.text((14 + length / unit) / WIDTH, place + 0.012, f"{length:g}", va="center")
     keys.append(key("line", INK, "a photo: the open side looks at the object"))
-    units = f" {facts.units}" if facts.units else " of the table's units"
+    units = f" {facts.units}" if facts.units else " in the units of the object"
     return Drawn(
         name=name,
         title=title,
