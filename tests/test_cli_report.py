@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -218,6 +219,20 @@ def test_the_command_is_on_record(run: Run, tmp_path: Path) -> None:
     assert record["made_by"]["command"] == (
         f"cubicfish calibrate '{table}' --target {TARGET} --refine-target off --no-hold-out"
     )
+
+
+@pytest.mark.usefixtures("with_report")
+def test_matplotlib_keeps_its_worries_to_itself(own: Path, tmp_path: Path) -> None:
+    (tmp_path / "matplotlibrc").write_text("lines.linewidth: bogus\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "cubicfish_cli", "report", own, "--target", TARGET, "-q"],
+        env={**os.environ, "MPLCONFIGDIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stderr == ""
+    assert "wrote" in done.stdout
 
 
 @pytest.mark.skipif(sys.platform == "darwin", reason="names are UTF-8 there")

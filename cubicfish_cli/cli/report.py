@@ -64,7 +64,7 @@ def command(
     """
     from cubicfish_cli.errors import CubicfishError
     from cubicfish_cli.files import refuse_existing, write_text
-    from cubicfish_cli.report.extra import INSTALL, missing
+    from cubicfish_cli.report.extra import INSTALL, missing, quiet
 
     if missing():
         raise CubicfishError(f"a report needs {' and '.join(missing())}: {INSTALL}")
@@ -74,8 +74,9 @@ def command(
     page = output or camera.parent / "report.html"
     refuse_existing(page, overwrite=overwrite)
 
-    from cubicfish_cli.report.from_files import facts_of_files
-    from cubicfish_cli.report.page import report_html
+    with quiet():
+        from cubicfish_cli.report.from_files import facts_of_files
+        from cubicfish_cli.report.page import report_html
 
     facts = facts_of_files(camera, target=target, photos=photos)
     text = report_html(facts)

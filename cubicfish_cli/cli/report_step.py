@@ -82,9 +82,12 @@ def _page(
 ) -> str:
     from dataclasses import replace
 
-    from cubicfish_cli.report.facts import gather
-    from cubicfish_cli.report.page import report_html
-    from cubicfish_cli.report.pictures import matched
+    from cubicfish_cli.report.extra import quiet
+
+    with quiet():
+        from cubicfish_cli.report.facts import gather
+        from cubicfish_cli.report.page import report_html
+        from cubicfish_cli.report.pictures import matched
 
     pairs = loaded.pairs
     if target is not None:

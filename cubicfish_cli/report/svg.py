@@ -8,7 +8,6 @@ Names that a user chose never enter a figure: legends and captions are the page'
 from __future__ import annotations
 
 import io
-import logging
 import re
 import warnings
 from collections.abc import Iterator, Mapping
@@ -24,6 +23,8 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
+
+from cubicfish_cli.report.extra import quiet
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -87,16 +88,10 @@ def drawing() -> Iterator[None]:
         for key, value in mpl.rcParamsDefault.items()
         if not key.startswith(_NOT_STYLE) and not key.startswith("_")
     }
-    logger = logging.getLogger("matplotlib")
-    level = logger.level
-    logger.setLevel(logging.ERROR)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", mpl.MatplotlibDeprecationWarning)
-            with mpl.rc_context({**defaults, **_STYLE}):
-                yield
-    finally:
-        logger.setLevel(level)
+    with quiet(), warnings.catch_warnings():
+        warnings.simplefilter("ignore", mpl.MatplotlibDeprecationWarning)
+        with mpl.rc_context({**defaults, **_STYLE}):
+            yield
 
 
 @dataclass(frozen=True, kw_only=True)
