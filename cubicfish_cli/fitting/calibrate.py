@@ -43,7 +43,7 @@ MIN_PAIRS = 30
 _FLAT = 1e-4
 # Beyond this relative uncertainty of the focal length the photos do not determine the lens.
 _MAX_FOCAL_UNCERTAINTY = 0.05
-_DROP_ROUNDS = 5
+_DROP_ROUNDS = 12
 # A richer object must lower the held-out error at least to this share of the poorer one's.
 _WORTH = 0.99
 _STRONGEST_WEIGHT = 300.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +12,7 @@ import numpy.typing as npt
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import Adjustment, adjust
+from cubicfish_cli.fitting.bent import BentFit, bend
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.lenses import RadialFit
 from cubicfish_cli.fitting.poses import Poses
@@ -60,6 +62,11 @@ class Companion:
     unfit: dict[str, str]
     terms: int
     focal_uncertainty: float
+
+    @cached_property
+    def bent(self) -> tuple[BentFit, Poses]:
+        """The nearest lens that is not quite symmetric, and the poses that go with it."""
+        return bend(self.camera, self.terms, self.poses, self.pairs, self.residual)
 
     @property
     def covered(self) -> float:

@@ -1,7 +1,8 @@
 """Fitting the cubic camera and all poses jointly, from the radial companion.
 
-P is held to the companion by a weak prior on a cone (pseudo-observations): it keeps poles out
-where no corner is, and fixes the rotation that P could otherwise absorb. How weak follows the
+P is held to the companion, bent as real lenses are, by a weak prior on a cone
+(pseudo-observations): it keeps poles out where no corner is, and fixes the rotation that P could
+otherwise absorb. How weak follows the
 data, by the evidence (marginal likelihood) of each weight.
 """
 
@@ -36,8 +37,8 @@ _LARGEST_ANGLE_DEG = 175.0
 _FOLD_SHARE = 0.98
 _WEIGHTS = tuple(10.0 ** (1 - step / 2) for step in range(9))
 # Neighbouring corners share the paper's bend and the detector's bias, so N corners say less
-# than N independent ones: the evidence counts each as half.
-_EVIDENCE_SHARE = 0.5
+# than N independent ones: the evidence counts each as a quarter.
+_EVIDENCE_SHARE = 0.25
 # In normalised pixels: Kannala–Brandt lenses of 10° to 150° are then met within 0.02 px by cubics
 # without a pole; ten times more costs up to 0.08 px, and none at all lets poles in.
 _DENOMINATOR_PULL = 1e-4
@@ -46,6 +47,7 @@ _DENOMINATOR_SPREAD = 0.1
 _SCAN_ITERATIONS = 30
 # The bottom of the evidence over weights is flat: it need not be known to the last digit.
 _SCAN_DECREASE = 1e-4
+_STRONGEST = 1e4
 # For fits that only lead to the next one.
 _ROUGH_DECREASE = 1e-6
 
@@ -95,11 +97,11 @@ def fit_cubic(
     """
     pairs = companion.pairs
     max_angle_deg = float(np.rad2deg(_valid_angle(companion)))
-    start = _start_lens(companion)
+    first = start = _start_lens(companion)
     if weight is None:
         weight, start, poses = _best_weight(start, companion)
     else:
-        poses = companion.poses
+        poses = companion.bent[1]
     while True:
         lens = _with_weight(start, weight)
         fit = adjust(
@@ -124,8 +126,8 @@ def fit_cubic(
             return result
         # A pole crept in: hold P closer to the companion, which has none.
         weight *= 10**0.5
-        start, poses = _start_lens(companion), companion.poses
-        if weight > 1e4:
+        start, poses = first, companion.bent[1]
+        if weight > _STRONGEST:
             raise FitError(
                 f"the camera folds at {result.soundness.sound_to_deg:.0f}° from its axis while "
                 f"corners reach {np.rad2deg(companion.covered):.0f}°: check that corners near "
@@ -172,14 +174,15 @@ def prior_cone(camera: RadialCamera, covered: float) -> float:
 
 
 def _start_lens(companion: Companion) -> CubicFit:
-    """The cubic that agrees with the companion on the prior's cone (Eq. 8–9, reweighted).
+    """The cubic that agrees with the bent companion on the prior's cone (Eq. 8–9, reweighted).
 
     A linear solution from the corners themselves is drawn by outliers and may have a pole just
     outside them, where Levenberg–Marquardt then stays.
     """
     camera = companion.camera
     rays = cone_rays(prior_cone(camera, companion.covered), _PRIOR_RAYS)
-    pixel = camera.project(rays)
+    bent, _ = companion.bent
+    pixel = bent.project(rays)
     centre = np.array([camera.cx, camera.cy])
     scale = (camera.fx + camera.fy) / 2
     coefficients = linear_coefficients(
@@ -195,7 +198,7 @@ def _start_lens(companion: Companion) -> CubicFit:
         scale=scale,
         ray_prior=RayPrior(
             rays=rays,
-            pixel=pixel,
+            lens=bent,
             weight=1.0,
             denominator=values @ coefficients[2],
             denominator_weight=_denominator_weight(companion),
@@ -220,7 +223,7 @@ def _best_weight(start: CubicFit, companion: Companion) -> tuple[float, CubicFit
         The weight and the lens and poses of the nearest fit that was tried.
 
     """
-    lens, poses = start, companion.poses
+    lens, poses = start, companion.bent[1]
     tried: list[tuple[float, float, CubicFit, Poses]] = []
     limit = huber_px(companion.residual)
     for weight in _WEIGHTS:
@@ -237,7 +240,9 @@ def _best_weight(start: CubicFit, companion: Companion) -> tuple[float, CubicFit
         if len(tried) > 2 and tried[-1][0] > tried[-2][0] > tried[-3][0]:
             break
     best = min(range(len(tried)), key=lambda index: tried[index][0])
-    weight = _between(tried, best)
+    # Two digits of it say all there is to say, and are the same for the same corners in other
+    # units or in another order.
+    weight = float(f"{_between(tried, best):.1e}")
     return weight, tried[best][2], tried[best][3]
 
 
@@ -258,8 +263,7 @@ def _negative_log_evidence(fit: Adjustment, pairs: Correspondences) -> float:
 
     MacKay (1992), "Bayesian interpolation", with the robust cost in place of the square.
     """
-    _, prior_jacobian = fit.lens.prior()
     freedom = _EVIDENCE_SHARE * max(2 * len(pairs.pixel) - 6 * len(pairs.images), 1)
     _, posterior = np.linalg.slogdet(fit.normal.reduced_shared())
-    _, prior = np.linalg.slogdet(prior_jacobian.T @ prior_jacobian)
+    prior = _cubic(fit).prior_log_determinant()
     return float(0.5 * (freedom * np.log(max(fit.cost, 1e-300)) + posterior - prior))

@@ -8,11 +8,15 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.fitting.adjustment import FitLens
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lift import evaluate_cubics, lift, sphere_basis
 from cubicfish_cli.model.radial import RadialCamera, project_jacobian
 
 FloatArray = npt.NDArray[np.float64]
+
+# From a lens that is near, Gauss and Newton get to the nearest one in this many steps.
+_NEAREST_ROUNDS = 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -91,11 +95,14 @@ class FixedLens:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RayPrior:
-    """Pseudo-observations that tie a lens to another where no corner is.
+    """Pseudo-observations that tie a lens to the nearest one of another, narrower kind.
+
+    The other lens is as free as its kind allows: it follows, so that it is not what corners say
+    about both that is held fast.
 
     Attributes:
         rays: (M, 3) unit rays.
-        pixel: (M, 2) where the other lens sees them.
+        lens: one of the other kind that is near.
         weight: residuals are multiplied by this.
         denominator: (M,) P3Φ of the other lens at the rays.
         denominator_weight: pixels that a relative change of P3Φ by 1 counts as.
@@ -103,7 +110,7 @@ class RayPrior:
     """
 
     rays: FloatArray
-    pixel: FloatArray
+    lens: FitLens
     weight: float
     denominator: FloatArray
     denominator_weight: float
@@ -112,6 +119,32 @@ class RayPrior:
     def values(self) -> FloatArray:
         """(M, 16) the basis of cubics on the sphere at the rays, which never move."""
         return lift(self.rays) @ sphere_basis()
+
+    def nearest(self, pixel: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Weighted misses of the other kind's lens nearest to pixels, its own prior's after them.
+
+        Args:
+            pixel: (M, 2), finite.
+
+        Returns:
+            (2M + L,) and its derivatives by that lens's parameters (2M + L, K).
+
+        """
+        lens = self.lens
+        for _ in range(_NEAREST_ROUNDS):
+            miss, by_lens = self._misses(pixel, lens)
+            scale = 1 / np.linalg.norm(by_lens, axis=0)
+            step = np.linalg.lstsq(by_lens * scale, -miss, rcond=None)[0]
+            lens = lens.with_parameters(lens.parameters + scale * step)
+        return self._misses(pixel, lens)
+
+    def _misses(self, pixel: FloatArray, lens: FitLens) -> tuple[FloatArray, FloatArray]:
+        seen, _, by_lens = lens.project_jacobian(self.rays)
+        own, own_by_lens = lens.prior()
+        return (
+            np.concatenate([self.weight * (pixel - seen).reshape(-1), own]),
+            np.vstack([-self.weight * by_lens.reshape(pixel.size, -1), own_by_lens]),
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -183,25 +216,56 @@ class CubicFit:
         return self._pixel(lift(rays) @ sphere_basis())[0] * self.scale + self.centre
 
     def prior(self) -> tuple[FloatArray, FloatArray]:
-        """Weighted difference to the prior's pixels and denominators: (3M,), (3M, 47).
+        """Weighted misses of the nearest lens of the prior's kind, and of its denominators.
+
+        That lens's own parameters are eliminated (variable projection, Golub & Pereyra 1973; the
+        derivatives are Kaufman's, whose gradient is exact).
 
         Pixels alone leave room for a pole that a zero of both numerators all but cancels
         (a Froissart doublet): it bends the picture at a few corners and nowhere else. A cubic
         P3Φ that vanishes somewhere differs widely from one that is positive on the whole cone.
         """
         prior = self.ray_prior
-        values = prior.values
-        pixel, denominator = self._pixel(values)
-        miss = prior.weight * (pixel * self.scale + self.centre - prior.pixel)
-        jacobian = prior.weight * self._d_parameters(values, pixel, denominator)
+        pixel, denominator = self._pixel(prior.values)
+        pixel = pixel * self.scale + self.centre
         change = prior.denominator_weight * (denominator / prior.denominator - 1)
-        d_change = np.zeros((len(values), 47))
-        share = (prior.denominator_weight / prior.denominator)[:, None]
-        d_change[:, 32:] = share * (values @ self.denominator_basis)
+        by_pixel, by_denominator = self._d_prior(pixel, denominator)
+        if not np.isfinite(pixel).all():  # a bad step: its cost turns it down
+            return np.full(1, np.inf), np.zeros((1, 47))
+        miss, by_lens = prior.nearest(pixel)
+        direct = np.zeros((len(miss), 47))
+        direct[: len(by_pixel)] = by_pixel
+        basis = np.linalg.qr(by_lens / np.linalg.norm(by_lens, axis=0))[0]
         return (
-            np.concatenate([miss.reshape(-1), change]),
-            np.vstack([jacobian.reshape(2 * len(values), -1), d_change]),
+            np.concatenate([miss, change]),
+            np.vstack([direct - basis @ (basis.T @ direct), by_denominator]),
         )
+
+    def prior_log_determinant(self) -> float:
+        """Of the prior's precision, what depends on its weight, for the evidence.
+
+        With the other lens's parameters θ free and flat, the posterior's determinant is that of
+        the equations for P, θ eliminated, times that of θ's own block, which is divided out here.
+        """
+        prior = self.ray_prior
+        pixel, denominator = self._pixel(prior.values)
+        pixel = pixel * self.scale + self.centre
+        direct = np.vstack(self._d_prior(pixel, denominator))
+        _, by_lens = prior.nearest(pixel)
+        by_lens = by_lens / np.linalg.norm(by_lens, axis=0) * prior.weight
+        _, of_cubic = np.linalg.slogdet(direct.T @ direct)
+        _, of_lens = np.linalg.slogdet(by_lens.T @ by_lens)
+        return float(of_cubic - of_lens)
+
+    def _d_prior(self, pixel: FloatArray, denominator: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Weighted d pixel / d parameters (2M, 47) at the prior's rays, and d P3Φ's share."""
+        prior = self.ray_prior
+        inside = (pixel - self.centre) / self.scale
+        by_pixel = prior.weight * self._d_parameters(prior.values, inside, denominator)
+        by_denominator = np.zeros((len(denominator), 47))
+        share = (prior.denominator_weight / prior.denominator)[:, None]
+        by_denominator[:, 32:] = share * (prior.values @ self.denominator_basis)
+        return by_pixel.reshape(pixel.size, -1), by_denominator
 
     def _pixel(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         homogeneous = values @ self.coefficients.T

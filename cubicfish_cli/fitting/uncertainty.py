@@ -59,9 +59,8 @@ class Uncertainty:
 def camera_uncertainty(result: CubicResult) -> Uncertainty:
     """Covariance at the optimum of a cubic fit, from its normal equations.
 
-    With H the Hessian, priors included and poses and corners eliminated, it is σ² H⁻¹. Had P been
-    held to a fixed lens, the spread would be smaller, σ² H⁻¹ (H − prior) H⁻¹; but the companion
-    that it is held to follows the same corners, and over draws of noise H⁻¹ alone is within 6 %.
+    With H the Hessian, priors included and poses, corners and the lens that P is held to
+    eliminated, it is σ² H⁻¹.
     """
     normal = result.fit.normal
     hessian = normal.reduced_shared()

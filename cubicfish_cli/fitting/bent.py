@@ -1,0 +1,147 @@
+"""The lens that P is held to: the companion, decentred, tilted and skewed as real lenses are.
+
+No glass is centred to the last micron and no sensor is square to its axis. Where corners are few,
+P can only be as right as what holds it, and a lens of perfect symmetry is off by up to a pixel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.fitting.adjustment import adjust
+from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.robust import huber_px, noise_px
+from cubicfish_cli.model.radial import RadialCamera, project_jacobian
+
+FloatArray = npt.NDArray[np.float64]
+
+# How far a lens may be from symmetry, in each of p1, p2, t1, t2 and skew: far more than any that is
+# sold. A hundredth is half a degree of tilt. Results hardly change from a tenth of this on.
+_SPREAD = 0.01
+_BENDS = 5
+# The lens is a start: what P is held to follows P.
+_ENOUGH_DECREASE = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BentFit:
+    """A Kannala–Brandt lens with Brown's decentring (1966), a tilted sensor and skew, all free.
+
+    With (a, b) = r(θ) (x, y)/√(x² + y²)::
+
+        (a, b) += (2 p1 a b + p2 (r² + 2a²) + skew · b,  p1 (r² + 2b²) + 2 p2 a b)
+        (a, b) /= 1 + t1 a + t2 b
+        (u, v) = (fx a + cx, fy b + cy)
+
+    Attributes:
+        values: (13,) fx, fy, cx, cy, k1..k4, p1, p2, t1, t2, skew.
+        terms: how many coefficients of the profile are free.
+        noise_px: of a corner's coordinate; the weight of the pull to symmetry follows it.
+
+    """
+
+    values: FloatArray
+    terms: int
+    noise_px: float
+
+    @property
+    def _free(self) -> npt.NDArray[np.intp]:
+        return np.r_[0 : 4 + self.terms, 8 : 8 + _BENDS]
+
+    @property
+    def parameters(self) -> FloatArray:
+        """(9 + terms,)."""
+        return self.values[self._free]
+
+    def with_parameters(self, parameters: FloatArray) -> BentFit:
+        """The same lens with other parameters."""
+        values = self.values.copy()
+        values[self._free] = parameters
+        return replace(self, values=values)
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
+        return self.project_jacobian(points)[0]
+
+    def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
+        focal, centre = self.values[:2], self.values[2:4]
+        p1, p2, t1, t2, skew = self.values[8:]
+        plain = np.array([1, 1, 0, 0, *self.values[4:8]])
+        flat, flat_by_point, flat_by_values = project_jacobian(plain, points)
+        a, b = flat.T
+        square = a * a + b * b
+        moved = np.stack(
+            [
+                a + 2 * p1 * a * b + p2 * (square + 2 * a * a) + skew * b,
+                b + p1 * (square + 2 * b * b) + 2 * p2 * a * b,
+            ],
+            axis=-1,
+        )
+        moved_by_flat = np.empty((len(a), 2, 2))
+        moved_by_flat[:, 0, 0] = 1 + 2 * p1 * b + 6 * p2 * a
+        moved_by_flat[:, 1, 0] = 2 * p1 * a + 2 * p2 * b
+        moved_by_flat[:, 0, 1] = moved_by_flat[:, 1, 0] + skew
+        moved_by_flat[:, 1, 1] = 1 + 6 * p1 * b + 2 * p2 * a
+        depth = 1 + t1 * moved[:, 0] + t2 * moved[:, 1]
+        # A tilt that turns the sensor edge-on is a bad step: its cost turns it down.
+        depth = np.where(depth > 0, depth, np.nan)
+        tilted = moved / depth[:, None]
+        tilted_by_moved = (np.eye(2) - tilted[:, :, None] * np.array([t1, t2])) / depth[
+            :, None, None
+        ]
+        by_flat = focal[:, None] * (tilted_by_moved @ moved_by_flat)
+
+        moved_by_bends = np.zeros((len(a), 2, 3))
+        moved_by_bends[:, 0, 0] = moved_by_bends[:, 1, 1] = 2 * a * b
+        moved_by_bends[:, 1, 0] = square + 2 * b * b
+        moved_by_bends[:, 0, 1] = square + 2 * a * a
+        moved_by_bends[:, 0, 2] = b
+        by_bends = focal[:, None] * (tilted_by_moved @ moved_by_bends)
+        by_values = np.zeros((len(a), 2, 8 + _BENDS))
+        by_values[:, 0, 0] = tilted[:, 0]
+        by_values[:, 1, 1] = tilted[:, 1]
+        by_values[:, 0, 2] = by_values[:, 1, 3] = 1
+        by_values[:, :, 4:8] = by_flat @ flat_by_values[:, :, 4:]
+        by_values[:, :, 8:10] = by_bends[:, :, :2]
+        by_values[:, :, 10:12] = -(focal * tilted)[:, :, None] * tilted[:, None, :]
+        by_values[:, :, 12] = by_bends[:, :, 2]
+        pixel = np.where(np.isfinite(tilted), focal * tilted + centre, np.inf)
+        return pixel, by_flat @ flat_by_point, by_values[:, :, self._free]
+
+    def prior(self) -> tuple[FloatArray, FloatArray]:
+        """The pull to symmetry, weak: (5,), (5, 9 + terms)."""
+        weight = self.noise_px / _SPREAD
+        jacobian = np.zeros((_BENDS, len(self._free)))
+        jacobian[:, -_BENDS:] = weight * np.eye(_BENDS)
+        return weight * self.values[8:], jacobian
+
+
+def bend(
+    camera: RadialCamera, terms: int, poses: Poses, pairs: Correspondences, residual: FloatArray
+) -> tuple[BentFit, Poses]:
+    """A bent lens about as near to corners as can be, and the poses that go with it.
+
+    Args:
+        camera: the radial lens to start from.
+        terms: how many of its coefficients are free.
+        poses: camera_from_world of each photo under it.
+        pairs: the corners.
+        residual: (N, 2) of the radial lens, pixels.
+
+    """
+    lens = BentFit(
+        values=np.concatenate([camera.parameters, np.zeros(_BENDS)]),
+        terms=terms,
+        noise_px=max(noise_px(residual), 1e-3),
+    )
+    fit = adjust(
+        lens, poses, pairs, huber_px=huber_px(residual), relative_decrease=_ENOUGH_DECREASE
+    )
+    if not isinstance(fit.lens, BentFit):
+        raise TypeError("the adjustment must be of a bent lens")
+    return fit.lens, fit.poses
