@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -20,6 +21,13 @@ TARGET = SAMPLE / "target.yaml"
 CORNERS = SAMPLE / "true_corners.csv"
 ROOT = Path(__file__).parents[1]
 QUICK = ("--no-hold-out", "--refine-target", "off")
+
+
+def facts(folder: Path, target: Path | None = None) -> Any:
+    """What a page says of a folder, without making one."""
+    from cubicfish_cli.report.from_files import facts_of_files
+
+    return facts_of_files(folder / "camera.yaml", target=target, photos=[])
 
 
 @pytest.fixture
@@ -42,7 +50,6 @@ def test_calibrate_writes_the_page_that_report_writes(run: Run, tmp_path: Path) 
     assert said.stdout.startswith("usable with care: ")
     assert "left out: Pictures of the photos" in said.stderr
     assert "exists already" in run("report", folder, code=1).stderr
-    run("report", folder, "--overwrite")
 
 
 @pytest.mark.usefixtures("with_report")
@@ -118,26 +125,24 @@ def test_photos_that_are_given_are_shown(run: Run, own: Path) -> None:
 
 @pytest.mark.usefixtures("with_report")
 def test_files_that_went_or_changed_are_left_out(run: Run, own: Path, tmp_path: Path) -> None:
-    from cubicfish_cli.report.from_files import facts_of_files
-
     camera = own / "camera.yaml"
     record = yaml.safe_load(camera.read_text())
     moved = shutil.copy(TARGET, tmp_path / "moved.yaml")
     record["made_by"]["target"]["file"] = str(moved)
     camera.write_text(yaml.safe_dump(record))
-    assert facts_of_files(camera, target=None, photos=[]).errors is not None
+    assert facts(own).errors is not None
     moved.write_text(moved.read_text() + "# changed\n")
     said = run("report", own).stderr
     assert "left out: Corners, errors and the object: the target is not where it was" in said
     assert "Errors as arrows" not in (own / "report.html").read_text(encoding="utf-8")
-    assert facts_of_files(camera, target=TARGET, photos=[]).errors is not None
+    assert facts(own, TARGET).errors is not None
     (own / "corners.csv").unlink()  # then there is the table that it came from
-    assert facts_of_files(camera, target=TARGET, photos=[]).errors is not None
+    assert facts(own, TARGET).errors is not None
     record["made_by"]["inputs"][0]["sha256"] = "00"
     camera.write_text(yaml.safe_dump(record))
-    facts = facts_of_files(camera, target=TARGET, photos=[])
-    assert facts.errors is None
-    assert "there is no corners.csv beside the camera" in facts.absent[0]
+    found = facts(own, TARGET)
+    assert found.errors is None
+    assert "there is no corners.csv beside the camera" in found.absent[0]
 
 
 @pytest.mark.usefixtures("with_report")
@@ -192,7 +197,7 @@ def test_pairs_without_a_target(run: Run, tmp_path: Path) -> None:
     run("report", folder, "-o", tmp_path / "again.html")
     assert (tmp_path / "again.html").read_text(encoding="utf-8") == page
     table.write_text("changed")
-    said = run("report", folder, "--overwrite").stderr
+    (said, _) = facts(folder).absent
     assert "the table that it was calibrated from is not where it was, or has changed" in said
 
 
@@ -207,7 +212,7 @@ def test_a_refined_object_is_told(run: Run, tmp_path: Path) -> None:
     run("report", folder, "-o", tmp_path / "again.html")
     assert (tmp_path / "again.html").read_text(encoding="utf-8") == page
     (folder / "target.refined.yaml").unlink()
-    assert "the target is not where it was" in run("report", folder, "--overwrite").stderr
+    assert "the target is not where it was" in facts(folder).absent[0]
 
 
 @pytest.mark.usefixtures("quick_fit")

@@ -326,7 +326,7 @@ PLAIN = st.recursive(
 )
 
 
-@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_no_record_breaks_it(data: st.DataObject, fitted: Calibration) -> None:
     record = fitted.as_record()
