@@ -33,6 +33,30 @@ def aprilgrid_extent(
     return (-reach, -reach), (float(far_x) + reach, float(far_y) + reach)
 
 
+def aprilgrid_steps(board: Board) -> tuple[FloatArray, FloatArray]:
+    """Where ink may begin or end along x (N,) and along y (M,): gaps and tags' modules."""
+    markers = board.markers
+    if markers is None:
+        raise ValueError(f"board {board.name!r} has no markers")
+    size = marker_ink(markers, np.empty(0, np.intp), _BORDER_MODULES).shape[-1]
+    pitch = board.square * (1 + board.spacing)
+    gap = board.square * board.spacing
+    modules = np.arange(size + 1) / size * board.square
+    x, y = (
+        np.unique(
+            np.concatenate(
+                [
+                    (np.arange(tags)[:, None] * pitch + modules).ravel(),
+                    np.arange(tags + 1) * pitch - gap,
+                    [tags * pitch],
+                ]
+            )
+        )
+        for tags in (board.columns // 2, board.rows // 2)
+    )
+    return x, y
+
+
 def aprilgrid_is_dark(board: Board) -> Callable[[FloatArray], BoolArray]:
     """Plane positions (..., 2) in the target's units -> (...) whether there is ink."""
     markers = board.markers

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.rendering.checkerboard import checkerboard_is_dark
+from cubicfish_cli.rendering.checkerboard import checkerboard_is_dark, checkerboard_steps
 from cubicfish_cli.target import Board, Markers
 
 FloatArray = npt.NDArray[np.float64]
@@ -30,6 +30,20 @@ def marker_ink(markers: Markers, ids: npt.NDArray[np.intp], border: int) -> Bool
             for one in ids
         ]
     ).reshape(-1, side, side)
+
+
+def charuco_steps(board: Board) -> tuple[FloatArray, FloatArray]:
+    """Where ink may begin or end along x (N,) and along y (M,): squares and markers' modules."""
+    markers = board.markers
+    if markers is None:
+        raise ValueError(f"board {board.name!r} has no markers")
+    size = marker_ink(markers, np.empty(0, np.intp), _BORDER_MODULES).shape[-1]
+    modules = board.square / 2 + markers.side * (np.arange(size + 1) / size - 0.5)
+    x, y = (
+        np.unique(np.concatenate([squares, (squares[:-1, None] + modules).ravel()]))
+        for squares in checkerboard_steps(board)
+    )
+    return x, y
 
 
 def charuco_is_dark(board: Board) -> Callable[[FloatArray], BoolArray]:

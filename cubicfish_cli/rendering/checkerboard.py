@@ -22,6 +22,12 @@ def checkerboard_extent(
     )
 
 
+def checkerboard_steps(board: Board) -> tuple[FloatArray, FloatArray]:
+    """Where ink may begin or end along x (columns + 2,) and along y (rows + 2,)."""
+    x, y = (np.arange(-1.0, count + 1) * board.square for count in (board.columns, board.rows))
+    return x, y
+
+
 def checkerboard_is_dark(board: Board, plane: FloatArray) -> BoolArray:
     """Whether there is ink at plane positions (..., 2), in the target's units -> (...).
 

@@ -13,9 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import TargetError
-from cubicfish_cli.rendering.aprilgrid import aprilgrid_extent, aprilgrid_is_dark
-from cubicfish_cli.rendering.charuco import charuco_is_dark
-from cubicfish_cli.rendering.checkerboard import checkerboard_extent, checkerboard_is_dark
+from cubicfish_cli.rendering.aprilgrid import aprilgrid_extent, aprilgrid_is_dark, aprilgrid_steps
+from cubicfish_cli.rendering.charuco import charuco_is_dark, charuco_steps
+from cubicfish_cli.rendering.checkerboard import (
+    checkerboard_extent,
+    checkerboard_is_dark,
+    checkerboard_steps,
+)
 from cubicfish_cli.target import Board, BoardKind
 
 FloatArray = npt.NDArray[np.float64]
@@ -30,12 +34,15 @@ class Face:
         lower, upper: opposite corners of the plate, (x, y) in the target's units; the white
             margin is inside.
         is_dark: (..., 2) plane positions -> (...) whether there is ink.
+        steps: positions along x and along y, (N,) and (M,), between which ink neither begins
+            nor ends: cells between them are of one colour.
 
     """
 
     lower: tuple[float, float]
     upper: tuple[float, float]
     is_dark: Callable[[FloatArray], BoolArray]
+    steps: tuple[FloatArray, FloatArray]
 
     def covers(self, plane: FloatArray) -> BoolArray:
         """Whether plane positions (..., 2) are on the plate -> (...)."""
@@ -49,17 +56,29 @@ class Face:
 
 def _checkerboard(board: Board, margin: float) -> Face:
     lower, upper = checkerboard_extent(board, margin)
-    return Face(lower=lower, upper=upper, is_dark=lambda plane: checkerboard_is_dark(board, plane))
+    return Face(
+        lower=lower,
+        upper=upper,
+        is_dark=lambda plane: checkerboard_is_dark(board, plane),
+        steps=checkerboard_steps(board),
+    )
 
 
 def _charuco(board: Board, margin: float) -> Face:
     lower, upper = checkerboard_extent(board, margin)
-    return Face(lower=lower, upper=upper, is_dark=charuco_is_dark(board))
+    return Face(
+        lower=lower, upper=upper, is_dark=charuco_is_dark(board), steps=charuco_steps(board)
+    )
 
 
 def _aprilgrid(board: Board, margin: float) -> Face:
     lower, upper = aprilgrid_extent(board, margin)
-    return Face(lower=lower, upper=upper, is_dark=aprilgrid_is_dark(board))
+    return Face(
+        lower=lower,
+        upper=upper,
+        is_dark=aprilgrid_is_dark(board),
+        steps=aprilgrid_steps(board),
+    )
 
 
 _FACES: Mapping[BoardKind, Callable[[Board, float], Face]] = {

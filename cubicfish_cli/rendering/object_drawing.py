@@ -37,8 +37,8 @@ _STYLE = """\
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Picture:
-    """A parallel projection onto the drawing.
+class Picture:
+    """A parallel projection onto a drawing.
 
     Attributes:
         rows: (2, 3) world directions of the drawing's x and y (down).
@@ -57,6 +57,10 @@ class _Picture:
         """World points (..., 3) -> places on the drawing (..., 2)."""
         return np.asarray(self.scale * world @ self.rows.T + self.shift)
 
+    def faces(self, board: Board) -> bool:
+        """Whether the printed face is seen; lists of points have none and are always seen."""
+        return board.points is not None or bool(-board.axes[2] @ self.to_viewer > 0)
+
 
 def object_svg(target: Target) -> str:
     """Draw the boards of a target, corner (0, 0) and both axes of each, and the world's axes.
@@ -65,7 +69,7 @@ def object_svg(target: Target) -> str:
     backs are dashed. The colours suit light and dark pages alike.
     """
     plates = [_rim(board) for board in target.boards]
-    picture, height = _picture(target, np.concatenate(plates))
+    picture, height = picture_of(target, np.concatenate(plates))
     total = height + _FOOT
     order = sorted(range(len(plates)), key=lambda k: plates[k].mean(0) @ picture.to_viewer)
     lines = [
@@ -92,12 +96,24 @@ def _rim(board: Board) -> FloatArray:
     return board.origin + plane @ board.axes[:2]
 
 
-def _faces(board: Board, picture: _Picture) -> bool:
-    """Whether the viewer sees the printed face; lists of points have none and are always seen."""
-    return board.points is not None or bool(-board.axes[2] @ picture.to_viewer > 0)
+def picture_of(
+    target: Target,
+    world: FloatArray,
+    *,
+    size: tuple[float, float] = (_WIDTH, _HIGHEST),
+    margin: float = _MARGIN,
+    lowest: float = 240.0,
+) -> tuple[Picture, float]:
+    """A drawing from where most boards show their printed faces, and how high it is.
 
+    Args:
+        target: the object.
+        world: (N, 3) the points that must be in the drawing.
+        size: its width, and its greatest height.
+        margin: on all sides, part of the size.
+        lowest: its least height.
 
-def _picture(target: Target, world: FloatArray) -> tuple[_Picture, float]:
+    """
     printed = [board for board in target.boards if board.points is None]
     up = _up(printed)
     way = _way(printed, up)
@@ -106,11 +122,11 @@ def _picture(target: Target, world: FloatArray) -> tuple[_Picture, float]:
     rows = np.stack([right, -np.cross(right, -way)])
     flat = world @ rows.T
     low, extent = flat.min(axis=0), np.ptp(flat, axis=0)
-    room = np.array([_WIDTH, _HIGHEST]) - 2 * _MARGIN
+    room = np.array(size) - 2 * margin
     scale = float((room / np.maximum(extent, 1e-12 * np.abs(world).max() + 1e-12)).min())
-    height = max(scale * extent[1] + 2 * _MARGIN, 240.0)
-    shift = np.array([_WIDTH, height]) / 2 - scale * (low + extent / 2)
-    return _Picture(rows=rows, to_viewer=way, scale=scale, shift=shift), float(height)
+    height = max(scale * extent[1] + 2 * margin, lowest)
+    shift = np.array([size[0], height]) / 2 - scale * (low + extent / 2)
+    return Picture(rows=rows, to_viewer=way, scale=scale, shift=shift), float(height)
 
 
 def _up(boards: list[Board]) -> FloatArray:
@@ -141,12 +157,12 @@ def _way(boards: list[Board], up: FloatArray) -> FloatArray:
     return best
 
 
-def _drawn(board: Board, plate: FloatArray, picture: _Picture) -> list[str]:
+def _drawn(board: Board, plate: FloatArray, picture: Picture) -> list[str]:
     if board.points is not None:
         dots = picture.at(board.points[:_MOST_POINTS])
         return [f'<circle class="dot" cx="{x:.1f}" cy="{y:.1f}" r="3"/>' for x, y in dots]
     outline = _path(picture.at(plate)[None])
-    if not _faces(board, picture):
+    if not picture.faces(board):
         return [f'<path class="back" d="{outline}"/>']
     lines = [f'<path class="paper edge" d="{outline}"/>']
     squares = _dark_squares(board)
@@ -175,11 +191,11 @@ def _path(polygons: FloatArray) -> str:
     return "".join(parts)
 
 
-def _labels(board: Board, plate: FloatArray, picture: _Picture) -> list[str]:
+def _labels(board: Board, plate: FloatArray, picture: Picture) -> list[str]:
     name = escape(board.name)
     middle = picture.at(plate.mean(axis=0))
     if board.points is None:
-        if not _faces(board, picture):
+        if not picture.faces(board):
             name += " (its back)"
         length = 2 * board.square
         lines = [
@@ -211,7 +227,7 @@ def _arrow(start: FloatArray, end: FloatArray, colour: str) -> str:
     )
 
 
-def _world_axes(picture: _Picture, total: float) -> list[str]:
+def _world_axes(picture: Picture, total: float) -> list[str]:
     """The directions of the world's axes, at the bottom on the left."""
     start = np.array([_MARGIN, total - _MARGIN])
     lines = []
@@ -223,7 +239,7 @@ def _world_axes(picture: _Picture, total: float) -> list[str]:
     return lines
 
 
-def _legend(units: str, picture: _Picture, total: float) -> list[str]:
+def _legend(units: str, picture: Picture, total: float) -> list[str]:
     y = total - 14
     x = 3 * _MARGIN
     right = np.array([24.0, 0.0])

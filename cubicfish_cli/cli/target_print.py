@@ -1,0 +1,318 @@
+"""``cubicfish target print``: boards on paper at true scale, and objects made for a paper size."""
+
+from __future__ import annotations
+
+import os
+import re
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.made_by import made_at
+from cubicfish_cli.cli.options import (
+    FILE,
+    common_options,
+    examples,
+    json_option,
+    overwrite_option,
+)
+from cubicfish_cli.cli.terminal import print_json, print_table, result, say
+
+if TYPE_CHECKING:
+    from cubicfish_cli.printing.layout import Page
+    from cubicfish_cli.printing.paper import Paper
+    from cubicfish_cli.printing.sheet import Sheet
+    from cubicfish_cli.target import Target
+
+_OBJECTS = ("corner", "box", "block", "board")
+_TYPES = ("checkerboard", "charuco", "aprilgrid")
+
+
+class CountsType(click.ParamType):
+    """``9x6`` -> (9, 6)."""
+
+    name = "COLUMNSxROWS"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, int]:
+        """Parse, or fail as a usage error."""
+        if isinstance(value, tuple):
+            return value
+        match = re.fullmatch(r"\s*([0-9]{1,3})\s*[xX×]\s*([0-9]{1,3})\s*", str(value))
+        columns, rows = (int(match[1]), int(match[2])) if match else (0, 0)
+        if not (2 <= columns <= 100 and 2 <= rows <= 100):
+            self.fail(f"{value!r} is not two numbers from 2 to 100, such as 9x6", param, ctx)
+        return columns, rows
+
+
+@click.command(
+    "print",
+    short_help="Boards on paper, at true scale.",
+    epilog=examples(
+        "cubicfish target print --object corner --paper A4 -o my-target/",
+        "cubicfish target print --object board --type charuco --square 30mm --paper A3",
+        "cubicfish target print target.yaml --paper Letter -o pages/",
+    ),
+)
+@click.argument("target", type=FILE, required=False, metavar="[TARGET]")
+@click.option(
+    "--object",
+    "kind",
+    type=click.Choice(_OBJECTS),
+    help="Make an object: a corner (floor and two walls, seen from inside), an open box of five "
+    "boards seen from inside, a block of five seen from outside, or one flat board.",
+)
+@click.option(
+    "--paper",
+    default="A4",
+    show_default=True,
+    metavar="SIZE",
+    help="A0 to A5, B0 to B4, Letter, Legal, Tabloid, 'ANSI C' to 'ANSI E', or WIDTHxHEIGHT such "
+    "as 600x400mm. Upright or across is chosen for each page.",
+)
+@click.option(
+    "--type",
+    "board_type",
+    type=click.Choice(_TYPES),
+    help="Of an object's boards. [default: checkerboard]",
+)
+@click.option(
+    "--square",
+    metavar="LENGTH",
+    help="Side of an object's squares (of an aprilgrid's tags): 30mm, 3cm, 1.25in. [default: as "
+    "large as covers most of the paper]",
+)
+@click.option(
+    "--corners",
+    "--tags",
+    "counts",
+    type=CountsType(),
+    help="Inner corners (of an aprilgrid: tags) of an object's largest board. With --square too, "
+    "boards may be larger than the paper, and are printed in parts.",
+)
+@click.option(
+    "--dictionary",
+    metavar="NAME",
+    help="Markers' family, such as DICT_5X5_250 or tag36h11. [default: the smallest DICT_5X5 that "
+    "is large enough; tag36h11]",
+)
+@click.option(
+    "--margin",
+    default="8mm",
+    show_default=True,
+    metavar="LENGTH",
+    help="Along the paper's edges, where the printer cannot print.",
+)
+@click.option(
+    "--board",
+    "boards",
+    multiple=True,
+    metavar="NAME",
+    help="Of TARGET, print this board only; may be given again.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=FILE,
+    default="printed",
+    show_default=True,
+    metavar="FOLDER",
+    help="Where boards.pdf, assembly.pdf and target.yaml go.",
+)
+@overwrite_option
+@json_option
+@common_options
+def command(
+    target: Path | None,
+    kind: str | None,
+    paper: str,
+    board_type: str | None,
+    square: str | None,
+    counts: tuple[int, int] | None,
+    dictionary: str | None,
+    margin: str,
+    boards: tuple[str, ...],
+    output: Path,
+    overwrite: bool,
+    as_json: bool,
+) -> None:
+    """Print the boards of TARGET, or those of a new object that fits the paper.
+
+    Writes boards.pdf, pages to be printed at 100 %, each with a ruler, the board's name and which
+    way up it is; boards that are larger than the paper are in parts to be glued together. A new
+    object comes with its target.yaml and with assembly.pdf, which says how to join the boards.
+    """
+    _refuse_mixed(target, kind, (board_type, square, counts, dictionary), boards)
+
+    from cubicfish_cli.errors import CubicfishError
+    from cubicfish_cli.printing.extra import INSTALL, missing
+
+    if missing():
+        raise CubicfishError(f"printing needs {' and '.join(missing())}: {INSTALL}")
+
+    from cubicfish_cli.files import refuse_existing, whole_files
+    from cubicfish_cli.printing.layout import lay_out
+    from cubicfish_cli.printing.paper import length_mm
+    from cubicfish_cli.printing.paper import paper as paper_of
+
+    on, rim = paper_of(paper), length_mm(margin)
+    text = None
+    if target is not None:
+        sheets = _of_file(target, boards)
+    else:
+        loaded, sheets = _made(kind, board_type, square, counts, dictionary, on, rim)
+        text = _target_text(loaded, kind or "", on)
+    pages = [page for sheet in sheets for page in lay_out(sheet, on, margin=rim)]
+    outputs = {"boards": output / "boards.pdf"}
+    if len(sheets) > 1:
+        outputs["assembly"] = output / "assembly.pdf"
+    if text is not None:
+        outputs["target"] = output / "target.yaml"
+    for path in outputs.values():
+        refuse_existing(path, overwrite=overwrite)
+    date = _date()
+
+    from cubicfish_cli.printing.documents import words_for, write_assembly, write_boards
+
+    with whole_files(list(outputs.values()), overwrite=overwrite) as temporaries:
+        places = dict(zip(outputs, temporaries, strict=True))
+        write_boards(places["boards"], pages, date=date)
+        if "assembly" in places:
+            write_assembly(places["assembly"], sheets, words_for(kind, on.name), on.name, date=date)
+        if text is not None:
+            places["target"].write_text(text, encoding="utf-8", newline="\n")
+    if as_json:
+        print_json(_record(outputs, sheets, pages, on))
+        return
+    _print(outputs, sheets, pages, on)
+
+
+def _refuse_mixed(
+    target: Path | None, kind: str | None, made: tuple[object, ...], boards: tuple[str, ...]
+) -> None:
+    if target is None and kind is None:
+        raise click.UsageError(
+            "name a target.yaml, or make an object with --object corner, box, block or board"
+        )
+    if target is not None and (kind is not None or any(one is not None for one in made)):
+        raise click.UsageError(
+            "--object, --type, --square, --corners and --dictionary make a new object; the boards "
+            "of TARGET are printed as they are: give the one or the other"
+        )
+    if target is None and boards:
+        raise click.UsageError("--board chooses among the boards of TARGET: name a target.yaml")
+
+
+def _of_file(path: Path, names: tuple[str, ...]) -> list[Sheet]:
+    from cubicfish_cli.printing.sheet import sheets_of
+    from cubicfish_cli.target import load_target
+
+    loaded = load_target(path)
+    sheets = sheets_of(loaded, names)
+    if any(board.shape is not None for board in loaded.boards):
+        say("note: boards are printed as drawn; how a calibration found them to depart is left out")
+    return sheets
+
+
+def _made(
+    kind: Any,
+    board_type: Any,
+    square: str | None,
+    counts: tuple[int, int] | None,
+    dictionary: str | None,
+    paper: Paper,
+    margin: float,
+) -> tuple[Target, list[Sheet]]:
+    from cubicfish_cli.cli.target_words import advice
+    from cubicfish_cli.naming.object_check import check_object
+    from cubicfish_cli.printing.objects import Wanted, design
+    from cubicfish_cli.printing.paper import length_mm
+
+    wanted = Wanted(
+        kind=kind,
+        type=board_type or "checkerboard",
+        square=None if square is None else length_mm(square),
+        counts=counts,
+        dictionary=dictionary,
+    )
+    loaded, sheets = design(wanted, paper, margin=margin)
+    facts = check_object(loaded)
+    if facts.ambiguous:
+        for about, words in advice(loaded, facts):
+            if about == "Names":
+                say(f"note: {words}")
+    return loaded, sheets
+
+
+def _target_text(target: Target, kind: str, paper: Paper) -> str:
+    from cubicfish_cli import __version__
+    from cubicfish_cli.formats.target_yaml import target_text
+
+    join = "" if len(target.boards) == 1 else " Join them as assembly.pdf says, and measure."
+    return (
+        f"# {kind}, printed by cubicfish {__version__} on {paper.name}: boards.pdf at 100 %."
+        f"{join}\n{target_text(target)}"
+    )
+
+
+def _date() -> datetime | None:
+    """The date that pages carry: none, so that they can be made again, or SOURCE_DATE_EPOCH's."""
+    return datetime.fromisoformat(made_at()) if "SOURCE_DATE_EPOCH" in os.environ else None
+
+
+def _record(
+    outputs: dict[str, Path], sheets: list[Sheet], pages: list[Page], paper: Paper
+) -> dict[str, Any]:
+    return {
+        **{name: str(path) for name, path in outputs.items()},
+        "paper": paper.name,
+        "pages": [
+            {
+                "board": page.sheet.board.name,
+                "size_mm": [page.width, page.height],
+                "tile": None
+                if page.tile is None
+                else {
+                    "row": page.tile.row,
+                    "column": page.tile.column,
+                    "rows": page.tile.rows,
+                    "columns": page.tile.columns,
+                },
+                "corner_0_0_mm": list(page.shift),
+            }
+            for page in pages
+        ],
+    }
+
+
+def _print(outputs: dict[str, Path], sheets: list[Sheet], pages: list[Page], paper: Paper) -> None:
+    rows = []
+    for sheet in sheets:
+        board = sheet.board
+        own = [page for page in pages if page.sheet is sheet]
+        parts = own[0].tile
+        rows.append(
+            (
+                board.name,
+                board.kind,
+                f"{board.columns}x{board.rows}",
+                f"{board.square:g}",
+                " x ".join(f"{side:g}" for side in sheet.size),
+                f"{len(own)}" if parts is None else f"{len(own)} ({parts.rows} x {parts.columns})",
+            )
+        )
+    print_table(("board", "type", "corners", "square mm", "print mm", "pages"), rows)
+    result("\n" + "\n".join(f"wrote {path}" for path in outputs.values()))
+    say(
+        f"\n{count(len(pages), 'page')} on {paper.name}: print at 100 %, without 'fit to page', "
+        "and lay a ruler on the printed ones."
+    )
+    if "target" in outputs:
+        say(
+            "Take photos that fill the picture to the rim, then: cubicfish calibrate photos/ "
+            f"--target {outputs['target']}"
+        )
