@@ -25,6 +25,7 @@ ALLOWED: dict[str, set[str]] = {
     "cluster": {"errors", "files", "machines", "photos"},
     "detection": {"errors", "photos", "target"},
     "correspondences": {"errors", "files", "tables", "target", "wording"},
+    "corner_files": {"errors", "tables", "target", "correspondences", "wording"},
     "model": {"errors"},
     "fitting": {"errors", "target", "correspondences", "model"},
     "naming": {

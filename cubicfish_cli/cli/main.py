@@ -25,6 +25,7 @@ COMMANDS = (
     "target",
     "calibrate",
     "detect",
+    "corners",
     "evaluate",
     "compare",
     "report",

@@ -1,0 +1,158 @@
+"""``cubicfish corners``: corners that another detector found, as corners.csv."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import click
+
+from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.options import (
+    FILE,
+    SizeType,
+    common_options,
+    examples,
+    json_option,
+    overwrite_option,
+    target_option,
+)
+from cubicfish_cli.cli.terminal import print_json, result, say
+
+if TYPE_CHECKING:
+    from cubicfish_cli.corner_files.read import Read
+
+# The names of corner_files.read.CORNER_FORMATS and of corner_files.detections.NUMBERINGS, here so
+# that --help need not load numpy; tests hold them to each other.
+FORMATS = ("deltille", "mrcal", "kalibr")
+NUMBERINGS = ("rows", "rows-from-bottom", "columns", "tags")
+
+
+@click.command(
+    "corners",
+    short_help="Take over corners that another detector found.",
+    epilog=examples(
+        "cubicfish corners run1/ --target box.yaml",
+        "cubicfish corners corners.vnl --target board.yaml --size 1920x1080",
+        "cubicfish corners found.csv --target grid.yaml --size 752x480 --only 'cam0/*'",
+    ),
+)
+@click.argument("files", type=FILE, nargs=-1, required=True, metavar="FILES...")
+@target_option
+@click.option(
+    "-o",
+    "--output",
+    type=FILE,
+    default=Path("corners.csv"),
+    show_default=True,
+    metavar="FILE",
+    help="Where the corners go.",
+)
+@click.option(
+    "--format",
+    "kind",
+    type=click.Choice(FORMATS),
+    help="What wrote the files. [default: .orpc deltille, .vnl mrcal, .csv kalibr]",
+)
+@click.option("--size", type=SizeType(), help="Size of the photos; .orpc files state it.")
+@click.option(
+    "--board",
+    "boards",
+    multiple=True,
+    metavar="[ID=]NAME",
+    help="The target's board that the files call ID; NAME alone where they tell no boards apart. "
+    "May be given several times.",
+)
+@click.option(
+    "--numbering",
+    type=click.Choice(NUMBERINGS),
+    help="How corners are numbered, seen from the front: from corner (0, 0) row by row or column "
+    "by column, row by row up from the lowest row, or four a tag. [default: rows; "
+    "rows-from-bottom on an aprilgrid, as in Kalibr]",
+)
+@click.option("--only", metavar="GLOB", help="Only photos whose names match, such as 'cam0/*'.")
+@overwrite_option
+@json_option
+@common_options
+def command(
+    files: tuple[Path, ...],
+    target: Path | None,
+    output: Path,
+    kind: Literal["deltille", "mrcal", "kalibr"] | None,
+    size: tuple[int, int] | None,
+    boards: tuple[str, ...],
+    numbering: Literal["rows", "rows-from-bottom", "columns", "tags"] | None,
+    only: str | None,
+    overwrite: bool,
+    as_json: bool,
+) -> None:
+    r"""Write the corners in FILES of another detector as corners.csv, ready for calibrate.
+
+    \b
+    deltille  .orpc, one a photo, or folders of them: five lines that state the
+              photo's name, its size and the count, then board,corner,ordered,x,y
+    mrcal     corners.vnl: '# filename x y', maybe with level or weight; one row
+              for each corner of one board, dashes where it was not found
+    kalibr    a CSV table: image (or timestamp_ns, ...), corner_id (or tag_id and
+              corner_index), x, y, and maybe camera, board_id and weight. Kalibr
+              itself writes no corners; scripts around it do.
+
+    None of these files says which corner of the board is number 0, or which way rows run: the
+    target's corner (0, 0) and axes must be those of the detector. Corners of a board that would be
+    seen from behind are refused.
+    """
+    from cubicfish_cli.corner_files.read import read_corner_files
+    from cubicfish_cli.correspondences import save_corners
+    from cubicfish_cli.files import refuse_existing
+    from cubicfish_cli.target import load_target
+
+    if target is None:
+        raise click.UsageError("name the calibration object with --target target.yaml")
+    refuse_existing(output, overwrite=overwrite)
+    read = read_corner_files(
+        files,
+        load_target(target),
+        kind=kind,
+        numbering=numbering,
+        boards=_boards(boards),
+        image_size=size,
+        only=only,
+    )
+    save_corners(output, read.corners, overwrite=overwrite)
+    _report(output, read, as_json=as_json)
+
+
+def _boards(given: tuple[str, ...]) -> dict[str, str]:
+    """``4=front`` -> {"4": "front"}; ``front`` alone is for files that tell no boards apart."""
+    boards: dict[str, str] = {}
+    for text in given:
+        label, equals, name = text.rpartition("=")
+        if not name.strip() or (equals and not label.strip()):
+            raise click.UsageError(f"--board {text!r}: write ID=NAME, or NAME alone")
+        if label.strip() in boards:
+            raise click.UsageError(f"--board {text!r}: that board was named already")
+        boards[label.strip()] = name.strip()
+    return boards
+
+
+def _report(output: Path, read: Read, *, as_json: bool) -> None:
+    corners = read.corners
+    if as_json:
+        print_json(
+            {
+                "file": str(output),
+                "image_size": corners.image_size,
+                "images": len(corners.images),
+                "corners": len(corners.pixel),
+                "left_out": read.left_out,
+                "empty_images": read.empty,
+            }
+        )
+        return
+    found = f"{count(len(corners.pixel), 'corner')} in {count(len(corners.images), 'photo')}"
+    result(f"wrote {output}: {found}")
+    if read.left_out:
+        say(f"{count(read.left_out, 'corner')} left out, as the files say they were not found.")
+    if read.empty:
+        shown = ", ".join(read.empty[:5]) + (", ..." if len(read.empty) > 5 else "")
+        say(f"{count(len(read.empty), 'photo')} without corners: {shown}")

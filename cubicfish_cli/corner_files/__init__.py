@@ -1,0 +1,1 @@
+"""Corners that other detectors found and wrote in files of their own."""

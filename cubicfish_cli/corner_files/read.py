@@ -1,0 +1,154 @@
+"""Reading corners of other detectors, whatever they are kept in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+from cubicfish_cli.corner_files.detections import (
+    Detections,
+    Numbering,
+    named_corners,
+    select_images,
+)
+from cubicfish_cli.corner_files.detections_csv import read_detections_csv
+from cubicfish_cli.corner_files.orpc import read_orpc
+from cubicfish_cli.corner_files.vnlog import read_vnlog
+from cubicfish_cli.correspondences import Corners
+from cubicfish_cli.errors import CorrespondenceError
+from cubicfish_cli.target import Board, Target
+from cubicfish_cli.wording import did_you_mean, quoted
+
+CornerFormat = Literal["deltille", "mrcal", "kalibr"]
+CORNER_FORMATS: tuple[CornerFormat, ...] = get_args(CornerFormat)
+_SUFFIXES: dict[str, CornerFormat] = {".orpc": "deltille", ".vnl": "mrcal", ".csv": "kalibr"}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Read:
+    """What was read.
+
+    Attributes:
+        corners: the corners.
+        left_out: how many corners the files themselves declare as not found.
+        empty: names of photos without any corner.
+
+    """
+
+    corners: Corners
+    left_out: int
+    empty: tuple[str, ...]
+
+
+def read_corner_files(
+    paths: Sequence[Path],
+    target: Target,
+    *,
+    kind: CornerFormat | None = None,
+    numbering: Numbering | None = None,
+    boards: Mapping[str, str] | None = None,
+    image_size: tuple[int, int] | None = None,
+    only: str | None = None,
+) -> Read:
+    """Read the corners of one camera from files of other detectors.
+
+    Args:
+        paths: files, and folders of ``.orpc`` files.
+        target: the object.
+        kind: the files' format; by default it goes by their suffixes.
+        numbering: see :func:`~cubicfish_cli.corner_files.detections.named_corners`.
+        boards: likewise.
+        image_size: likewise.
+        only: a glob: only photos whose names match it.
+
+    Raises:
+        CorrespondenceError: a file cannot be read or does not fit; one line that names it.
+
+    """
+    boards = boards or {}
+    files = [_read(path, kind, target, boards) for path in _spread(paths)]
+    _refuse_unknown_labels(files, boards)
+    if only is not None:
+        files = [select_images(found, only) for found in files]
+        if not any(found.images for found in files):
+            raise CorrespondenceError(f"no photo in the files is called like {quoted(only)}")
+    _refuse_cameras(files)
+    corners = named_corners(
+        files, target, numbering=numbering, boards=boards, image_size=image_size
+    )
+    used = set(corners.images)
+    return Read(
+        corners=corners,
+        left_out=sum(found.left_out for found in files),
+        empty=tuple(name for found in files for name in found.images if name not in used),
+    )
+
+
+def _spread(paths: Sequence[Path]) -> list[Path]:
+    """The files, those of folders by name."""
+    files: list[Path] = []
+    for path in paths:
+        if not path.is_dir():
+            files.append(path)
+            continue
+        inside = sorted(path.glob("*.orpc"))
+        if not inside:
+            raise CorrespondenceError(f"{path} holds no .orpc file: name the files themselves")
+        files.extend(inside)
+    return files
+
+
+def _read(
+    path: Path, kind: CornerFormat | None, target: Target, boards: Mapping[str, str]
+) -> Detections:
+    kind = kind or _SUFFIXES.get(path.suffix.lower())
+    if kind is None:
+        known = " or ".join(CORNER_FORMATS)
+        raise CorrespondenceError(
+            f"{path}: what detector wrote it is not known: add --format {known}"
+        )
+    if kind == "deltille":
+        return read_orpc(path)
+    if kind == "kalibr":
+        return read_detections_csv(path)
+    board = _only_board(path, target, boards.get(""))
+    return read_vnlog(path, corners=board.columns * board.rows)
+
+
+def _only_board(path: Path, target: Target, name: str | None) -> Board:
+    """The board that a file which knows of one board only is about."""
+    if name is None and len(target.boards) > 1:
+        shown = ", ".join(quoted(name) for name in target.board_names[:8])
+        raise CorrespondenceError(
+            f"{path}: it is about one board, and which of the target's ({shown}) is not known: "
+            "say so with --board NAME"
+        )
+    for board in target.boards:
+        if name is None or board.name == name:
+            return board
+    raise CorrespondenceError(
+        f"board {quoted(name)} is not in the target: {did_you_mean(str(name), target.board_names)}"
+    )
+
+
+def _refuse_unknown_labels(files: Sequence[Detections], boards: Mapping[str, str]) -> None:
+    """A board that was named for a label that no file has is a slip."""
+    labels = {label for found in files for label in found.labels}
+    for label in boards:
+        if label not in labels and labels:
+            known = ", ".join(sorted(quoted(label) for label in labels if label)) or "none"
+            what = f"board {quoted(label)}" if label else "corners without a board's number"
+            raise CorrespondenceError(f"{files[0].path}: it has no {what}; its boards: {known}")
+
+
+def _refuse_cameras(files: Sequence[Detections]) -> None:
+    cameras = sorted(
+        {name.split("/")[0] for found in files if found.cameras for name in found.images}
+    )
+    if len(cameras) > 1:
+        raise CorrespondenceError(
+            f"{files[0].path}: corners of {len(cameras)} cameras: choose one, such as with "
+            f"--only '{quoted(cameras[0])[1:-1]}/*'"
+        )

@@ -1,0 +1,216 @@
+"""mrcal's LENSMODEL_SPLINED_STEREOGRAPHIC: a stereographic lens and two B-spline surfaces.
+
+With θ the angle from the axis, u = 2 tan(θ/2) along the point's azimuth and
+
+    x = fx (u_x + Δ_x(u)) + cx,    y = fy (u_y + Δ_y(u)) + cy.
+
+Δ is a uniform B-spline over u with Nx x Ny control points whose middle is u = 0. Across
+``fov_x_deg`` lie Nx - order intervals along x, and along y as many as Ny - order of the same
+length; beyond them the last patch goes on (mrcal's documentation, "lens models" and "splined
+models"; compared with mrcal itself in the tests).
+
+A record ``mrcal_splined`` holds ``fx``, ``fy``, ``cx``, ``cy``, ``order`` (2 or 3), ``fov_x_deg``
+(a whole number), ``control`` (Ny, Nx, 2) and ``region``, (K, 2) pixels: the outline of where the
+lens may be trusted, without rows where nothing is known of it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from scipy import linalg, sparse
+
+from cubicfish_cli.fitting.conversion.lens_model import FloatArray, LensModel
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.model.lens_record import LensRecord
+
+IntArray = npt.NDArray[np.intp]
+
+_ORDER = 3
+# Intervals across the field: more are tried until the spline is this near to the camera.
+_INTERVALS = (6, 8, 10, 13, 16, 20, 25, 30, 36)
+_NEAR_PX = 0.005
+# How hard the surfaces are kept from bending, in pixels against one mean control point's rays:
+# next to nothing where there are rays, and straight on where there are none.
+_STIFFNESS = 1e-4
+_OUTLINE = 360
+# A pixel may lie this far outside the outline, whose chords cut a little off the true field.
+_REGION_SLACK_PX = 0.5
+_BLOCK = 4096
+
+
+def project(record: LensRecord, points: FloatArray) -> FloatArray:
+    """Camera-frame points (N, 3) -> pixels (N, 2); NaN outside the spline and the region."""
+    values = record.values
+    u = stereographic(points)
+    control = np.asarray(values["control"], float)
+    order, fov_x_deg = int(values["order"]), float(values["fov_x_deg"])
+    first, weight = _weights(u, control.shape[1], control.shape[0], order, fov_x_deg)
+    span = np.arange(order + 1)
+    columns, rows = first[:, 0, None] + span, first[:, 1, None] + span
+    local = control[rows[:, :, None], columns[:, None, :]]
+    bend = np.einsum("nj,ni,njic->nc", weight[:, 1], weight[:, 0], local)
+    focal = np.array([values["fx"], values["fy"]], float)
+    pixel = focal * (u + bend) + [values["cx"], values["cy"]]
+    edge_x, edge_y = _edges(control.shape[1], control.shape[0], order, fov_x_deg)
+    inside = np.asarray((np.abs(u) / [edge_x, edge_y]).max(axis=1) <= 1 + 1e-9)
+    region = np.asarray(values["region"], float)
+    if len(region):
+        inside &= _within(pixel, region)
+    return np.where(inside[:, None], pixel, np.nan)
+
+
+def fit(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> LensRecord:
+    """The splined lens of the camera: fx, fy, cx, cy of the nearest stereographic lens, then Δ.
+
+    Both steps are linear least squares. Control points are added until the spline is within
+    0.005 px of the camera at every ray; where there are no rays Δ goes on straight.
+
+    Args:
+        camera: the camera.
+        rays: (N, 3) unit rays of its field.
+        pixel: (N, 2) where it sees them.
+
+    """
+    u = stereographic(rays)
+    focal, centre = np.empty(2), np.empty(2)
+    for axis in range(2):
+        rows = np.column_stack([u[:, axis], np.ones(len(u))])
+        focal[axis], centre[axis] = np.linalg.lstsq(rows, pixel[:, axis], rcond=None)[0]
+    bend = (pixel - centre) / focal - u
+    half_x, half_y = np.abs(u).max(axis=0)
+    fov_x_deg = min(359, math.ceil(math.degrees(4 * math.atan(half_x / 2))) + 1)
+    edge_x = _edges(_ORDER + 1, _ORDER + 1, _ORDER, fov_x_deg)[0]
+    best: tuple[float, FloatArray] | None = None
+    for intervals in _INTERVALS:
+        nx = intervals + _ORDER
+        ny = math.ceil(intervals * half_y / edge_x * (1 + 1e-9)) + _ORDER
+        if best is not None and 2 * nx * ny > len(u):
+            break  # more control points than the rays can tell apart
+        control, error = _surfaces(u, bend, nx, ny, fov_x_deg)
+        largest = float(np.abs(error * focal).max())
+        if best is None or largest < best[0]:
+            best = largest, control
+        if largest <= _NEAR_PX:
+            break
+    assert best is not None
+    return LensRecord(
+        model="mrcal_splined",
+        values={
+            "fx": float(focal[0]),
+            "fy": float(focal[1]),
+            "cx": float(centre[0]),
+            "cy": float(centre[1]),
+            "order": float(_ORDER),
+            "fov_x_deg": float(fov_x_deg),
+            "control": best[1],
+            "region": _outline(camera),
+        },
+        image_size=camera.image_size,
+    )
+
+
+def stereographic(points: FloatArray) -> FloatArray:
+    """Camera-frame points (N, 3) -> u (N, 2), of length 2 tan(θ/2); NaN straight behind."""
+    norm = np.linalg.norm(points, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = 2 * points[:, :2] / (norm + points[:, 2])[:, None]
+    return np.where(np.isfinite(u).all(axis=1, keepdims=True), u, np.nan)
+
+
+def _edges(nx: int, ny: int, order: int, fov_x_deg: float) -> tuple[float, float]:
+    """Half the extent of the spline over u, along x and along y."""
+    edge_x = 2 * math.tan(math.radians(fov_x_deg) / 4)
+    return edge_x, edge_x * (ny - order) / (nx - order)
+
+
+def _weights(
+    u: FloatArray, nx: int, ny: int, order: int, fov_x_deg: float
+) -> tuple[IntArray, FloatArray]:
+    """Which control points count at u: their first column and row (N, 2), their weights.
+
+    The weights (N, 2, order + 1) along x and along y are those of uniform B-splines.
+    """
+    edge_x, _ = _edges(nx, ny, order, fov_x_deg)
+    count = np.array([nx, ny])
+    place = np.where(np.isfinite(u), u, 0) * (nx - order) / (2 * edge_x) + (count - 1) / 2
+    if order == 3:
+        first = np.clip(np.floor(place), 1, count - 3).astype(np.intp) - 1
+        x = place - first - 1
+        parts = (1 - x) ** 3, 4 + 3 * x * x * (x - 2), 1 + 3 * x * (1 + x * (1 - x)), x**3
+        return first, np.stack(parts, axis=-1) / 6
+    first = np.clip(np.floor(place + 0.5), 1, count - 2).astype(np.intp) - 1
+    x = place - first - 1
+    return first, np.stack([(0.5 - x) ** 2, 1.5 - 2 * x * x, (0.5 + x) ** 2], axis=-1) / 2
+
+
+def _surfaces(
+    u: FloatArray, bend: FloatArray, nx: int, ny: int, fov_x_deg: float
+) -> tuple[FloatArray, FloatArray]:
+    """Control points (Ny, Nx, 2) for Δ = ``bend`` (N, 2) at u, and what is left of it (N, 2)."""
+    first, weight = _weights(u, nx, ny, _ORDER, fov_x_deg)
+    span = np.arange(_ORDER + 1)
+    index = (first[:, 1, None] + span)[:, :, None] * nx + (first[:, 0, None] + span)[:, None, :]
+    product = weight[:, 1, :, None] * weight[:, 0, None, :]
+    row = np.broadcast_to(np.arange(len(u))[:, None, None], index.shape)
+    design = sparse.csr_matrix(
+        (product.ravel(), (row.ravel(), index.ravel())), shape=(len(u), nx * ny)
+    )
+    stiffness = _STIFFNESS * math.sqrt(len(u) / (nx * ny))
+    bending = stiffness * _second_differences(nx, ny)
+    normal = (design.T @ design + bending.T @ bending).toarray()
+    control = linalg.solve(normal, design.T @ bend, assume_a="pos")
+    return control.reshape(ny, nx, 2), bend - design @ control
+
+
+def _second_differences(nx: int, ny: int) -> sparse.csr_matrix:
+    """Rows of second differences of a (Ny, Nx) grid: along x, along y, and mixed."""
+
+    def differences(count: int, order: int) -> FloatArray:
+        return np.diff(np.eye(count), order, axis=0)
+
+    return sparse.vstack(
+        [
+            sparse.kron(np.eye(ny), differences(nx, 2)),
+            sparse.kron(differences(ny, 2), np.eye(nx)),
+            sparse.kron(differences(ny, 1), differences(nx, 1)) * math.sqrt(2),
+        ]
+    ).tocsr()
+
+
+def _outline(camera: CubicCamera) -> FloatArray:
+    """The outline of the camera's field in the photo, closed, with the photo's own corners."""
+    outline = camera.outline(_OUTLINE)
+    width, height = camera.image_size
+    corners = np.array(
+        [[x, y] for x in (-0.5, width - 0.5) for y in (-0.5, height - 0.5)], dtype=float
+    )
+    seen = corners[np.isfinite(camera.unproject(corners)).all(axis=1)]
+    middle = camera.project(np.array([[0.0, 0.0, 1.0]]))[0]
+    points = np.concatenate([outline, seen])
+    around = np.arctan2(points[:, 1] - middle[1], points[:, 0] - middle[0])
+    points = points[np.argsort(around, kind="stable")]
+    return np.concatenate([points, points[:1]])
+
+
+def _within(pixel: FloatArray, outline: FloatArray) -> npt.NDArray[np.bool_]:
+    """Which pixels (N, 2) lie inside a closed outline (K, 2) or a little outside it."""
+    start, way = outline, np.roll(outline, -1, axis=0) - outline
+    inside = np.zeros(len(pixel), bool)
+    for begin in range(0, len(pixel), _BLOCK):
+        block = pixel[begin : begin + _BLOCK, None, :]
+        off = block - start
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # The edges that a ray to the right crosses: inside where their number is odd.
+            crossed = (off[..., 1] >= 0) != (off[..., 1] - way[:, 1] >= 0)
+            crossed &= off[..., 0] < way[:, 0] * off[..., 1] / way[:, 1]
+            along = (off * way).sum(axis=-1) / np.maximum((way * way).sum(axis=-1), 1e-300)
+            nearest = off - np.clip(along, 0, 1)[..., None] * way
+            near = np.hypot(nearest[..., 0], nearest[..., 1]).min(axis=1) <= _REGION_SLACK_PX
+        inside[begin : begin + _BLOCK] = (crossed.sum(axis=1) % 2 == 1) | near
+    return inside
+
+
+MODEL = LensModel(name="mrcal_splined", project=project, fit=fit)

@@ -1,0 +1,248 @@
+"""mrcal's ``.cameramodel``: a Python dictionary as text.
+
+``lensmodel``, ``intrinsics`` (fx, fy, cx, cy and what the model has beside them), ``imagersize``
+[width, height], ``extrinsics`` (rt from the reference frame, of no use here) and maybe
+``valid_intrinsics_region``, a closed outline in pixels. Pixel (0, 0) is the middle of the top-left
+pixel, x to the right, y down and z forward, as here.
+
+LENSMODEL_SPLINED_STEREOGRAPHIC_order=.._Nx=.._Ny=.._fov_x_deg=.. is written and read, its control
+points row by row with Δx and Δy of each together. LENSMODEL_STEREOGRAPHIC is read as a spline of
+zeros, LENSMODEL_PINHOLE and LENSMODEL_OPENCV4, 5, 8 and 12 as OpenCV's lens.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.errors import CameraFileError
+from cubicfish_cli.formats.bounded import read_bounded
+from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.wording import did_you_mean, quoted
+
+FloatArray = npt.NDArray[np.float64]
+
+# optimization_inputs holds all corners of a calibration, packed; it is skipped.
+MAX_BYTES = 64_000_000
+MAX_PLAIN_BYTES = 4_000_000
+MAX_DEPTH = 4
+MAX_CONTROL_POINTS = 40_000
+MAX_REGION = 100_000
+MAX_SIDE = 100_000
+# A stereographic lens sees everything but the direction straight behind it.
+_STEREOGRAPHIC_FOV_DEG = 350
+_SPLINED = re.compile(
+    r"LENSMODEL_SPLINED_STEREOGRAPHIC_order=([0-9]{1,2})_Nx=([0-9]{1,4})_Ny=([0-9]{1,4})"
+    r"_fov_x_deg=([0-9]{1,3})"
+)
+_OPENCV_SIZES = {
+    "LENSMODEL_PINHOLE": 0,
+    "LENSMODEL_OPENCV4": 4,
+    "LENSMODEL_OPENCV5": 5,
+    "LENSMODEL_OPENCV8": 8,
+    "LENSMODEL_OPENCV12": 12,
+}
+_KNOWN = (*_OPENCV_SIZES, "LENSMODEL_STEREOGRAPHIC", "LENSMODEL_SPLINED_STEREOGRAPHIC_...")
+# Remarks, packed bytes and text: what may hold any character.
+_TOKEN = re.compile(r"#[^\n]*|[bB](?:'[^'\\\n]*'|\"[^\"\\\n]*\")|'[^'\\\n]*'|\"[^\"\\\n]*\"")
+_PLAIN = re.compile(r"(?:[\s{}\[\](),:0-9eE.+\-]|\"\"|None)*")
+
+
+def mrcal_text(record: LensRecord) -> str:
+    """A record ``mrcal_splined`` as the text of a .cameramodel, numbers at full precision."""
+    values = record.values
+    control = np.asarray(values["control"], float)
+    lens = (
+        f"LENSMODEL_SPLINED_STEREOGRAPHIC_order={int(values['order'])}_Nx={control.shape[1]}"
+        f"_Ny={control.shape[0]}_fov_x_deg={int(values['fov_x_deg'])}"
+    )
+    core = [float(values[key]) for key in ("fx", "fy", "cx", "cy")]
+    lines = [f"    {row}," for row in _rows([*core, *control.ravel().tolist()])]
+    region = np.asarray(values["region"], float)
+    outline = [f"    [{x!r}, {y!r}]," for x, y in region.tolist()]
+    width, height = record.image_size
+    return "\n".join(
+        [
+            "{",
+            f"    'lensmodel':  '{lens}',",
+            "",
+            "    # fx, fy, cx, cy, then the control points row by row, x and y of each",
+            "    'intrinsics': [",
+            *lines,
+            "    ],",
+            "",
+            *(["    'valid_intrinsics_region': [", *outline, "    ],", ""] if outline else []),
+            "    # rt from the reference frame",
+            "    'extrinsics': [0, 0, 0, 0, 0, 0],",
+            "",
+            f"    'imagersize': [{width}, {height}],",
+            "}",
+            "",
+        ]
+    )
+
+
+def read_mrcal(path: Path) -> LensRecord:
+    """Read a .cameramodel.
+
+    Raises:
+        CameraFileError: the file is not one, or its lens model is not known here; one line that
+            names the file and the key.
+
+    """
+    data = _dictionary(path, read_bounded(path, max_bytes=MAX_BYTES))
+    for old in ("lens_model", "distortion_model"):  # what older versions of mrcal wrote
+        if old in data and "lensmodel" not in data:
+            data["lensmodel"] = data[old]
+    lens = data.get("lensmodel")
+    if not isinstance(lens, str):
+        raise CameraFileError(f"{path}: it has no key lensmodel: is it a .cameramodel of mrcal?")
+    lens = lens.replace("DISTORTION_", "LENSMODEL_", 1)
+    size = _numbers(path, data, "imagersize", 2)
+    if not all(side == int(side) and 0 < side <= MAX_SIDE for side in size):
+        raise CameraFileError(f"{path}: imagersize must be two whole numbers above 0")
+    width, height = int(size[0]), int(size[1])
+    region = _region(path, data)
+    if lens in _OPENCV_SIZES:
+        values = _numbers(path, data, "intrinsics", 4 + _OPENCV_SIZES[lens])
+        return _opencv(_core(path, values), values[4:], (width, height))
+    order, nx, ny, fov_x_deg = _configuration(path, lens)
+    count = 2 * nx * ny if lens != "LENSMODEL_STEREOGRAPHIC" else 0
+    values = _numbers(path, data, "intrinsics", 4 + count)
+    control = values[4:] if count else np.zeros(2 * nx * ny)
+    return LensRecord(
+        model="mrcal_splined",
+        values={
+            **_core(path, values),
+            "order": float(order),
+            "fov_x_deg": float(fov_x_deg),
+            "control": control.reshape(ny, nx, 2),
+            "region": region,
+        },
+        image_size=(width, height),
+    )
+
+
+def _rows(values: list[float], length: int = 8) -> list[str]:
+    return [
+        ", ".join(map(repr, values[start : start + length]))
+        for start in range(0, len(values), length)
+    ]
+
+
+def _opencv(core: dict[str, float], distortion: FloatArray, size: tuple[int, int]) -> LensRecord:
+    return LensRecord(model="pinhole", values={**core, "d": distortion}, image_size=size)
+
+
+def _core(path: Path, values: FloatArray) -> dict[str, float]:
+    core = dict(zip(("fx", "fy", "cx", "cy"), values[:4].tolist(), strict=True))
+    if core["fx"] <= 0 or core["fy"] <= 0:
+        raise CameraFileError(f"{path}: intrinsics: fx and fy, the first two, must be above 0")
+    return core
+
+
+def _configuration(path: Path, lens: str) -> tuple[int, int, int, int]:
+    """order, Nx, Ny and fov_x_deg of a splined or a stereographic lens."""
+    if lens == "LENSMODEL_STEREOGRAPHIC":
+        return 3, 4, 4, _STEREOGRAPHIC_FOV_DEG
+    match = _SPLINED.fullmatch(lens)
+    if match is None:
+        raise CameraFileError(
+            f"{path}: lensmodel {quoted(lens)} cannot be read here: {did_you_mean(lens, _KNOWN)}"
+        )
+    order, nx, ny, fov_x_deg = map(int, match.groups())
+    if (
+        order not in (2, 3)
+        or min(nx, ny) <= order
+        or nx * ny > MAX_CONTROL_POINTS
+        or not 0 < fov_x_deg < 360
+    ):
+        raise CameraFileError(
+            f"{path}: lensmodel {quoted(lens)}: order must be 2 or 3, Nx and Ny above it and "
+            f"together at most {MAX_CONTROL_POINTS} points, fov_x_deg between 0 and 360"
+        )
+    return order, nx, ny, fov_x_deg
+
+
+def _region(path: Path, data: dict[str, Any]) -> FloatArray:
+    if data.get("valid_intrinsics_region") is None:
+        return np.zeros((0, 2))
+    rows = data["valid_intrinsics_region"]
+    if not isinstance(rows, list | tuple) or len(rows) > MAX_REGION:
+        raise CameraFileError(f"{path}: valid_intrinsics_region must be a list of pixels")
+    if not rows:
+        raise CameraFileError(
+            f"{path}: valid_intrinsics_region is empty: by this file the lens is valid nowhere"
+        )
+    region = np.array([_vector(path, row, "valid_intrinsics_region", 2) for row in rows])
+    if len(region) < 4:  # as mrcal does with an outline that is none
+        return np.zeros((0, 2))
+    closed = np.abs(region[0] - region[-1]).max() < 1e-6
+    return region if closed else np.concatenate([region, region[:1]])
+
+
+def _numbers(path: Path, data: dict[str, Any], key: str, count: int) -> FloatArray:
+    if key not in data:
+        raise CameraFileError(f"{path}: it has no key {key}: is it a .cameramodel of mrcal?")
+    return _vector(path, data[key], key, count)
+
+
+def _vector(path: Path, value: Any, key: str, count: int) -> FloatArray:
+    if (
+        not isinstance(value, list | tuple)
+        or len(value) != count
+        or not all(isinstance(x, int | float) and not isinstance(x, bool) for x in value)
+        or not all(abs(x) < 1e100 for x in value)  # NaN and infinities fail this too
+    ):
+        raise CameraFileError(f"{path}: {key} must hold {count} finite numbers")
+    return np.array(value, float)
+
+
+def _dictionary(path: Path, text: str) -> dict[str, Any]:
+    """The dictionary, without what is packed in it.
+
+    Python's own parser reads it, which evaluates nothing. What is deep, or more than numbers,
+    text and brackets, is refused before, since that parser may run out of stack on it.
+    """
+    plain = _TOKEN.sub(_without_packed, text)
+    if len(plain) > MAX_PLAIN_BYTES:
+        raise CameraFileError(f"{path}: too much in it for a lens: is it the right file?")
+    skeleton = _TOKEN.sub('""', plain)
+    end = _PLAIN.match(skeleton)
+    where = end.end() if end else 0
+    if where < len(skeleton):
+        line = skeleton.count("\n", 0, where) + 1
+        raise CameraFileError(
+            f"{path}, line {line}: {quoted(skeleton[where : where + 10])} is not expected: "
+            "is it a .cameramodel of mrcal?"
+        )
+    marks = np.frombuffer(skeleton.encode("ascii"), np.uint8)
+    depth = np.cumsum(np.isin(marks, list(b"[({")).astype(int) - np.isin(marks, list(b"])}")))
+    signs = re.search(r"[-+]\s*[-+]", skeleton)
+    if (depth > MAX_DEPTH).any() or signs:
+        at = signs.start() if signs else int(np.argmax(depth > MAX_DEPTH))
+        line = skeleton.count("\n", 0, at) + 1
+        raise CameraFileError(f"{path}, line {line}: nested too deeply to be a .cameramodel")
+    try:
+        data = ast.literal_eval(plain.strip())
+    except SyntaxError as problem:
+        raise CameraFileError(
+            f"{path}, line {problem.lineno}: not a Python dictionary: {problem.msg}"
+        ) from problem
+    except (ValueError, TypeError, MemoryError, RecursionError) as problem:
+        raise CameraFileError(f"{path}: not a Python dictionary of numbers and text") from problem
+    if not isinstance(data, dict):
+        raise CameraFileError(f"{path}: not a Python dictionary: is it a .cameramodel of mrcal?")
+    return data
+
+
+def _without_packed(match: re.Match[str]) -> str:
+    token = match[0]
+    if token.startswith("#"):
+        return ""
+    return "None" if token[0] in "bB" else token
