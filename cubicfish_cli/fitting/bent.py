@@ -29,7 +29,7 @@ _ENOUGH_DECREASE = 1e-3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BentFit:
-    """A Kannala–Brandt lens with Brown's decentring (1966), a tilted sensor and skew, all free.
+    """A Kannala–Brandt lens with Brown's decentring (1966), a tilted sensor and skew.
 
     With (a, b) = r(θ) (x, y)/√(x² + y²)::
 
@@ -41,20 +41,24 @@ class BentFit:
         values: (13,) fx, fy, cx, cy, k1..k4, p1, p2, t1, t2, skew.
         terms: how many coefficients of the profile are free.
         noise_px: of a corner's coordinate; the weight of the pull to symmetry follows it.
+        centre_free: whether the principal point is. A turn of the camera with decentring and tilt
+            does the same to well below any noise, so that both free leave the turn of the
+            camera's frame to chance.
 
     """
 
     values: FloatArray
     terms: int
     noise_px: float
+    centre_free: bool = True
 
     @property
     def _free(self) -> npt.NDArray[np.intp]:
-        return np.r_[0 : 4 + self.terms, 8 : 8 + _BENDS]
+        return np.r_[0 : 4 if self.centre_free else 2, 4 : 4 + self.terms, 8 : 8 + _BENDS]
 
     @property
     def parameters(self) -> FloatArray:
-        """(9 + terms,)."""
+        """(K,) those that are free."""
         return self.values[self._free]
 
     def with_parameters(self, parameters: FloatArray) -> BentFit:
@@ -114,7 +118,7 @@ class BentFit:
         return pixel, by_flat @ flat_by_point, by_values[:, :, self._free]
 
     def prior(self) -> tuple[FloatArray, FloatArray]:
-        """The pull to symmetry, weak: (5,), (5, 9 + terms)."""
+        """The pull to symmetry, weak: (5,), (5, K)."""
         weight = self.noise_px / _SPREAD
         jacobian = np.zeros((_BENDS, len(self._free)))
         jacobian[:, -_BENDS:] = weight * np.eye(_BENDS)
@@ -125,6 +129,8 @@ def bend(
     camera: RadialCamera, terms: int, poses: Poses, pairs: Correspondences, residual: FloatArray
 ) -> tuple[BentFit, Poses]:
     """A bent lens about as near to corners as can be, and the poses that go with it.
+
+    Its principal point then stays where it is.
 
     Args:
         camera: the radial lens to start from.
@@ -144,4 +150,4 @@ def bend(
     )
     if not isinstance(fit.lens, BentFit):
         raise TypeError("the adjustment must be of a bent lens")
-    return fit.lens, fit.poses
+    return replace(fit.lens, centre_free=False), fit.poses
