@@ -4,6 +4,7 @@ import json
 import os
 import pickle
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -371,6 +372,40 @@ def test_a_scheduler_that_is_not_there_is_one_line(
     assert result.stderr.startswith(f"Error: {said}")
     assert result.stderr.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_a_listener_that_is_no_scheduler_is_one_line_too() -> None:
+    code = (
+        "import sys\nfrom cubicfish_cli.cluster import connection\n"
+        "connection._CONNECT_S = connection._SLACK_S = 0.3\n"
+        "with connection.connect(sys.argv[1]):\n    pass"
+    )
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        done = subprocess.run(
+            [sys.executable, "-c", code, address], capture_output=True, text=True, timeout=20
+        )
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith(f"cubicfish_cli.errors.ClusterError: no scheduler answers at {address}")
+
+
+def test_a_scheduler_that_is_lost_is_one_line(
+    model: Path, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    own = Processes(tmp_path_factory.mktemp("lost"))
+    try:
+        jobs, address = jobs_of(tmp_path, 60), own.have(1)
+
+        def progress(done: int, total: int) -> None:
+            if done == 3:
+                own.close()
+
+        with pytest.raises(
+            ClusterError, match=r"does not answer any more \(\d+ of 60 done\).*skip"
+        ):
+            undistort(jobs, address, distant_work.slow_maps, progress=progress)
+    finally:
+        own.close()
 
 
 def test_a_photo_that_ends_its_workers_is_that_photos_failure() -> None:

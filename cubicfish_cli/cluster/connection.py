@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import logging
+import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from cubicfish_cli.cluster.workers import CANCELLED, Cluster
@@ -19,6 +21,7 @@ WAIT_S = 60.0
 
 # A scheduler that is there answers within milliseconds.
 _CONNECT_S = 5.0
+_SLACK_S = 1.0
 _CLOSE_S = 5.0
 _LOGGERS = ("distributed", "tornado", "asyncio")
 
@@ -61,8 +64,11 @@ def _client(kind: Any, address: str) -> Any:
         def __del__(self) -> None:
             """It was closed, or never connected."""
 
-    try:
+    def start() -> Any:
         return Client(address, timeout=_CONNECT_S, set_as_default=False, name="cubicfish")
+
+    try:
+        return _within(_CONNECT_S + _SLACK_S, start)
     except ValueError as problem:
         raise ClusterError(
             f"{shown(address)} is no address of a scheduler ({problem}): "
@@ -84,6 +90,31 @@ def _client(kind: Any, address: str) -> Any:
             f"{shown(address)} does not understand distributed {distributed.__version__} ({said}): "
             "run the same version there"
         ) from problem
+
+
+def _within(limit_s: float, start: Callable[[], Any]) -> Any:
+    """Call a function that may never return, as a client does where something else listens.
+
+    Raises:
+        TimeoutError: it did not return in time.
+
+    """
+    outcome: SimpleQueue[tuple[Any, Exception | None]] = SimpleQueue()
+
+    def run() -> None:
+        try:
+            outcome.put((start(), None))
+        except Exception as problem:
+            outcome.put((None, problem))
+
+    threading.Thread(target=run, daemon=True).start()
+    try:
+        result, problem = outcome.get(timeout=limit_s)
+    except Empty:
+        raise TimeoutError(f"no answer in {limit_s:g} s") from None
+    if problem is not None:
+        raise problem
+    return result
 
 
 def _close(client: Any) -> None:
