@@ -21,7 +21,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from matplotlib.text import Text
-from matplotlib.textpath import TextPath
+from matplotlib.textpath import TextToPath
 from matplotlib.transforms import Affine2D
 
 from cubicfish_cli import __version__
@@ -167,9 +167,9 @@ def length_of(words: str, size: float, *, bold: bool = False) -> float:
 def _length(words: str, bold: bool) -> float:
     """How long words are, in their own size."""
     with quietly():
-        font = FontProperties(family=["DejaVu Sans"], weight="bold" if bold else "normal")
-        box = TextPath((0, 0), words.replace("$", r"\$"), size=100, prop=font).get_extents()
-    return float(box.x1) / 100
+        font = FontProperties(family=["DejaVu Sans"], weight="bold" if bold else "normal", size=100)
+        width, _, _ = TextToPath().get_text_width_height_descent(words, font, ismath=False)
+    return float(width) / 100
 
 
 @contextmanager

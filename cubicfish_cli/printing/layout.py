@@ -8,7 +8,15 @@ from math import ceil, floor
 
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.printing.paper import Paper
-from cubicfish_cli.printing.sheet import SHORTEST_STRIP, SIDES, STRIP, Margins, Sheet, Side
+from cubicfish_cli.printing.sheet import (
+    LOW_STRIP,
+    SHORTEST_STRIP,
+    SIDES,
+    STRIP,
+    Margins,
+    Sheet,
+    Side,
+)
 from cubicfish_cli.target import Board
 from cubicfish_cli.wording import quoted
 
@@ -190,13 +198,13 @@ def _alone(sheet: Sheet, paper: Paper, margin: float) -> Page | None:
     """A print in the middle of a page, with as much white around it as there is room for."""
     printed = _printed(sheet)
     wide = printed.width > printed.height
-    for share, turned, (width, height) in product(
-        _SHARES, (False, True), orientations(wide, paper)
+    for strip, share, turned, (width, height) in product(
+        (STRIP, LOW_STRIP), _SHARES, (False, True), orientations(wide, paper)
     ):
         quiet = share * sheet.quiet
-        free_x, free_y = width, height - margin - STRIP
+        free_x, free_y = width, height - margin - strip
         if turned:
-            free_x, free_y = width - margin - STRIP, height
+            free_x, free_y = width - margin - strip, height
         # White paper beyond the printer's reach is white too; the strip ends it on its side.
         rim = max(quiet, margin)
         need_x = printed.width + rim + (quiet if turned else rim)
@@ -208,9 +216,9 @@ def _alone(sheet: Sheet, paper: Paper, margin: float) -> Page | None:
         top = rim + (free_y - need_y) / 2
         shift = (left - printed.left, top - printed.top)
         place = Rect(
-            left=width - margin - STRIP if turned else margin,
+            left=width - margin - strip if turned else margin,
             right=width - margin,
-            top=margin if turned else height - margin - STRIP,
+            top=margin if turned else height - margin - strip,
             bottom=height - margin,
         )
         return Page(

@@ -347,8 +347,8 @@ def _chosen(wanted: Wanted, limits: Sequence[Counts]) -> list[Counts] | None:
     have the same numbers, either way round, and none looks the same upside down: the sum of its
     numbers is odd.
     """
-    fewest = _FEWEST[wanted.type]
     given = wanted.counts
+    fewest = _FEWEST[wanted.type] if given is None else min(_FEWEST[wanted.type], 3)
     if wanted.type != "checkerboard":
         if given is None and any(min(limit) < fewest for limit in limits):
             return None

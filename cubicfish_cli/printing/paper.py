@@ -85,14 +85,18 @@ def paper(text: str) -> Paper:
     if name is not None:
         short, long = PAPERS[name]
         return Paper(name=name, short=short, long=long)
-    match = re.fullmatch(rf"\s*({_NUMBER})\s*[x×]\s*({_NUMBER})\s*({_UNITS})?\s*", text, re.I)
+    side = rf"\s*({_NUMBER})\s*({_UNITS})?\s*"
+    match = re.fullmatch(rf"{side}[x×]{side}", text, re.I)
     if match is None:
         raise TargetError(
             f"{quoted(text)} is no size of paper: write a name or WIDTHxHEIGHT such as 600x400mm; "
             f"{did_you_mean(text, PAPERS)}"
         )
-    factor = MILLIMETRES[(match[3] or "mm").lower()]
-    short, long = sorted(float(side) * factor for side in match.group(1, 2))
+    units = (match[2] or match[4] or "mm", match[4] or match[2] or "mm")
+    short, long = sorted(
+        float(number) * MILLIMETRES[unit.lower()]
+        for number, unit in zip(match.group(1, 3), units, strict=True)
+    )
     if short < SMALLEST[0] or long < SMALLEST[1] or long > LARGEST:
         raise TargetError(
             f"paper of {short:g} x {long:g} mm is of no use here: it must be at least "

@@ -21,6 +21,8 @@ Side = Literal["left", "top", "right", "bottom"]
 SIDES: tuple[Side, ...] = ("left", "top", "right", "bottom")
 STRIP = 18.0
 """Height of the strip with ruler and words, in millimetres."""
+LOW_STRIP = 11.0
+"""The same where there is little room: a ruler and one line."""
 SHORTEST_STRIP = 124.0
 """Length that the strip needs for its ruler."""
 

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from cubicfish_cli import __version__
 from cubicfish_cli.printing.canvas import GREY, PALE, Canvas, fitted, length_of
 from cubicfish_cli.printing.layout import Page, Point, Strip, Tile
+from cubicfish_cli.printing.sheet import STRIP
 from cubicfish_cli.target import TAG_FAMILIES, Board
 
-_COMPASS = 15.0
+_COMPASS, _LOW_COMPASS = 15.0, 11.0
 _RULER = 100.0
 _AFTER_RULER = 13.0
 # Words are beside the ruler where there is that much room, else above it.
@@ -32,6 +33,17 @@ class _Local:
         """Along its words."""
         place = self.strip.place
         return place.height if self.strip.turned else place.width
+
+    @property
+    def low(self) -> bool:
+        """Whether there is room for the ruler and one line only."""
+        place = self.strip.place
+        return (place.width if self.strip.turned else place.height) < STRIP - 1e-6
+
+    @property
+    def compass(self) -> float:
+        """Side of the place of the arrows."""
+        return _LOW_COMPASS if self.low else _COMPASS
 
     @property
     def turn(self) -> float:
@@ -92,12 +104,16 @@ def draw_strip(canvas: Canvas, page: Page, number: int, count: int) -> None:
         f"cubicfish {__version__}, {where}",
     ]
     _compass(canvas, local)
-    start = _COMPASS + 3.0
+    start = local.compass + 3.0
     room = local.length - start - _RULER - _AFTER_RULER
     overview = _overview_width(page.tile) + 3.0 if page.tile is not None else 0.0
     if page.tile is not None:
         _overview(canvas, local, page.tile, local.length - overview + 3.0)
-    if room - overview >= _ENOUGH:
+    if local.low:
+        _rulers(canvas, local, start, 7.0)
+        line = ", ".join([board.name, *words])
+        canvas.text(local.at(start, 2.2), line, 2.2, room=local.length - start, turn=local.turn)
+    elif room - overview >= _ENOUGH:
         _rulers(canvas, local, start, 4.4)
         _words(
             canvas, local, (start + _RULER + _AFTER_RULER, 3.6), board.name, words, room - overview
@@ -171,9 +187,9 @@ def _compass(canvas: Canvas, local: _Local) -> None:
     """Which way x and y run on this page, whichever way the strip's words do."""
     left, top = local.at(0, 0)
     if local.strip.turned:
-        top -= _COMPASS
-    x, y = left + 2.0, top + 2.4
-    arrow = 9.0
+        top -= local.compass
+    x, y = left + 2.0, top + (1.2 if local.low else 2.4)
+    arrow = local.compass - 6.0
     canvas.lines(
         [
             [(x, y), (x + arrow, y)],
@@ -185,7 +201,7 @@ def _compass(canvas: Canvas, local: _Local) -> None:
     )
     canvas.text((x + arrow + 1.0, y + 0.9), "x", 3.0)
     canvas.text((x - 0.8, y + arrow + 3.2), "y", 3.0)
-    canvas.text((x + 1.2, y + 3.6), "(0, 0)", 2.2)
+    canvas.text((x + 1.2, y + 3.2), "(0, 0)", 2.2)
 
 
 def _overview_width(tile: Tile) -> float:
