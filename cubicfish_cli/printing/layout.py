@@ -237,8 +237,8 @@ def _alone(sheet: Sheet, paper: Paper, margin: float) -> Page | None:
 def _tiles(sheet: Sheet, paper: Paper, margin: float) -> list[Page]:
     """A print on several pages: each is trimmed on the left and at the top and glued over."""
     printed = _printed(sheet)
-    margins = sheet.margins or Margins.of(sheet.quiet)
-    whole = printed.grown(margins.left, margins.top, margins.right, margins.bottom)
+    white = _white(sheet, margin)
+    whole = printed.grown(white.left, white.top, white.right, white.bottom)
     best: tuple[list[float], list[float], float, float] | None = None
     for width, height in orientations(whole.width > whole.height, paper):
         room_x = width - 2 * (margin + BAND)
@@ -307,6 +307,19 @@ def _tiles(sheet: Sheet, paper: Paper, margin: float) -> list[Page]:
             )
         )
     return pages
+
+
+def _white(sheet: Sheet, margin: float) -> Margins:
+    """White that parts must show around a print: up to cuts, else what pages do not have anyway."""
+    given = sheet.margins or Margins.of(sheet.quiet)
+
+    def at(side: Side) -> float:
+        if side in sheet.seams:
+            return float(getattr(given, side))
+        # Below a print is the strip, else the paper's own margin.
+        return max(sheet.quiet - BAND - (0.0 if side == "bottom" else margin), 0.0)
+
+    return Margins(left=at("left"), top=at("top"), right=at("right"), bottom=at("bottom"))
 
 
 def _printed(sheet: Sheet) -> Rect:
