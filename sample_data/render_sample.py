@@ -11,12 +11,12 @@ from math import radians
 from pathlib import Path
 
 import cv2
-import yaml
 
 from cubicfish_cli.rendering.lens import TrueLens
+from cubicfish_cli.rendering.lens_file import load_lens
 from cubicfish_cli.rendering.pose import Pose, look_at
 from cubicfish_cli.rendering.render import render
-from cubicfish_cli.rendering.truth import project_corners
+from cubicfish_cli.rendering.truth import true_corners_text
 from cubicfish_cli.target import Target, load_target
 
 HERE = Path(__file__).parent
@@ -38,8 +38,7 @@ VIEWS = (
 
 def true_lens() -> TrueLens:
     """The lens of true_camera.yaml."""
-    values = yaml.safe_load((HERE / "true_camera.yaml").read_text(encoding="utf-8"))
-    return TrueLens(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
+    return load_lens(HERE / "true_camera.yaml")
 
 
 def poses() -> dict[str, Pose]:
@@ -52,15 +51,7 @@ def poses() -> dict[str, Pose]:
 
 def true_corners(target: Target, lens: TrueLens) -> str:
     """The visible corners of all photos as the text of a corners file."""
-    width, height = lens.image_size
-    lines = [f"# cubicfish corners 1, image_size {width}x{height}", "image,board,column,row,x,y"]
-    for name, pose in poses().items():
-        seen = project_corners(target, lens, pose, lens.image_size)
-        for i in seen.visible.nonzero()[0]:
-            board = target.boards[seen.board[i]].name
-            x, y = seen.pixel[i]
-            lines.append(f"{name},{board},{seen.column[i]},{seen.row[i]},{x:.6f},{y:.6f}")
-    return "\n".join(lines) + "\n"
+    return true_corners_text(target, lens, poses(), lens.image_size)
 
 
 def main() -> None:

@@ -41,7 +41,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "undistortion": {"errors", "machines", "files", "photos", "model", "wording"},
     "formats": {"errors", "files", "plain_yaml", "target", "model", "wording"},
-    "rendering": {"errors", "target"},
+    "rendering": {"errors", "plain_yaml", "tables", "target", "wording"},
     "printing": {"errors", "files", "wording", "target", "formats", "rendering"},
     "advice": {"errors", "target", "correspondences", "model", "fitting", "rendering"},
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import radians
 
 import cv2
@@ -14,6 +14,7 @@ from cubicfish_cli.rendering.scene import MARGIN_SQUARES, Plate, nearest, plates
 from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
 Unproject = Callable[[FloatArray], FloatArray]
 Background = Callable[[FloatArray], FloatArray]
 
@@ -25,6 +26,7 @@ _LIGHT = np.array([0.36, 0.48, 0.8])
 _AMBIENT = 0.6
 _DARK_LEVEL = 6.0  # what a sensor reads where no light comes
 _RAYS_A_BLOCK = 50_000  # fits a processor cache
+_NOTHING, _BLACK = -1, -2  # what a ray shows where there is no board, and outside the field
 
 
 def plain_background(directions: FloatArray) -> FloatArray:
@@ -53,9 +55,11 @@ def render(
     noise: float = 2.0,
     blur: float = 0.5,
     vignetting: float = 0.4,
+    exposure: float = 1.0,
     background: Background = room_background,
     margin: float = MARGIN_SQUARES,
-    seed: int = 0,
+    edges_only: bool = False,
+    seed: int | Sequence[int] = 0,
 ) -> npt.NDArray[np.uint8]:
     """Render a grey photo of the target -> (height, width) uint8.
 
@@ -72,30 +76,33 @@ def render(
         noise: standard deviation of the sensor's noise, grey levels.
         blur: standard deviation of the lens's blur, pixels.
         vignetting: share of the light that is lost at 90° from the axis.
+        exposure: 1 is a well-lit photo, 0.2 a dark one; above 1 paper is burnt out.
         background: world directions (N, 3) -> brightness (N,) where no board is.
         margin: white paper around each print, squares.
+        edges_only: sub-sample only the pixels beside which something else is seen, several times
+            faster. Elsewhere a pixel is one ray, so that seams of the background stay hard.
         seed: of the noise; the same arguments give the same photo.
 
     Raises:
         TargetError: a board of a kind that cannot be drawn.
 
     """
-    width, height = image_size
     seen = plates(target, camera_from_world, margin=margin)
     world_from_camera = rotation_matrix(camera_from_world[0]).T
-    offset = (np.arange(supersample) + 0.5) / supersample - 0.5
-    x = (np.arange(width)[:, None] + offset).ravel()
-    photo = np.empty((height, width))
-    rows_a_block = max(1, _RAYS_A_BLOCK // (len(x) * supersample))
-    for top in range(0, height, rows_a_block):
-        rows = np.arange(top, min(height, top + rows_a_block))
-        y = (rows[:, None] + offset).ravel()
-        pixel = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1).reshape(-1, 2)
+
+    def light_of(pixel: FloatArray) -> tuple[FloatArray, IntArray]:
         rays = lens_unproject(pixel)
-        light = np.zeros(len(rays))
+        light, shown = np.zeros(len(rays)), np.full(len(rays), _BLACK)
         lit = ~np.isnan(rays).any(axis=1)
-        light[lit] = _light(rays[lit], seen, world_from_camera, background, vignetting)
-        photo[rows] = light.reshape(len(rows), supersample, width, supersample).mean(axis=(1, 3))
+        light[lit], shown[lit] = _light(rays[lit], seen, world_from_camera, background, vignetting)
+        return light, shown
+
+    if edges_only:
+        photo, shown = _sampled(light_of, image_size, 1)
+        _smooth_edges(photo, shown, light_of, supersample)
+    else:
+        photo, _ = _sampled(light_of, image_size, supersample)
+    photo *= exposure
     photo = _DARK_LEVEL + photo * (_WHITE_LEVEL - _DARK_LEVEL)
     if blur > 0:
         photo = np.asarray(cv2.GaussianBlur(photo, (0, 0), blur), float)
@@ -104,24 +111,80 @@ def render(
     return np.clip(np.rint(photo), 0, 255).astype(np.uint8)
 
 
+def _sampled(
+    light_of: Callable[[FloatArray], tuple[FloatArray, IntArray]],
+    image_size: tuple[int, int],
+    supersample: int,
+) -> tuple[FloatArray, IntArray]:
+    """Light and, with one ray a pixel, what is shown: (height, width) each, in blocks of rows."""
+    width, height = image_size
+    offset = _offsets(supersample)
+    x = (np.arange(width)[:, None] + offset).ravel()
+    photo = np.empty((height, width))
+    shown = np.full((height, width), _NOTHING)
+    rows_a_block = max(1, _RAYS_A_BLOCK // (len(x) * supersample))
+    for top in range(0, height, rows_a_block):
+        rows = np.arange(top, min(height, top + rows_a_block))
+        y = (rows[:, None] + offset).ravel()
+        pixel = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1).reshape(-1, 2)
+        light, here = light_of(pixel)
+        photo[rows] = light.reshape(len(rows), supersample, width, supersample).mean(axis=(1, 3))
+        if supersample == 1:
+            shown[rows] = here.reshape(len(rows), width)
+    return photo, shown
+
+
+def _smooth_edges(
+    photo: FloatArray,
+    shown: IntArray,
+    light_of: Callable[[FloatArray], tuple[FloatArray, IntArray]],
+    supersample: int,
+) -> None:
+    """Sub-sample, in place, the pixels that have a neighbour which shows something else."""
+    framed = np.pad(shown, 1, mode="edge")
+    height, width = shown.shape
+    edge = np.zeros(shown.shape, bool)
+    for down in range(3):
+        for right in range(3):
+            edge |= framed[down : down + height, right : right + width] != shown
+    row, column = np.nonzero(edge)
+    offset = _offsets(supersample)
+    within = np.stack(np.meshgrid(offset, offset), axis=-1).reshape(-1, 2)
+    pixels_a_block = max(1, _RAYS_A_BLOCK // len(within))
+    for first in range(0, len(row), pixels_a_block):
+        block = slice(first, first + pixels_a_block)
+        middle = np.stack([column[block], row[block]], axis=-1)
+        light, _ = light_of((middle[:, None] + within).reshape(-1, 2))
+        photo[row[block], column[block]] = light.reshape(-1, len(within)).mean(axis=1)
+
+
+def _offsets(supersample: int) -> FloatArray:
+    """Where the rays of a pixel are, along either axis, relative to its middle."""
+    return (np.arange(supersample) + 0.5) / supersample - 0.5
+
+
 def _light(
     rays: FloatArray,
     seen: list[Plate],
     world_from_camera: FloatArray,
     background: Background,
     vignetting: float,
-) -> FloatArray:
+) -> tuple[FloatArray, IntArray]:
+    """Light of rays (N, 3) -> (N,), and a number for what each shows (N,)."""
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     index, _, position = nearest(seen, rays)
-    light = np.empty(len(rays))
+    light, shown = np.empty(len(rays)), 2 * index
     light[index < 0] = background(rays[index < 0] @ world_from_camera.T)
     for i, plate in enumerate(seen):
         here = index == i
         outward = -(plate.board_from_camera @ world_from_camera.T)[2]
         if plate.faces_camera:
-            thrown = np.where(plate.face.is_dark(position[here]), _INK, _PAPER)
+            dark = plate.face.is_dark(position[here])
+            thrown = np.where(dark, _INK, _PAPER)
+            shown[here] += dark
         else:
             thrown, outward = np.full(int(here.sum()), _BACK), -outward
         light[here] = thrown * (_AMBIENT + (1 - _AMBIENT) * max(0.0, float(outward @ _LIGHT)))
     angle = np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2])
-    return light * (1.0 - vignetting * np.minimum((angle / radians(90.0)) ** 4, 1.2))
+    light *= 1.0 - vignetting * np.minimum((angle / radians(90.0)) ** 4, 1.2)
+    return light, np.where(index < 0, _NOTHING, shown)

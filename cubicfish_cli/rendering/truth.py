@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -10,6 +11,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.rendering.pose import Pose, camera_points
 from cubicfish_cli.rendering.scene import MARGIN_SQUARES, nearest, plates
+from cubicfish_cli.tables import csv_text
 from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
@@ -105,3 +107,23 @@ def project_corners(
         pixel=lens.project(camera),
         visible=faces_camera & (in_front & in_picture).all(axis=1),
     )
+
+
+def true_corners_text(
+    target: Target, lens: Lens, poses: Mapping[str, Pose], image_size: tuple[int, int]
+) -> str:
+    """The visible corners of photos, by the photos' names, as the text of a corners.csv.
+
+    Raises:
+        TargetError: a board of a kind that cannot be drawn.
+
+    """
+    width, height = image_size
+    rows: list[tuple[object, ...]] = [("image", "board", "column", "row", "x", "y")]
+    for name, pose in poses.items():
+        seen = project_corners(target, lens, pose, image_size)
+        for i in seen.visible.nonzero()[0]:
+            board = target.boards[seen.board[i]].name
+            x, y = seen.pixel[i]
+            rows.append((name, board, seen.column[i], seen.row[i], f"{x:.6f}", f"{y:.6f}"))
+    return f"# cubicfish corners 1, image_size {width}x{height}\n" + csv_text(rows)

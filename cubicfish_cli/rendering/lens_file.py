@@ -1,0 +1,93 @@
+"""Lens files: the exact formula of a made-up lens as YAML, which is no camera.yaml."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from cubicfish_cli.errors import CameraFileError
+from cubicfish_cli.plain_yaml import load_plain_yaml, plain_yaml_text
+from cubicfish_cli.rendering.lens import TrueLens
+from cubicfish_cli.wording import did_you_mean, quoted
+
+_COUNTS = {
+    "image_size": 2,
+    "fx": 0,
+    "fy": 0,
+    "cx": 0,
+    "cy": 0,
+    "k": 4,
+    "p": 2,
+    "tilt": 2,
+    "max_angle_deg": 0,
+}  # how many numbers a key holds; 0 for a number alone
+_NEEDED = ("image_size", "fx", "fy", "cx", "cy")
+_MOST = 1e6
+_MAX_SIDE = 100_000
+
+
+def is_lens_file(path: Path) -> bool:
+    """Whether a readable YAML file holds a formula, and not a calibrated camera."""
+    data = load_plain_yaml(path, error=CameraFileError, max_bytes=64 * 1024 * 1024)
+    return isinstance(data, dict) and "cubicfish" not in data and {"fx", "fy"} <= data.keys()
+
+
+def load_lens(path: Path) -> TrueLens:
+    """Read a lens file.
+
+    Raises:
+        CameraFileError: the file is malformed, or no lens has these numbers; one line that names
+            the file and the key.
+
+    """
+    data = load_plain_yaml(path, error=CameraFileError)
+    if not isinstance(data, dict):
+        raise CameraFileError(f"{path} must hold the keys {', '.join(_COUNTS)}")
+    for key in data:
+        if key not in _COUNTS:
+            raise CameraFileError(
+                f"{path}: unknown key {quoted(str(key))}: {did_you_mean(str(key), _COUNTS)}"
+            )
+    for key in _NEEDED:
+        if key not in data:
+            raise CameraFileError(f"{path}: {key} is missing: a lens has {', '.join(_NEEDED)}")
+    values = {key: _numbers(path, key, value) for key, value in data.items()}
+    size = values["image_size"]
+    if not all(side == int(side) and 0 < side <= _MAX_SIDE for side in size):
+        raise CameraFileError(f"{path}: image_size must be two whole numbers above 0")
+    if values["fx"] <= 0 or values["fy"] <= 0:
+        raise CameraFileError(f"{path}: fx and fy must be above 0")
+    if not 0 < values.get("max_angle_deg", 95.0) < 180:
+        raise CameraFileError(f"{path}: max_angle_deg must be between 0 and 180")
+    values["image_size"] = (int(size[0]), int(size[1]))
+    try:
+        return TrueLens(**values)
+    except ValueError as problem:  # a profile that folds
+        raise CameraFileError(f"{path}: {problem}") from problem
+
+
+def lens_text(lens: TrueLens) -> str:
+    """A lens file that :func:`load_lens` reads back exactly."""
+    return plain_yaml_text(
+        {
+            key: list(value) if isinstance(value, tuple) else value
+            for key, value in asdict(lens).items()
+        }
+    )
+
+
+def _numbers(path: Path, key: str, value: Any) -> Any:
+    count = _COUNTS[key]
+    items = value if isinstance(value, list) else [value]
+    if (
+        isinstance(value, list) != bool(count)
+        or len(items) != max(count, 1)
+        or not all(
+            isinstance(item, int | float) and not isinstance(item, bool) and abs(item) <= _MOST
+            for item in items
+        )
+    ):
+        wanted = f"{count} numbers" if count else "a number"
+        raise CameraFileError(f"{path}: {key} must be {wanted}, each within ±{_MOST:g}")
+    return tuple(float(item) for item in items) if count else float(value)
