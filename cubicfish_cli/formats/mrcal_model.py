@@ -50,6 +50,8 @@ _OPENCV_SIZES = {
 _KNOWN = (*_OPENCV_SIZES, "LENSMODEL_STEREOGRAPHIC", "LENSMODEL_SPLINED_STEREOGRAPHIC_...")
 # Remarks, packed bytes and text: what may hold any character.
 _TOKEN = re.compile(r"#[^\n]*|[bB](?:'[^'\\\n]*'|\"[^\"\\\n]*\")|'[^'\\\n]*'|\"[^\"\\\n]*\"")
+# A sign that stands before no number, or behind one.
+_SUM_OR_SIGN = re.compile(r"[-+](?![0-9.])|[0-9.\])}]\s*[-+]")
 _PLAIN = re.compile(r"(?:[\s{}\[\](),:0-9eE.+\-]|\"\"|None)*")
 
 
@@ -223,11 +225,13 @@ def _dictionary(path: Path, text: str) -> dict[str, Any]:
         )
     marks = np.frombuffer(skeleton.encode("ascii"), np.uint8)
     depth = np.cumsum(np.isin(marks, list(b"[({")).astype(int) - np.isin(marks, list(b"])}")))
-    signs = re.search(r"[-+]\s*[-+]", skeleton)
-    if (depth > MAX_DEPTH).any() or signs:
-        at = signs.start() if signs else int(np.argmax(depth > MAX_DEPTH))
-        line = skeleton.count("\n", 0, at) + 1
+    if (depth > MAX_DEPTH).any():
+        line = skeleton.count("\n", 0, int(np.argmax(depth > MAX_DEPTH))) + 1
         raise CameraFileError(f"{path}, line {line}: nested too deeply to be a .cameramodel")
+    sum_or_sign = _SUM_OR_SIGN.search(skeleton)
+    if sum_or_sign:
+        line = skeleton.count("\n", 0, sum_or_sign.start()) + 1
+        raise CameraFileError(f"{path}, line {line}: a number with more than one sign, or a sum")
     try:
         data = ast.literal_eval(plain.strip())
     except SyntaxError as problem:

@@ -29,9 +29,6 @@ _DEGREES = range(4, 10)
 # A higher degree must lower the RMS by this share and by this many pixels.
 _WORTH_A_DEGREE = 0.05
 _WORTH_PX = 0.002
-# Beyond the field f follows the companion, weakly, so that it does not fold in the photo's corners.
-_BEYOND_RAD = np.deg2rad(12)
-_BEYOND_WEIGHT = 0.02
 # The inverse polynomial gets terms until it is this near, in pixels. Beyond the degree below, its
 # powers in degrees from the axis, as py-OCamCalib wants them, cancel to nothing.
 _INVERSE_PX = 0.003
@@ -74,7 +71,7 @@ def fit(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> LensRecord:
     """The nearest lens of the lowest degree that does justice to the camera, and its inverse.
 
     Args:
-        camera: the camera; its companion starts the fit and stands in beyond its field.
+        camera: the camera; its companion starts the fit.
         rays: (N, 3) unit rays of the camera's field.
         pixel: (N, 2) where the camera sees them.
 
@@ -82,8 +79,7 @@ def fit(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> LensRecord:
         A record ``ocam`` of degree 4 to 9 with stretch[1, 1] = 1.
 
     """
-    data = _with_beyond(camera, rays, pixel)
-    tried = [_fit_degree(camera, degree, *data) for degree in _DEGREES]
+    tried = [_fit_degree(camera, degree, rays, pixel) for degree in _DEGREES]
     rms = np.array([_rms(record, rays, pixel) for record in tried])
     best = float(rms.min())
     good_enough = max((1 + _WORTH_A_DEGREE) * best, best + _WORTH_PX)
@@ -123,28 +119,8 @@ def shifted(coefficients: FloatArray, offset: float, scale: float = 1.0) -> Floa
     return np.asarray(result, float)
 
 
-def _with_beyond(
-    camera: CubicCamera, rays: FloatArray, pixel: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The rays and pixels, some of the companion beyond the field, and all their weights."""
-    start = np.deg2rad(camera.max_angle_deg)
-    end = min(start + _BEYOND_RAD, 0.98 * camera.radial.max_angle)
-    if end <= start:
-        return rays, pixel, np.ones(len(rays))
-    theta = np.repeat(np.linspace(start, end, 9)[1:], 72)
-    azimuth = np.tile(np.linspace(0, 2 * np.pi, 72, endpoint=False), 8)
-    sine = np.sin(theta)
-    more = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(theta)], axis=-1)
-    weight = np.full(len(more), _BEYOND_WEIGHT * np.sqrt(len(rays) / len(more)))
-    return (
-        np.concatenate([rays, more]),
-        np.concatenate([pixel, camera.radial.project(more)]),
-        np.concatenate([np.ones(len(rays)), weight]),
-    )
-
-
 def _fit_degree(
-    camera: CubicCamera, degree: int, rays: FloatArray, pixel: FloatArray, weight: FloatArray
+    camera: CubicCamera, degree: int, rays: FloatArray, pixel: FloatArray
 ) -> LensRecord:
     """Least squares over cx, cy, c, d, e and a0, a2..aN; the stretch matrix is [[c, d], [e, 1]].
 
@@ -181,7 +157,7 @@ def _fit_degree(
         miss = (radius[:, None] * direction) @ stretch.T + values[:2] - pixel / unit
         # A lens that does not reach a ray is as far off as the ray is from the centre.
         miss = np.where(np.isfinite(radius)[:, None], miss, rho[:, None])
-        return np.asarray((weight[:, None] * miss).ravel(), float)
+        return np.asarray(miss.ravel(), float)
 
     def slopes(values: FloatArray) -> FloatArray:
         a, radius = radius_of(values)
@@ -196,7 +172,7 @@ def _fit_degree(
         d_radius = -rho[:, None] * radius[:, None] ** powers / steep[:, None]
         jacobian[:, :, 5:] = (direction @ stretch.T)[:, :, None] * d_radius[:, None, :]
         jacobian = np.where(np.isfinite(radius)[:, None, None], jacobian, 0)
-        return np.asarray((weight[:, None, None] * jacobian).reshape(2 * len(rays), -1), float)
+        return np.asarray(jacobian.reshape(2 * len(rays), -1), float)
 
     width, height = camera.image_size
     reach = 2 * np.hypot(width, height) / unit

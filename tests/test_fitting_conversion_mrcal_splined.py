@@ -1,0 +1,185 @@
+"""mrcal's splined lens: against mrcal itself where it is installed, and against its definition."""
+
+import json
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lenses import cubic_camera, random_rays
+
+from cubicfish_cli.fitting.conversion import mrcal_splined
+from cubicfish_cli.formats.mrcal_model import mrcal_text, read_mrcal
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.model.soundness import cone_rays
+
+PYTHON = Path("/usr/bin/python3")  # mrcal comes as a package of the system
+
+
+def mrcal_here() -> bool:
+    if not PYTHON.exists():
+        return False
+    return subprocess.run([PYTHON, "-c", "import mrcal"], capture_output=True).returncode == 0
+
+
+needs_mrcal = pytest.mark.skipif(not mrcal_here(), reason="mrcal is not installed")
+
+PROJECT = """
+import json, sys
+import mrcal, numpy as np
+model = mrcal.cameramodel(sys.argv[1])
+rays = np.array(json.load(sys.stdin))
+pixel = mrcal.project(rays, *model.intrinsics())
+back = mrcal.unproject(pixel, *model.intrinsics(), normalize=True)
+region = model.valid_intrinsics_region()
+json.dump([pixel.tolist(), back.tolist(), region.tolist(), model.imagersize().tolist()], sys.stdout)
+"""
+
+
+def ask_mrcal(path: Path, rays: np.ndarray) -> list[np.ndarray]:
+    done = subprocess.run(
+        [PYTHON, "-c", PROJECT, path],
+        input=json.dumps(rays.tolist()),
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Invalid" not in done.stderr
+    return [np.array(part) for part in json.loads(done.stdout)]
+
+
+def field(camera: CubicCamera, count: int = 12_000) -> tuple[np.ndarray, np.ndarray]:
+    rays = cone_rays(np.deg2rad(camera.max_angle_deg), count)
+    pixel = camera.project(rays)
+    seen = ((pixel > -0.5) & (pixel < np.array(camera.image_size) - 0.5)).all(axis=1)
+    return rays[seen], pixel[seen]
+
+
+def random_record(order: int, nx: int, ny: int, fov_x_deg: int) -> LensRecord:
+    rng = np.random.default_rng(order + nx)
+    return LensRecord(
+        model="mrcal_splined",
+        values={
+            "fx": 250.0,
+            "fy": 252.0,
+            "cx": 480.0,
+            "cy": 350.0,
+            "order": float(order),
+            "fov_x_deg": float(fov_x_deg),
+            "control": 0.05 * rng.normal(size=(ny, nx, 2)),
+            "region": np.zeros((0, 2)),
+        },
+        image_size=(960, 720),
+    )
+
+
+@needs_mrcal
+@pytest.mark.parametrize("shape", [(3, 11, 8, 200), (2, 9, 7, 150)])
+def test_splines_are_those_of_mrcal(tmp_path: Path, shape: tuple[int, int, int, int]) -> None:
+    record = random_record(*shape)
+    path = tmp_path / "a.cameramodel"
+    path.write_text(mrcal_text(record).replace("\n    'extrinsics'", _ANY_REGION))
+    rays = random_rays(110, 800)
+    pixel = mrcal_splined.project(record, rays)
+    inside = np.isfinite(pixel).all(axis=1)
+    assert 20 < inside.sum() <= 800
+    assert np.abs(ask_mrcal(path, rays)[0] - pixel)[inside].max() < 1e-8
+
+
+_ANY_REGION = "\n    'valid_intrinsics_region': [[0, 0], [9, 0], [9, 9], [0, 0]],\n    'extrinsics'"
+
+
+@needs_mrcal
+@pytest.mark.parametrize("half_angle_deg", [45, 115])
+def test_mrcal_sees_with_the_written_model_what_the_camera_sees(
+    tmp_path: Path, half_angle_deg: float
+) -> None:
+    camera = cubic_camera(half_angle_deg)
+    record = mrcal_splined.fit(camera, *field(camera))
+    path = tmp_path / "camera.cameramodel"
+    path.write_text(mrcal_text(record))
+    rays, pixel = field(camera, 1501)  # other rays than those of the fit
+    seen, back, region, size = ask_mrcal(path, rays)
+    assert np.linalg.norm(seen - pixel, axis=1).max() < 0.01
+    assert np.degrees(np.arccos(np.clip((back * rays).sum(axis=1), -1, 1))).max() < 0.01
+    assert size.tolist() == list(camera.image_size)
+    assert np.array_equal(region, record.values["region"])
+
+
+@pytest.mark.parametrize("half_angle_deg", [30, 60, 95, 120])
+def test_the_spline_is_within_a_hundredth_of_a_pixel(half_angle_deg: float) -> None:
+    camera = cubic_camera(half_angle_deg)
+    record = mrcal_splined.fit(camera, *field(camera))
+    rays, pixel = field(camera, 5003)
+    apart = np.linalg.norm(mrcal_splined.project(record, rays) - pixel, axis=1)
+    assert apart.max() < 0.01  # NaN nowhere, up to the rim
+    rows, columns, _ = record.values["control"].shape
+    assert max(rows, columns) <= 39
+
+
+def test_the_spline_goes_on_in_order_outside_the_field() -> None:
+    """In every corner of the spline's own grid, pixels still move outwards as rays do."""
+    camera = cubic_camera(70)
+    record = mrcal_splined.fit(camera, *field(camera))
+    free = LensRecord(
+        model=record.model,
+        values={**record.values, "region": np.zeros((0, 2))},
+        image_size=record.image_size,
+    )
+    azimuth = np.linspace(0, 2 * np.pi, 73)[:, None]
+    theta = np.deg2rad(np.linspace(1, 110, 60))
+    sine = np.sin(theta)
+    across = np.stack([np.cos(azimuth) * sine, np.sin(azimuth) * sine], axis=-1)
+    rays = np.concatenate([across, np.broadcast_to(np.cos(theta), across.shape[:2])[..., None]], -1)
+    pixel = mrcal_splined.project(free, rays.reshape(-1, 3)).reshape(73, 60, 2)
+    centre = [record.values["cx"], record.values["cy"]]
+    radius = np.linalg.norm(pixel - centre, axis=-1)
+    growth = np.diff(radius, axis=1)
+    assert np.isfinite(growth).sum() > 2700  # 2600 of them in the field
+    assert np.nanmin(growth) > 0
+
+
+def test_outside_the_region_there_is_no_pixel() -> None:
+    camera = cubic_camera(60)
+    record = mrcal_splined.fit(camera, *field(camera))
+    edge = np.deg2rad(camera.max_angle_deg)
+    # Along the diagonal, where the spline's grid reaches much farther than the field.
+    side = np.sqrt(0.5)
+    angles = (0.0, edge, edge + 0.02)
+    rays = np.array([[side * np.sin(t), side * np.sin(t), np.cos(t)] for t in angles])
+    pixel = mrcal_splined.project(record, rays)
+    assert np.isfinite(pixel).all(axis=1).tolist() == [True, True, False]
+    assert np.isnan(mrcal_splined.project(record, np.array([[0.0, 0.0, -1.0]]))).all()
+
+
+def test_outside_the_spline_there_is_no_pixel() -> None:
+    """8 rows of control points of order 3 are 5 intervals, as long as the 8 across 200 degrees."""
+    record = random_record(3, 11, 8, 200)
+    edge = 2.5 * 4 * np.tan(np.deg2rad(50)) / 8
+    angles = 2 * np.arctan(np.array([0.999, 1.001]) * edge / 2)
+    rays = np.array([[0, np.sin(angle), np.cos(angle)] for angle in angles])
+    pixel = mrcal_splined.project(record, rays)
+    assert np.isfinite(pixel).all(axis=1).tolist() == [True, False]
+
+
+def test_a_pixel_is_inside_an_outline_by_its_crossings() -> None:
+    # A square with a notch, closed.
+    outline = np.array([[0, 0], [100, 0], [100, 100], [50, 40], [0, 100], [0, 0]], float)
+    pixel = np.array([[50, 20], [50, 60], [10, 85], [90, 85], [-0.3, 50], [-2, 50], [50, 41]])
+    # The fifth is less than half a pixel outside; the last, in the notch, 0.64.
+    inside = [True, False, True, True, True, False, False]
+    assert mrcal_splined._within(pixel.astype(float), outline).tolist() == inside
+
+
+def test_a_stereographic_lens_is_a_spline_of_zeros(tmp_path: Path) -> None:
+    path = tmp_path / "s.cameramodel"
+    path.write_text(
+        "{'lensmodel': 'LENSMODEL_STEREOGRAPHIC', 'intrinsics': [200, 210, 480, 350],"
+        " 'extrinsics': [0,0,0,0,0,0], 'imagersize': [960, 720]}"
+    )
+    record = read_mrcal(path)
+    angle = np.deg2rad([0.0, 40.0, 120.0])
+    rays = np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=-1)
+    pixel = mrcal_splined.project(record, rays)
+    assert np.abs(pixel[:, 0] - (480 + 400 * np.tan(angle / 2))).max() < 1e-9

@@ -1,0 +1,122 @@
+"""OCamCalib's lens: fitted to cubic cameras, against formulas written down a second time."""
+
+import numpy as np
+import pytest
+from lenses import cubic_camera
+
+from cubicfish_cli.fitting.conversion import ocam
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.model.soundness import cone_rays
+
+SIZE = (960, 720)
+LENS = LensRecord(
+    model="ocam",
+    values={
+        "cx": 488.2,
+        "cy": 351.4,
+        "stretch": np.array([[1.002, 0.0011], [-0.0007, 1.0]]),
+        "a": np.array([205.0, 0.0, -2.2e-3, 4.8e-6, -1.8e-8]),
+        "inverse": np.zeros(0),
+    },
+    image_size=SIZE,
+)
+
+
+def field(camera: CubicCamera, count: int = 4000) -> tuple[np.ndarray, np.ndarray]:
+    """Rays of a camera's cone that it sees in its photo, and their pixels."""
+    rays = cone_rays(np.deg2rad(camera.max_angle_deg), count)
+    pixel = camera.project(rays)
+    seen = ((pixel > -0.5) & (pixel < np.array(camera.image_size) - 0.5)).all(axis=1)
+    return rays[seen], pixel[seen]
+
+
+def published_ray(pixel: np.ndarray) -> np.ndarray:
+    """cam2world of LENS as published: straighten, then (x, y, f(r))."""
+    stretch, a = LENS.values["stretch"], LENS.values["a"]
+    x, y = np.linalg.inv(stretch) @ (pixel - [LENS.values["cx"], LENS.values["cy"]])
+    r = np.hypot(x, y)
+    ray = np.array([x, y, a[0] + a[2] * r**2 + a[3] * r**3 + a[4] * r**4])
+    return ray / np.linalg.norm(ray)
+
+
+def test_projection_undoes_the_published_way_from_pixels_to_rays() -> None:
+    pixel = np.array(
+        [[488.2, 351.4], [488.2, 352.0], [100.0, 80.0], [900.0, 351.0], [480.0, 700.0]]
+    )
+    rays = np.array([published_ray(one) for one in pixel])
+    assert np.abs(ocam.unproject(LENS, pixel) - rays).max() < 1e-14
+    assert np.abs(ocam.project(LENS, 3.7 * rays) - pixel).max() < 1e-9
+    assert np.degrees(np.arccos(rays[3, 2])) > 90  # the lens looks back there
+
+
+def test_what_the_lens_does_not_reach_is_nan() -> None:
+    rays = np.array([[0.0, 0.0, -1.0], [0.0, 0.05, -1.0], [0.0, 0.0, 1.0]])
+    assert np.isnan(ocam.project(LENS, rays)).all(axis=1).tolist() == [True, True, False]
+    record = LensRecord(
+        model="ocam",
+        values={**LENS.values, "inverse": ocam.inverse_polynomial(LENS, 1.5)},
+        image_size=SIZE,
+    )
+    assert np.isnan(ocam.project_by_inverse(record, rays)).all(axis=1).tolist() == [
+        True,
+        True,
+        False,
+    ]
+
+
+@pytest.mark.parametrize("farthest_deg", [20, 60, 95, 110])
+def test_the_inverse_polynomial_is_near_the_radius(farthest_deg: float) -> None:
+    inverse = ocam.inverse_polynomial(LENS, np.deg2rad(farthest_deg))
+    record = LensRecord(model="ocam", values={**LENS.values, "inverse": inverse}, image_size=SIZE)
+    rays = cone_rays(np.deg2rad(farthest_deg), 2000)
+    pixel = ocam.project(LENS, rays)
+    inside = np.isfinite(pixel[:, 0])
+    assert inside.mean() > 0.8
+    apart = np.linalg.norm(ocam.project_by_inverse(record, rays) - pixel, axis=1)
+    assert apart[inside].max() < 0.005
+    assert len(inverse) <= 15
+
+
+def test_a_lens_of_the_model_is_found_again() -> None:
+    """A cubic camera cannot be one; its companion's pixels are replaced by the lens's own."""
+    camera = cubic_camera(80)
+    rays, _ = field(camera)
+    pixel = ocam.project(LENS, rays)
+    found = ocam._fit_degree(camera, 4, rays, pixel)
+    assert np.abs(ocam.project(found, rays) - pixel).max() < 1e-5
+    assert found.values["cx"] == pytest.approx(LENS.values["cx"], abs=1e-5)
+    assert found.values["a"] == pytest.approx(LENS.values["a"], rel=1e-4)
+
+
+@pytest.mark.parametrize("half_angle_deg", [50, 75, 100, 112])
+def test_a_fit_is_as_near_as_any_radial_lens(half_angle_deg: float) -> None:
+    """Of a camera with no bend of its own hardly anything is lost, in either direction."""
+    camera = cubic_camera(half_angle_deg, bend=0.0)
+    rays, pixel = field(camera)
+    record = ocam.fit(camera, rays, pixel)
+    apart = np.linalg.norm(ocam.project(record, rays) - pixel, axis=1)
+    assert np.sqrt((apart**2).mean()) < 0.05
+    assert apart.max() < 0.25
+    by_inverse = np.linalg.norm(ocam.project_by_inverse(record, rays) - pixel, axis=1)
+    assert np.abs(by_inverse - apart).max() < 0.005
+    back = np.sum(ocam.unproject(record, pixel) * rays, axis=1)
+    assert np.degrees(np.arccos(np.clip(back, -1, 1))).max() < 0.1
+
+
+def test_a_camera_that_is_no_radial_lens_is_met_as_well_as_by_its_companion() -> None:
+    camera = cubic_camera(95)
+    rays, pixel = field(camera)
+    record = ocam.fit(camera, rays, pixel)
+    companion = np.sqrt(((camera.radial.project(rays) - pixel) ** 2).sum(axis=1).mean())
+    found = np.sqrt(((ocam.project(record, rays) - pixel) ** 2).sum(axis=1).mean())
+    assert found < companion
+    # A higher degree that gains next to nothing is not taken.
+    assert len(record.values["a"]) == 5
+
+
+@pytest.mark.parametrize("half_angle_deg", [50, 70, 95])
+def test_f_does_not_fold_right_behind_the_field(half_angle_deg: float) -> None:
+    camera = cubic_camera(half_angle_deg)
+    a = ocam.fit(camera, *field(camera)).values["a"]
+    assert np.degrees(ocam._last_angle(a, 500.0)) > camera.max_angle_deg + 10

@@ -1,0 +1,232 @@
+"""calib_results.txt and py-OCamCalib's JSON, read back by readers written anew."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from lenses import cubic_camera
+
+from cubicfish_cli.errors import CameraFileError
+from cubicfish_cli.fitting.conversion import ocam
+from cubicfish_cli.formats.ocamcalib import (
+    ocamcalib_text,
+    pyocamcalib_text,
+    read_ocamcalib,
+    read_pyocamcalib,
+)
+from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.model.soundness import cone_rays
+
+SIZE = (960, 720)
+
+
+@pytest.fixture(scope="module")
+def record() -> LensRecord:
+    """A lens with an affine part that no transposition leaves unnoticed."""
+    camera = cubic_camera(95)
+    rays = cone_rays(np.deg2rad(90), 2000)
+    fitted = ocam.fit(camera, rays, camera.project(rays))
+    values = {**fitted.values, "stretch": np.array([[1.003, 0.0021], [-0.0013, 0.998]])}
+    return LensRecord(model="ocam", values=values, image_size=SIZE)
+
+
+RAYS = cone_rays(np.deg2rad(90), 400)
+
+
+class Toolbox:
+    """The toolbox's C reader as described: values are numbers between remarks; world2cam by invpol.
+
+    Axes: x down the rows, y along the columns, z backwards.
+    """
+
+    def __init__(self, text: str) -> None:
+        lines = text.split("\n")
+        # Line-based readers take the values from these lines.
+        self.pol = self.counted(lines[2])
+        self.invpol = self.counted(lines[6])
+        self.xc, self.yc = map(float, lines[10].split())
+        self.c, self.d, self.e = map(float, lines[14].split())
+        self.height, self.width = map(int, lines[18].split())
+        assert all(lines[i].startswith("#") for i in (0, 4, 8, 12, 16))
+        assert all(lines[i] == "" for i in (1, 3, 5, 7, 9, 11, 13, 15, 17, 19))
+
+    @staticmethod
+    def counted(line: str) -> list[float]:
+        count, *values = line.split()
+        assert int(count) == len(values) <= 64
+        return [float(value) for value in values]
+
+    def world2cam(self, point: np.ndarray) -> tuple[float, float]:
+        norm = math.hypot(point[0], point[1])
+        theta = math.atan(point[2] / norm)
+        rho = sum(a * theta**i for i, a in enumerate(self.invpol))
+        x, y = point[0] / norm * rho, point[1] / norm * rho
+        return x * self.c + y * self.d + self.xc, x * self.e + y + self.yc
+
+    def cam2world(self, row: float, column: float) -> np.ndarray:
+        det = self.c - self.d * self.e
+        x = ((row - self.xc) - self.d * (column - self.yc)) / det
+        y = (-self.e * (row - self.xc) + self.c * (column - self.yc)) / det
+        r = math.hypot(x, y)
+        ray = np.array([x, y, sum(a * r**i for i, a in enumerate(self.pol))])
+        return ray / np.linalg.norm(ray)
+
+
+def test_the_toolbox_sees_the_same_pixels_and_rays(record: LensRecord) -> None:
+    toolbox = Toolbox(ocamcalib_text(record))
+    assert (toolbox.width, toolbox.height) == SIZE
+    assert toolbox.pol[0] < 0
+    assert toolbox.pol[1] == 0
+    # Their x is our y, their y our x, their z our -z; their pixel is (row, column).
+    theirs = RAYS[1:, [1, 0, 2]] * [1, 1, -1]
+    rows = np.array([toolbox.world2cam(ray) for ray in theirs])
+    assert np.abs(rows[:, ::-1] - ocam.project_by_inverse(record, RAYS[1:])).max() < 1e-6
+    pixel = ocam.project(record, RAYS[1:])
+    back = np.array([toolbox.cam2world(y, x) for x, y in pixel])
+    assert np.abs(back - theirs).max() < 1e-9
+
+
+def test_py_ocamcalib_sees_the_same_pixels_and_rays(record: LensRecord) -> None:
+    data = json.loads(pyocamcalib_text(record))
+    stretch, centre = np.array(data["stretch_matrix"]), np.array(data["distortion_center"])
+    assert stretch[1, 1] == 1
+    angle = np.arccos(RAYS[1:, 2])
+    radius = np.polyval(data["inverse_poly"], angle)  # highest order first
+    plane = radius[:, None] * RAYS[1:, :2] / np.hypot(*RAYS[1:, :2].T)[:, None]
+    pixel = plane @ stretch.T + centre
+    assert np.abs(pixel - ocam.project_by_inverse(record, RAYS[1:])).max() < 1e-4
+    straight = (ocam.project(record, RAYS) - centre) @ np.linalg.inv(stretch).T
+    z = np.polyval(data["taylor_coefficient"][::-1], np.hypot(*straight.T))
+    back = np.column_stack([straight, z])
+    assert np.abs(back / np.linalg.norm(back, axis=1, keepdims=True) - RAYS).max() < 1e-9
+
+
+def test_both_read_back_as_the_same_lens(tmp_path: Path, record: LensRecord) -> None:
+    (tmp_path / "a.txt").write_text(ocamcalib_text(record))
+    (tmp_path / "a.json").write_text(pyocamcalib_text(record))
+    for again in (
+        read_ocamcalib(tmp_path / "a.txt"),
+        read_pyocamcalib(tmp_path / "a.json", image_size=SIZE),
+    ):
+        assert again.image_size == SIZE
+        pixel = ocam.project(again, RAYS)
+        assert np.abs(pixel - ocam.project(record, RAYS)).max() < 1e-9
+        pixel = ocam.project_by_inverse(again, RAYS)
+        assert np.abs(pixel - ocam.project_by_inverse(record, RAYS)).max() < 1e-6
+
+
+# The layout of the toolbox's own exportData2TXT, with the numbers of its %f and %e and the blanks
+# that it leaves at the ends of lines; the lens is made up.
+TOOLBOX = """#polynomial coefficients for the DIRECT mapping function (ocam_model.ss in MATLAB). These are used by cam2world
+
+5 -2.100000e+02 0.000000e+00 2.200000e-03 -4.900000e-06 1.900000e-08 
+
+#polynomial coefficients for the inverse mapping function (ocam_model.invpol in MATLAB). These are used by world2cam
+
+3 300.000000 150.000000 -12.000000 
+
+#center: "row" and "column", starting from 0 (C convention)
+
+241.800000 394.500000
+
+#affine parameters "c", "d", "e"
+
+1.000300 0.000200 0.000300
+
+#image size: "height" and "width"
+
+480 752
+
+"""  # noqa: E501, W291
+
+
+def test_a_file_of_the_toolbox_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "calib_results.txt"
+    path.write_bytes(TOOLBOX.replace("\n", "\r\n").encode())
+    record = read_ocamcalib(path)
+    assert record.image_size == (752, 480)
+    assert (record.values["cx"], record.values["cy"]) == (394.5, 241.8)
+    assert record.values["stretch"].tolist() == [[1, 0.0003], [0.0002, 1.0003]]
+    assert record.values["a"].tolist() == [210, 0, -2.2e-3, 4.9e-6, -1.9e-8]
+    assert record.values["inverse"].tolist() == [300, 150, -12]
+
+
+JSON = json.loads(
+    """{"date": "1", "valid": [true], "taylor_coefficient": [300.0, 0.0, -0.001],
+    "distortion_center": [500.0, 400.0], "stretch_matrix": [[1.0, 0.0], [0.0, 1.0]],
+    "inverse_poly": [2.0, 300.0, 0.0], "extrinsics_t": [[[1, 0, 0, 2]]], "rms_overall": 0.2}"""
+)
+
+
+def changed(**keys: object) -> str:
+    return json.dumps({key: value for key, value in {**JSON, **keys}.items() if value != "gone"})
+
+
+BAD = {
+    "empty.txt": ("", "0 lines of numbers, not 5"),
+    "cut.txt": (TOOLBOX[:500], "lines of numbers, not 5"),
+    "more.txt": (TOOLBOX + "1 2 3\n", "line 21: nothing is expected here"),
+    "count.txt": (TOOLBOX.replace("5 -2.1", "6 -2.1"), "line 3: the polynomial must be a count"),
+    "nan.txt": (TOOLBOX.replace("150.000000", "nan"), "line 7: 'nan' in the inverse polynomial"),
+    "inf.txt": (TOOLBOX.replace("394.500000", "1e999"), "line 11: '1e999' in the center"),
+    "word.txt": (TOOLBOX.replace("394.5", "x"), "line 11: 'x00000' in the center"),
+    "centre.txt": (TOOLBOX.replace("241.800000 394.5", "394.5"), "line 11: 2 numbers are expected"),
+    "sign.txt": (TOOLBOX.replace("-2.1000", "2.1000"), "line 3: the first coefficient has the"),
+    "flat.txt": (TOOLBOX.replace("1.000300", "0.0"), "c must be near 1"),
+    "size.txt": (TOOLBOX.replace("480 752", "480 0"), "line 19: the image size must be two whole"),
+    "short.txt": (TOOLBOX.replace("480 752", "480"), "line 19: 2 numbers are expected"),
+    "other.json": ("{}", "it has no key taylor_coefficient"),
+    "list.json": ("[1]", "it has no key taylor_coefficient"),
+    "broken.json": ("{\n'a'", "line 2: not valid JSON"),
+    "nan.json": (changed().replace("300.0", "NaN", 1), "NaN is not a finite number"),
+    "inf.json": (changed().replace("300.0", "1e999", 1), "taylor_coefficient must be a list"),
+    "deep.json": ("[" * 100_000, "not the JSON of a camera"),
+    "digits.json": (changed().replace("300.0", "9" * 5000, 1), "not the JSON of a camera"),
+    "twice.json": ('{"a": 1, "a": 2}', "the key 'a' is there twice"),
+    "bool.json": (changed(distortion_center=[True, 1]), "distortion_center must be a list"),
+    "three.json": (changed(distortion_center=[1, 2, 3]), "distortion_center must be two numbers"),
+    "matrix.json": (changed(stretch_matrix=[[1, 0]]), "stretch_matrix must be two rows"),
+    "ragged.json": (changed(stretch_matrix=[[1, 0], [1]]), "stretch_matrix must be two rows"),
+    "sign.json": (changed(taylor_coefficient=[-300.0, 0.0]), "has the wrong sign"),
+    "one.json": (changed(taylor_coefficient=[300.0]), "fewer than two coefficients"),
+    "long.json": (changed(inverse_poly=[1.0] * 65), "inverse_poly must be a list of at most 64"),
+}
+
+
+def read_json(path: Path) -> LensRecord:
+    return read_pyocamcalib(path, image_size=SIZE)
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_file_is_refused_in_one_line(tmp_path: Path, name: str) -> None:
+    text, says = BAD[name]
+    path = tmp_path / name
+    path.write_text(text)
+    read = read_ocamcalib if path.suffix == ".txt" else read_json
+    with pytest.raises(CameraFileError) as refusal:
+        read(path)
+    assert says in str(refusal.value)
+    assert name in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_the_json_needs_the_size_and_may_do_without_the_inverse(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    path.write_text(changed(inverse_poly="gone"))
+    with pytest.raises(CameraFileError, match="add --size WxH"):
+        read_pyocamcalib(path, image_size=None)
+    assert len(read_pyocamcalib(path, image_size=SIZE).values["inverse"]) == 0
+
+
+@given(st.binary(max_size=400), st.sampled_from([b"", TOOLBOX[:120].encode(), b"5 1 2 3 4 5\n"]))
+def test_any_bytes_are_read_or_refused(tmp_path_factory, raw: bytes, head: bytes) -> None:
+    path = tmp_path_factory.getbasetemp() / "any.txt"
+    path.write_bytes(head + raw)
+    for read in (read_ocamcalib, read_json):
+        with pytest.raises(CameraFileError) as refusal:
+            read(path)
+        assert "\n" not in str(refusal.value)
