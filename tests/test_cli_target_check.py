@@ -103,6 +103,28 @@ def test_slips_of_the_pen_are_pointed_at(run: Run, tmp_path: Path) -> None:
     assert "is x_axis or y_axis of one of them reversed?" in words
 
 
+def test_two_boards_that_are_alike(run: Run, tmp_path: Path) -> None:
+    boards = (
+        {"name": "a", "origin": [0, 60, 300], "x_axis": [0, 1, 0], "y_axis": [0, 0, -1]},
+        {"name": "b", "origin": [300, 0, 300], "x_axis": [-1, 0, 0], "y_axis": [0, 0, -1]},
+    )
+    words = said(run, one(tmp_path, *(checkerboard(9, 6) | board for board in boards)))
+    assert "only a photo of both boards is sure to tell which is which" in words
+    assert "With a board of another size" in words
+
+
+def test_lengths_of_two_units_and_of_the_wrong_one(run: Run, tmp_path: Path) -> None:
+    data = yaml.safe_load((SAMPLE / "target.yaml").read_text())
+    data["boards"][2]["square"] = 0.025
+    words = said(run, one(tmp_path, *data["boards"]))
+    assert "The squares of left, 25, are 1000 times those of right, 0.025" in words
+    assert "all lengths in the same unit?" in words
+    assert "is very small: is units right?" in said(
+        run, one(tmp_path, checkerboard(9, 6) | {"square": 0.03})
+    )
+    assert "Sizes" not in said(run, one(tmp_path, checkerboard(9, 6)))
+
+
 def test_json_has_every_fact(run: Run, tmp_path: Path) -> None:
     drawing = tmp_path / "box.svg"
     path = written(box_of_four(), tmp_path)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from cubicfish_cli.printing.paper import MILLIMETRES
+
 if TYPE_CHECKING:
     from cubicfish_cli.naming.object_check import ObjectFacts, Turn
     from cubicfish_cli.target import Target
@@ -12,6 +14,9 @@ if TYPE_CHECKING:
 _FULL_RANK = 20
 # More examples than this are not read.
 _MOST = 4
+# Squares that differ by more than this are in different units; single ones are within these.
+_ONE_UNIT = 50.0
+_FINEST_MM, _LARGEST_MM = 0.2, 2000.0
 
 
 def advice(target: Target, facts: ObjectFacts) -> list[tuple[str, str]]:
@@ -21,6 +26,7 @@ def advice(target: Target, facts: ObjectFacts) -> list[tuple[str, str]]:
         ("Photos", _photos(target, facts)),
         *(("Names", text) for text in _names(facts)),
         *(("Places", text) for text in _places(facts)),
+        *(("Sizes", text) for text in _sizes(target)),
     ]
 
 
@@ -111,7 +117,8 @@ def _telling_apart(facts: ObjectFacts) -> Iterator[str]:
             "sure: give the boards different sizes, or markers."
         )
     elif needed == total:
-        yield but + f"only a photo of all {total} boards is sure to tell which is which, {how}."
+        boards = "both" if total == 2 else f"all {total}"
+        yield but + f"only a photo of {boards} boards is sure to tell which is which, {how}."
     else:
         yield but + f"any {needed} boards that are seen together can be told apart, {how}."
     alone = [turn for turn in facts.look_alikes if len(turn.boards) == 1]
@@ -128,7 +135,7 @@ def _telling_apart(facts: ObjectFacts) -> Iterator[str]:
         f"Seen without the rest, {'; '.join(alike)}. Such photos are left out, and nothing is "
         "guessed."
     )
-    if needed > 2:
+    if needed > 2 or needed == total:
         yield "With a board of another size, or one moved by a square in its plane, fewer would do."
 
 
@@ -154,6 +161,29 @@ def _places(facts: ObjectFacts) -> Iterator[str]:
     if pairs:
         more = f" (and {len(pairs) - _MOST} more pairs)" if len(pairs) > _MOST else ""
         yield f"Back to back, so never in one photo: {_list(pairs[:_MOST], '; ')}{more}."
+
+
+def _sizes(target: Target) -> Iterator[str]:
+    """Lengths that look like those of another unit."""
+    printed = sorted(
+        (board for board in target.boards if board.points is None), key=lambda b: b.square
+    )
+    if not printed:
+        return
+    small, large = printed[0], printed[-1]
+    if large.square > _ONE_UNIT * small.square:
+        yield (
+            f"The squares of {large.name}, {large.square:g}, are {large.square / small.square:.0f} "
+            f"times those of {small.name}, {small.square:g}: are all lengths in the same unit?"
+        )
+        return
+    factor = MILLIMETRES.get(target.units.lower())
+    if factor is not None and not _FINEST_MM <= factor * large.square <= _LARGEST_MM:
+        yield (
+            f"A square of {large.square:g} {target.units} is very "
+            f"{'small' if factor * large.square < _FINEST_MM else 'large'}: is units right? A lens "
+            "does not depend on it, but all lengths that you measure will."
+        )
 
 
 def _turned(turn: Turn, *, alone: bool) -> str:
