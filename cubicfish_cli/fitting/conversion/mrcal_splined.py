@@ -166,18 +166,9 @@ def _surfaces(
 
 
 def _second_differences(nx: int, ny: int) -> sparse.csr_matrix:
-    """Rows of second differences of a (Ny, Nx) grid: along x, along y, and mixed."""
-
-    def differences(count: int, order: int) -> FloatArray:
-        return np.diff(np.eye(count), order, axis=0)
-
-    return sparse.vstack(
-        [
-            sparse.kron(np.eye(ny), differences(nx, 2)),
-            sparse.kron(differences(ny, 2), np.eye(nx)),
-            sparse.kron(differences(ny, 1), differences(nx, 1)) * math.sqrt(2),
-        ]
-    ).tocsr()
+    """Rows of second differences of a (Ny, Nx) grid, along x and along y."""
+    along, down = (np.diff(np.eye(count), 2, axis=0) for count in (nx, ny))
+    return sparse.vstack([sparse.kron(np.eye(ny), along), sparse.kron(down, np.eye(nx))]).tocsr()
 
 
 def _outline(camera: CubicCamera) -> FloatArray:
