@@ -93,7 +93,7 @@ def test_shape_is_found_and_helps_on_new_photos():
     np.testing.assert_allclose(found.bend, true.bend, atol=0.15)
     assert found.twist == pytest.approx(true.twist, abs=0.15)
     # The overall scale cannot be seen; stretches are known up to it.
-    np.testing.assert_allclose(np.diff(found.stretch), np.diff(true.stretch), atol=1e-4)
+    np.testing.assert_allclose(np.diff(found.stretch), np.diff(true.stretch), atol=3e-4)
     fresh = synthetic.synthetic_corners(
         real, synthetic.poses_around(DRAWN, 5, seed=77), noise=NOISE, seed=5
     )

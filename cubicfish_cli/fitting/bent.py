@@ -23,8 +23,6 @@ FloatArray = npt.NDArray[np.float64]
 # sold. A hundredth is half a degree of tilt. Results hardly change from a tenth of this on.
 _SPREAD = 0.01
 _BENDS = 5
-# The lens is a start: what P is held to follows P.
-_ENOUGH_DECREASE = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,7 +126,7 @@ class BentFit:
 def bend(
     camera: RadialCamera, terms: int, poses: Poses, pairs: Correspondences, residual: FloatArray
 ) -> tuple[BentFit, Poses]:
-    """A bent lens about as near to corners as can be, and the poses that go with it.
+    """The bent lens nearest to corners, and the poses that go with it.
 
     Its principal point then stays where it is.
 
@@ -145,9 +143,7 @@ def bend(
         terms=terms,
         noise_px=max(noise_px(residual), 1e-3),
     )
-    fit = adjust(
-        lens, poses, pairs, huber_px=huber_px(residual), relative_decrease=_ENOUGH_DECREASE
-    )
+    fit = adjust(lens, poses, pairs, huber_px=huber_px(residual))
     if not isinstance(fit.lens, BentFit):
         raise TypeError("the adjustment must be of a bent lens")
     return replace(fit.lens, centre_free=False), fit.poses
