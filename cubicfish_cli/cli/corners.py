@@ -27,9 +27,27 @@ if TYPE_CHECKING:
 FORMATS = ("deltille", "mrcal", "kalibr")
 NUMBERINGS = ("rows", "rows-from-bottom", "columns", "tags")
 
+_HELP = """Write the corners in FILES of another detector as corners.csv, ready for calibrate.
+
+\b
+deltille  .orpc, one a photo, or folders of them: five lines with the photo's
+          name, its size and the count, then board,corner,ordered,x,y
+mrcal     corners.vnl: '# filename x y', maybe with level or weight; one row
+          for each corner of one board, dashes where it was not found
+kalibr    a CSV table with the columns image (or filename, timestamp,
+          timestamp_ns, ts), corner_id (or point_id, id; or tag_id and
+          corner_index), x (u), y (v), and maybe camera, board_id, weight.
+          Kalibr itself writes no corners; scripts around it do.
+
+None of these files says which corner of the board is number 0, or which way rows run: the
+target's corner (0, 0) and axes must be those of the detector. Corners of a board that would be
+seen from behind are refused.
+"""
+
 
 @click.command(
     "corners",
+    help=_HELP,
     short_help="Take over corners that another detector found.",
     epilog=examples(
         "cubicfish corners run1/ --target box.yaml",
@@ -86,21 +104,7 @@ def command(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    r"""Write the corners in FILES of another detector as corners.csv, ready for calibrate.
-
-    \b
-    deltille  .orpc, one a photo, or folders of them: five lines that state the
-              photo's name, its size and the count, then board,corner,ordered,x,y
-    mrcal     corners.vnl: '# filename x y', maybe with level or weight; one row
-              for each corner of one board, dashes where it was not found
-    kalibr    a CSV table: image (or timestamp_ns, ...), corner_id (or tag_id and
-              corner_index), x, y, and maybe camera, board_id and weight. Kalibr
-              itself writes no corners; scripts around it do.
-
-    None of these files says which corner of the board is number 0, or which way rows run: the
-    target's corner (0, 0) and axes must be those of the detector. Corners of a board that would be
-    seen from behind are refused.
-    """
+    """See ``_HELP``."""
     from cubicfish_cli.corner_files.read import read_corner_files
     from cubicfish_cli.correspondences import save_corners
     from cubicfish_cli.files import refuse_existing

@@ -232,7 +232,7 @@ def _boards(found: Detections, target: Target, given: Mapping[str, str]) -> IntA
         name = given.get(label) or _likely_board(label, target)
         if name is None:
             said = f"board {quoted(label)}" if label else "boards that it does not tell apart"
-            option = f"--board {label}=NAME" if label else "--board NAME"
+            option = f"--board {quoted(label)[1:-1]}=NAME" if label else "--board NAME"
             shown = ", ".join(quoted(name) for name in target.board_names[:8])
             raise CorrespondenceError(
                 f"{found.path}: it has {said}, and which of the target's ({shown}) "

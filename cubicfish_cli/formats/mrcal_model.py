@@ -52,7 +52,7 @@ _KNOWN = (*_OPENCV_SIZES, "LENSMODEL_STEREOGRAPHIC", "LENSMODEL_SPLINED_STEREOGR
 _TOKEN = re.compile(r"#[^\n]*|[bB](?:'[^'\\\n]*'|\"[^\"\\\n]*\")|'[^'\\\n]*'|\"[^\"\\\n]*\"")
 # A sign that stands before no number, or behind one.
 _SUM_OR_SIGN = re.compile(r"[-+](?![0-9.])|[0-9.\])}]\s*[-+]")
-_PLAIN = re.compile(r"(?:[\s{}\[\](),:0-9eE.+\-]|\"\"|None)*")
+_PLAIN = re.compile(r"(?:[\s{}\[\](),:0-9eE.+\-]|\"\"|None)*", re.ASCII)
 
 
 def mrcal_text(record: LensRecord) -> str:

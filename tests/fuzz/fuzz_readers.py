@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 import cv2
+import fuzz_foreign as foreign
 import numpy as np
 
 from cubicfish_cli.cli.points import read_points
@@ -198,6 +199,20 @@ READERS = {
     "photos": Reader(read=_read_photo, seeds=_picture_seeds, suffix=".png"),
     "points": Reader(
         read=lambda path: read_points(path, ("x", "y", "z")), seeds=_view_seeds, suffix=".csv"
+    ),
+    "calib_results.txt": Reader(
+        read=foreign.look_through_ocamcalib, seeds=foreign.ocamcalib_seeds, suffix=".txt"
+    ),
+    "py-OCamCalib": Reader(
+        read=foreign.look_through_pyocamcalib, seeds=foreign.pyocamcalib_seeds, suffix=".json"
+    ),
+    ".cameramodel": Reader(
+        read=foreign.look_through_mrcal, seeds=foreign.mrcal_seeds, suffix=".cameramodel"
+    ),
+    ".orpc": Reader(read=foreign.read_corners, seeds=foreign.orpc_seeds, suffix=".orpc"),
+    "corners.vnl": Reader(read=foreign.read_corners, seeds=foreign.vnlog_seeds, suffix=".vnl"),
+    "detections.csv": Reader(
+        read=foreign.read_corners, seeds=foreign.detections_seeds, suffix=".csv"
     ),
 }
 

@@ -49,8 +49,10 @@ def project(record: LensRecord, points: FloatArray) -> FloatArray:
 
 
 def project_by_inverse(record: LensRecord, points: FloatArray) -> FloatArray:
-    """As :func:`project`, by the inverse polynomial, as most programs do; NaN as there."""
+    """As :func:`project`, by the inverse polynomial, as most programs do; NaN without one."""
     inverse = np.asarray(record.values["inverse"], float)
+    if not len(inverse):
+        return np.full((len(points), 2), np.nan)
     rho = np.hypot(points[:, 0], points[:, 1])
     seen = np.isfinite(project(record, points)[:, 0])
     radius = polynomial.polyval(np.arctan2(rho, points[:, 2]) - np.pi / 2, inverse)

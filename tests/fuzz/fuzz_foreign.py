@@ -1,0 +1,122 @@
+"""Files of other tools that are fuzzed: lenses, read and looked through, and corners."""
+
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from cubicfish_cli.corner_files.read import read_corner_files
+from cubicfish_cli.fitting.conversion import mrcal_splined, ocam
+from cubicfish_cli.formats.mrcal_model import mrcal_text, read_mrcal
+from cubicfish_cli.formats.ocamcalib import (
+    ocamcalib_text,
+    pyocamcalib_text,
+    read_ocamcalib,
+    read_pyocamcalib,
+)
+from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.target import Board, Target
+
+SIZE = (640, 480)
+RAYS = np.array(
+    [[0, 0, 1], [0.1, 0.2, 1], [1, 0, 1e-3], [0, -1, -0.5], [0, 0, -1], [0, 0, 0]], float
+)
+_AXES = np.eye(3)
+TARGET = Target(
+    units="mm",
+    boards=(
+        Board(
+            name="board",
+            kind="checkerboard",
+            columns=3,
+            rows=2,
+            square=10.0,
+            origin=np.zeros(3),
+            x_axis=_AXES[0],
+            y_axis=_AXES[1],
+        ),
+    ),
+)
+
+
+@cache
+def _ocam() -> LensRecord:
+    record = LensRecord(
+        model="ocam",
+        values={
+            "cx": 320.0,
+            "cy": 240.0,
+            "stretch": np.array([[1.001, 0.0002], [0.0001, 1.0]]),
+            "a": np.array([200.0, 0.0, -2e-3, 5e-6, -2e-8]),
+            "inverse": np.zeros(0),
+        },
+        image_size=SIZE,
+    )
+    values = {**record.values, "inverse": ocam.inverse_polynomial(record, 1.5)}
+    return LensRecord(model="ocam", values=values, image_size=SIZE)
+
+
+def ocamcalib_seeds() -> Sequence[bytes]:
+    return [ocamcalib_text(_ocam()).encode()]
+
+
+def pyocamcalib_seeds() -> Sequence[bytes]:
+    return [pyocamcalib_text(_ocam()).encode()]
+
+
+def mrcal_seeds() -> Sequence[bytes]:
+    values = {
+        "fx": 200.0,
+        "fy": 201.0,
+        "cx": 320.0,
+        "cy": 240.0,
+        "order": 3.0,
+        "fov_x_deg": 150.0,
+        "control": np.full((4, 5, 2), 0.01),
+        "region": np.array([[0, 0], [639, 0], [639, 479], [0, 479], [0, 0]], float),
+    }
+    record = LensRecord(model="mrcal_splined", values=values, image_size=SIZE)
+    pinhole = (
+        b"# x\n{'lensmodel': 'LENSMODEL_OPENCV5', 'intrinsics': [1e2, 1e2, 3, 4, 0, 0, .1, -.1, 0],"
+        b"\n'extrinsics': [0,0,0,0,0,0,], 'imagersize': [640, 480],"
+        b"\n'optimization_inputs': b'a{[(--'}"
+    )
+    return [mrcal_text(record).encode(), pinhole]
+
+
+def look_through_ocamcalib(path: Path) -> object:
+    return _through_ocam(read_ocamcalib(path))
+
+
+def look_through_pyocamcalib(path: Path) -> object:
+    return _through_ocam(read_pyocamcalib(path, image_size=SIZE))
+
+
+def _through_ocam(record: LensRecord) -> object:
+    return ocam.project(record, RAYS), ocam.project_by_inverse(record, RAYS)
+
+
+def look_through_mrcal(path: Path) -> object:
+    record = read_mrcal(path)
+    return mrcal_splined.project(record, RAYS) if record.model == "mrcal_splined" else record
+
+
+def orpc_seeds() -> Sequence[bytes]:
+    rows = [f"0,{i},1,{20.5 + 9 * (i % 3)},{30 + 9 * (i // 3)}" for i in range(6)]
+    head = "filename: a.png\nwidth: 640\nheight: 480\nnum_corners: 6\nencoding: ascii\n"
+    return [(head + "\n".join(rows) + "\n").encode()]
+
+
+def vnlog_seeds() -> Sequence[bytes]:
+    rows = [f"a.png {20.5 + 9 * (i % 3)} {30 + 9 * (i // 3)} 0" for i in range(6)]
+    return ["\n".join(["# filename x y level", *rows, "b.png - - -"]).encode()]
+
+
+def detections_seeds() -> Sequence[bytes]:
+    rows = [f"123,cam0,{i},{20.5 + 9 * (i % 3)},{30 + 9 * (i // 3)},1" for i in range(6)]
+    return ["\n".join(["#timestamp [ns],cam,corner_id,x,y,weight", *rows]).encode()]
+
+
+def read_corners(path: Path) -> object:
+    return read_corner_files([path], TARGET, image_size=SIZE).corners
