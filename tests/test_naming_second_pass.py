@@ -114,3 +114,9 @@ def test_processes_do_not_change_the_result(thinned):
     one = second_pass(PHOTOS, first_pass(thinned), TARGET, jobs=1)
     two = second_pass(PHOTOS, first_pass(thinned), TARGET, jobs=2)
     np.testing.assert_array_equal(one.corners.pixel, two.corners.pixel)
+
+
+def test_boards_of_tags_alone_have_no_second_pass():
+    detection = first_pass(truth())
+    tags = replace(TARGET, boards=tuple(replace(b, kind="aprilgrid") for b in TARGET.boards))
+    assert second_pass(PHOTOS, detection, tags) is detection
