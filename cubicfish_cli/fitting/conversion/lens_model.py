@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -28,9 +28,12 @@ class LensModel:
         name: as in :class:`~cubicfish_cli.model.lens_record.LensRecord`.
         project: where the lens sees points.
         fit: the model's lens nearest to a cubic camera; None for a model that is only read.
+        also: other ways in which readers of the model's files find pixels, by what to call them.
+            What they lose counts as much as what ``project`` loses.
 
     """
 
     name: str
     project: Project
     fit: Fit | None = None
+    also: Mapping[str, Project] = field(default_factory=dict)

@@ -249,4 +249,9 @@ def _pixel(
     return np.asarray(pixel, float)
 
 
-MODEL = LensModel(name="ocam", project=project, fit=fit)
+MODEL = LensModel(
+    name="ocam",
+    project=project,
+    fit=fit,
+    also={"world2cam by the inverse polynomial": project_by_inverse},
+)
