@@ -81,3 +81,12 @@ def test_squares_that_meet_at_a_corner_are_apart():
     for outline in outlines:
         assert outline.shape == (4, 2)
         np.testing.assert_allclose(np.ptp(outline, axis=0), 21.0, rtol=1e-12)
+
+
+def test_outlines_have_no_points_along_their_sides():
+    # A dark square is four points, though markers' modules cut its row and its column.
+    whole = face(charuco(4, 4), margin=0.0)
+    outlines = ink_outlines(whole, whole.lower, whole.upper)
+    squares = [one for one in outlines if np.allclose(np.ptp(one, axis=0), 1.0)]
+    assert len(squares) == 13
+    assert all(one.shape == (4, 2) for one in squares)

@@ -46,8 +46,8 @@ def aprilgrid_steps(board: Board) -> tuple[FloatArray, FloatArray]:
         np.unique(
             np.concatenate(
                 [
+                    [-gap],
                     (np.arange(tags)[:, None] * pitch + modules).ravel(),
-                    np.arange(tags + 1) * pitch - gap,
                     [tags * pitch],
                 ]
             )
