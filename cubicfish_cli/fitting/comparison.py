@@ -132,7 +132,7 @@ def compare_cameras(first: ComparedCamera, second: ComparedCamera) -> Comparison
         scale=scale,
         statistics=error_statistics(miss[common]),
         common_share=float(common.mean()),
-        rings=_rings(angles(rays[seen][common]), miss[common]),
+        rings=rings(angles(rays[seen][common]), miss[common]),
     )
 
 
@@ -164,7 +164,8 @@ def _scale(first: tuple[int, int], second: tuple[int, int]) -> float:
     return first[0] / second[0]
 
 
-def _rings(theta: FloatArray, miss: FloatArray) -> list[dict[str, float]]:
+def rings(theta: FloatArray, miss: FloatArray) -> list[dict[str, float]]:
+    """Statistics of differences (N, 2) in rings of 10° by their angle from the axis (N,), radians."""
     ring = (np.rad2deg(theta) // _RING_DEG).astype(int)
     return [
         {

@@ -1,0 +1,162 @@
+"""A lens of another tool as a cubic camera: P fitted to it over all that it sees in the photo."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.conversion.lens_model import FloatArray
+from cubicfish_cli.fitting.conversion.models import MODELS
+from cubicfish_cli.fitting.conversion.to_lens import ConversionError, conversion_error
+from cubicfish_cli.fitting.lenses import CubicFit, FixedLens, RadialFit, RayPrior
+from cubicfish_cli.fitting.linear import linear_coefficients
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.model.lift import lift, sphere_basis
+from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.model.soundness import check_soundness, cone_rays
+
+_RAYS = 4000
+_AZIMUTHS = 72
+_STEP_DEG = 0.25
+_LARGEST_DEG = 175.0
+# Short of where a lens folds, its profile is flat and P would have to be infinitely steep.
+_FOLD_SHARE = 0.97
+# P is fitted a little farther than it is trusted.
+_MARGIN_DEG = 2.0
+# Stronger pulls of P3Φ to 1 keep poles out where weaker ones do not.
+_PULLS = (1e-4, 1e-3, 1e-2)
+
+
+def from_lens(record: LensRecord) -> tuple[CubicCamera, ConversionError]:
+    """The cubic camera nearest to a lens, least squares in pixels, and how near it is.
+
+    Raises:
+        FitError: the lens sees nothing of the photo, or no sound P is near it.
+
+    """
+    max_angle_deg = _field_deg(record)
+    rays, pixel = _seen(record, max_angle_deg + _MARGIN_DEG)
+    radial = _companion(record, rays, pixel)
+    for pull in _PULLS:
+        for camera in _cameras(record, radial, rays, pixel, max_angle_deg, pull):
+            if check_soundness(camera.P, camera.max_angle_deg).sound:
+                return camera, conversion_error(camera, record)
+    raise FitError(
+        f"no sound cubic camera is near this lens over its field of {2 * max_angle_deg:.0f}°: "
+        "is it calibrated over the whole photo?"
+    )
+
+
+def _field_deg(record: LensRecord) -> float:
+    """Half-angle of the cone that holds what the lens shows in the photo, short of any fold."""
+    theta = np.deg2rad(np.arange(0, _LARGEST_DEG, _STEP_DEG))
+    turn = np.linspace(0, 2 * np.pi, _AZIMUTHS, endpoint=False)
+    rays = np.stack(
+        [
+            np.sin(theta)[None, :] * np.cos(turn)[:, None],
+            np.sin(theta)[None, :] * np.sin(turn)[:, None],
+            np.broadcast_to(np.cos(theta), (_AZIMUTHS, len(theta))),
+        ],
+        axis=-1,
+    )
+    pixel = MODELS[record.model].project(record, rays.reshape(-1, 3)).reshape(*rays.shape[:2], 2)
+    middle = pixel[0, 0]
+    width, height = record.image_size
+    inside = ((pixel > -0.5) & (pixel < [width - 0.5, height - 0.5])).all(axis=-1)
+    if not np.isfinite(middle).all() or not inside[:, 1:].any():
+        raise FitError("the lens sees nothing of its photo: check its focal length and centre")
+    radius = np.linalg.norm(pixel - middle, axis=-1)
+    with np.errstate(invalid="ignore"):
+        grows = np.diff(radius, axis=1) > 0  # false from the first NaN on
+    last = np.where(grows.all(axis=1), len(theta) - 1, np.argmin(grows, axis=1))
+    # Rays beyond a fold fall into the photo again: they are none of the lens's.
+    index = np.arange(len(theta))
+    shown = inside & (index <= last[:, None])
+    farthest = int(np.max(np.where(shown, index, 0)))
+    ends = last < farthest
+    if ends.any():
+        farthest = min(farthest, int(_FOLD_SHARE * last[ends].min()))
+    return float(max(farthest, 4) * _STEP_DEG)
+
+
+def _seen(record: LensRecord, angle_deg: float) -> tuple[FloatArray, FloatArray]:
+    rays = cone_rays(np.deg2rad(min(angle_deg, _LARGEST_DEG)), _RAYS)
+    pixel = MODELS[record.model].project(record, rays)
+    good = np.isfinite(pixel).all(axis=1)
+    # Far outside the photo a polynomial lens says anything.
+    size = np.array(record.image_size, float)
+    good &= (np.abs(pixel - size / 2) < 0.75 * size.max()).all(axis=1)
+    return rays[good], pixel[good]
+
+
+def _companion(record: LensRecord, rays: FloatArray, pixel: FloatArray) -> RadialCamera:
+    """The Kannala–Brandt lens nearest to the rays."""
+    width, height = record.image_size
+    theta = np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2])
+    middle = MODELS[record.model].project(record, np.array([[0.0, 0.0, 1.0]]))[0]
+    far = theta > 0.5 * theta.max()
+    focal = float(np.median(np.linalg.norm(pixel[far] - middle, axis=1) / theta[far]))
+    start = np.array([focal, focal, *middle, 0, 0, 0, 0])
+    units = np.array([focal, focal, focal, focal, 1, 1, 1, 1])
+
+    def residual(values: FloatArray) -> FloatArray:
+        return np.asarray((RadialFit(values=values * units).project(rays) - pixel).reshape(-1))
+
+    def slope(values: FloatArray) -> FloatArray:
+        by_values = RadialFit(values=values * units).project_jacobian(rays)[2]
+        return np.asarray((by_values * units).reshape(2 * len(rays), -1))
+
+    found = least_squares(residual, start / units, jac=slope, x_scale="jac", max_nfev=100)
+    return RadialCamera.from_parameters(found.x * units, (width, height))
+
+
+def _cameras(
+    record: LensRecord,
+    radial: RadialCamera,
+    rays: FloatArray,
+    pixel: FloatArray,
+    max_angle_deg: float,
+    pull: float,
+) -> list[CubicCamera]:
+    """Cameras to choose from, the best first: refined in pixels, and as the linear start."""
+    centre = np.array([radial.cx, radial.cy])
+    scale = (radial.fx + radial.fy) / 2
+    coefficients = linear_coefficients(rays, (pixel - centre) / scale, denominator_pull=pull)
+    values = lift(rays) @ sphere_basis()
+    _, _, right = np.linalg.svd(values.mean(axis=0)[None, :])
+    linear = CubicFit(
+        coefficients=coefficients,
+        denominator_basis=right[1:].T,
+        centre=centre,
+        scale=scale,
+        ray_prior=RayPrior(
+            rays=rays[:1],
+            lens=FixedLens(camera=radial),
+            weight=1.0,
+            denominator=np.ones(1),
+            denominator_weight=0.0,
+        ),
+    )
+
+    def residual(parameters: FloatArray) -> FloatArray:
+        lens = linear.with_parameters(parameters)
+        miss = lens.project(rays) - pixel
+        drift = pull * scale * (values @ lens.coefficients[2] - values @ coefficients[2])
+        return np.concatenate([np.where(np.isfinite(miss), miss, 1e4).reshape(-1), drift])
+
+    def slope(parameters: FloatArray) -> FloatArray:
+        lens = linear.with_parameters(parameters)
+        by_parameters = lens.project_jacobian(rays)[2].reshape(2 * len(rays), -1)
+        drift = np.zeros((len(rays), by_parameters.shape[1]))
+        drift[:, 32:] = pull * scale * (values @ linear.denominator_basis)
+        return np.vstack([np.nan_to_num(by_parameters), drift])
+
+    found = least_squares(residual, linear.parameters, jac=slope, x_scale="jac", max_nfev=30)
+    first = CubicCamera(
+        image_size=record.image_size, P=linear.P, max_angle_deg=max_angle_deg, radial=radial
+    )
+    return [replace(first, P=linear.with_parameters(found.x).P), first]

@@ -1,0 +1,106 @@
+"""A cubic camera as the nearest lens of another model, and how near that is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.companion import angles
+from cubicfish_cli.fitting.comparison import pixel_grid, rings
+from cubicfish_cli.fitting.conversion.lens_model import FloatArray
+from cubicfish_cli.fitting.conversion.models import MODELS
+from cubicfish_cli.fitting.statistics import rms_px
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.model.lens_record import LensRecord
+
+_FIT_PIXELS = 6_000
+_ERROR_PIXELS = 40_000
+_FEWEST = 100
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ConversionError:
+    """How far a lens is from the camera that it stands for, over the camera's field.
+
+    Attributes:
+        rms_px: root mean square of the distance, sqrt(mean(dx² + dy²)).
+        max_px: the largest distance; infinite where the lens does not see a ray that the camera
+            sees.
+        max_angle_deg: the angle from the axis up to which both figures hold.
+        by_angle: in rings of 10°: ``from_deg``, ``to_deg``, ``rms_px``, ``max_px``, ``pixels``.
+
+    """
+
+    rms_px: float
+    max_px: float
+    max_angle_deg: float
+    by_angle: list[dict[str, float]]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "rms_px": self.rms_px,
+            "max_px": self.max_px,
+            "max_angle_deg": self.max_angle_deg,
+            "by_angle": self.by_angle,
+        }
+
+
+def to_lens(
+    camera: CubicCamera, model: str, *, max_angle_deg: float | None = None
+) -> tuple[LensRecord, ConversionError]:
+    """The lens of a model that is nearest to a camera, least squares in pixels over its field.
+
+    The lens has the camera's own frame, so that poses hold for both.
+
+    Args:
+        camera: the camera.
+        model: a name in :data:`~cubicfish_cli.fitting.conversion.models.MODELS`.
+        max_angle_deg: leave out what is farther from the axis; by default the whole field counts.
+
+    Raises:
+        FitError: no lens of the model is near, or too little of the field is left.
+
+    """
+    fit = MODELS[model].fit
+    if fit is None:
+        raise ValueError(f"lenses of the model {model!r} are only read")
+    record = fit(camera, *_field(camera, _FIT_PIXELS, max_angle_deg))
+    return record, conversion_error(camera, record, max_angle_deg=max_angle_deg)
+
+
+def conversion_error(
+    camera: CubicCamera, record: LensRecord, *, max_angle_deg: float | None = None
+) -> ConversionError:
+    """How far a lens is from a camera, on a grid of 40,000 of its pixels."""
+    rays, pixel = _field(camera, _ERROR_PIXELS, max_angle_deg)
+    miss = MODELS[record.model].project(record, rays) - pixel
+    theta = angles(rays)
+    blind = ~np.isfinite(miss).all(axis=1)
+    seen = miss[~blind]
+    return ConversionError(
+        rms_px=float("inf") if blind.any() else rms_px(miss),
+        max_px=float("inf") if blind.any() else float(np.linalg.norm(miss, axis=1).max()),
+        max_angle_deg=float(np.rad2deg(theta.max())),
+        by_angle=rings(theta[~blind], seen) if len(seen) else [],
+    )
+
+
+def _field(
+    camera: CubicCamera, count: int, max_angle_deg: float | None
+) -> tuple[FloatArray, FloatArray]:
+    """Rays (N, 3) and pixels (N, 2) spread evenly over the photo, where the camera sees."""
+    pixel = pixel_grid(camera.image_size, count)
+    rays = camera.unproject(pixel)
+    good = np.isfinite(rays[:, 0])
+    if max_angle_deg is not None:
+        good[good] = angles(rays[good]) <= np.deg2rad(max_angle_deg)
+    if good.sum() < _FEWEST:
+        raise FitError(
+            "too little of the photo lies within that angle of the axis: choose a larger "
+            "--max-angle"
+        )
+    return rays[good], pixel[good]
