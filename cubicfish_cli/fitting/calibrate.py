@@ -19,6 +19,7 @@ from cubicfish_cli.fitting.findings import (
     dropped_groups,
     noisy_photos,
 )
+from cubicfish_cli.fitting.frame import in_companions_frame
 from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refinement import LEVELS, Drawing, Level, ObjectFit, refine_object
@@ -194,12 +195,15 @@ def calibrate(
         max_angle_deg=cubic.max_angle_deg,
         radial=companion.camera,
     )
+    uncertainty = uncertainty_record(camera_uncertainty(cubic), camera)
+    poses = Poses(rotation=cubic.poses.rotation, translation=cubic.poses.translation * scale)
+    camera, poses = in_companions_frame(camera, poses, companion.covered)
     share = coverage(used.pixel, camera.outline(), pairs.image_size)
     notes = dropped_groups(pairs, [(c.image, c.board, c.error_px) for c in dropped])
     notes += coverage_notes(share, len(used.images), not hold_out or fit.level in held_out_by_level)
     return Calibration(
         camera=camera,
-        poses=Poses(rotation=cubic.poses.rotation, translation=cubic.poses.translation * scale),
+        poses=poses,
         pairs=used,
         residual=cubic.residual,
         errors=error_statistics(cubic.residual),
@@ -214,7 +218,7 @@ def calibrate(
         refined=fit.level,
         target=refined,
         departures=tuple(departures(target, refined)) if target and refined else (),
-        uncertainty=uncertainty_record(camera_uncertainty(cubic), camera),
+        uncertainty=uncertainty,
         coverage=share,
         notes=tuple(notes),
     )
