@@ -16,6 +16,7 @@ from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.printing import extra
 from cubicfish_cli.printing.layout import lay_out
+from cubicfish_cli.printing.objects import Wanted, design
 from cubicfish_cli.printing.paper import paper
 from cubicfish_cli.printing.sheet import Sheet, sheets_of
 from cubicfish_cli.rendering.faces import face
@@ -85,6 +86,10 @@ def test_every_side_of_every_square_is_in_its_place(run: Run, tmp_path: Path) ->
     record = json.loads(said)
     pdf = tmp_path / "printed" / "boards.pdf"
     sheets = sheets_of(load_target(tmp_path / "printed" / "target.yaml"))
+    made = {
+        sheet.board.name: sheet
+        for sheet in design(Wanted(kind="corner"), paper("A4"), margin=8.0)[1]
+    }
     for width, height in page_sizes(pdf):
         assert (width, height) == pytest.approx((297, 210), abs=1e-4)
     for picture, sheet, page in zip(pictures(pdf, 300), sheets, record["pages"], strict=True):
@@ -92,6 +97,18 @@ def test_every_side_of_every_square_is_in_its_place(run: Run, tmp_path: Path) ->
         assert page["board"] == sheet.board.name
         errors = edge_errors(picture, sheet.board, page["corner_0_0_mm"], 300)
         board = sheet.board
+        # The ruler has a tick every millimetre.
+        (here,) = lay_out(made[sheet.board.name], paper("A4"), margin=MARGIN)
+        strip, pixels = here.strip.place, 300 / INCH
+        start = (strip.left + 18) * pixels
+        ruler = picture[round((strip.top + 4.4 - 1.3) * pixels)]
+        ruler = 1 - ruler[round(start) - 5 : round(start + 100 * pixels) + 6] / 255
+        for k in range(101):
+            at = round(5 + k * pixels)
+            around = np.arange(at - 4, at + 5)
+            tick = (ruler[around] @ (around + 0.5)) / ruler[around].sum()
+            place = tick + round(start) - 5
+            assert abs(place - start - k * pixels) < 0.05 * pixels
         # Two sides for each inner line and row, one at the rim of dark squares.
         assert len(errors) > 2 * board.columns * board.rows
         assert np.abs(errors).max() < 0.05
