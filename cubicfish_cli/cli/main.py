@@ -33,6 +33,7 @@ COMMANDS = (
     "map",
     "project",
     "unproject",
+    "simulate",
 )
 
 

@@ -39,6 +39,10 @@ def look_at(
     down = np.cross(forward, right)
     turned_right = np.cos(roll) * right + np.sin(roll) * down
     turned_down = np.cos(roll) * down - np.sin(roll) * right
-    matrix = np.stack([turned_right, turned_down, forward])
+    return pose_of_matrix(np.stack([turned_right, turned_down, forward]), eye)
+
+
+def pose_of_matrix(matrix: FloatArray, eye: FloatArray) -> Pose:
+    """The pose of a camera at ``eye`` (3,) with a rotation (3, 3) from world to camera."""
     rotation = np.asarray(cv2.Rodrigues(matrix)[0], float).ravel()
     return rotation, -matrix @ eye

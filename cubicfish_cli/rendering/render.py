@@ -56,6 +56,7 @@ def render(
     blur: float = 0.5,
     vignetting: float = 0.4,
     exposure: float = 1.0,
+    light_from: npt.ArrayLike = _LIGHT,
     background: Background = room_background,
     margin: float = MARGIN_SQUARES,
     edges_only: bool = False,
@@ -77,6 +78,7 @@ def render(
         blur: standard deviation of the lens's blur, pixels.
         vignetting: share of the light that is lost at 90° from the axis.
         exposure: 1 is a well-lit photo, 0.2 a dark one; above 1 paper is burnt out.
+        light_from: (3,) unit world direction in which the lamp is; shadows are not cast.
         background: world directions (N, 3) -> brightness (N,) where no board is.
         margin: white paper around each print, squares.
         edges_only: sub-sample only the pixels beside which something else is seen, several times
@@ -88,13 +90,16 @@ def render(
 
     """
     seen = plates(target, camera_from_world, margin=margin)
+    lamp = np.asarray(light_from, float)
     world_from_camera = rotation_matrix(camera_from_world[0]).T
 
     def light_of(pixel: FloatArray) -> tuple[FloatArray, IntArray]:
         rays = lens_unproject(pixel)
         light, shown = np.zeros(len(rays)), np.full(len(rays), _BLACK)
         lit = ~np.isnan(rays).any(axis=1)
-        light[lit], shown[lit] = _light(rays[lit], seen, world_from_camera, background, vignetting)
+        light[lit], shown[lit] = _light(
+            rays[lit], seen, world_from_camera, background, vignetting, lamp
+        )
         return light, shown
 
     if edges_only:
@@ -169,6 +174,7 @@ def _light(
     world_from_camera: FloatArray,
     background: Background,
     vignetting: float,
+    lamp: FloatArray,
 ) -> tuple[FloatArray, IntArray]:
     """Light of rays (N, 3) -> (N,), and a number for what each shows (N,)."""
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
@@ -184,7 +190,7 @@ def _light(
             shown[here] += dark
         else:
             thrown, outward = np.full(int(here.sum()), _BACK), -outward
-        light[here] = thrown * (_AMBIENT + (1 - _AMBIENT) * max(0.0, float(outward @ _LIGHT)))
+        light[here] = thrown * (_AMBIENT + (1 - _AMBIENT) * max(0.0, float(outward @ lamp)))
     angle = np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2])
     light *= 1.0 - vignetting * np.minimum((angle / radians(90.0)) ** 4, 1.2)
     return light, np.where(index < 0, _NOTHING, shown)

@@ -1,0 +1,228 @@
+"""``cubicfish simulate``: photos of known truth, through any camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.options import (
+    FILE,
+    common_options,
+    examples,
+    json_option,
+    model_option,
+    model_path,
+    overwrite_option,
+    target_option,
+)
+from cubicfish_cli.cli.terminal import print_json, progress, result, say
+
+if TYPE_CHECKING:
+    from cubicfish_cli.rendering.pose import Pose
+    from cubicfish_cli.rendering.views import WholeLens
+    from cubicfish_cli.target import Target
+
+# The names of rendering.simulate.FORMATS, here so that --help need not load numpy.
+FORMATS = ("jpg", "png")
+
+
+@click.command(
+    "simulate",
+    short_help="Render photos of an object through a camera, with the truth beside them.",
+    epilog=examples(
+        "cubicfish simulate --target target.yaml --model calibration/camera.yaml -n 12 -o photos/",
+        "cubicfish simulate -t target.yaml -m camera.yaml --noise 6 --blur 1.5 --light 0.3",
+        "cubicfish simulate -t target.yaml -m camera.yaml --poses photos/true_poses.csv -o again/",
+    ),
+)
+@target_option
+@model_option
+@click.option(
+    "-n",
+    "--photos",
+    "number",
+    type=click.IntRange(1, 10_000),
+    metavar="N",
+    help="How many photos. [default: 12]",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=FILE,
+    default=Path("simulated"),
+    show_default=True,
+    metavar="FOLDER",
+    help="Where the photos and their truth go.",
+)
+@click.option(
+    "--poses",
+    "pose_file",
+    type=FILE,
+    metavar="FILE",
+    help="Take the photos from these poses: a CSV file with the columns image,rx,ry,rz,tx,ty,tz "
+    "(camera_from_world), such as the true_poses.csv of earlier photos.",
+)
+@click.option(
+    "--noise",
+    type=click.FloatRange(0, 100),
+    default=2.0,
+    show_default=True,
+    metavar="LEVELS",
+    help="Standard deviation of the sensor's noise, grey levels of 255.",
+)
+@click.option(
+    "--blur",
+    type=click.FloatRange(0, 50),
+    default=0.7,
+    show_default=True,
+    metavar="PX",
+    help="Standard deviation of the lens's blur, pixels.",
+)
+@click.option(
+    "--vignetting",
+    type=click.FloatRange(0, 0.8),
+    default=0.4,
+    show_default=True,
+    metavar="SHARE",
+    help="Share of the light that is lost 90° from the axis.",
+)
+@click.option(
+    "--light",
+    type=click.FloatRange(0.02, 3),
+    default=1.0,
+    show_default=True,
+    metavar="FACTOR",
+    help="1 is a well-lit photo, 0.2 a dark one.",
+)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, metavar="N",
+              help="Other poses and other noise; the same seed gives the same photos.")  # fmt: skip
+@click.option("--format", "form", type=click.Choice(FORMATS), default="jpg", show_default=True)
+@overwrite_option
+@json_option
+@common_options
+def command(
+    target: Path | None,
+    model: Path | None,
+    number: int | None,
+    output: Path,
+    pose_file: Path | None,
+    noise: float,
+    blur: float,
+    vignetting: float,
+    light: float,
+    seed: int,
+    form: str,
+    overwrite: bool,
+    as_json: bool,
+) -> None:
+    """Render photos of the object in target.yaml as a camera would take them.
+
+    The camera is a camera.yaml, or a lens given by its formula as in sample_data/true_camera.yaml.
+    Poses are chosen so that the photos together fill its field, from different sides and
+    distances, each with whole boards. Beside the photos go true_corners.csv (where each corner
+    that can be seen really is), true_poses.csv and true_camera.yaml: calibrate the photos, and you
+    know how far the result is from the truth.
+    """
+    from cubicfish_cli.errors import OutputError
+    from cubicfish_cli.files import whole_files
+    from cubicfish_cli.rendering.pose_table import pose_table_text
+    from cubicfish_cli.rendering.simulate import Look, photo_bytes, simulated_photos
+    from cubicfish_cli.rendering.truth import true_corners_text
+    from cubicfish_cli.rendering.views import as_flat
+    from cubicfish_cli.target import load_target
+
+    if target is None:
+        raise click.UsageError("name the object with --target target.yaml")
+    if pose_file is not None and number is not None:
+        raise click.UsageError("--poses says how many photos there are: leave -n out")
+    thing = load_target(target)
+    lens, image_size, lens_words = _lens(model_path(model))
+    poses = _poses(thing, lens, image_size, pose_file, number or 12, seed, form)
+    flat = as_flat(thing)
+    if any(board.shape is not None for board in thing.boards):
+        say(f"Boards are rendered flat: bends and offsets in {target} are left out.")
+    corners = true_corners_text(flat, lens, poses, image_size)
+    if corners.count("\n") <= 2:
+        raise OutputError("no photo shows a corner: check the poses, the target and its units")
+    texts = {
+        "true_corners.csv": corners,
+        "true_poses.csv": pose_table_text(poses),
+        "true_camera.yaml": lens_words,
+    }
+    paths = {name: output / name for name in (*poses, *texts)}
+    look = Look(noise=noise, blur=blur, vignetting=vignetting, light=light)
+    say(f"Rendering {count(len(poses), 'photo')} of {image_size[0]}x{image_size[1]} pixels.")
+    with (
+        whole_files(list(paths.values()), overwrite=overwrite) as temporary,
+        progress("Rendering") as callback,
+    ):
+        places = dict(zip(paths, temporary, strict=True))
+        photos = simulated_photos(flat, lens, image_size, poses, look, seed=seed)
+        for done, (name, photo) in enumerate(photos, start=1):
+            places[name].write_bytes(photo_bytes(photo, form))
+            callback(done, len(poses))
+        for name, text in texts.items():
+            places[name].write_text(text, encoding="utf-8", newline="\n")
+    seen = corners.count("\n") - 2
+    if as_json:
+        print_json(
+            {
+                "photos": [str(paths[name]) for name in poses],
+                "corners": seen,
+                "image_size": image_size,
+                "seed": seed,
+                **{Path(name).stem: str(paths[name]) for name in texts},
+            }
+        )
+        return
+    result(f"wrote {count(len(poses), 'photo')} with {count(seen, 'corner')} to {output}")
+    for name in texts:
+        result(f"wrote {paths[name]}")
+    result(f"\nNext: cubicfish calibrate {output} --target {target}")
+
+
+def _lens(path: Path) -> tuple[WholeLens, tuple[int, int], str]:
+    """The lens of a file, the size of its photos, and the text of true_camera.yaml."""
+    from cubicfish_cli.formats.camera_yaml import camera_text, load_camera
+    from cubicfish_cli.rendering.lens_file import is_lens_file, lens_text, load_lens
+
+    if is_lens_file(path):
+        lens = load_lens(path)
+        return lens, lens.image_size, lens_text(lens)
+    loaded = load_camera(path)
+    text = camera_text(loaded.camera, fit={}, made_by={"command": "simulate", "camera": str(path)})
+    return loaded.camera, loaded.camera.image_size, text
+
+
+def _poses(
+    target: Target,
+    lens: WholeLens,
+    image_size: tuple[int, int],
+    file: Path | None,
+    number: int,
+    seed: int,
+    form: str,
+) -> dict[str, Pose]:
+    """Poses by the photos' file names."""
+    from cubicfish_cli.errors import CorrespondenceError
+    from cubicfish_cli.rendering.pose_table import load_poses
+    from cubicfish_cli.rendering.simulate import chosen_poses
+    from cubicfish_cli.wording import quoted
+
+    if file is None:
+        digits = len(str(number)) if number > 9 else 2
+        poses = chosen_poses(target, lens, image_size, number, seed=seed)
+        return {f"photo_{i:0{digits}d}.{form}": pose for i, pose in enumerate(poses, start=1)}
+    named: dict[str, Pose] = {}
+    for name, pose in load_poses(file).items():
+        own = Path(name).stem + f".{form}"
+        if Path(name).name != name or own in named or own.startswith("."):
+            raise CorrespondenceError(
+                f"{file}: {quoted(name)} cannot be the name of a photo here: give each row a file "
+                "name of its own, without folders"
+            )
+        named[own] = pose
+    return named

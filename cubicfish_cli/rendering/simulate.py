@@ -1,0 +1,109 @@
+"""Photos of known truth: a target through any lens, from poses that are given or chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.errors import TargetError
+from cubicfish_cli.rendering.pose import Pose, rotation_matrix
+from cubicfish_cli.rendering.ray_grid import RayGrid
+from cubicfish_cli.rendering.render import render
+from cubicfish_cli.rendering.views import WholeLens, as_flat, choose_views, sample_views
+from cubicfish_cli.target import Target
+
+FORMATS = ("jpg", "png")
+_QUALITY = 95
+_SUPERSAMPLE = 4
+# Of each photo there are so many views to choose from, and at least so many in all.
+_VIEWS_A_PHOTO, _FEWEST_VIEWS, _MOST_VIEWS = 15, 120, 1500
+# Towards the lamp, camera frame: over the photographer's left shoulder.
+_LAMP = np.array([-0.35, -0.5, -0.79])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """How a photo looks beside what is in it; see :func:`cubicfish_cli.rendering.render.render`.
+
+    Attributes:
+        noise: standard deviation of the sensor's noise, grey levels.
+        blur: standard deviation of the lens's blur, pixels.
+        vignetting: share of the light that is lost at 90° from the axis.
+        light: 1 is a well-lit photo, 0.2 a dark one.
+
+    """
+
+    noise: float = 2.0
+    blur: float = 0.7
+    vignetting: float = 0.4
+    light: float = 1.0
+
+
+def chosen_poses(
+    target: Target, lens: WholeLens, image_size: tuple[int, int], count: int, *, seed: int = 0
+) -> list[Pose]:
+    """Poses of ``count`` photos that fill the field from varied sides and distances.
+
+    Raises:
+        TargetError: the object cannot be drawn, or cannot be seen so often.
+
+    """
+    wanted = min(max(_FEWEST_VIEWS, _VIEWS_A_PHOTO * count), max(_MOST_VIEWS, count))
+    views = sample_views(target, lens, image_size, wanted, seed=seed)
+    if len(views) < count:
+        raise TargetError(
+            f"only {len(views)} poses were found from which this camera sees a whole board with "
+            f"squares large enough to be found, and {count} are wanted: use boards with fewer and "
+            "larger squares, a camera with more pixels or a wider field, or name poses with --poses"
+        )
+    return [view.pose for view in choose_views(views, lens, image_size, count)]
+
+
+def simulated_photos(
+    target: Target,
+    lens: WholeLens,
+    image_size: tuple[int, int],
+    poses: Mapping[str, Pose],
+    look: Look,
+    *,
+    seed: int = 0,
+) -> Iterator[tuple[str, npt.NDArray[np.uint8]]]:
+    """Render the photos one by one: name and (height, width) grey levels.
+
+    The lens's rays are worked out once for all photos. Boards are rendered flat.
+
+    Raises:
+        TargetError: a board of a kind that cannot be drawn.
+
+    """
+    rays = RayGrid.of(lens.unproject, image_size)
+    flat = as_flat(target)
+    for number, (name, pose) in enumerate(poses.items()):
+        yield (
+            name,
+            render(
+                flat,
+                rays,
+                pose,
+                image_size,
+                supersample=_SUPERSAMPLE,
+                noise=look.noise,
+                blur=look.blur,
+                vignetting=look.vignetting,
+                exposure=look.light,
+                light_from=rotation_matrix(pose[0]).T @ _LAMP,
+                edges_only=True,
+                seed=(seed, number),
+            ),
+        )
+
+
+def photo_bytes(photo: npt.NDArray[np.uint8], form: str) -> bytes:
+    """A photo as a JPEG file of quality 95 (``jpg``) or a PNG file (``png``)."""
+    options = [cv2.IMWRITE_JPEG_QUALITY, _QUALITY] if form == "jpg" else []
+    _, data = cv2.imencode(f".{form}", photo, options)
+    return data.tobytes()
