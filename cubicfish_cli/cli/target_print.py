@@ -91,6 +91,7 @@ class CountsType(click.ParamType):
     "--tags",
     "counts",
     type=CountsType(),
+    metavar="COLUMNSxROWS",
     help="Inner corners (of an aprilgrid: tags) of an object's largest board. With --square too, "
     "boards may be larger than the paper, and are printed in parts.",
 )
