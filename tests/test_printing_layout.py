@@ -89,6 +89,12 @@ def test_every_object_is_on_one_page_a_board_and_can_be_told_apart(
         assert sorted((page.width, page.height)) == [on.short, on.long]
         assert page.quiet == sheet.quiet
         keeps_its_distances(page)
+        # What is cut out of the page is what the world's edges were worked out from.
+        assert set(page.cuts) == set(sheet.seams)
+        on_page = sheet.outline + page.shift
+        for side, place in page.cuts.items():
+            end = on_page.min(axis=0) if side in ("left", "top") else on_page.max(axis=0)
+            assert place == pytest.approx(end[0 if side in ("left", "right") else 1])
     areas = [np.prod(sheet.size) for sheet in sheets]
     assert max(areas) > 0.3 * on.short * on.long
     assert min(sheet.board.columns * sheet.board.rows for sheet in sheets) >= 30
