@@ -64,6 +64,11 @@ def load_plain_yaml(path: Path, *, error: type[CubicfishError], max_bytes: int =
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as problem:
         raise error(f"{path} is not UTF-8 text: is it the right file?") from problem
+    return parse_plain_yaml(path, text, error=error)
+
+
+def parse_plain_yaml(path: Path, text: str, *, error: type[CubicfishError]) -> Any:
+    """Read the text of a file as :func:`load_plain_yaml` does; ``path`` is for messages."""
     try:
         _refuse_more_than_plain_data(path, text, error)
         node = yaml.compose(text, Loader=_PlainLoader)

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.baselines.base import BaselineLens
@@ -26,6 +27,7 @@ from cubicfish_cli.fitting.baselines.unified import UnifiedLens
 from cubicfish_cli.fitting.companion import angles
 from cubicfish_cli.fitting.conversion.lens_model import Fit, FloatArray, LensModel, Project
 from cubicfish_cli.fitting.lenses import RadialFit
+from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lens_record import LensRecord
 from cubicfish_cli.model.radial import RadialCamera
@@ -95,6 +97,35 @@ def _shape_fitter(model: str, kind: type[BaselineLens], names: tuple[str, ...]) 
         return LensRecord(model=model, values=record, image_size=camera.image_size)
 
     return fit
+
+
+def symmetric_frame(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> FloatArray:
+    """The turn (3, 3) of rays (N, 3) after which a symmetric lens is nearest to their pixels.
+
+    A lens that is decentred or tilted looks most symmetric from an axis of its own, and poses make
+    up for the turn.
+    """
+    start = RadialFit(values=camera.radial.parameters)
+    count = len(start.parameters)
+
+    def turned(values: FloatArray) -> tuple[RadialFit, FloatArray]:
+        return start.with_parameters(values[:count]), Rotation.from_rotvec(values[count:]).apply(
+            rays
+        )
+
+    def residual(values: FloatArray) -> FloatArray:
+        lens, points = turned(values)
+        return np.asarray((lens.project(points) - pixel).reshape(-1))
+
+    def slope(values: FloatArray) -> FloatArray:
+        lens, points = turned(values)
+        _, by_point, by_values = lens.project_jacobian(points)
+        by_turn = -by_point @ cross_matrix(points)  # turns are small: of first order
+        return np.concatenate([by_values, by_turn], axis=2).reshape(2 * len(rays), -1)
+
+    first = np.concatenate([start.parameters, np.zeros(3)])
+    found = least_squares(residual, first, jac=slope, x_scale="jac", max_nfev=100)
+    return np.asarray(Rotation.from_rotvec(found.x[count:]).as_matrix())
 
 
 def _nearest(

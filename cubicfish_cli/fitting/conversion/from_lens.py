@@ -23,6 +23,12 @@ _RAYS = 4000
 _AZIMUTHS = 72
 _STEP_DEG = 0.25
 _LARGEST_DEG = 175.0
+# A polynomial lens bends wildly beyond where it was calibrated, and no file says where that is: a
+# field in which P is this near is taken rather than a wider one.
+_SHARES = (1.0, 0.97, 0.94, 0.9, 0.86, 0.8, 0.7)
+_GOOD_PX = 0.1
+LARGEST_FIELD_DEG = 110.0
+"""Fields of lenses that are sold reach a little farther at most."""
 # Short of where a lens folds, its profile is flat and P would have to be infinitely steep.
 _FOLD_SHARE = 0.97
 # P is fitted a little farther than it is trusted.
@@ -31,24 +37,48 @@ _MARGIN_DEG = 2.0
 _PULLS = (1e-4, 1e-3, 1e-2)
 
 
-def from_lens(record: LensRecord) -> tuple[CubicCamera, ConversionError]:
+def from_lens(
+    record: LensRecord, *, max_angle_deg: float = LARGEST_FIELD_DEG
+) -> tuple[CubicCamera, ConversionError]:
     """The cubic camera nearest to a lens, least squares in pixels, and how near it is.
+
+    Args:
+        record: the lens.
+        max_angle_deg: P is trusted up to this angle from the axis, or as far as the lens sees in
+            the photo. Files do not say where the lens's own picture ends, which often lies inside
+            the photo.
 
     Raises:
         FitError: the lens sees nothing of the photo, or no sound P is near it.
 
     """
-    max_angle_deg = _field_deg(record)
+    widest = min(max_angle_deg, _field_deg(record))
+    best: tuple[CubicCamera, ConversionError] | None = None
+    for share in _SHARES:
+        camera = _sound_camera(record, share * widest)
+        if camera is None:
+            continue
+        error = conversion_error(camera, record)
+        if error.max_px <= _GOOD_PX:
+            return camera, error
+        if best is None or error.max_px < best[1].max_px:
+            best = camera, error
+    if best is None:
+        raise FitError(
+            f"no sound cubic camera is near this lens up to {widest:.0f}° from its axis: choose a "
+            "smaller --max-angle, up to where the lens was calibrated"
+        )
+    return best
+
+
+def _sound_camera(record: LensRecord, max_angle_deg: float) -> CubicCamera | None:
     rays, pixel = _seen(record, max_angle_deg + _MARGIN_DEG)
     radial = _companion(record, rays, pixel)
     for pull in _PULLS:
         for camera in _cameras(record, radial, rays, pixel, max_angle_deg, pull):
             if check_soundness(camera.P, camera.max_angle_deg).sound:
-                return camera, conversion_error(camera, record)
-    raise FitError(
-        f"no sound cubic camera is near this lens over its field of {2 * max_angle_deg:.0f}°: "
-        "is it calibrated over the whole photo?"
-    )
+                return camera
+    return None
 
 
 def _field_deg(record: LensRecord) -> float:
@@ -69,10 +99,10 @@ def _field_deg(record: LensRecord) -> float:
     inside = ((pixel > -0.5) & (pixel < [width - 0.5, height - 0.5])).all(axis=-1)
     if not np.isfinite(middle).all() or not inside[:, 1:].any():
         raise FitError("the lens sees nothing of its photo: check its focal length and centre")
-    radius = np.linalg.norm(pixel - middle, axis=-1)
+    radius: FloatArray = np.linalg.norm(pixel - middle, axis=-1)
     with np.errstate(invalid="ignore"):
         grows = np.diff(radius, axis=1) > 0  # false from the first NaN on
-    last = np.where(grows.all(axis=1), len(theta) - 1, np.argmin(grows, axis=1))
+    last = np.where(np.all(grows, axis=1), len(theta) - 1, np.argmin(grows, axis=1))
     # Rays beyond a fold fall into the photo again: they are none of the lens's.
     index = np.arange(len(theta))
     shown = inside & (index <= last[:, None])
@@ -151,11 +181,13 @@ def _cameras(
     def slope(parameters: FloatArray) -> FloatArray:
         lens = linear.with_parameters(parameters)
         by_parameters = lens.project_jacobian(rays)[2].reshape(2 * len(rays), -1)
+        by_parameters = np.where(np.isfinite(by_parameters), by_parameters, 0)
         drift = np.zeros((len(rays), by_parameters.shape[1]))
         drift[:, 32:] = pull * scale * (values @ linear.denominator_basis)
-        return np.vstack([np.nan_to_num(by_parameters), drift])
+        return np.vstack([by_parameters, drift])
 
-    found = least_squares(residual, linear.parameters, jac=slope, x_scale="jac", max_nfev=30)
+    with np.errstate(all="ignore"):
+        found = least_squares(residual, linear.parameters, jac=slope, x_scale="jac", max_nfev=30)
     first = CubicCamera(
         image_size=record.image_size, P=linear.P, max_angle_deg=max_angle_deg, radial=radial
     )

@@ -36,4 +36,5 @@ class LensModel:
     name: str
     project: Project
     fit: Fit | None = None
+    symmetric: bool = True
     also: Mapping[str, Project] = field(default_factory=dict)

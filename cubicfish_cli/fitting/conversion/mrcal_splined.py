@@ -204,4 +204,4 @@ def _within(pixel: FloatArray, outline: FloatArray) -> npt.NDArray[np.bool_]:
     return inside
 
 
-MODEL = LensModel(name="mrcal_splined", project=project, fit=fit)
+MODEL = LensModel(name="mrcal_splined", project=project, fit=fit, symmetric=False)

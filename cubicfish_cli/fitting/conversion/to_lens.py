@@ -10,6 +10,7 @@ import numpy as np
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.companion import angles
 from cubicfish_cli.fitting.comparison import pixel_grid, rings
+from cubicfish_cli.fitting.conversion.central import symmetric_frame
 from cubicfish_cli.fitting.conversion.lens_model import FloatArray
 from cubicfish_cli.fitting.conversion.models import MODELS
 from cubicfish_cli.fitting.statistics import rms_px
@@ -49,12 +50,35 @@ class ConversionError:
         }
 
 
-def to_lens(
-    camera: CubicCamera, model: str, *, max_angle_deg: float | None = None
-) -> tuple[LensRecord, ConversionError]:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Conversion:
+    """A lens that stands for a camera.
+
+    Attributes:
+        record: the lens.
+        error: how far it is from the camera.
+        lens_from_camera: (3, 3) the turn from the camera's frame to the lens's: poses of
+            photos are to be turned by it.
+
+    """
+
+    record: LensRecord
+    error: ConversionError
+    lens_from_camera: FloatArray
+
+    @property
+    def turned_deg(self) -> float:
+        """Angle of the turn."""
+        skew = self.lens_from_camera - self.lens_from_camera.T
+        sine = 0.5 * float(np.linalg.norm([skew[2, 1], skew[0, 2], skew[1, 0]]))
+        return float(np.rad2deg(np.arcsin(min(1.0, sine))))
+
+
+def to_lens(camera: CubicCamera, model: str, *, max_angle_deg: float | None = None) -> Conversion:
     """The lens of a model that is nearest to a camera, least squares in pixels over its field.
 
-    The lens has the camera's own frame, so that poses hold for both.
+    Most models are symmetric about an axis, which real lenses are only nearly: the lens's frame is
+    turned to where a symmetric lens is nearest. A model of free form keeps the camera's frame.
 
     Args:
         camera: the camera.
@@ -68,16 +92,26 @@ def to_lens(
     fit = MODELS[model].fit
     if fit is None:
         raise ValueError(f"lenses of the model {model!r} are only read")
-    record = fit(camera, *_field(camera, _FIT_PIXELS, max_angle_deg))
-    return record, conversion_error(camera, record, max_angle_deg=max_angle_deg)
+    rays, pixel = _field(camera, _FIT_PIXELS, max_angle_deg)
+    turn = np.eye(3)
+    if MODELS[model].symmetric:
+        turn = symmetric_frame(camera, rays, pixel)
+    record = fit(camera, rays @ turn.T, pixel)
+    error = conversion_error(camera, record, turn, max_angle_deg=max_angle_deg)
+    return Conversion(record=record, error=error, lens_from_camera=turn)
 
 
 def conversion_error(
-    camera: CubicCamera, record: LensRecord, *, max_angle_deg: float | None = None
+    camera: CubicCamera,
+    record: LensRecord,
+    lens_from_camera: FloatArray | None = None,
+    *,
+    max_angle_deg: float | None = None,
 ) -> ConversionError:
     """How far a lens is from a camera, on a grid of 40,000 of its pixels."""
     rays, pixel = _field(camera, _ERROR_PIXELS, max_angle_deg)
-    miss = MODELS[record.model].project(record, rays) - pixel
+    turn = np.eye(3) if lens_from_camera is None else lens_from_camera
+    miss = MODELS[record.model].project(record, rays @ turn.T) - pixel
     theta = angles(rays)
     blind = ~np.isfinite(miss).all(axis=1)
     seen = miss[~blind]

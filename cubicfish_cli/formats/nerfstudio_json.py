@@ -1,0 +1,91 @@
+"""nerfstudio's transforms.json: one lens, and poses of frames with OpenGL's axes.
+
+A frame's ``transform_matrix`` is world_from_camera with x to the right, y UP and the view along
+-z. Pixel (0, 0) is taken as the centre of the first pixel, as in its documentation.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.errors import CameraFileError
+from cubicfish_cli.formats.bounded import read_bounded
+from cubicfish_cli.formats.fields import focal, mapping, number, size
+from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.wording import quoted
+
+MAX_BYTES = 64_000_000
+_CORE = {"fx": "fl_x", "fy": "fl_y", "cx": "cx", "cy": "cy"}
+_FISHEYE = ("k1", "k2", "k3", "k4")
+_PINHOLE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+# From nerfstudio's camera axes to those here.
+_FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def nerfstudio_text(
+    record: LensRecord,
+    note: Sequence[str],
+    poses: Mapping[str, tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]],
+) -> str:
+    """A record ``kannala_brandt`` and camera_from_world of photos as transforms.json.
+
+    Args:
+        record: the lens.
+        note: how it was made.
+        poses: rotation (3, 3) and translation (3,) of camera_from_world, by the photo's name.
+
+    """
+    values = record.values
+    width, height = record.image_size
+    frames = []
+    for name, (rotation, translation) in poses.items():
+        world_from_camera = np.eye(4)
+        world_from_camera[:3, :3] = rotation.T
+        world_from_camera[:3, 3] = -rotation.T @ translation
+        frames.append({"file_path": name, "transform_matrix": (world_from_camera @ _FLIP).tolist()})
+    data = {
+        "camera_model": "OPENCV_FISHEYE",
+        **{theirs: float(values[ours]) for ours, theirs in _CORE.items()},
+        "w": width,
+        "h": height,
+        **dict(zip(_FISHEYE, np.asarray(values["k"], float).tolist(), strict=True)),
+        "made_by": list(note),
+        "frames": frames,
+    }
+    return json.dumps(data, indent=2, ensure_ascii=False) + "\n"
+
+
+def read_nerfstudio(path: Path) -> LensRecord:
+    """Read the lens of a transforms.json.
+
+    Raises:
+        CameraFileError: the file is not one, or its lens is not known; one line.
+
+    """
+    text = read_bounded(path, max_bytes=MAX_BYTES)
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError) as problem:
+        raise CameraFileError(f"{path} is not JSON: is it the right file?") from problem
+    record = mapping(path, data, "the file")
+    if "fl_x" not in record:
+        frames = record.get("frames")
+        if isinstance(frames, list) and frames and isinstance(frames[0], dict):
+            record = {**record, **frames[0]}
+    model = record.get("camera_model", "OPENCV")
+    if model not in ("OPENCV", "OPENCV_FISHEYE", "PINHOLE", "SIMPLE_PINHOLE"):
+        raise CameraFileError(f"{path}: camera_model {quoted(str(model))} cannot be read here")
+    core = {ours: number(path, record, theirs) for ours, theirs in _CORE.items()}
+    focal(path, np.array([core["fx"], core["fy"]]), "fl_x and fl_y")
+    image_size = size(path, record.get("w"), record.get("h"), "w and h")
+    names = _FISHEYE if model == "OPENCV_FISHEYE" else _PINHOLE
+    d = np.array([number(path, record, name) if name in record else 0.0 for name in names])
+    values: dict[str, Any] = {**core, "k" if model == "OPENCV_FISHEYE" else "d": d}
+    kind = "kannala_brandt" if model == "OPENCV_FISHEYE" else "pinhole"
+    return LensRecord(model=kind, values=values, image_size=image_size)

@@ -1,0 +1,83 @@
+"""ROS CameraInfo YAML, as camera_calibration writes and camera_info_manager reads it.
+
+``equidistant`` holds the four coefficients of OpenCV's fisheye module; ``plumb_bob`` and
+``rational_polynomial`` are OpenCV's pinhole lens. The projection matrix is that of the rectified
+picture: here of one with the same focal lengths and centre.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cubicfish_cli.errors import CameraFileError
+from cubicfish_cli.formats.fields import focal, mapping, numbers, size
+from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.plain_yaml import load_plain_yaml
+from cubicfish_cli.wording import quoted
+
+_COUNTS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,), "equidistant": (4,)}
+
+
+def ros_text(record: LensRecord, note: Sequence[str], *, name: str = "camera") -> str:
+    """A record ``kannala_brandt`` as CameraInfo YAML with the model ``equidistant``."""
+    values = record.values
+    fx, fy, cx, cy = (float(values[key]) for key in ("fx", "fy", "cx", "cy"))
+    width, height = record.image_size
+    return "\n".join(
+        [
+            *(f"# {line}" for line in note),
+            f"image_width: {width}",
+            f"image_height: {height}",
+            f"camera_name: {name}",
+            *_matrix("camera_matrix", 3, 3, [fx, 0, cx, 0, fy, cy, 0, 0, 1]),
+            "distortion_model: equidistant",
+            *_matrix("distortion_coefficients", 1, 4, np.asarray(values["k"], float).tolist()),
+            *_matrix("rectification_matrix", 3, 3, [1, 0, 0, 0, 1, 0, 0, 0, 1]),
+            *_matrix("projection_matrix", 3, 4, [fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0]),
+            "",
+        ]
+    )
+
+
+def _matrix(name: str, rows: int, columns: int, data: Sequence[float]) -> list[str]:
+    text = ", ".join(repr(float(value)) for value in data)
+    return [f"{name}:", f"  rows: {rows}", f"  cols: {columns}", f"  data: [{text}]"]
+
+
+def read_ros(path: Path) -> LensRecord:
+    """Read CameraInfo YAML.
+
+    Raises:
+        CameraFileError: the file is not one, or its model is not known; one line.
+
+    """
+    record = mapping(path, load_plain_yaml(path, error=CameraFileError), "the file")
+    image_size = size(
+        path, record.get("image_width"), record.get("image_height"), "image_width and image_height"
+    )
+    matrix = _data(path, record, "camera_matrix", (9,))
+    fx, _, cx, _, fy, cy = matrix[:6].tolist()
+    if fx == 0:
+        raise CameraFileError(f"{path}: camera_matrix[0] is 0: this camera was not calibrated")
+    focal(path, np.array([fx, fy]), "camera_matrix")
+    model = record.get("distortion_model")
+    if model not in _COUNTS:
+        raise CameraFileError(
+            f"{path}: distortion_model {quoted(str(model))} is not known: {', '.join(_COUNTS)}"
+        )
+    d = _data(path, record, "distortion_coefficients", _COUNTS[model])
+    values: dict[str, Any] = {"fx": fx, "fy": fy, "cx": cx, "cy": cy}
+    if model == "equidistant":
+        return LensRecord(model="kannala_brandt", values={**values, "k": d}, image_size=image_size)
+    return LensRecord(model="pinhole", values={**values, "d": d}, image_size=image_size)
+
+
+def _data(
+    path: Path, record: dict[str, Any], key: str, counts: tuple[int, ...]
+) -> np.ndarray[Any, Any]:
+    matrix = mapping(path, record.get(key), key)
+    return numbers(path, matrix.get("data"), f"{key}.data", counts)
