@@ -197,6 +197,8 @@ def command(
         )
     for photo, reason in calibration.unfit.items():
         say(f"left out: {photo}: {reason}")
+    for finding in calibration.findings:
+        say(f"{'note' if finding.level == 'note' else 'warning'}: {finding.line}")
     for note in calibration.notes:
         say(f"note: {note}")
     for departure in calibration.departures:

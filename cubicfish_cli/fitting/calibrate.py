@@ -13,6 +13,8 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.companion import Companion, fit_companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
 from cubicfish_cli.fitting.departures import Departure, departures
+from cubicfish_cli.fitting.diagnosis.diagnose import explained, find_faults
+from cubicfish_cli.fitting.diagnosis.finding import Finding
 from cubicfish_cli.fitting.findings import (
     coverage,
     coverage_notes,
@@ -48,6 +50,15 @@ _DROP_ROUNDS = 12
 # A richer object must lower the held-out error at least to this share of the poorer one's.
 _WORTH = 0.99
 _STRONGEST_WEIGHT = 300.0
+_INSTEAD_OF_DOUBTS = (
+    "board_place",
+    "board_square",
+    "two_lenses",
+    "zoom",
+    "scaled",
+    "shifted",
+    "turned",
+)
 
 RefineTarget = Literal["off", "shape", "points", "auto"]
 
@@ -99,6 +110,7 @@ class Calibration:
             on a grid over the photo, as ``uncertainty_record`` of fitting/uncertainty.py has it.
         coverage: share of the valid field that corners cover, 0 to 1.
         notes: what a person should know beyond the figures, a line each.
+        findings: what is likely wrong with the set-up, with its evidence.
 
     """
 
@@ -121,6 +133,7 @@ class Calibration:
     uncertainty: dict[str, Any]
     coverage: float
     notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: ``fit`` of camera.yaml and the command's JSON."""
@@ -140,6 +153,7 @@ class Calibration:
             "prior_weight": self.prior_weight,
             "coverage": self.coverage,
             "notes": list(self.notes),
+            "findings": [finding.as_record() for finding in self.findings],
             "uncertainty": self.uncertainty,
             "dropped": len(self.dropped),
             "dropped_corners": [corner.as_record() for corner in self.dropped],
@@ -173,17 +187,28 @@ def calibrate(
 
     Raises:
         FitError: the pairs are too few, all in one photo of one flat board, do not fit the
-            target, or do not determine the lens.
+            target, or do not determine the lens; where its likely cause is found, the text says
+            it.
 
     """
     _refuse_too_little(pairs)
+    try:
+        return _calibrated(pairs, target, refine_target, hold_out)
+    except FitError as error:
+        raise explained(error, pairs, target) from error
+
+
+def _calibrated(
+    pairs: Correspondences, target: Target | None, refine_target: RefineTarget, hold_out: bool
+) -> Calibration:
     scale = world_scale(pairs)
     companion = fit_companion(replace(pairs, world=pairs.world / scale))
     fit, dropped = _without_gross(companion)
     fit = _without_noisy(fit)
     _refuse_undetermined(fit.companion)
     drawing = Drawing(target=target, pairs=fit.companion.pairs, scale=scale)
-    fit, held_out = _climb(fit, drawing, refine_target, hold_out)
+    drawn = fit
+    fit, held_out = _climb(drawn, drawing, refine_target, hold_out)
     fit, held_out[fit.level] = _no_worse_than_companion(fit, drawing, held_out.get(fit.level))
     held_out_by_level = {level: error.rms_px for level, error in held_out.items() if error}
     cubic, companion = fit.cubic, fit.companion
@@ -200,6 +225,15 @@ def calibrate(
     camera, poses = in_companions_frame(camera, poses, companion.covered)
     share = coverage(used.pixel, camera.outline(), pairs.image_size)
     notes = dropped_groups(pairs, [(c.image, c.board, c.error_px) for c in dropped])
+    findings = find_faults(
+        pairs,
+        drawn=drawn,
+        fit=fit,
+        drawing=drawing,
+        dropped=[(corner.image, corner.board) for corner in dropped],
+    )
+    # What is put down to one board, or to the lens, is not doubted of every board.
+    wrong = any(finding.cause in _INSTEAD_OF_DOUBTS for finding in findings)
     notes += coverage_notes(share, len(used.images), not hold_out or fit.level in held_out_by_level)
     return Calibration(
         camera=camera,
@@ -217,10 +251,13 @@ def calibrate(
         unfit=companion.unfit,
         refined=fit.level,
         target=refined,
-        departures=tuple(departures(target, refined)) if target and refined else (),
+        departures=tuple(departures(target, refined, doubted=not wrong))
+        if target and refined
+        else (),
         uncertainty=uncertainty,
         coverage=share,
         notes=tuple(notes),
+        findings=tuple(findings),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -55,13 +55,21 @@ class Departure:
         }
 
 
-def departures(drawn: Target, refined: Target) -> list[Departure]:
-    """Each board's departure; boards that are as drawn are left out."""
-    return [
+def departures(drawn: Target, refined: Target, *, doubted: bool = True) -> list[Departure]:
+    """Each board's departure; boards that are as drawn are left out.
+
+    Args:
+        drawn: the drawing.
+        refined: the object as fitted.
+        doubted: whether to doubt large ones; not where their cause is known.
+
+    """
+    found = [
         _departure(before, after, drawn.units)
         for before, after in zip(drawn.boards, refined.boards, strict=True)
         if after is not before
     ]
+    return found if doubted else [replace(departure, doubts=()) for departure in found]
 
 
 def _departure(drawn: Board, refined: Board, units: str) -> Departure:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust
+from cubicfish_cli.fitting.diagnosis.repeats import repeated_groups
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refinement import Drawing, ObjectFit, refit_object
@@ -47,7 +48,8 @@ class HeldOut:
 def held_out_error(fit: ObjectFit, drawing: Drawing) -> HeldOut | None:
     """Cross-validation by photo: each photo is judged by a camera that never saw it.
 
-    Photo i belongs to fold i modulo the number of folds. In each fold companion, P and, at its
+    Photo i belongs to fold i modulo the number of folds; photos from the same place count as one,
+    so that none is judged by a camera that saw its repeat. In each fold companion, P and, at its
     level, the object are fitted to the other photos; then only the poses of the photos left out
     are fitted. The weights of the priors are those that the fit to all photos chose.
 
@@ -56,16 +58,16 @@ def held_out_error(fit: ObjectFit, drawing: Drawing) -> HeldOut | None:
         drawing: the object as drawn, with the same pairs.
 
     Returns:
-        None with fewer than :data:`MIN_PHOTOS` photos, or when a fold's training photos alone
+        None with fewer than :data:`MIN_PHOTOS` places, or when a fold's training photos alone
         cannot determine a camera.
 
     """
-    pairs = drawing.pairs
-    photos = np.arange(len(pairs.images))
-    if len(photos) < MIN_PHOTOS:
+    group = repeated_groups(fit.cubic.poses, fit.companion.pairs, fit.companion.camera.fx)
+    places = int(group.max()) + 1
+    if places < MIN_PHOTOS:
         return None
-    folds = min(FOLDS, len(photos))
-    parts = [photos[photos % folds == fold] for fold in range(folds)]
+    folds = min(FOLDS, places)
+    parts = [np.flatnonzero(group % folds == fold) for fold in range(folds)]
     measured = [pair for pair in (_fold(fit, drawing, test) for test in parts) if pair is not None]
     if len(measured) < folds:
         return None

@@ -118,6 +118,7 @@ def verdict(
     """
     scale = max(1.0, max(image_size) / _SIDE)
     reasons = [
+        *_of_findings(fit),
         *_of_errors(fit, scale),
         *_of_held_out(fit, scale),
         *_of_field(fit, image_size, outline),
@@ -157,6 +158,20 @@ def photo_verdicts(fit: Mapping[str, Any], image_size: tuple[int, int]) -> list[
             said.append("few corners")
         words.append("; ".join(said) or "good")
     return words
+
+
+def _of_findings(fit: Mapping[str, Any]) -> Iterator[Reason]:
+    """What a diagnosis blames (fitting/diagnosis), but for what is no fault of the camera."""
+    for finding in _list(fit, "findings"):
+        if not isinstance(finding, Mapping):
+            continue
+        level = finding.get("level")
+        if level == "bad" or level == "care":
+            yield Reason(
+                level="bad" if level == "bad" else "care",
+                why=f"{finding.get('what')} ({finding.get('evidence')})",
+                do=str(finding.get("do")),
+            )
 
 
 def _of_errors(fit: Mapping[str, Any], scale: float) -> Iterator[Reason]:

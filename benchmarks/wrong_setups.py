@@ -1,0 +1,110 @@
+"""What calibrate says of set-ups that are wrong in one known way, and of right ones.
+
+    python benchmarks/wrong_setups.py [--seeds 10] [--good 60] [--only WORDS] [--show]
+
+Each case is run through the command line on corners of projected synthetic truth. ``named``:
+what is said names the cause; ``noticed``: something is said, or the verdict is not good, but not
+for the right cause; ``silent``: nothing. For right set-ups ``alarms`` counts findings of any kind.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import sys
+import tempfile
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from inspect import signature
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+
+import numpy as np
+import wrong_setups
+from click.testing import CliRunner
+
+from cubicfish_cli.cli.main import cli
+
+
+def said(setup: wrong_setups.SetUp) -> tuple[str, dict]:
+    """All that calibrate says of a set-up in words, and its record ({} where it stopped)."""
+    apart = {"mix_stderr": False} if "mix_stderr" in signature(CliRunner).parameters else {}
+    with tempfile.TemporaryDirectory() as folder:
+        arguments = [*setup.save(Path(folder)), "--json"]
+        done = CliRunner(**apart).invoke(cli, arguments, prog_name="cubicfish")
+    if done.exit_code not in (0, 1):
+        raise RuntimeError(done.output) from done.exception
+    lines = [line for line in done.stderr.splitlines() if not line.startswith("Fitting to")]
+    record = json.loads(done.stdout) if done.exit_code == 0 else {}
+    lines += [
+        f"verdict: {reason['why']}; {reason['do']}"
+        for reason in record.get("verdict", {}).get("reasons", [])
+    ]
+    if record.get("dropped"):
+        lines.append(f"{record['dropped']} dropped as grossly wrong")
+    return "\n".join(lines), record
+
+
+def outcome(case: wrong_setups.Case, seed: int) -> tuple[str, str]:
+    """How a case with one seed ends, and what is said."""
+    number = next(i for i, one in enumerate(wrong_setups.CASES) if one.name == case.name)
+    setup = case.make(np.random.default_rng([number, seed]))
+    words, record = said(setup)
+    level = record.get("verdict", {}).get("level", "bad")
+    about = f"{words}\n[verdict {level}, RMS {record.get('rms_px', np.nan):.3f} px]"
+    expected = (*case.says, *setup.says)
+    # What must not be noticed at all is right when nothing is.
+    if all(re.search(pattern, words) for pattern in expected) and bool(words) == bool(expected):
+        return "named", about
+    return ("noticed" if words.strip() or level != "good" else "silent"), about
+
+
+def _nth(number: int, seed: int) -> tuple[str, str]:
+    return outcome(wrong_setups.CASES[number], seed)
+
+
+def _good(kind: int) -> tuple[list[str], str]:
+    words, record = said(wrong_setups.good(np.random.default_rng([99, kind]), kind))
+    return [finding["cause"] for finding in record.get("findings", [{"cause": "stopped"}])], words
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--good", type=int, default=60)
+    parser.add_argument("--only", default="")
+    parser.add_argument("--show", action="store_true", help="print what is said")
+    parser.add_argument("--jobs", type=int, default=1)
+    options = parser.parse_args()
+    with ProcessPoolExecutor(options.jobs) as pool:
+        print(f"{'case':<42}{'named':>8}{'noticed':>9}{'silent':>8}")
+        for number, case in enumerate(wrong_setups.CASES):
+            if options.only not in case.name:
+                continue
+            ends = list(pool.map(partial(_nth, number), range(options.seeds)))
+            count = Counter(end for end, _ in ends)
+            line = "".join(
+                f"{count[end]:>{width}}"
+                for end, width in (("named", 8), ("noticed", 9), ("silent", 8))
+            )
+            print(f"{case.name:<42}{line}", flush=True)
+            if options.show:
+                for seed, (end, words) in enumerate(ends):
+                    print(f"  {seed} {end}: " + words.replace("\n", "\n    "))
+        alarms = list(pool.map(_good, range(options.good)))
+        if options.good:
+            loud = [alarm for alarm, _ in alarms if alarm]
+            print(f"\n{options.good} right set-ups: {len(loud)} with findings")
+            for kind, (alarm, words) in enumerate(alarms):
+                if alarm or options.show:
+                    print(f"  {kind}: {alarm}: " + words.replace("\n", "\n    "))
+
+
+if __name__ == "__main__":
+    main()

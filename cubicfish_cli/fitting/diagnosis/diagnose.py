@@ -1,0 +1,492 @@
+"""What is likely wrong with a set-up, from a fit or from its failure.
+
+A right set-up costs a pass over its corners. Whatever costs more is tried only where the fit is
+worse than the corners' own noise explains, or where photos or boards do not fit it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.companion import Companion, fit_companion
+from cubicfish_cli.fitting.diagnosis.board_faults import board_fault
+from cubicfish_cli.fitting.diagnosis.finding import Finding, listed, percent
+from cubicfish_cli.fitting.diagnosis.handedness import local_noise_px, seen_sides
+from cubicfish_cli.fitting.diagnosis.lens_faults import left_out_lens, lens_findings
+from cubicfish_cli.fitting.diagnosis.measured_object import measured_object, plane_in_squares
+from cubicfish_cli.fitting.diagnosis.object_faults import Fault, object_fault
+from cubicfish_cli.fitting.diagnosis.repeats import NEAR_SHARE, repeated_groups
+from cubicfish_cli.fitting.known_lens import fit_poses
+from cubicfish_cli.fitting.refinement import Drawing, ObjectFit, refine_object
+from cubicfish_cli.fitting.robust import noise_px
+from cubicfish_cli.fitting.statistics import rms_px
+from cubicfish_cli.fitting.subset import flatness, select_photos, world_scale
+from cubicfish_cli.target import Target
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+
+# The object as drawn is to blame where it makes the error this many times larger.
+_TIMES_WORSE = 2.0
+# Errors of neighbouring corners that go together make a fit so much worse than their noise.
+_BEYOND_NOISE = 1.5
+_FEWEST_PHOTOS = 3
+_MOST_LEFT_OUT = 30
+# Counting squares shows in so many photos of the whole board.
+_WHOLE_BOARDS = 3
+# Photos agree with a lens when their noise is within this many times the best ones'.
+_AGREES = 6.0
+# A fit that is this much nearer has found what was wrong.
+_MUCH_NEARER = 1 / 3
+_SAID_RATIOS = {25.4: "inches and millimetres", 10.0: "centimetres and millimetres",
+                1000.0: "metres and millimetres", 2.54: "inches and centimetres"}  # fmt: skip
+
+
+def find_faults(
+    pairs: Correspondences,
+    *,
+    drawn: ObjectFit,
+    fit: ObjectFit,
+    drawing: Drawing,
+    dropped: Sequence[tuple[str, str | None]],
+) -> list[Finding]:
+    """What is likely wrong with a set-up of which the fit succeeded.
+
+    Args:
+        pairs: all pairs, in the target's units.
+        drawn: the fit to the object as drawn.
+        fit: the final fit.
+        drawing: the object as drawn.
+        dropped: photo and board of each corner that was left out as grossly wrong.
+
+    """
+    findings = _handed(pairs)
+    lenses = lens_findings(fit, drawn)
+    findings += lenses
+    if not any(finding.level == "bad" for finding in lenses):
+        findings += _of_object(drawn, fit, drawing)
+    findings += _of_left_out(pairs, fit, drawing, dropped, findings)
+    if drawing.target is not None:
+        findings += _counted_squares(pairs, drawing.target)
+    return findings + _repeats(fit)
+
+
+def explained(error: FitError, pairs: Correspondences, target: Target | None) -> FitError:
+    """The same error with its likely cause in place of general advice, where one is found."""
+    try:
+        finding = _of_failure(pairs, target)
+    except (FitError, np.linalg.LinAlgError):
+        return error
+    if finding is None:
+        return error
+    return FitError(f"{str(error).partition(':')[0]}: {finding.line}")
+
+
+# Which way round
+
+
+def _handed(pairs: Correspondences) -> list[Finding]:
+    """Photos or boards that are seen as in a mirror, though the fit succeeded."""
+    sides = seen_sides(pairs)
+    some = _some_mirrored(sides, pairs)
+    if some is not None:
+        return [some]
+    if flatness(pairs.world) < 1e-4 and (sides < 0).any() and not (sides > 0).any():
+        return [
+            Finding(
+                cause="mirrored",
+                level="care",
+                what="the board is seen from behind in every photo: photos are mirrored, and so "
+                "is the camera then, or columns or rows are counted the other way round",
+                evidence="the row does not grow to the right of the column's direction",
+                do="compare a photo with the board; if only the counting differs, the camera is "
+                "right and the poses are of the board's back",
+            )
+        ]
+    return []
+
+
+def _some_mirrored(sides: IntArray, pairs: Correspondences) -> Finding | None:
+    """Photos that show boards the other way round than most photos show the same boards."""
+    usual = np.sign(sides.sum(axis=0))
+    against = (sides * usual < 0).any(axis=1) & ~(sides * usual > 0).any(axis=1)
+    known = (sides * usual != 0).any(axis=1)
+    if not against.any() or 2 * against.sum() >= known.sum():
+        return None
+    names = [pairs.images[photo] for photo in np.flatnonzero(against)]
+    return Finding(
+        cause="mirrored",
+        level="note",
+        what=f"{listed(names, 'photos')}: mirrored, or their corners are counted the other way "
+        "round",
+        evidence="the other photos show the same boards from the other side",
+        do="use photos as the sensor made them",
+        images=tuple(names),
+    )
+
+
+# The object
+
+
+def _of_object(drawn: ObjectFit, fit: ObjectFit, drawing: Drawing) -> list[Finding]:
+    """What is wrong with the drawing, where the object as fitted shows it."""
+    target = drawing.target
+    if target is None or len(target.boards) < 2:
+        return []
+    refined = fit
+    if fit.level == "off":
+        noise = local_noise_px(fit.companion.pairs, fit.cubic.residual)
+        if not noise or noise_px(fit.cubic.residual) < _BEYOND_NOISE * noise:
+            return []
+        try:
+            refined = refine_object(fit, drawing, "shape")
+        except FitError:
+            return []
+    before, after = rms_px(drawn.cubic.residual), rms_px(refined.cubic.residual)
+    real = refined.refined_target(drawing)
+    if before < _TIMES_WORSE * after or real is None:
+        return []
+    measured = {}
+    for index in np.unique(drawing.pairs.board):
+        row, column = (
+            part.ravel()
+            for part in np.indices((target.boards[index].rows, target.boards[index].columns))
+        )
+        measured[int(index)] = real.boards[index].world_points(column, row)
+    fault = object_fault(target, measured)
+    if fault is None:
+        return []
+    evidence = f"the RMS is {before:.2f} px as drawn and {after:.2f} px as it really is"
+    finding = _object_finding(fault, target, evidence)
+    return [finding if fit.level == "off" else replace(finding, level="care")]
+
+
+def _object_finding(fault: Fault, target: Target, evidence: str) -> Finding:
+    """Put a fault of the drawing into words."""
+    names = tuple(target.boards[board].name for board in fault.boards)
+    units, every = target.units, len(fault.boards) == len(target.boards) > 1
+    one = f"board {names[0]}"
+    which = "all boards" if every else one
+    correct = "correct target.yaml and calibrate again"
+    if fault.kind == "mirror":
+        return Finding(
+            cause="mirrored", level="bad", evidence=evidence,
+            what="all photos are mirrored: the object fits as seen in a mirror",
+            do="use photos as the sensor made them, not as a video call shows them",
+        )  # fmt: skip
+    if fault.kind == "names":
+        return Finding(
+            cause="board_names", level="bad", evidence=evidence, boards=names,
+            what=f"the names of boards {names[0]} and {names[1]} are exchanged",
+            do="exchange them in target.yaml, or in corners.csv, and calibrate again",
+        )  # fmt: skip
+    if fault.kind == "order":
+        return Finding(
+            cause="board_order", level="bad", evidence=evidence, boards=names,
+            what=f"{which}: {_order_words(fault, target)}",
+            do="correct target.yaml, or the order in corners.csv, and calibrate again",
+        )  # fmt: skip
+    if fault.kind in ("square", "squares"):
+        beside = "the distances between boards" if every else "the other boards"
+        sizes = sorted({target.boards[index].square for index in fault.boards})
+        real = ", ".join(f"{fault.ratio * size:.4g} {units} for {size:g}" for size in sizes)
+        mixed = _mixed_units(fault.ratio)
+        what = (
+            f"squares of {which} are {percent(fault.ratio - 1)} off beside {beside}"
+            if not mixed
+            else f"the square of {which} is {max(fault.ratio, 1 / fault.ratio):.4g} times off: "
+            f"{mixed} mixed up"
+        )
+        return Finding(
+            cause="board_square", level="bad", evidence=evidence, boards=names,
+            what=f"{what} ({real})",
+            do=f"measure ten squares{'' if every else f' of {names[0]}'}, {correct}",
+        )  # fmt: skip
+    size = "" if fault.kind == "place" else f", its squares {percent(fault.ratio - 1)} off"
+    what = (
+        f"{one} lies {fault.shift:.2g} {units} / {fault.turn_deg:.1f}° from where target.yaml "
+        f"puts it{size}"
+    )
+    if len(fault.points) == 2:
+        what = f"boards {' and '.join(target.boards[i].name for i in fault.points)}: " + what
+    return Finding(
+        cause="board_place", level="bad", evidence=evidence, boards=names, what=what,
+        do=f"measure its origin and axes again, {correct}",
+    )  # fmt: skip
+
+
+def _order_words(fault: Fault, target: Target) -> str:
+    swapped = "rows and columns are exchanged" + next(
+        (
+            f", such as corners: [{board.columns}, {board.rows}] for "
+            f"[{board.rows}, {board.columns}]"
+            for board in (target.boards[index] for index in fault.boards)
+            if board.rows != board.columns
+        ),
+        "",
+    )
+    return {
+        "columns backwards": "columns are counted the other way round than target.yaml says",
+        "rows backwards": "rows are counted the other way round than target.yaml says",
+        "half a turn": "corners are counted from the opposite corner, the board turned by 180°",
+        "exchanged": swapped,
+        "a quarter turn": swapped,
+        "a quarter turn back": swapped,
+        "exchanged backwards": swapped,
+        "x_axis flipped": "x_axis points the other way round",
+        "y_axis flipped": "y_axis points the other way round",
+        "both axes flipped": "x_axis and y_axis point the other way round",
+    }[fault.order]
+
+
+def _mixed_units(ratio: float) -> str:
+    larger = max(ratio, 1 / ratio)
+    return next(
+        (words for known, words in _SAID_RATIOS.items() if abs(larger / known - 1) < 0.02), ""
+    )
+
+
+# Photos and boards that were left out
+
+
+def _of_left_out(
+    pairs: Correspondences,
+    fit: ObjectFit,
+    drawing: Drawing,
+    dropped: Sequence[tuple[str, str | None]],
+    known: Sequence[Finding],
+) -> list[Finding]:
+    """Why photos, or boards in photos, do not fit the lens of the others."""
+    mirrored = {name for finding in known if finding.cause == "mirrored" for name in finding.images}
+    names = _left_out(pairs, fit, dropped) - mirrored
+    photos = np.array([i for i, name in enumerate(pairs.images) if name in names], np.intp)
+    if not photos.size:
+        return []
+    camera, noise = fit.companion.camera, noise_px(fit.companion.residual)
+    scaled = replace(pairs, world=pairs.world / drawing.scale)
+    findings: list[Finding] = []
+    unfit = [photo for photo in photos if pairs.images[photo] in fit.companion.unfit]
+    if unfit:
+        own = left_out_lens(camera, select_photos(scaled, np.array(unfit)), noise)
+        if own is not None:
+            findings.append(own)
+            photos = np.setdiff1d(
+                photos, [i for i, name in enumerate(pairs.images) if name in own.images]
+            )
+    if drawing.target is not None:
+        for photo in photos[:_MOST_LEFT_OUT]:
+            one = select_photos(scaled, np.array([photo]))
+            fault = board_fault(camera, one, drawing.target, drawing.scale, noise)
+            findings += [] if fault is None else [fault]
+    return findings
+
+
+def _left_out(
+    pairs: Correspondences, fit: ObjectFit, dropped: Sequence[tuple[str, str | None]]
+) -> set[str]:
+    """Photos that were left out, and those of which a board lost half of its corners."""
+    names = {name for name, why in fit.companion.unfit.items() if "too few" not in why}
+    counts: dict[tuple[str, str], int] = {}
+    for image, board in dropped:
+        if board is not None:
+            counts[image, board] = counts.get((image, board), 0) + 1
+    for (image, board), lost in counts.items():
+        own = (pairs.image == pairs.images.index(image)) & (
+            pairs.board == pairs.boards.index(board)
+        )
+        if 2 * lost >= own.sum() > _FEWEST_PHOTOS:
+            names.add(image)
+    return names
+
+
+def _counted_squares(pairs: Correspondences, target: Target) -> list[Finding]:
+    """Boards that are seen whole in photos, but for the last column and row that they are to have.
+
+    Corners that come as a table may be counted rightly where the target's squares are counted.
+    """
+    boards = []
+    for index, board in enumerate(target.boards):
+        own = pairs.board == index
+        if board.points is not None or not own.any() or min(board.columns, board.rows) < 3:
+            continue
+        last = pairs.column[own].max() + 1, pairs.row[own].max() + 1
+        if last != (board.columns - 1, board.rows - 1):
+            continue
+        seen = np.bincount(pairs.image[own], minlength=len(pairs.images))
+        if (seen == last[0] * last[1]).sum() >= _WHOLE_BOARDS:
+            boards.append(board)
+    if not boards:
+        return []
+    names = [board.name for board in boards]
+    first = boards[0]
+    return [
+        Finding(
+            cause="corner_count",
+            level="note",
+            what=f"board {listed(names, 'boards')}: target.yaml seems to count squares, "
+            f"{first.columns}x{first.rows}, where {first.columns - 1}x{first.rows - 1} inner "
+            "corners are seen",
+            evidence=f"photos show all of {first.name} but its last column and row",
+            do="correct corners in target.yaml; the camera does not depend on it",
+            boards=tuple(names),
+        )
+    ]
+
+
+# Photos that say the same
+
+
+def _repeats(fit: ObjectFit) -> list[Finding]:
+    pairs, poses = fit.companion.pairs, fit.cubic.poses
+    focal = fit.companion.camera.fx
+    count = len(pairs.images)
+    if count < 2:
+        return []
+    group = repeated_groups(poses, pairs, focal)
+    distinct = int(group.max()) + 1
+    if count >= _FEWEST_PHOTOS and repeated_groups(poses, pairs, focal, NEAR_SHARE).max() == 0:
+        return [
+            Finding(
+                cause="one_place",
+                level="care",
+                what=f"all {count} photos are from nearly the same place, and say little more "
+                "than one",
+                evidence="the object lies within "
+                f"{100 * NEAR_SHARE:.0f} % of the picture of the same place in all of them",
+                do="take photos from different sides, near and far, tilted, with the object in "
+                "every part of the picture",
+            )
+        ]
+    if distinct == count:
+        return []
+    repeats = [
+        f"{pairs.images[np.flatnonzero(group == group[photo])[0]]} = {pairs.images[photo]}"
+        for photo in range(count)
+        if np.flatnonzero(group == group[photo])[0] != photo
+    ]
+    few = 2 * distinct <= count or distinct < _FEWEST_PHOTOS
+    return [
+        Finding(
+            cause="repeats",
+            level="care" if few else "note",
+            what=f"{count} photos are effectively {distinct}: {listed(repeats, 'repeats')}",
+            evidence="each was taken from the same place as another one, or is its copy; they are "
+            "held out together",
+            do="take photos from other places instead",
+            images=tuple(pairs.images),
+        )
+    ]
+
+
+# When there is no fit
+
+
+def _of_failure(pairs: Correspondences, target: Target | None) -> Finding | None:
+    """The likeliest reason why pairs could not be fitted."""
+    scale = world_scale(pairs)
+    pairs = select_photos(replace(pairs, world=pairs.world / scale), np.arange(len(pairs.images)))
+    some = _some_mirrored(seen_sides(pairs), pairs)
+    if some is not None:
+        return some
+    if target is not None and len(target.boards) > 1:
+        found = _failed_object(pairs, target, scale)
+        if found is not None:
+            return found
+    return _failed_lens(pairs)
+
+
+def _failed_object(pairs: Correspondences, target: Target, scale: float) -> Finding | None:
+    """The fault of the drawing without which the corners fit."""
+    measured = measured_object(pairs, target)
+    if measured is None:
+        return None
+    points = {}
+    for index, board in measured.boards.items():
+        drawn = target.boards[index]
+        row, column = (part.ravel() for part in np.indices((drawn.rows, drawn.columns)))
+        points[index] = board.points(plane_in_squares(drawn, column, row))
+    fault = object_fault(target, points)
+    if fault is None:
+        return None
+    world = pairs.world.copy()
+    for index, real in fault.points.items():
+        own = pairs.board == index
+        world[own] = real[pairs.row[own] * target.boards[index].columns + pairs.column[own]] / scale
+    corrected = replace(pairs, world=world)
+    if fault.kind == "mirror":
+        pixel = corrected.pixel * [-1, 1] + [pairs.image_size[0] - 1, 0]
+        corrected = replace(corrected, pixel=pixel)
+    try:
+        again = fit_companion(corrected)
+    except FitError:
+        return None
+    evidence = f"with that corrected the typical error falls to {noise_px(again.residual):.2g} px"
+    return _object_finding(fault, target, evidence)
+
+
+def _failed_lens(pairs: Correspondences) -> Finding | None:
+    """Some photos that agree on a lens, and others that do not."""
+    best: tuple[int, Companion, IntArray] | None = None
+    count = len(pairs.images)
+    for few in _subsets(count):
+        try:
+            lens = fit_companion(select_photos(pairs, few))
+        except FitError:
+            continue
+        if lens.focal_uncertainty > 0.03:
+            continue
+        agreeing = _agreeing(lens, pairs)
+        if best is None or len(agreeing) > best[0]:
+            best = (len(agreeing), lens, agreeing)
+    if best is None or not _FEWEST_PHOTOS <= best[0] < count:
+        return None
+    try:
+        lens = fit_companion(select_photos(pairs, best[2]))
+    except FitError:
+        return None
+    others = np.setdiff1d(np.arange(count), best[2])
+    found = left_out_lens(lens.camera, select_photos(pairs, others), noise_px(lens.residual))
+    if found is not None:
+        return found
+    names = [pairs.images[photo] for photo in others]
+    return Finding(
+        cause="photo_lens",
+        level="bad",
+        what=f"{listed(names, 'photos')} do not go with the other {best[0]} photos: another "
+        "zoom, another camera, cropped, or an object that moved",
+        evidence=f"the others fit to {noise_px(lens.residual):.2g} px without them",
+        do="calibrate without them",
+        images=tuple(names),
+    )
+
+
+def _subsets(count: int) -> Iterable[IntArray]:
+    """A few photos at a time: neighbours, every second or third one, and at random."""
+    size = max(_FEWEST_PHOTOS, min(6, count // 3))
+    for first in range(0, max(count - size, 0) + 1, max(1, size // 2)):
+        yield np.arange(first, min(first + size, count))
+    for step in (2, 3):
+        for first in range(step):
+            yield np.arange(first, count, step)[:size]
+    rng = np.random.default_rng(0)
+    for _ in range(12):
+        yield np.sort(rng.choice(count, min(_FEWEST_PHOTOS, count), replace=False))
+
+
+def _agreeing(lens: Companion, pairs: Correspondences) -> IntArray:
+    fit, own, placed = fit_poses(lens.camera, pairs)
+    if fit is None:
+        return np.zeros(0, np.intp)
+    limit = _AGREES * max(noise_px(lens.residual), 1e-3)
+    good = [
+        photo
+        for number, photo in enumerate(placed)
+        if noise_px(fit.residual[own.image == number]) <= limit
+    ]
+    return np.array(good, np.intp)

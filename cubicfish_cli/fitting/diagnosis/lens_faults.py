@@ -1,0 +1,326 @@
+"""Photos through more than one lens: zoomed, cropped, scaled or turned ones, other cameras."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.companion import fit_companion, refit_companion
+from cubicfish_cli.fitting.cubic_fit import fit_cubic
+from cubicfish_cli.fitting.diagnosis.finding import Cause, Finding, listed, percent
+from cubicfish_cli.fitting.diagnosis.photo_lenses import (
+    BY_CHANCE,
+    WORTH,
+    PhotoLenses,
+    TwoLenses,
+    Unlike,
+    photo_lenses,
+    sheared_photos,
+    two_lenses,
+    zoomed_photos,
+)
+from cubicfish_cli.fitting.refinement import ObjectFit
+from cubicfish_cli.fitting.robust import noise_px
+from cubicfish_cli.fitting.statistics import rms_px
+from cubicfish_cli.fitting.subset import select_photos
+from cubicfish_cli.model.radial import RadialCamera
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+# A first look at a fit that one lens has bent to both sees less than there is: it is followed up.
+_WORTH_A_LOOK = 1e-4
+_ROUNDS = 12
+_SETTLED_PX = 0.05
+_ROUGH_DECREASE = 1e-5
+# What is smaller than this share of the larger of two differences is taken for none.
+_NONE = 0.25
+# Centres that agree to this share of the longer side are the same.
+_SAME_CENTRE = 0.01
+_SURE_FOCAL = 0.03
+_TYPICAL_NOISE = 4.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LensChange:
+    """How the lens of some photos differs from that of the others.
+
+    Attributes:
+        ratio: of its scale to the others'.
+        shift: (2,) of its centre from the others', pixels.
+        centre: (2,) of the others, pixels.
+
+    """
+
+    ratio: float
+    shift: FloatArray
+    centre: FloatArray
+
+
+def lens_findings(fit: ObjectFit, drawn: ObjectFit) -> list[Finding]:
+    """What of the photos' own lenses speaks against one lens for all.
+
+    Args:
+        fit: the final fit.
+        drawn: the fit to the object as drawn: an object that is free may bend to two lenses.
+
+    """
+    photos = _own(fit)
+    for one, own in ((fit, photos), (drawn, photos if fit is drawn else _own(drawn))):
+        split = two_lenses(own)
+        if split is None or split.chance > _WORTH_A_LOOK:
+            continue
+        found = _followed(one, own, split, rms_px(fit.cubic.residual))
+        if found is not None:
+            return [found]
+        if fit is drawn:
+            break
+    return _single(fit, photos)
+
+
+def _own(fit: ObjectFit) -> PhotoLenses:
+    cubic = fit.cubic
+    return photo_lenses(cubic.lens, cubic.poses, fit.companion.pairs, cubic.fit.world.points)
+
+
+def _followed(
+    fit: ObjectFit, photos: PhotoLenses, split: TwoLenses, together: float
+) -> Finding | None:
+    """Fit with a scale and centre for each of two groups, until they settle; then judge.
+
+    Args:
+        fit: the fit to start from.
+        photos: what each photo has of its own beside it.
+        split: into which groups it seems to fall.
+        together: RMS with one lens for all, to be beaten.
+
+    """
+    pairs, companion = fit.companion.pairs, fit.companion
+    apart = np.inf
+    given = np.zeros((len(pairs.images), 3))
+    for _ in range(_ROUNDS):
+        wanted = np.zeros_like(given)
+        wanted[photos.photos] = split.own[split.second.astype(int)]
+        settled = np.abs(wanted - given).max() < _SETTLED_PX
+        if settled and np.isfinite(apart):
+            break
+        given = wanted
+        alike = replace(pairs, pixel=_as_one(pairs, given, photos.reach))
+        try:
+            companion = refit_companion(companion, alike, companion.poses)
+            cubic = fit_cubic(
+                companion, weight=fit.cubic.prior_weight, relative_decrease=_ROUGH_DECREASE
+            )
+        except FitError:
+            return None
+        apart = rms_px(cubic.residual)
+        photos = photo_lenses(cubic.lens, cubic.poses, alike, alike.world)
+        total = photos.own.copy()
+        total[:, :3] += given[photos.photos]
+        photos = replace(photos, own=total)
+        new = two_lenses(photos)
+        if new is None:
+            return None
+        split = new
+    if split.chance > BY_CHANCE or apart**2 > (1 - WORTH) * together**2:
+        return None
+    scale = 1 + split.own[:, 0] / photos.reach
+    middle = (np.array(pairs.image_size, float) - 1) / 2
+    camera = companion.camera
+    common = np.array([camera.cx, camera.cy]) - middle
+    centres = middle + scale[:, None] * common + split.own[:, 1:]
+    change = LensChange(
+        ratio=float(scale[1] / scale[0]), shift=centres[1] - centres[0], centre=centres[0]
+    )
+    names = [pairs.images[photo] for photo in photos.photos[split.second]]
+    return lens_change(
+        change,
+        names,
+        pairs,
+        in_order=split.kind == "order",
+        evidence=f"the RMS is {together:.2f} px together and {apart:.2f} px apart",
+    )
+
+
+def _as_one(pairs: Correspondences, given: FloatArray, reach: float) -> FloatArray:
+    """Pixels (N, 2) as they would be without their photos' own scale and shift."""
+    middle = (np.array(pairs.image_size, float) - 1) / 2
+    own = given[pairs.image]
+    return np.asarray(middle + (pairs.pixel - middle - own[:, 1:]) / (1 + own[:, :1] / reach))
+
+
+def left_out_lens(camera: RadialCamera, pairs: Correspondences, noise: float) -> Finding | None:
+    """Whether photos that do not fit do fit a lens of their own.
+
+    Args:
+        camera: the lens of the photos that fit.
+        pairs: pairs of the photos that do not.
+        noise: standard deviation of a corner's coordinate in those that fit, pixels.
+
+    """
+    try:
+        own = fit_companion(pairs)
+    except FitError:
+        return None
+    if own.focal_uncertainty > _SURE_FOCAL or noise_px(own.residual) > _TYPICAL_NOISE * noise:
+        return None
+    angle = np.linspace(0.1, own.covered, 30)
+    radii = [lens.fx * lens.profile(angle) for lens in (camera, own.camera)]
+    centres = [np.array([lens.cx, lens.cy]) for lens in (camera, own.camera)]
+    change = LensChange(
+        ratio=float(np.median(radii[1] / radii[0])),
+        shift=centres[1] - centres[0],
+        centre=centres[0],
+    )
+    if abs(change.ratio - 1) < 0.003 and np.hypot(*change.shift) < 1:
+        return None
+    return lens_change(
+        change,
+        list(own.pairs.images),
+        pairs,
+        in_order=False,
+        evidence=f"by themselves they fit a lens of their own to {rms_px(own.residual):.2f} px",
+    )
+
+
+def lens_change(
+    change: LensChange,
+    names: list[str],
+    pairs: Correspondences,
+    *,
+    in_order: bool,
+    evidence: str,
+) -> Finding:
+    """Put into words how the lens of some photos differs.
+
+    Args:
+        change: the difference.
+        names: the photos.
+        pairs: any pairs of the same size of photo.
+        in_order: whether they are all photos from one on.
+        evidence: what says so.
+
+    """
+    size = np.array(pairs.image_size, float)
+    reach, near = size.min() / 2, _SAME_CENTRE * size.max()
+    by_scale = abs(change.ratio - 1) * reach
+    by_shift = float(np.hypot(*change.shift))
+    which = f"from {names[0]} on" if in_order else f"in {listed(names, 'photos')}"
+    shift = "({:+.1f}, {:+.1f}) px".format(*change.shift)
+    scaled_centre = (change.ratio - 1) * (change.centre + 0.5)
+    turned = size - 1 - 2 * change.centre
+    level: Literal["care", "bad"] = "bad"
+    cause: Cause
+    if by_scale < _NONE * by_shift and np.hypot(*(change.shift - turned)) < min(
+        near, 0.2 * by_shift + 1
+    ):
+        cause = "turned"
+        what = f"the picture seems turned by 180° {which}: the lens's centre is on the other side"
+        do = "save photos as the sensor made them (EXIF rotation off), and calibrate again"
+    elif by_scale > _NONE * by_shift and np.hypot(*(change.shift - scaled_centre)) < max(
+        0.1 * by_shift, near / 4
+    ):
+        cause = "scaled"
+        what = f"photos seem scaled by {change.ratio:.3g} {which}"
+        do = "use all photos at the size at which the sensor made them"
+    elif by_shift < _NONE * by_scale or by_shift < near / 4 < by_scale:
+        cause = "zoom"
+        what = f"the focal length is {percent(change.ratio - 1)} {which}"
+        what += ": zoom or focus changed" if in_order else ": zoom or focus changed, or two cameras"
+        do = "calibrate each setting by itself, with zoom and focus locked"
+    elif by_scale < _NONE * by_shift:
+        cause = "shifted"
+        what = f"the lens's centre is off by {shift} {which}: "
+        what += (
+            "the lens was bumped or moved, or photos were cropped from there on"
+            if in_order
+            else "photos of two cameras are mixed, or some were cropped"
+        )
+        do = "calibrate these photos and the others each by themselves, or use uncropped ones"
+    else:
+        cause = "two_lenses"
+        what = (
+            f"photos of two cameras or zooms are mixed: the focal length is "
+            f"{percent(change.ratio - 1)} and the centre off by {shift} {which}"
+        )
+        do = "calibrate each camera by itself"
+    return Finding(
+        cause=cause, level=level, what=what, evidence=evidence, do=do, images=tuple(names)
+    )
+
+
+def _single(fit: ObjectFit, photos: PhotoLenses) -> list[Finding]:
+    """Photos that by themselves are sheared, or have another lens than the rest."""
+    pairs = fit.companion.pairs
+    suspects = {
+        one.photo
+        for one in (*sheared_photos(photos), *zoomed_photos(photos))
+        if one.chance < _WORTH_A_LOOK and one.share > WORTH / 2
+    }
+    if not suspects:
+        return []
+    if 2 * len(suspects) < len(pairs.images):
+        # They have bent the lens and the other photos' poses: judge by a lens without them.
+        again = _without(fit, np.array(sorted(suspects)))
+        photos = photos if again is None else again
+    findings = []
+    for unlike, cause in ((sheared_photos(photos), "sheared"), (zoomed_photos(photos), "lens")):
+        certain = [
+            one
+            for one in unlike
+            if one.photo in suspects and one.chance < BY_CHANCE and one.share > WORTH
+        ]
+        suspects -= {one.photo for one in certain}
+        if certain and 2 * len(certain) < len(pairs.images):
+            findings.append(_single_finding(certain, pairs, cause))
+    return findings
+
+
+def _without(fit: ObjectFit, suspects: npt.NDArray[np.intp]) -> PhotoLenses | None:
+    """What each photo has of its own beside a lens that was fitted without some."""
+    pairs = replace(fit.companion.pairs, world=fit.cubic.fit.world.points)
+    good = np.setdiff1d(np.arange(len(pairs.images)), suspects)
+    try:
+        companion = refit_companion(
+            fit.companion, select_photos(pairs, good), fit.cubic.poses[good]
+        )
+        cubic = fit_cubic(
+            companion, weight=fit.cubic.prior_weight, relative_decrease=_ROUGH_DECREASE
+        )
+    except FitError:
+        return None
+    poses = fit.cubic.poses.with_photos(good, cubic.poses)
+    photos = photo_lenses(cubic.lens, poses, pairs, pairs.world)
+    return photos if np.isfinite(photos.own).all() else None
+
+
+def _single_finding(certain: list[Unlike], pairs: Correspondences, cause: str) -> Finding:
+    names = [pairs.images[one.photo] for one in certain]
+    most = max(certain, key=lambda one: one.size_px)
+    where = listed(names, "photos")
+    of_it = f"of {pairs.images[most.photo]}" if len(names) > 1 else "of it"
+    evidence = f"{100 * most.share:.0f} % of the squared error {of_it}"
+    if cause == "sheared":
+        return Finding(
+            cause="sheared",
+            level="care",
+            what=f"{where}: sheared by up to {most.size_px:.1f} px from the middle row to the "
+            "last, as when camera or object moves under a rolling shutter",
+            evidence=evidence,
+            do="take again with both at rest",
+            images=tuple(names),
+        )
+    return Finding(
+        cause="photo_lens",
+        level="care",
+        what=f"{where}: scale or centre differ from the other photos' by up to "
+        f"{most.size_px:.1f} px: another zoom or focus, cropped, or another camera",
+        evidence=evidence,
+        do="leave out what was not taken like the rest",
+        images=tuple(names),
+    )

@@ -1,0 +1,295 @@
+"""What is wrong with a drawing, by comparing it with the object as it was measured.
+
+Hypotheses from the simplest on: corners counted in another order, names of boards exchanged, a
+wrong square, a wrong place. The first that explains the difference is believed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import minimize_scalar
+
+from cubicfish_cli.target import Board, Target
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+
+Kind = Literal["order", "names", "mirror", "square", "squares", "place", "square_and_place"]
+
+# A hypothesis is believed when it leaves no more than this of the difference (RMS).
+_EXPLAINED = 1 / 3
+# In another order or under other names a board is off by much more than by this share of the
+# object; a drawing whose boards are nearer to their places has no such fault.
+_FAR = 0.02
+_LARGEST_RATIO = 2000.0
+
+# Column and row of the corner that the drawing means, from those in the table. C and R are how
+# many the drawing has.
+_ORDERS: Mapping[str, Callable[[IntArray, IntArray, int, int], tuple[IntArray, IntArray]]] = {
+    "as it is": lambda c, r, C, R: (c, r),
+    "columns backwards": lambda c, r, C, R: (C - 1 - c, r),
+    "rows backwards": lambda c, r, C, R: (c, R - 1 - r),
+    "half a turn": lambda c, r, C, R: (C - 1 - c, R - 1 - r),
+    "exchanged": lambda c, r, C, R: (r, c),
+    "a quarter turn": lambda c, r, C, R: (R - 1 - r, c),
+    "a quarter turn back": lambda c, r, C, R: (r, C - 1 - c),
+    "exchanged backwards": lambda c, r, C, R: (R - 1 - r, C - 1 - c),
+}
+# The places of (0, 0) may also be meant on the other end of the same axes: a flipped axis.
+_FLIPS: Mapping[str, Callable[[IntArray, IntArray, int, int], tuple[IntArray, IntArray]]] = {
+    "x_axis flipped": lambda c, r, C, R: (-c, r),
+    "y_axis flipped": lambda c, r, C, R: (c, -r),
+    "both axes flipped": lambda c, r, C, R: (-c, -r),
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fault:
+    """What is likely wrong with a drawing.
+
+    Attributes:
+        kind: which hypothesis.
+        boards: indices of the boards that it is about.
+        order: how corners are counted, for ``order``.
+        ratio: real squares over the drawing's, for ``square``, ``squares`` and the like.
+        shift: how far a board's middle is from its place, in the target's units.
+        turn_deg: how far a board is turned from its place.
+        before, after: RMS difference from the measured object as drawn and corrected, in the
+            target's units.
+        points: (corners, 3) where the corners really are, for each board that was measured, in
+            the drawing's frame.
+
+    """
+
+    kind: Kind
+    boards: tuple[int, ...]
+    order: str = ""
+    ratio: float = 1.0
+    shift: float = 0.0
+    turn_deg: float = 0.0
+    before: float
+    after: float
+    points: dict[int, FloatArray]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Grid:
+    """The corners of one board that are compared."""
+
+    index: int
+    board: Board
+    column: IntArray
+    row: IntArray
+    measured: FloatArray
+
+    def drawn(self, order: str = "as it is", *, on: Board | None = None) -> FloatArray:
+        board = on or self.board
+        change = _ORDERS.get(order) or _FLIPS[order]
+        plane = change(self.column, self.row, self.board.columns, self.board.rows)
+        return _flat_points(board, *plane)
+
+
+def object_fault(target: Target, measured: Mapping[int, FloatArray]) -> Fault | None:
+    """The simplest fault of the drawing that explains where the corners were measured.
+
+    Args:
+        target: the drawing.
+        measured: for boards by index, (rows * columns, 3) where their corners are, row by row,
+            in any frame and unit.
+
+    Returns:
+        None where the drawing is right, or nothing simple explains the difference.
+
+    """
+    grids = [
+        _grid(index, target.boards[index], points)
+        for index, points in sorted(measured.items())
+        if target.boards[index].points is None
+    ]
+    if len(grids) < 2:
+        return None
+    before = _difference([grid.drawn() for grid in grids], grids)
+    size = float(np.linalg.norm(np.ptp(np.concatenate([grid.drawn() for grid in grids]), axis=0)))
+    if before < 1e-9 * size:
+        return None
+    simple = _Search(grids, before)
+    for level in (_other_orders, _squares, _places, _squares_and_places):
+        if level is _other_orders and before < _FAR * size:
+            continue
+        found = [fault for fault in level(simple) if fault.after <= _EXPLAINED * before]
+        if found:
+            return min(found, key=lambda fault: fault.after)
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    grids: list[_Grid]
+    before: float
+
+
+def _grid(index: int, board: Board, points: FloatArray) -> _Grid:
+    row, column = (part.ravel() for part in np.indices((board.rows, board.columns)))
+    return _Grid(index=index, board=board, column=column, row=row, measured=points)
+
+
+def _flat_points(board: Board, column: IntArray, row: IntArray) -> FloatArray:
+    """World points of a board that is as flat as drawn, also beyond its edges."""
+    plane = board.plane_points(column, row)
+    return np.asarray(board.origin + plane[:, :1] * board.x_axis + plane[:, 1:] * board.y_axis)
+
+
+def similarity(
+    source: FloatArray, goal: FloatArray, *, scaled: bool = True
+) -> tuple[FloatArray, FloatArray]:
+    """The similarity (3, 3), (3,) that takes points (N, 3) nearest to others (Umeyama, 1991)."""
+    middle, other = source.mean(axis=0), goal.mean(axis=0)
+    cross = (goal - other).T @ (source - middle)
+    left, size, right = np.linalg.svd(cross)
+    sign = np.array([1, 1, np.sign(np.linalg.det(left @ right))])
+    scale = (size @ sign) / np.sum((source - middle) ** 2) if scaled else 1.0
+    linear = scale * (left * sign) @ right
+    return linear, other - linear @ middle
+
+
+def _difference(drawn: list[FloatArray], grids: list[_Grid], *, mirror: bool = False) -> float:
+    """RMS distance of the measured corners from drawn ones, in the drawing's units."""
+    goal = np.concatenate(drawn)
+    source = np.concatenate([grid.measured for grid in grids]) * ([1, 1, -1] if mirror else 1)
+    linear, shift = similarity(source, goal)
+    return float(np.sqrt(np.mean(np.sum((source @ linear.T + shift - goal) ** 2, axis=1))))
+
+
+def _fault(
+    search: _Search,
+    kind: Kind,
+    drawn: list[FloatArray],
+    boards: tuple[int, ...],
+    *,
+    order: str = "",
+    ratio: float = 1.0,
+    shift: float = 0.0,
+    turn_deg: float = 0.0,
+) -> Fault:
+    return Fault(
+        kind=kind,
+        boards=boards,
+        order=order,
+        ratio=ratio,
+        shift=shift,
+        turn_deg=turn_deg,
+        before=search.before,
+        after=_difference(drawn, search.grids, mirror=kind == "mirror"),
+        points={grid.index: points for grid, points in zip(search.grids, drawn, strict=True)},
+    )
+
+
+def _other_orders(search: _Search) -> Iterator[Fault]:
+    grids = search.grids
+    everyone = tuple(grid.index for grid in grids)
+    drawn = [grid.drawn() for grid in grids]
+    yield _fault(search, "mirror", drawn, everyone)
+    orders = [*list(_ORDERS)[1:], *_FLIPS]
+    for order in orders:
+        yield _fault(search, "order", [grid.drawn(order) for grid in grids], everyone, order=order)
+    for number, grid in enumerate(grids):
+        for order in orders:
+            changed = [*drawn[:number], grid.drawn(order), *drawn[number + 1 :]]
+            yield _fault(search, "order", changed, (grid.index,), order=order)
+    for one, other in combinations(range(len(grids)), 2):
+        changed = list(drawn)
+        changed[one] = grids[one].drawn(on=grids[other].board)
+        changed[other] = grids[other].drawn(on=grids[one].board)
+        boards = (grids[one].index, grids[other].index)
+        yield _fault(search, "names", changed, boards)
+
+
+def _resized(grid: _Grid, ratio: float) -> FloatArray:
+    """The board with other squares, corner (0, 0) where it is drawn."""
+    return np.asarray(grid.board.origin + ratio * (grid.drawn() - grid.board.origin))
+
+
+def _squares(search: _Search) -> Iterator[Fault]:
+    grids = search.grids
+    drawn = [grid.drawn() for grid in grids]
+
+    def best(resized: Callable[[float], list[FloatArray]], around: float) -> float:
+        def miss(log_ratio: float) -> float:
+            return _difference(resized(float(np.exp(log_ratio))), grids) / np.exp(
+                max(log_ratio, 0.0)
+            )
+
+        tried = np.log(around) + np.linspace(-0.3, 0.3, 13)
+        middle = float(tried[np.argmin([miss(value) for value in tried])])
+        found = minimize_scalar(
+            miss, bounds=(middle - 0.06, middle + 0.06), method="bounded", options={"xatol": 1e-8}
+        )
+        return float(np.exp(found.x))
+
+    sizes = np.array([_size_ratio(grid) for grid in grids])
+    for number, grid in enumerate(grids):
+        others = np.delete(sizes, number)
+
+        def one_resized(ratio: float, number: int = number) -> list[FloatArray]:
+            return [*drawn[:number], _resized(grids[number], ratio), *drawn[number + 1 :]]
+
+        ratio = best(one_resized, float(sizes[number] / np.median(others)))
+        if not 1 / _LARGEST_RATIO < ratio < _LARGEST_RATIO:
+            continue
+        yield _fault(search, "square", one_resized(ratio), (grid.index,), ratio=ratio)
+
+    def all_resized(ratio: float) -> list[FloatArray]:
+        return [_resized(grid, ratio) for grid in grids]
+
+    for around in (1.0, 25.4, 1 / 25.4, 10.0, 0.1):
+        ratio = best(all_resized, around)
+        everyone = tuple(grid.index for grid in grids)
+        yield _fault(search, "squares", all_resized(ratio), everyone, ratio=ratio)
+
+
+def _size_ratio(grid: _Grid) -> float:
+    drawn = grid.drawn()
+    return float(
+        np.linalg.norm(grid.measured - grid.measured.mean(axis=0))
+        / np.linalg.norm(drawn - drawn.mean(axis=0))
+    )
+
+
+def _places(search: _Search) -> Iterator[Fault]:
+    yield from _elsewhere(search, scaled=False)
+
+
+def _squares_and_places(search: _Search) -> Iterator[Fault]:
+    yield from _elsewhere(search, scaled=True)
+
+
+def _elsewhere(search: _Search, *, scaled: bool) -> Iterator[Fault]:
+    """Each board by itself elsewhere, by where the others put it."""
+    grids = search.grids
+    for number, grid in enumerate(grids):
+        others = [*grids[:number], *grids[number + 1 :]]
+        goal = np.concatenate([other.drawn() for other in others])
+        linear, offset = similarity(np.concatenate([other.measured for other in others]), goal)
+        seen = grid.measured @ linear.T + offset
+        drawn = grid.drawn()
+        turn, shift = similarity(drawn, seen, scaled=scaled)
+        moved = drawn @ turn.T + shift
+        ratio = float(np.cbrt(np.linalg.det(turn)))
+        middle = drawn.mean(axis=0)
+        cosine = (np.trace(turn) / ratio - 1) / 2
+        changed = [moved if one is grid else one.drawn() for one in grids]
+        yield _fault(
+            search,
+            "square_and_place" if scaled else "place",
+            changed,
+            (grid.index,),
+            ratio=ratio,
+            shift=float(np.linalg.norm(middle @ turn.T + shift - middle)),
+            turn_deg=float(np.rad2deg(np.arccos(np.clip(cosine, -1, 1)))),
+        )
