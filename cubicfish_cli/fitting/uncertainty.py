@@ -8,7 +8,7 @@ point stays fixed in the world, so a turn that poses and lens share does not cou
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -56,31 +56,103 @@ class Uncertainty:
         return np.sqrt(np.trace(self.covariance(rays), axis1=1, axis2=2))
 
 
-def camera_uncertainty(result: CubicResult) -> Uncertainty:
-    """Covariance at the optimum of a cubic fit, from its normal equations.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Information:
+    """What a fit's photos say of the shared unknowns: it adds up, photo by photo.
 
-    With H the Hessian, priors included and poses, corners and the lens that P is held to
-    eliminated, it is σ² H⁻¹.
+    Attributes:
+        result: the fit.
+        hessian: (K, K) of lens and object parameters, priors included and poses, corners and the
+            lens that P is held to eliminated; for corners whose noise is one pixel.
+        turn_by_shared: (3, K) the photos' turns by each of them, summed over photos.
+        turn: (3, 3) covariance of the turns that does not come from them, likewise summed.
+        photos: how many there are.
+        noise_px: standard deviation of a corner's coordinate, pixels.
+
+    """
+
+    result: CubicResult
+    hessian: FloatArray
+    turn_by_shared: FloatArray
+    turn: FloatArray
+    photos: int
+    noise_px: float
+
+    def with_photo(self, points: FloatArray) -> Information:
+        """The same with a photo more, of known corners of the object.
+
+        The photo's own pose is unknown and eliminated. The object counts as known there, so that
+        of a fit that refines it the gain is a little less than this says.
+
+        Args:
+            points: (N, 3) the corners in the camera frame, in any unit; six or more numbers must
+                fix the pose.
+
+        """
+        points = points / np.median(np.linalg.norm(points, axis=-1))
+        _, d_point, d_lens = self.result.lens.project_jacobian(points)
+        by_lens = d_lens.reshape(-1, d_lens.shape[2])
+        by_pose = np.concatenate([-d_point @ cross_matrix(points), d_point], axis=2).reshape(-1, 6)
+        inverse = np.linalg.inv(by_pose.T @ by_pose)
+        cross = by_lens.T @ by_pose
+        lens = slice(0, by_lens.shape[1])
+        hessian, turn_by_shared = self.hessian.copy(), self.turn_by_shared.copy()
+        hessian[lens, lens] += by_lens.T @ by_lens - cross @ inverse @ cross.T
+        turn_by_shared[:, lens] -= (inverse @ cross.T)[:3]
+        return replace(
+            self,
+            hessian=hessian,
+            turn_by_shared=turn_by_shared,
+            turn=self.turn + inverse[:3, :3],
+            photos=self.photos + 1,
+        )
+
+    def uncertainty(self) -> Uncertainty:
+        """The covariance σ² H⁻¹."""
+        scale = 1 / np.sqrt(np.maximum(np.diagonal(self.hessian), 1e-300))
+        inverse = scale * scale[:, None] * np.linalg.inv(self.hessian * scale * scale[:, None])
+        variance = self.noise_px**2
+        return Uncertainty(
+            result=self.result,
+            shared=variance * inverse,
+            turn_by_shared=self.turn_by_shared / self.photos,
+            turn=variance * self.turn / self.photos**2,
+            noise_px=self.noise_px,
+        )
+
+
+def information(result: CubicResult, *, noise_px: float | None = None) -> Information:
+    """What the photos of a cubic fit say, from its normal equations at the optimum.
+
+    Args:
+        result: the fit.
+        noise_px: standard deviation of a corner's coordinate; by default what the residuals show.
+
     """
     normal = result.fit.normal
     hessian = normal.reduced_shared()
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(hessian), 1e-300))
-    inverse = scale * scale[:, None] * np.linalg.inv(hessian * scale * scale[:, None])
     residual = result.residual
     photos = len(normal.pose)
-    unknowns = len(hessian) + 6 * photos + normal.corner.size // 3
-    # Offsets are held by their pull and count for less than a whole unknown each.
-    freedom = max(residual.size - unknowns, residual.size // 2)
-    variance = float(np.sum(residual**2) / freedom)
+    if noise_px is None:
+        unknowns = len(hessian) + 6 * photos + normal.corner.size // 3
+        # Offsets are held by their pull and count for less than a whole unknown each.
+        freedom = max(residual.size - unknowns, residual.size // 2)
+        noise_px = float(np.sqrt(np.sum(residual**2) / freedom))
     pose_inverse = np.linalg.inv(normal.pose)
     cross = normal.shared_pose.reshape(len(hessian), photos, 6).transpose(1, 2, 0)
-    return Uncertainty(
+    return Information(
         result=result,
-        shared=variance * inverse,
-        turn_by_shared=-(pose_inverse @ cross)[:, :3].mean(axis=0),
-        turn=variance * pose_inverse[:, :3, :3].sum(axis=0) / photos**2,
-        noise_px=float(np.sqrt(variance)),
+        hessian=hessian,
+        turn_by_shared=-(pose_inverse @ cross)[:, :3].sum(axis=0),
+        turn=pose_inverse[:, :3, :3].sum(axis=0),
+        photos=photos,
+        noise_px=noise_px,
     )
+
+
+def camera_uncertainty(result: CubicResult) -> Uncertainty:
+    """Covariance at the optimum of a cubic fit, from its normal equations."""
+    return information(result).uncertainty()
 
 
 def uncertainty_record(uncertainty: Uncertainty, camera: CubicCamera) -> dict[str, Any]:
