@@ -82,9 +82,8 @@ def test_splines_are_those_of_mrcal(tmp_path: Path, shape: tuple[int, int, int, 
     path.write_text(mrcal_text(record).replace("\n    'extrinsics'", _ANY_REGION))
     rays = random_rays(110, 800)
     pixel = mrcal_splined.project(record, rays)
-    inside = np.isfinite(pixel).all(axis=1)
-    assert 20 < inside.sum() <= 800
-    assert np.abs(ask_mrcal(path, rays)[0] - pixel)[inside].max() < 1e-8
+    # Far outside the spline's edges it is cubics of large numbers.
+    assert ask_mrcal(path, rays)[0] == pytest.approx(pixel, rel=1e-9, abs=1e-8)
 
 
 _ANY_REGION = "\n    'valid_intrinsics_region': [[0, 0], [9, 0], [9, 9], [0, 0]],\n    'extrinsics'"
@@ -119,57 +118,32 @@ def test_the_spline_is_within_a_hundredth_of_a_pixel(half_angle_deg: float) -> N
 
 
 def test_the_spline_goes_on_in_order_outside_the_field() -> None:
-    """In every corner of the spline's own grid, pixels still move outwards as rays do."""
+    """Straight on beyond its edges, as mrcal does: pixels still move outwards as rays do."""
     camera = cubic_camera(70)
     record = mrcal_splined.fit(camera, *field(camera))
-    free = LensRecord(
-        model=record.model,
-        values={**record.values, "region": np.zeros((0, 2))},
-        image_size=record.image_size,
-    )
     azimuth = np.linspace(0, 2 * np.pi, 73)[:, None]
-    theta = np.deg2rad(np.linspace(1, 110, 60))
+    theta = np.deg2rad(np.linspace(1, camera.max_angle_deg + 25, 60))
     sine = np.sin(theta)
     across = np.stack([np.cos(azimuth) * sine, np.sin(azimuth) * sine], axis=-1)
     rays = np.concatenate([across, np.broadcast_to(np.cos(theta), across.shape[:2])[..., None]], -1)
-    pixel = mrcal_splined.project(free, rays.reshape(-1, 3)).reshape(73, 60, 2)
-    centre = [record.values["cx"], record.values["cy"]]
-    radius = np.linalg.norm(pixel - centre, axis=-1)
-    growth = np.diff(radius, axis=1)
-    assert np.isfinite(growth).sum() > 2700  # 2600 of them in the field
-    assert np.nanmin(growth) > 0
-
-
-def test_outside_the_region_there_is_no_pixel() -> None:
-    camera = cubic_camera(60)
-    record = mrcal_splined.fit(camera, *field(camera))
-    edge = np.deg2rad(camera.max_angle_deg)
-    # Along the diagonal, where the spline's grid reaches much farther than the field.
-    side = np.sqrt(0.5)
-    angles = (0.0, edge, edge + 0.02)
-    rays = np.array([[side * np.sin(t), side * np.sin(t), np.cos(t)] for t in angles])
-    pixel = mrcal_splined.project(record, rays)
-    assert np.isfinite(pixel).all(axis=1).tolist() == [True, True, False]
+    pixel = mrcal_splined.project(record, rays.reshape(-1, 3)).reshape(73, 60, 2)
+    radius = np.linalg.norm(pixel - [record.values["cx"], record.values["cy"]], axis=-1)
+    assert np.diff(radius, axis=1).min() > 0
     assert np.isnan(mrcal_splined.project(record, np.array([[0.0, 0.0, -1.0]]))).all()
 
 
-def test_outside_the_spline_there_is_no_pixel() -> None:
-    """8 rows of control points of order 3 are 5 intervals, as long as the 8 across 200 degrees."""
-    record = random_record(3, 11, 8, 200)
-    edge = 2.5 * 4 * np.tan(np.deg2rad(50)) / 8
-    angles = 2 * np.arctan(np.array([0.999, 1.001]) * edge / 2)
-    rays = np.array([[0, np.sin(angle), np.cos(angle)] for angle in angles])
-    pixel = mrcal_splined.project(record, rays)
-    assert np.isfinite(pixel).all(axis=1).tolist() == [True, False]
-
-
-def test_a_pixel_is_inside_an_outline_by_its_crossings() -> None:
-    # A square with a notch, closed.
-    outline = np.array([[0, 0], [100, 0], [100, 100], [50, 40], [0, 100], [0, 0]], float)
-    pixel = np.array([[50, 20], [50, 60], [10, 85], [90, 85], [-0.3, 50], [-2, 50], [50, 41]])
-    # The fifth is less than half a pixel outside; the last, in the notch, 0.64.
-    inside = [True, False, True, True, True, False, False]
-    assert mrcal_splined._within(pixel.astype(float), outline).tolist() == inside
+def test_the_region_is_the_outline_of_the_field() -> None:
+    camera = cubic_camera(100)
+    region = mrcal_splined.fit(camera, *field(camera)).values["region"]
+    width, height = camera.image_size
+    assert np.array_equal(region[0], region[-1])
+    assert (region >= -0.5 - 1e-9).all()
+    assert (region <= [width - 0.5, height - 0.5]).all()
+    x, y = region.T
+    area = abs(0.5 * np.sum(x[1:] * y[:-1] - x[:-1] * y[1:]))
+    grid = np.stack(np.meshgrid(np.arange(width)[::4], np.arange(height)[::4]), axis=-1)
+    seen = np.isfinite(camera.unproject(grid.reshape(-1, 2))[:, 0]).mean()
+    assert area / (width * height) == pytest.approx(seen, abs=0.005)
 
 
 def test_a_stereographic_lens_is_a_spline_of_zeros(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ import pytest
 from lenses import cubic_camera
 
 from cubicfish_cli.fitting.conversion import ocam
+from cubicfish_cli.fitting.conversion.to_lens import to_lens
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lens_record import LensRecord
 from cubicfish_cli.model.soundness import cone_rays
@@ -120,3 +121,16 @@ def test_f_does_not_fold_right_behind_the_field(half_angle_deg: float) -> None:
     camera = cubic_camera(half_angle_deg)
     a = ocam.fit(camera, *field(camera)).values["a"]
     assert np.degrees(ocam._last_angle(a, 500.0)) > camera.max_angle_deg + 10
+
+
+def test_what_the_inverse_polynomial_loses_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    camera = cubic_camera(80, bend=0.0)
+    error = to_lens(camera, "ocam").error
+    (way,) = error.also.values()
+    assert 0 < way["max_px"] <= error.max_px < 0.1
+    monkeypatch.setattr(ocam, "_INVERSE_PX", 1.0)  # an inverse of too few terms
+    rough = to_lens(camera, "ocam").error
+    (way,) = rough.also.values()
+    assert way["max_px"] == rough.max_px > 0.1
+    assert way["rms_px"] == rough.rms_px > error.rms_px
+    assert rough.as_record()["also"] == rough.also

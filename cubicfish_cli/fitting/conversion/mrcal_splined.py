@@ -25,6 +25,7 @@ from scipy import linalg, sparse
 from cubicfish_cli.fitting.conversion.lens_model import FloatArray, LensModel
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.model.soundness import cone_rays
 
 IntArray = npt.NDArray[np.intp]
 
@@ -36,13 +37,15 @@ _NEAR_PX = 0.005
 # next to nothing where there are rays, and straight on where there are none.
 _STIFFNESS = 1e-4
 _OUTLINE = 360
-# A pixel may lie this far outside the outline, whose chords cut a little off the true field.
-_REGION_SLACK_PX = 0.5
-_BLOCK = 4096
+# Rays of the camera's own that the spline is fitted to, for there to be enough up to the rim.
+_RAYS = 16_000
 
 
 def project(record: LensRecord, points: FloatArray) -> FloatArray:
-    """Camera-frame points (N, 3) -> pixels (N, 2); NaN outside the spline and the region."""
+    """Camera-frame points (N, 3) -> pixels (N, 2); NaN straight behind.
+
+    Outside the spline, and outside the region, the pixels are mrcal's own, which mean little.
+    """
     values = record.values
     u = stereographic(points)
     control = np.asarray(values["control"], float)
@@ -54,12 +57,7 @@ def project(record: LensRecord, points: FloatArray) -> FloatArray:
     bend = np.einsum("nj,ni,njic->nc", weight[:, 1], weight[:, 0], local)
     focal = np.array([values["fx"], values["fy"]], float)
     pixel = focal * (u + bend) + [values["cx"], values["cy"]]
-    edge_x, edge_y = _edges(control.shape[1], control.shape[0], order, fov_x_deg)
-    inside = np.asarray((np.abs(u) / [edge_x, edge_y]).max(axis=1) <= 1 + 1e-9)
-    region = np.asarray(values["region"], float)
-    if len(region):
-        inside &= _within(pixel, region)
-    return np.where(inside[:, None], pixel, np.nan)
+    return np.where(np.isfinite(u), pixel, np.nan)
 
 
 def fit(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> LensRecord:
@@ -70,10 +68,15 @@ def fit(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> LensRecord:
 
     Args:
         camera: the camera.
-        rays: (N, 3) unit rays of its field.
+        rays: (N, 3) unit rays of its field, in its own frame. More are added up to their rim,
+            outside the photo too, so that the spline goes on well there.
         pixel: (N, 2) where it sees them.
 
     """
+    more = cone_rays(float(np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2]).max()), _RAYS)
+    seen = camera.project(more)
+    known = np.isfinite(seen[:, 0])
+    rays, pixel = np.concatenate([rays, more[known]]), np.concatenate([pixel, seen[known]])
     u = stereographic(rays)
     focal, centre = np.empty(2), np.empty(2)
     for axis in range(2):
@@ -184,24 +187,6 @@ def _outline(camera: CubicCamera) -> FloatArray:
     around = np.arctan2(points[:, 1] - middle[1], points[:, 0] - middle[0])
     points = points[np.argsort(around, kind="stable")]
     return np.concatenate([points, points[:1]])
-
-
-def _within(pixel: FloatArray, outline: FloatArray) -> npt.NDArray[np.bool_]:
-    """Which pixels (N, 2) lie inside a closed outline (K, 2) or a little outside it."""
-    start, way = outline, np.roll(outline, -1, axis=0) - outline
-    inside = np.zeros(len(pixel), bool)
-    for begin in range(0, len(pixel), _BLOCK):
-        block = pixel[begin : begin + _BLOCK, None, :]
-        off = block - start
-        with np.errstate(divide="ignore", invalid="ignore"):
-            # The edges that a ray to the right crosses: inside where their number is odd.
-            crossed = (off[..., 1] >= 0) != (off[..., 1] - way[:, 1] >= 0)
-            crossed &= off[..., 0] < way[:, 0] * off[..., 1] / way[:, 1]
-            along = (off * way).sum(axis=-1) / np.maximum((way * way).sum(axis=-1), 1e-300)
-            nearest = off - np.clip(along, 0, 1)[..., None] * way
-            near = np.hypot(nearest[..., 0], nearest[..., 1]).min(axis=1) <= _REGION_SLACK_PX
-        inside[begin : begin + _BLOCK] = (crossed.sum(axis=1) % 2 == 1) | near
-    return inside
 
 
 MODEL = LensModel(name="mrcal_splined", project=project, fit=fit, symmetric=False)

@@ -24,11 +24,11 @@ from cubicfish_cli.fitting.conversion.lens_model import FloatArray, LensModel
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lens_record import LensRecord
 
-# Degrees that are tried. Real files have 4 or 5; from 10 on the powers of r tell nothing apart.
-_DEGREES = range(4, 10)
-# A higher degree must lower the RMS by this share and by this many pixels.
-_WORTH_A_DEGREE = 0.05
-_WORTH_PX = 0.002
+# Degrees that are tried. Real files mostly have 4; the toolbox's C reader takes up to 63.
+_DEGREES = range(4, 13)
+# A higher degree must lower the RMS or the largest error by such a share and so many pixels.
+_WORTH_A_DEGREE = np.array([0.05, 0.1])
+_WORTH_PX = np.array([0.002, 0.02])
 # The inverse polynomial gets terms until it is this near, in pixels. Beyond the degree below, its
 # powers in degrees from the axis, as py-OCamCalib wants them, cancel to nothing.
 _INVERSE_PX = 0.003
@@ -78,14 +78,14 @@ def fit(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> LensRecord:
         pixel: (N, 2) where the camera sees them.
 
     Returns:
-        A record ``ocam`` of degree 4 to 9 with stretch[1, 1] = 1.
+        A record ``ocam`` of degree 4 to 12 with stretch[1, 1] = 1.
 
     """
     tried = [_fit_degree(camera, degree, rays, pixel) for degree in _DEGREES]
-    rms = np.array([_rms(record, rays, pixel) for record in tried])
-    best = float(rms.min())
-    good_enough = max((1 + _WORTH_A_DEGREE) * best, best + _WORTH_PX)
-    record = tried[int(np.argmax(rms <= good_enough))]
+    errors = np.array([_rms_and_largest(record, rays, pixel) for record in tried])
+    best = errors.min(axis=0)
+    good_enough = np.maximum((1 + _WORTH_A_DEGREE) * best, best + _WORTH_PX)
+    record = tried[int(np.argmax((errors <= good_enough).all(axis=1)))]
     farthest = float(np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2]).max())
     values = {**record.values, "inverse": inverse_polynomial(record, farthest)}
     return LensRecord(model="ocam", values=values, image_size=camera.image_size)
@@ -191,11 +191,14 @@ def _fit_degree(
     return lens(solved.x)
 
 
-def _rms(record: LensRecord, rays: FloatArray, pixel: FloatArray) -> float:
-    """Root mean square distance, pixels; infinite for a lens that does not reach all rays."""
-    miss = project(record, rays) - pixel
-    squares = (miss**2).sum(axis=1)
-    return float(np.sqrt(squares.mean())) if np.isfinite(squares).all() else float("inf")
+def _rms_and_largest(
+    record: LensRecord, rays: FloatArray, pixel: FloatArray
+) -> tuple[float, float]:
+    """Of the distances, pixels; infinite for a lens that does not reach all rays."""
+    squares = ((project(record, rays) - pixel) ** 2).sum(axis=1)
+    if not np.isfinite(squares).all():
+        return float("inf"), float("inf")
+    return float(np.sqrt(squares.mean())), float(np.sqrt(squares.max()))
 
 
 def _centre(record: LensRecord) -> FloatArray:

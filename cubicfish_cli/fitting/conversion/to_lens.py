@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,9 @@ class ConversionError:
             sees.
         max_angle_deg: the angle from the axis up to which both figures hold.
         by_angle: in rings of 10°: ``from_deg``, ``to_deg``, ``rms_px``, ``max_px``, ``pixels``.
+        also: ``rms_px`` and ``max_px`` of the other ways to read the model's files
+            (:attr:`~cubicfish_cli.fitting.conversion.lens_model.LensModel.also`). The figures
+            above are those of the worst way, ``by_angle`` those of the model's own.
 
     """
 
@@ -39,6 +43,7 @@ class ConversionError:
     max_px: float
     max_angle_deg: float
     by_angle: list[dict[str, float]]
+    also: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -47,6 +52,7 @@ class ConversionError:
             "max_px": self.max_px,
             "max_angle_deg": self.max_angle_deg,
             "by_angle": self.by_angle,
+            **({"also": self.also} if self.also else {}),
         }
 
 
@@ -97,7 +103,7 @@ def to_lens(camera: CubicCamera, model: str, *, max_angle_deg: float | None = No
     if MODELS[model].symmetric:
         turn = symmetric_frame(camera, rays, pixel)
     record = fit(camera, rays @ turn.T, pixel)
-    error = conversion_error(camera, record, turn, max_angle_deg=max_angle_deg)
+    error = conversion_error(camera, record, turn, max_angle_deg=max_angle_deg, every_way=True)
     return Conversion(record=record, error=error, lens_from_camera=turn)
 
 
@@ -107,20 +113,39 @@ def conversion_error(
     lens_from_camera: FloatArray | None = None,
     *,
     max_angle_deg: float | None = None,
+    every_way: bool = False,
 ) -> ConversionError:
-    """How far a lens is from a camera, on a grid of 40,000 of its pixels."""
+    """How far a lens is from a camera, on a grid of 40,000 of its pixels.
+
+    With ``every_way`` the other ways to read the model's files count too: what is written may be
+    read by any of them, while of what was read only the model itself is meant.
+    """
     rays, pixel = _field(camera, _ERROR_PIXELS, max_angle_deg)
     turn = np.eye(3) if lens_from_camera is None else lens_from_camera
-    miss = MODELS[record.model].project(record, rays @ turn.T) - pixel
+    model = MODELS[record.model]
+    miss = model.project(record, rays @ turn.T) - pixel
+    rms, largest = _figures(miss)
+    also = {}
+    for way, project in (model.also if every_way else {}).items():
+        figures = _figures(project(record, rays @ turn.T) - pixel)
+        also[way] = dict(zip(("rms_px", "max_px"), figures, strict=True))
+        rms, largest = max(rms, figures[0]), max(largest, figures[1])
     theta = angles(rays)
-    blind = ~np.isfinite(miss).all(axis=1)
-    seen = miss[~blind]
+    seen = np.isfinite(miss).all(axis=1)
     return ConversionError(
-        rms_px=float("inf") if blind.any() else rms_px(miss),
-        max_px=float("inf") if blind.any() else float(np.linalg.norm(miss, axis=1).max()),
+        rms_px=rms,
+        max_px=largest,
         max_angle_deg=float(np.rad2deg(theta.max())),
-        by_angle=rings(theta[~blind], seen) if len(seen) else [],
+        by_angle=rings(theta[seen], miss[seen]) if seen.any() else [],
+        also=also,
     )
+
+
+def _figures(miss: FloatArray) -> tuple[float, float]:
+    """RMS and largest of distances (N, 2); infinite where the lens does not see a ray."""
+    if not np.isfinite(miss).all():
+        return float("inf"), float("inf")
+    return rms_px(miss), float(np.linalg.norm(miss, axis=1).max())
 
 
 def _field(
