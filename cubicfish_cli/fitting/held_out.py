@@ -62,22 +62,37 @@ def held_out_error(fit: ObjectFit, drawing: Drawing) -> HeldOut | None:
         cannot determine a camera.
 
     """
-    group = repeated_groups(fit.cubic.poses, fit.companion.pairs, fit.companion.camera.fx)
-    places = int(group.max()) + 1
-    if places < MIN_PHOTOS:
+    parts = photo_folds(fit.cubic.poses, fit.companion.pairs, fit.companion.camera.fx)
+    if not parts:
         return None
-    folds = min(FOLDS, places)
-    parts = [np.flatnonzero(group % folds == fold) for fold in range(folds)]
     measured = [pair for pair in (_fold(fit, drawing, test) for test in parts) if pair is not None]
-    if len(measured) < folds:
+    if len(measured) < len(parts):
         return None
     cubic, radial = zip(*measured, strict=True)
     return HeldOut(
         rms_px=rms_px(np.vstack(cubic)),
         companion_rms_px=rms_px(np.vstack(radial)),
         corners=sum(map(len, cubic)),
-        folds=folds,
+        folds=len(parts),
     )
+
+
+def photo_folds(poses: Poses, pairs: Correspondences, focal: float) -> list[IntArray]:
+    """Indices of the photos that are left out together, fold by fold.
+
+    Args:
+        poses: camera_from_world of each of ``pairs.images``.
+        pairs: pairs of the photos.
+        focal: pixels a radian, roughly.
+
+    Returns:
+        Empty where photos are from fewer than :data:`MIN_PHOTOS` places.
+
+    """
+    group = repeated_groups(poses, pairs, focal)
+    places = int(group.max()) + 1
+    folds = min(FOLDS, places) if places >= MIN_PHOTOS else 0
+    return [np.flatnonzero(group % folds == fold) for fold in range(folds)]
 
 
 def _fold(fit: ObjectFit, drawing: Drawing, test: IntArray) -> tuple[FloatArray, FloatArray] | None:

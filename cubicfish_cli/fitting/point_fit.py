@@ -18,7 +18,7 @@ from scipy.spatial import ConvexHull
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.companion import fit_companion, refit_companion
-from cubicfish_cli.fitting.held_out import FOLDS, MIN_PHOTOS
+from cubicfish_cli.fitting.held_out import photo_folds
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.linear import ROUNDS, linear_ratios
 from cubicfish_cli.fitting.poses import Poses
@@ -151,7 +151,7 @@ def calibrate_points(pairs: Correspondences, *, hold_out: bool = True) -> PointC
         poses=poses,
         residual=residual,
         errors=error_statistics(residual),
-        held_out_rms_px=_held_out(used) if hold_out else None,
+        held_out_rms_px=_held_out(used, poses) if hold_out else None,
         plain_rms_px=stages[0],
         reweighted_rms_px=stages[1],
         dropped=given - len(used.pixel),
@@ -159,16 +159,16 @@ def calibrate_points(pairs: Correspondences, *, hold_out: bool = True) -> PointC
     )
 
 
-def _held_out(pairs: Correspondences) -> float | None:
+def _held_out(pairs: Correspondences, poses: Poses | None) -> float | None:
     """RMS over the corners of photos left out of the fit, in folds as the ``ray`` lift's."""
-    photos = np.arange(len(pairs.images))
-    if len(photos) < MIN_PHOTOS:
+    if poses is None:
         return None
-    folds = min(FOLDS, len(photos))
+    photos = np.arange(len(pairs.images))
+    folds = photo_folds(poses, pairs, max(pairs.image_size) / np.pi)
     residuals = []
-    for fold in range(folds):
-        train = select_photos(pairs, photos[photos % folds != fold])
-        test = select_photos(pairs, photos[photos % folds == fold])
+    for fold in folds:
+        train = select_photos(pairs, np.setdiff1d(photos, fold))
+        test = select_photos(pairs, fold)
         scale = world_scale(train)
         try:
             camera = calibrate_points(train, hold_out=False).camera
@@ -180,6 +180,8 @@ def _held_out(pairs: Correspondences) -> float | None:
             return None
         points = placed.poses.apply(own.image, own.world) * scale
         residuals.append(camera.project(points) - own.pixel)
+    if not residuals:
+        return None
     residual = np.vstack(residuals)
     # Beyond the volume of the training corners there is no answer to judge.
     return rms_px(residual[np.isfinite(residual[:, 0])])

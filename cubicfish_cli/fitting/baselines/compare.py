@@ -24,7 +24,7 @@ from cubicfish_cli.fitting.baselines.unified import UnifiedLens
 from cubicfish_cli.fitting.calibrate import Calibration
 from cubicfish_cli.fitting.companion import Companion, angles, refit_companion
 from cubicfish_cli.fitting.cubic_fit import fit_cubic
-from cubicfish_cli.fitting.held_out import FOLDS, MIN_PHOTOS
+from cubicfish_cli.fitting.held_out import photo_folds
 from cubicfish_cli.fitting.lenses import RadialFit
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px
@@ -174,12 +174,9 @@ def _folds(companion: Companion, weight: float) -> list[_Fold]:
     """The same folds as :func:`cubicfish_cli.fitting.held_out.held_out_error`."""
     pairs = companion.pairs
     photos = np.arange(len(pairs.images))
-    if len(photos) < MIN_PHOTOS:
-        return []
-    count = min(FOLDS, len(photos))
     folds = []
-    for fold in range(count):
-        train, test = photos[photos % count != fold], photos[photos % count == fold]
+    for test in photo_folds(companion.poses, pairs, companion.camera.fx):
+        train = np.setdiff1d(photos, test)
         try:
             fitted = refit_companion(companion, select_photos(pairs, train), companion.poses[train])
             cone = np.deg2rad(fit_cubic(fitted, weight=weight).max_angle_deg)
