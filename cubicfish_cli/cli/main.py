@@ -29,12 +29,18 @@ COMMANDS = (
     "evaluate",
     "compare",
     "report",
+    "advise",
     "undistort",
     "map",
     "project",
     "unproject",
+    "export",
+    "import",
     "simulate",
 )
+
+
+_MODULES = {"import": "import_camera"}
 
 
 class LazyGroup(click.Group):
@@ -48,7 +54,9 @@ class LazyGroup(click.Group):
         """Import the command's module and return its ``command``."""
         if cmd_name not in COMMANDS:
             return None
-        module = importlib.import_module(f"cubicfish_cli.cli.{cmd_name}")
+        # No module can be called as a word of the language is.
+        name = _MODULES.get(cmd_name, cmd_name)
+        module = importlib.import_module(f"cubicfish_cli.cli.{name}")
         command: click.Command = module.command
         return command
 

@@ -165,7 +165,7 @@ def _scale(first: tuple[int, int], second: tuple[int, int]) -> float:
 
 
 def rings(theta: FloatArray, miss: FloatArray) -> list[dict[str, float]]:
-    """Statistics of differences (N, 2) in rings of 10° by their angle from the axis (N,), radians."""
+    """Statistics of differences (N, 2) in rings of 10°, by angles from the axis (N,) in radians."""
     ring = (np.rad2deg(theta) // _RING_DEG).astype(int)
     return [
         {

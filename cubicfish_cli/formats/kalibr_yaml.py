@@ -45,12 +45,13 @@ def kalibr_text(record: LensRecord, note: Sequence[str]) -> str:
 
     """
     values = record.values
-    camera, distortion, d = {
-        "kannala_brandt": ("pinhole", "equidistant", values.get("k", [])),
-        "unified": ("omni", "radtan", values.get("d", [])),
-        "eucm": ("eucm", "none", []),
-        "double_sphere": ("ds", "none", []),
+    camera, distortion, key = {
+        "kannala_brandt": ("pinhole", "equidistant", "k"),
+        "unified": ("omni", "radtan", "d"),
+        "eucm": ("eucm", "none", ""),
+        "double_sphere": ("ds", "none", ""),
     }[record.model]
+    d = np.asarray(values.get(key, np.zeros(0)), float)
     own = [float(values[name]) for name in _INTRINSICS[camera]]
     _check(Path("camchain.yaml"), camera, own)
     intrinsics = [*own, *(float(values[key]) for key in _CORE)]
@@ -61,7 +62,7 @@ def kalibr_text(record: LensRecord, note: Sequence[str]) -> str:
             "cam0:",
             "  cam_overlaps: []",
             f"  camera_model: {camera}",
-            f"  distortion_coeffs: {_list(np.asarray(d, float).tolist())}",
+            f"  distortion_coeffs: {_list(d.tolist())}",
             f"  distortion_model: {distortion}",
             f"  intrinsics: {_list(intrinsics)}",
             f"  resolution: [{width}, {height}]",
@@ -95,9 +96,9 @@ def read_kalibr(path: Path, *, camera: str | None = None) -> LensRecord:
         raise CameraFileError(f"{path}: name one of its cameras with --camera: {there}")
     record = mapping(path, chain[camera], camera)
     kind, distortion = record.get("camera_model"), record.get("distortion_model")
-    if kind not in _INTRINSICS:
+    if not isinstance(kind, str) or kind not in _INTRINSICS:
         raise CameraFileError(f"{path}: {camera}.camera_model {quoted(str(kind))} is not known")
-    if distortion not in _USED_WITH[kind]:
+    if not isinstance(distortion, str) or distortion not in _USED_WITH[kind]:
         raise CameraFileError(
             f"{path}: {camera}.distortion_model {quoted(str(distortion))} does not go with {kind}"
         )

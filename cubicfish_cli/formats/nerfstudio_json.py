@@ -1,7 +1,8 @@
 """nerfstudio's transforms.json: one lens, and poses of frames with OpenGL's axes.
 
 A frame's ``transform_matrix`` is world_from_camera with x to the right, y UP and the view along
--z. Pixel (0, 0) is taken as the centre of the first pixel, as in its documentation.
+-z. The centre of the first pixel is (0.5, 0.5), as in COLMAP, whose lenses it takes over: its
+cameras look through ``image_coords``, a grid that starts there (nerfstudio's issue 3048).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from cubicfish_cli.wording import quoted
 
 MAX_BYTES = 64_000_000
 _CORE = {"fx": "fl_x", "fy": "fl_y", "cx": "cx", "cy": "cy"}
+_SHIFT = {"fx": 0.0, "fy": 0.0, "cx": 0.5, "cy": 0.5}
 _FISHEYE = ("k1", "k2", "k3", "k4")
 _PINHOLE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 # From nerfstudio's camera axes to those here.
@@ -51,14 +53,14 @@ def nerfstudio_text(
         frames.append({"file_path": name, "transform_matrix": (world_from_camera @ _FLIP).tolist()})
     data = {
         "camera_model": "OPENCV_FISHEYE",
-        **{theirs: float(values[ours]) for ours, theirs in _CORE.items()},
+        **{theirs: float(values[ours]) + _SHIFT[ours] for ours, theirs in _CORE.items()},
         "w": width,
         "h": height,
         **dict(zip(_FISHEYE, np.asarray(values["k"], float).tolist(), strict=True)),
         "made_by": list(note),
         "frames": frames,
     }
-    return json.dumps(data, indent=2, ensure_ascii=False) + "\n"
+    return json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def read_nerfstudio(path: Path) -> LensRecord:
@@ -81,7 +83,7 @@ def read_nerfstudio(path: Path) -> LensRecord:
     model = record.get("camera_model", "OPENCV")
     if model not in ("OPENCV", "OPENCV_FISHEYE", "PINHOLE", "SIMPLE_PINHOLE"):
         raise CameraFileError(f"{path}: camera_model {quoted(str(model))} cannot be read here")
-    core = {ours: number(path, record, theirs) for ours, theirs in _CORE.items()}
+    core = {ours: number(path, record, theirs) - _SHIFT[ours] for ours, theirs in _CORE.items()}
     focal(path, np.array([core["fx"], core["fy"]]), "fl_x and fl_y")
     image_size = size(path, record.get("w"), record.get("h"), "w and h")
     names = _FISHEYE if model == "OPENCV_FISHEYE" else _PINHOLE

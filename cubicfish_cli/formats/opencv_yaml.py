@@ -1,9 +1,9 @@
 """OpenCV's FileStorage YAML with a camera matrix and distortion coefficients.
 
 There are no standard names: ``camera_matrix``, ``K``, ``cameraMatrix``, ``intrinsics`` and
-``distortion_coefficients``, ``D``, ``distCoeffs``, ``dist_coeffs`` are read. Four coefficients are
-those of the fisheye module where ``model`` or ``distortion_model`` says so (fisheye, equidistant),
-and of the pinhole lens otherwise; what is written says ``model: fisheye``.
+``distortion_coefficients``, ``D``, ``distCoeffs``, ``dist_coeffs`` are read. Four coefficients may
+be those of the fisheye module or of the pinhole lens: ``model`` or ``distortion_model`` must say
+which (fisheye or equidistant, else pinhole or plumb_bob). What is written says ``model: fisheye``.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ _MATRIX = ("camera_matrix", "K", "cameraMatrix", "intrinsics", "Camera_Matrix")
 _COEFFICIENTS = (
     "distortion_coefficients", "D", "distCoeffs", "dist_coeffs", "Distortion_Coefficients",
 )  # fmt: skip
+_PINHOLE = ("pinhole", "plumb_bob", "radtan", "perspective")
 _FISHEYE = ("fisheye", "equidistant", "kannala_brandt", "kannala-brandt")
 
 
@@ -93,6 +94,11 @@ def read_opencv(path: Path) -> LensRecord:
             raise CameraFileError(f"{path}: a fisheye lens has 4 distortion coefficients")
         values |= {"k": d, "alpha": skew / fx}
         return LensRecord(model="kannala_brandt", values=values, image_size=image_size)
+    if len(d) == 4 and kind not in _PINHOLE:
+        raise CameraFileError(
+            f"{path}: four distortion coefficients are a fisheye's or a pinhole's: add a line "
+            "'model: fisheye' or 'model: pinhole' to it"
+        )
     return LensRecord(model="pinhole", values={**values, "d": d}, image_size=image_size)
 
 

@@ -65,7 +65,7 @@ def read_ros(path: Path) -> LensRecord:
         raise CameraFileError(f"{path}: camera_matrix[0] is 0: this camera was not calibrated")
     focal(path, np.array([fx, fy]), "camera_matrix")
     model = record.get("distortion_model")
-    if model not in _COUNTS:
+    if not isinstance(model, str) or model not in _COUNTS:
         raise CameraFileError(
             f"{path}: distortion_model {quoted(str(model))} is not known: {', '.join(_COUNTS)}"
         )

@@ -10,6 +10,7 @@ from scipy.optimize import least_squares
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.conversion.lens_model import FloatArray
 from cubicfish_cli.fitting.conversion.models import MODELS
+from cubicfish_cli.fitting.conversion.outline import within
 from cubicfish_cli.fitting.conversion.to_lens import ConversionError, conversion_error
 from cubicfish_cli.fitting.lenses import CubicFit, FixedLens, RadialFit, RayPrior
 from cubicfish_cli.fitting.linear import linear_coefficients
@@ -33,6 +34,7 @@ LARGEST_FIELD_DEG = 110.0
 _FOLD_SHARE = 0.97
 # P is fitted a little farther than it is trusted.
 _MARGIN_DEG = 2.0
+_EDGE_SHARE = 0.01
 # Stronger pulls of P3Φ to 1 keep poles out where weaker ones do not.
 _PULLS = (1e-4, 1e-3, 1e-2)
 
@@ -96,18 +98,25 @@ def _field_deg(record: LensRecord) -> float:
     pixel = MODELS[record.model].project(record, rays.reshape(-1, 3)).reshape(*rays.shape[:2], 2)
     middle = pixel[0, 0]
     width, height = record.image_size
-    inside = ((pixel > -0.5) & (pixel < [width - 0.5, height - 0.5])).all(axis=-1)
+    inside = np.asarray(((pixel > -0.5) & (pixel < [width - 0.5, height - 0.5])).all(axis=-1))
+    region = np.asarray(record.values.get("region", np.zeros((0, 2))), float)
+    if len(region):  # where the file says that the lens is valid
+        inside &= within(pixel.reshape(-1, 2), region).reshape(inside.shape)
     if not np.isfinite(middle).all() or not inside[:, 1:].any():
         raise FitError("the lens sees nothing of its photo: check its focal length and centre")
-    radius: FloatArray = np.linalg.norm(pixel - middle, axis=-1)
+    radius = np.hypot(*(pixel - middle).transpose(2, 0, 1))
     with np.errstate(invalid="ignore"):
-        grows = np.diff(radius, axis=1) > 0  # false from the first NaN on
+        grows = radius[:, 1:] > radius[:, :-1]  # false from the first NaN on
     last = np.where(np.all(grows, axis=1), len(theta) - 1, np.argmin(grows, axis=1))
     # Rays beyond a fold fall into the photo again: they are none of the lens's.
     index = np.arange(len(theta))
     shown = inside & (index <= last[:, None])
     farthest = int(np.max(np.where(shown, index, 0)))
-    ends = last < farthest
+    # A lens that is told for the photo alone ends where the photo does: that is no fold.
+    end = np.take_along_axis(pixel, last[:, None, None], axis=1)[:, 0]
+    near = _EDGE_SHARE * max(width, height)
+    at_edge = ((end < near) | (end > np.array([width, height]) - 1 - near)).any(axis=-1)
+    ends = (last < farthest) & ~at_edge
     if ends.any():
         farthest = min(farthest, int(_FOLD_SHARE * last[ends].min()))
     return float(max(farthest, 4) * _STEP_DEG)

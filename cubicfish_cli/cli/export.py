@@ -1,0 +1,194 @@
+"""``cubicfish export``: the camera in another tool's format, and how near it comes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from cubicfish_cli import __version__
+from cubicfish_cli.cli.options import (
+    FILE,
+    common_options,
+    examples,
+    json_option,
+    model_option,
+    model_path,
+    overwrite_option,
+)
+from cubicfish_cli.cli.terminal import print_json, result
+from cubicfish_cli.errors import FitError
+
+if TYPE_CHECKING:
+    from cubicfish_cli.fitting.conversion.to_lens import Conversion
+    from cubicfish_cli.formats.foreign import Poses
+
+# Those of formats.foreign, here so that --help need not load numpy; a test holds them together.
+FORMATS = (
+    "opencv", "ros", "kalibr-pinhole-equi", "kalibr-omni", "kalibr-eucm", "kalibr-ds",
+    "ocamcalib", "pyocamcalib", "colmap", "nerfstudio", "mrcal", "maps",
+)  # fmt: skip
+
+
+@click.command(
+    "export",
+    short_help="The camera for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
+    epilog=examples(
+        "cubicfish export --to opencv",
+        "cubicfish export --to kalibr-ds -o camchain.yaml --max-angle 90",
+        "cubicfish export --to mrcal -m lens_a/camera.yaml",
+    ),
+)
+@click.option(
+    "--to",
+    "name",
+    type=click.Choice(FORMATS),
+    required=True,
+    help="The format; maps writes undistort_map.npz for cv2.remap, exact for any lens.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=FILE,
+    metavar="FILE",
+    help="Where it goes. [default: the format's usual name, in the current folder]",
+)
+@model_option
+@click.option(
+    "--max-error",
+    type=click.FloatRange(min=0, min_open=True),
+    default=0.5,
+    show_default=True,
+    metavar="PX",
+    help="Write nothing when the format's lens is farther than this from the camera anywhere.",
+)
+@click.option(
+    "--max-angle",
+    type=click.FloatRange(min=0, max=180, min_open=True),
+    metavar="DEG",
+    help="Leave out of the conversion what is farther from the axis. [default: the whole field]",
+)
+@overwrite_option
+@json_option
+@common_options
+def command(
+    name: str,
+    output: Path | None,
+    model: Path | None,
+    max_error: float,
+    max_angle: float | None,
+    overwrite: bool,
+    as_json: bool,
+) -> None:
+    """Write the camera for another tool, and say how near its lens model comes.
+
+    None of these formats holds a 3x20 matrix: each one's own lens is fitted to the camera over its
+    field, in pixels. The RMS, the largest error and the angle up to which they hold are printed,
+    and written into the file where it takes comments.
+
+    Symmetric lens models get the frame in which the camera looks most symmetric; the turn from
+    camera.yaml's frame is printed, and poses that go into the file are turned along.
+    """
+    from cubicfish_cli.files import refuse_existing, write_text
+    from cubicfish_cli.fitting.conversion.to_lens import to_lens
+    from cubicfish_cli.formats.camera_yaml import load_camera
+    from cubicfish_cli.formats.foreign import FILE_NAMES, LENS_OF, foreign_text
+
+    path = output or Path(FILE_NAMES.get(name, "undistort_map.npz"))
+    refuse_existing(path, overwrite=overwrite)
+    loaded = load_camera(model_path(model))
+    if name == "maps":
+        _write_map(path, loaded.camera, overwrite=overwrite, as_json=as_json)
+        return
+    conversion = to_lens(loaded.camera, LENS_OF[name], max_angle_deg=max_angle)
+    error = conversion.error
+    if not error.max_px <= max_error:
+        raise FitError(_too_far(conversion, name, max_error))
+    note = _note(conversion, loaded.made_by)
+    text = foreign_text(name, conversion.record, note, _poses(loaded.fit, conversion))
+    write_text(path, text, overwrite=overwrite)
+    if as_json:
+        print_json(
+            {
+                "file": str(path),
+                "format": name,
+                "lens": conversion.record.model,
+                **error.as_record(),
+                "turned_deg": conversion.turned_deg,
+                "lens_from_camera": conversion.lens_from_camera,
+            }
+        )
+        return
+    result(f"wrote {path}")
+    for line in note[1:]:
+        result(line)
+
+
+def _write_map(path: Path, camera: Any, *, overwrite: bool, as_json: bool) -> None:
+    from cubicfish_cli.undistortion.maps import build_map, save_map
+    from cubicfish_cli.undistortion.views import default_view
+
+    if path.suffix.lower() != ".npz":
+        raise click.UsageError(f"{path}: --to maps writes .npz; 'cubicfish map' writes others")
+    view = default_view(camera)
+    save_map(path, build_map(camera, view), overwrite=overwrite)
+    if as_json:
+        print_json({"file": str(path), "format": "maps"})
+    else:
+        result(f"wrote {path}")
+
+
+def _note(conversion: Conversion, made_by: Mapping[str, Any]) -> list[str]:
+    """How the lens was made, in lines."""
+    error = conversion.error
+    when = f" of {made_by['date']}" if made_by.get("date") else ""
+    lines = [
+        f"cubicfish {__version__}: the lens nearest to a cubic camera{when}",
+        f"conversion error: RMS {error.rms_px:.4f} px, largest {error.max_px:.4f} px, up to "
+        f"{error.max_angle_deg:.1f} degrees from the axis",
+    ]
+    if conversion.turned_deg > 0:
+        turn = " ".join(f"{value:.8f}" for value in conversion.lens_from_camera.ravel())
+        lines.append(
+            f"the frame is turned by {conversion.turned_deg:.3f} degrees; lens_from_camera: {turn}"
+        )
+    return lines
+
+
+def _too_far(conversion: Conversion, name: str, max_error: float) -> str:
+    error = conversion.error
+    good = [ring for ring in error.by_angle if ring["max_px"] <= max_error]
+    bad = [ring for ring in error.by_angle if ring["max_px"] > max_error]
+    largest = "everything" if error.max_px == float("inf") else f"{error.max_px:.2f} px"
+    hint = ""
+    if good and bad and max(r["to_deg"] for r in good) <= min(r["from_deg"] for r in bad):
+        hint = f"try --max-angle {max(r['to_deg'] for r in good):.0f}, "
+    return (
+        f"the lens of {name} misses the camera by up to {largest} (RMS {error.rms_px:.2f} px up "
+        f"to {error.max_angle_deg:.0f}°), more than --max-error {max_error:g}: {hint}raise it, or "
+        "export to mrcal or maps, which hold any lens"
+    )
+
+
+def _poses(fit: Mapping[str, Any], conversion: Conversion) -> Poses:
+    """camera_from_world of the calibration's photos, in the lens's frame."""
+    import numpy as np
+
+    from cubicfish_cli.rendering.pose import rotation_matrix
+
+    poses = {}
+    turn = conversion.lens_from_camera
+    rows: Sequence[Mapping[str, Any]] = fit.get("per_image") or ()
+    for row in rows:
+        try:
+            pose = row["camera_from_world"]
+            vector = np.array(pose["rotation_vector"], float)
+            translation = np.array(pose["translation"], float)
+            name = str(row["image"])
+        except (KeyError, TypeError, ValueError):
+            continue  # made by something else: a lens is a lens without poses too
+        if vector.shape == translation.shape == (3,):
+            poses[name] = (turn @ rotation_matrix(vector), turn @ translation)
+    return poses

@@ -1,0 +1,111 @@
+"""``cubicfish import``: another tool's camera as camera.yaml."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from cubicfish_cli.cli.made_by import made_at, made_by_record
+from cubicfish_cli.cli.options import (
+    FILE,
+    SizeType,
+    common_options,
+    examples,
+    json_option,
+    overwrite_option,
+)
+from cubicfish_cli.cli.terminal import print_json, result
+
+# Those of formats.foreign, here so that --help need not load numpy; a test holds them together.
+FORMATS = ("opencv", "ros", "kalibr", "ocamcalib", "pyocamcalib", "colmap", "nerfstudio", "mrcal")
+
+
+@click.command(
+    "import",
+    short_help="Another tool's camera as camera.yaml.",
+    epilog=examples(
+        "cubicfish import camchain.yaml --camera cam1",
+        "cubicfish import calib_results.txt -o lens_a/camera.yaml --max-angle 95",
+        "cubicfish import calibration.json --from pyocamcalib --size 1280x800",
+    ),
+)
+@click.argument("file", type=FILE)
+@click.option(
+    "--from",
+    "name",
+    type=click.Choice(FORMATS),
+    help="What wrote the file. [default: told by what it holds]",
+)
+@click.option("--camera", metavar="NAME", help="Which camera, where the file holds several.")
+@click.option("--size", type=SizeType(), help="Size of the photos, where the file does not say.")
+@click.option(
+    "--max-angle",
+    type=click.FloatRange(min=0, max=175, min_open=True),
+    metavar="DEG",
+    help="Trust the lens up to this angle from its axis: files do not say how far it was "
+    "calibrated. [default: what it shows in the photo, at most 110]",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=FILE,
+    default=Path("calibration/camera.yaml"),
+    show_default=True,
+    metavar="FILE",
+    help="Where the camera goes.",
+)
+@overwrite_option
+@json_option
+@common_options
+def command(
+    file: Path,
+    name: str | None,
+    camera: str | None,
+    size: tuple[int, int] | None,
+    max_angle: float | None,
+    output: Path,
+    overwrite: bool,
+    as_json: bool,
+) -> None:
+    """Read the camera in FILE and write it as camera.yaml, for undistort, map, compare and others.
+
+    Reads OpenCV's FileStorage YAML, ROS CameraInfo, Kalibr's camchain, OCamCalib's text and JSON,
+    COLMAP's cameras.txt, nerfstudio's transforms.json and mrcal's .cameramodel. P is fitted to the
+    lens over its field; how near it comes is printed. Corners of other detectors are read by
+    'cubicfish corners'.
+    """
+    from cubicfish_cli.files import fingerprint, refuse_existing
+    from cubicfish_cli.fitting.conversion.from_lens import LARGEST_FIELD_DEG, from_lens
+    from cubicfish_cli.formats.camera_yaml import save_camera
+    from cubicfish_cli.formats.foreign import read_foreign
+
+    made_at()  # said before the work if it cannot be
+    refuse_existing(output, overwrite=overwrite)
+    source = fingerprint(file)
+    record, found = read_foreign(file, name=name, camera=camera, image_size=size)
+    made, error = from_lens(record, max_angle_deg=max_angle or LARGEST_FIELD_DEG)
+    made_by = made_by_record({"imported_from": found, "lens": record.model}, None, [source])
+    conversion = {"rms_px": error.rms_px, "max_px": error.max_px}
+    save_camera(
+        output, made, fit={}, made_by={**made_by, "conversion": conversion}, overwrite=overwrite
+    )
+    if as_json:
+        print_json(
+            {
+                "model": str(output),
+                "format": found,
+                "lens": record.model,
+                "image_size": made.image_size,
+                **error.as_record(),
+            }
+        )
+        return
+    result(
+        f"wrote {output}: a lens of {found}, {made.image_size[0]}x{made.image_size[1]}, trusted to "
+        f"{made.max_angle_deg:.1f}° from its axis"
+    )
+    result(
+        f"conversion error: RMS {error.rms_px:.4f} px, largest {error.max_px:.4f} px up to "
+        f"{error.max_angle_deg:.1f}°"
+    )

@@ -1,0 +1,155 @@
+"""Other tools' camera files by name: which lens each holds, how it is written and read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.errors import CameraFileError
+from cubicfish_cli.formats.bounded import read_bounded
+from cubicfish_cli.formats.colmap_text import colmap_text, read_colmap
+from cubicfish_cli.formats.kalibr_yaml import LENSES as KALIBR_LENSES
+from cubicfish_cli.formats.kalibr_yaml import kalibr_text, read_kalibr
+from cubicfish_cli.formats.mrcal_model import mrcal_text, read_mrcal
+from cubicfish_cli.formats.nerfstudio_json import nerfstudio_text, read_nerfstudio
+from cubicfish_cli.formats.ocamcalib import (
+    ocamcalib_text,
+    pyocamcalib_text,
+    read_ocamcalib,
+    read_pyocamcalib,
+)
+from cubicfish_cli.formats.opencv_yaml import opencv_text, read_opencv
+from cubicfish_cli.formats.ros_yaml import read_ros, ros_text
+from cubicfish_cli.model.lens_record import LensRecord
+
+FloatArray = npt.NDArray[np.float64]
+Poses = Mapping[str, tuple[FloatArray, FloatArray]]
+"""camera_from_world, rotation (3, 3) and translation (3,), by the photo's name."""
+
+LENS_OF = {
+    "opencv": "kannala_brandt",
+    "ros": "kannala_brandt",
+    **{f"kalibr-{name}": model for name, model in KALIBR_LENSES.items()},
+    "ocamcalib": "ocam",
+    "pyocamcalib": "ocam",
+    "colmap": "kannala_brandt",
+    "nerfstudio": "kannala_brandt",
+    "mrcal": "mrcal_splined",
+}
+"""Format -> the model of the lens that it holds."""
+
+FILE_NAMES = {
+    "opencv": "camera.opencv.yaml",
+    "ros": "camera_info.yaml",
+    **dict.fromkeys((f"kalibr-{name}" for name in KALIBR_LENSES), "camchain.yaml"),
+    "ocamcalib": "calib_results.txt",
+    "pyocamcalib": "calibration.json",
+    "colmap": "cameras.txt",
+    "nerfstudio": "transforms.json",
+    "mrcal": "camera.cameramodel",
+}
+"""Format -> what its file is usually called."""
+
+READABLE = ("opencv", "ros", "kalibr", "ocamcalib", "pyocamcalib", "colmap", "nerfstudio", "mrcal")
+_SNIFFED_BYTES = 64_000_000
+
+
+def foreign_text(name: str, record: LensRecord, note: Sequence[str], poses: Poses) -> str:
+    """The text of a file in a format of :data:`LENS_OF`.
+
+    Args:
+        name: the format.
+        record: a lens of its model.
+        note: how the lens was made, a line each; they go in as comments where there are any.
+        poses: of the photos, for formats that hold them.
+
+    Raises:
+        CameraFileError: the format does not take such values.
+
+    """
+    if name == "opencv":
+        return opencv_text(record, note)
+    if name == "ros":
+        return ros_text(record, note)
+    if name.startswith("kalibr-"):
+        return kalibr_text(record, note)
+    if name == "colmap":
+        return colmap_text(record, note)
+    if name == "nerfstudio":
+        return nerfstudio_text(record, note, poses)
+    if name == "ocamcalib":  # readers count its lines: comments go nowhere but the end
+        return ocamcalib_text(record) + "".join(f"#{line}\n" for line in note)
+    if name == "pyocamcalib":
+        return pyocamcalib_text(record)
+    return "".join(f"# {line}\n" for line in note) + mrcal_text(record)
+
+
+def read_foreign(
+    path: Path,
+    *,
+    name: str | None = None,
+    camera: str | None = None,
+    image_size: tuple[int, int] | None = None,
+) -> tuple[LensRecord, str]:
+    """Read the lens of another tool's file.
+
+    Args:
+        path: the file.
+        name: its format, one of :data:`READABLE`; by default it is told by what the file holds.
+        camera: which one, of formats that hold several.
+        image_size: of the photos, for formats that do not say.
+
+    Returns:
+        The lens and the format's name.
+
+    Raises:
+        CameraFileError: the file is of no format that is known, or is damaged; one line.
+
+    """
+    name = name or sniffed(path)
+    if name == "kalibr":
+        return read_kalibr(path, camera=camera), name
+    if name == "colmap":
+        return read_colmap(path, camera=camera), name
+    if camera is not None:
+        raise CameraFileError(f"{path} holds one camera: leave out --camera")
+    if name == "pyocamcalib":
+        return read_pyocamcalib(path, image_size=image_size), name
+    readers = {
+        "opencv": read_opencv,
+        "ros": read_ros,
+        "ocamcalib": read_ocamcalib,
+        "nerfstudio": read_nerfstudio,
+        "mrcal": read_mrcal,
+    }
+    return readers[name](path), name
+
+
+def sniffed(path: Path) -> str:
+    """The format of a file, by what it holds.
+
+    Raises:
+        CameraFileError: it is of none that is known, or cannot be read.
+
+    """
+    text = read_bounded(path, max_bytes=_SNIFFED_BYTES)
+    for name, marks in (
+        ("opencv", ("%YAML:1.0",)),
+        ("opencv", ("!!opencv-matrix",)),
+        ("mrcal", ("lensmodel", "intrinsics")),
+        ("kalibr", ("camera_model:", "intrinsics:", "resolution:")),
+        ("ros", ("distortion_model:", "camera_matrix:", "image_width:")),
+        ("pyocamcalib", ("taylor_coefficient",)),
+        ("nerfstudio", ("fl_x",)),
+        ("ocamcalib", ("cam2world",)),
+        ("colmap", ("CAMERA_ID",)),
+    ):
+        if all(mark in text for mark in marks):
+            return name
+    raise CameraFileError(
+        f"{path} is of no format that is known by its looks: name it with --from, one of "
+        + ", ".join(READABLE)
+    )
