@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from lenses import cubic_camera, random_rays
 
-from cubicfish_cli.fitting.conversion import mrcal_splined
+from cubicfish_cli.fitting.conversion import mrcal_splined, pinhole
 from cubicfish_cli.formats.mrcal_model import mrcal_text, read_mrcal
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lens_record import LensRecord
@@ -157,3 +157,16 @@ def test_a_stereographic_lens_is_a_spline_of_zeros(tmp_path: Path) -> None:
     rays = np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=-1)
     pixel = mrcal_splined.project(record, rays)
     assert np.abs(pixel[:, 0] - (480 + 400 * np.tan(angle / 2))).max() < 1e-9
+
+
+@needs_mrcal
+def test_opencv_lenses_of_mrcal_are_read_as_mrcal_means_them(tmp_path: Path) -> None:
+    path = tmp_path / "o.cameramodel"
+    path.write_text(
+        "{'lensmodel': 'LENSMODEL_OPENCV12', 'intrinsics': [500, 510, 480, 350,"
+        " -0.2, 0.05, 0.001, -0.002, 0.01, 0.02, 0.01, 0.003, 0.001, -0.002, 0.003, -0.004],\n"
+        " 'valid_intrinsics_region': [[0, 0], [9, 0], [9, 9], [0, 0]],"
+        " 'extrinsics': [0, 0, 0, 0, 0, 0], 'imagersize': [960, 720]}"
+    )
+    rays = random_rays(45, 300)
+    assert ask_mrcal(path, rays)[0] == pytest.approx(pinhole.project(read_mrcal(path), rays))

@@ -230,3 +230,14 @@ def test_any_bytes_are_read_or_refused(tmp_path_factory, raw: bytes, head: bytes
         with pytest.raises(CameraFileError) as refusal:
             read(path)
         assert "\n" not in str(refusal.value)
+
+
+def test_export_tells_what_the_inverse_polynomial_loses(run, calibrated, tmp_path: Path) -> None:
+    path = tmp_path / "calib_results.txt"
+    said = run(
+        *("export", "--to", "ocamcalib", "-m", calibrated / "camera.yaml", "-o", path),
+        *("--max-error", 3),
+    ).stdout
+    line = next(line for line in said.splitlines() if "world2cam by the inverse polynomial" in line)
+    assert f"#{line}" in path.read_text().splitlines()[20:]
+    Toolbox(path.read_text())

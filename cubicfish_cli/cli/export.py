@@ -149,6 +149,10 @@ def _note(conversion: Conversion, made_by: Mapping[str, Any]) -> list[str]:
         f"conversion error: RMS {error.rms_px:.4f} px, largest {error.max_px:.4f} px, up to "
         f"{error.max_angle_deg:.1f} degrees from the axis",
     ]
+    lines += [
+        f"of that, {way}: RMS {figures['rms_px']:.4f} px, largest {figures['max_px']:.4f} px"
+        for way, figures in error.also.items()
+    ]
     if conversion.turned_deg > 0:
         turn = " ".join(f"{value:.8f}" for value in conversion.lens_from_camera.ravel())
         lines.append(
