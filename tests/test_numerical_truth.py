@@ -129,7 +129,7 @@ def test_units_and_the_worlds_frame_change_nothing(seed, factor):
     world = factor * (one.pairs.world @ rotation.T + [310.0, -20.0, 75.0])
     first, second = fit(one), fit(replace(one, pairs=replace(one.pairs, world=world)))
     assert miss_px(second.camera, first.camera, first.covered_deg).max() < SAME_PX
-    assert second.errors.rms_px == pytest.approx(first.errors.rms_px, rel=1e-8)
+    assert second.errors.rms_px == pytest.approx(first.errors.rms_px, rel=1e-6)
 
 
 @settings(max_examples=EXAMPLES, derandomize=EXAMPLES < 20)
