@@ -68,7 +68,7 @@ def object_svg(target: Target) -> str:
     The object is seen from where most boards show their printed faces; boards that show their
     backs are dashed. The colours suit light and dark pages alike.
     """
-    plates = [_rim(board) for board in target.boards]
+    plates = [board_rim(board) for board in target.boards]
     picture, height = picture_of(target, np.concatenate(plates))
     total = height + _FOOT
     order = sorted(range(len(plates)), key=lambda k: plates[k].mean(0) @ picture.to_viewer)
@@ -86,7 +86,7 @@ def object_svg(target: Target) -> str:
     return "\n".join(lines)
 
 
-def _rim(board: Board) -> FloatArray:
+def board_rim(board: Board) -> FloatArray:
     """World points of a board's print: (4, 3) its corners in order, or all points."""
     if board.points is not None:
         return board.points
@@ -165,14 +165,14 @@ def _drawn(board: Board, plate: FloatArray, picture: Picture) -> list[str]:
     if not picture.faces(board):
         return [f'<path class="back" d="{outline}"/>']
     lines = [f'<path class="paper edge" d="{outline}"/>']
-    squares = _dark_squares(board)
+    squares = dark_squares(board)
     if len(squares) <= _MOST_SQUARES:
         world = board.origin + squares @ board.axes[:2]
         lines.append(f'<path class="print" d="{_path(picture.at(world))}"/>')
     return lines
 
 
-def _dark_squares(board: Board) -> FloatArray:
+def dark_squares(board: Board) -> FloatArray:
     """(N, 4, 2) the corners of dark squares (or of tags) in the board's plane."""
     step = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     if board.kind == "aprilgrid":

@@ -1,0 +1,1 @@
+"""What to photograph next: where knowledge of a camera is thin, and what would help most."""

@@ -1,0 +1,435 @@
+"""What to photograph next, and how much it would help.
+
+For sampled poses the normal equations of the fit are extended by the corners that would be seen
+from there, the pose's own six unknowns eliminated, and the uncertainty over the field is worked
+out again. The best is taken, then the best after it, and so on: three good photos, not three of
+the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.advice.gaps import Gaps, find_gaps
+from cubicfish_cli.advice.knowledge import Knowledge, know, recorded_poses
+from cubicfish_cli.advice.words import length_words, place_words, tilt_words
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.fitting.uncertainty import Information
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.rendering.views import View, WholeLens, as_flat, sample_views
+from cubicfish_cli.target import Target
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+GOAL_PX = 0.2
+"""Wanted over the field, for photos of up to :data:`GOAL_SIDE` pixels a side; larger ones in
+proportion."""
+GOAL_SIDE = 2000.0
+PROPOSALS = 3
+MOST_PHOTOS = 12
+"""Photos are counted up to this many; beyond it another object or camera is the better advice."""
+_VIEWS = 90
+_GRID = (21, 15)
+# "Over the field" leaves out the worst twentieth: single grid points at the very edge.
+_WORST = 95.0
+_FEWEST_PHOTOS = 3
+_ENOUGH_COVERAGE = 0.85
+# A point of the grid belongs to a view when a corner is so near, as a share of the short side.
+_NEAR = 0.1
+# The picture beyond the trusted field counts as not seen yet below this share of its inner circle.
+_SEEN_SHARE = 0.5
+_BEYOND_DEG = 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sigma:
+    """Uncertainty over the field, pixels.
+
+    Attributes:
+        mean_px: over the field.
+        worst_px: not exceeded over 95 % of it.
+
+    """
+
+    mean_px: float
+    worst_px: float
+
+    def as_record(self) -> dict[str, float]:
+        """Plain data for JSON."""
+        return {"mean_px": self.mean_px, "worst_px": self.worst_px}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Proposal:
+    """A photo to take.
+
+    Attributes:
+        view: from where, and what would be seen.
+        words: that as an instruction.
+        before, after: uncertainty over the field, with the proposals before this one.
+        here_before_px, here_after_px: mean uncertainty where the object would be.
+
+    """
+
+    view: View
+    words: str
+    before: Sigma
+    after: Sigma
+    here_before_px: float
+    here_after_px: float
+
+    @property
+    def gain(self) -> float:
+        """Share of the mean uncertainty over the field that it takes away."""
+        return 1 - self.after.mean_px / max(self.before.mean_px, 1e-300)
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        rotation, translation = self.view.pose
+        return {
+            "words": self.words,
+            "camera_from_world": {
+                "rotation_vector": np.asarray(rotation).tolist(),
+                "translation": np.asarray(translation).tolist(),
+            },
+            "corners": int(self.view.seen.visible.sum()),
+            "distance": self.view.distance,
+            "before": self.before.as_record(),
+            "after": self.after.as_record(),
+            "here_before_px": self.here_before_px,
+            "here_after_px": self.here_after_px,
+            "gain": self.gain,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Advice:
+    """What to photograph next.
+
+    Attributes:
+        camera: the camera that it is about.
+        target: the object; None for pairs that came without one.
+        pixel: (N, 2) corners so far.
+        photos: how many there are.
+        noise_px: standard deviation of a corner's coordinate, pixels; None where not worked out.
+        goal_px: uncertainty that is wanted over the field.
+        now: uncertainty; None where it cannot be worked out.
+        grid: (G, 2) pixels in the field, and ``sigma`` (G,) the uncertainty there, pixels.
+        sigma: see ``grid``.
+        gaps: what photos so far do not show.
+        enough: whether no more photos are needed.
+        reasons: why it is not enough, a line each.
+        photos_needed: how many more photos, as proposed here, reach the goal; None where more than
+            :data:`MOST_PHOTOS` would not, or where that cannot be worked out.
+        proposals: the next photos, in order.
+        notes: what cannot be said, or is to be kept in mind, a line each.
+
+    """
+
+    camera: CubicCamera
+    target: Target | None
+    pixel: FloatArray
+    photos: int
+    noise_px: float | None
+    goal_px: float
+    now: Sigma | None
+    grid: FloatArray
+    sigma: FloatArray
+    gaps: Gaps
+    enough: bool
+    reasons: tuple[str, ...]
+    photos_needed: int | None
+    proposals: tuple[Proposal, ...]
+    notes: tuple[str, ...]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "enough": self.enough,
+            "reasons": list(self.reasons),
+            "photos": self.photos,
+            "photos_needed": self.photos_needed,
+            "goal_px": self.goal_px,
+            "noise_px": self.noise_px,
+            "now": self.now.as_record() if self.now else None,
+            "coverage": self.gaps.coverage,
+            "empty": [part.as_record() for part in self.gaps.parts],
+            "tilts": list(self.gaps.tilts),
+            "distances": list(self.gaps.distances),
+            "proposals": [proposal.as_record() for proposal in self.proposals],
+            "notes": list(self.notes),
+        }
+
+
+def default_goal(image_size: tuple[int, int]) -> float:
+    """The uncertainty that is wanted where nobody says, pixels."""
+    return GOAL_PX * max(1.0, max(image_size) / GOAL_SIDE)
+
+
+def advise(
+    camera: CubicCamera,
+    fit: Mapping[str, Any],
+    pairs: Correspondences,
+    target: Target | None,
+    *,
+    goal_px: float | None = None,
+    proposals: int = PROPOSALS,
+    seed: int = 0,
+) -> Advice:
+    """Say what photos so far leave open and what to photograph next.
+
+    Args:
+        camera: a calibrated camera.
+        fit: its record, as ``as_record`` of a calibration gives and camera.yaml keeps.
+        pairs: the pairs that it was fitted to, world points those of the object as fitted.
+        target: the object as fitted; None for pairs that came without one.
+        goal_px: uncertainty wanted over the field; by default :func:`default_goal`.
+        proposals: how many photos to propose.
+        seed: of the poses that are tried.
+
+    Raises:
+        FitError: pairs and camera do not belong together.
+
+    """
+    goal = goal_px or default_goal(camera.image_size)
+    poses = recorded_poses(fit, pairs.images)
+    gaps = find_gaps(camera, pairs, poses, target)
+    notes: list[str] = []
+    if poses is None:
+        notes.append(
+            "the camera file has no poses of these photos: what more photos would bring is not "
+            "worked out"
+        )
+    knowledge = None if poses is None else know(camera, fit, pairs, poses, target)
+    own = camera if knowledge is None else knowledge.camera
+    grid, rays = _grid(own)
+    sigma = np.full(len(grid), np.nan)
+    now = None
+    if knowledge is not None:
+        sigma = knowledge.information.uncertainty().sigma_px(rays)
+        now = summed(sigma)
+    reasons = why_not_enough(now, goal, gaps, len(pairs.images), camera)
+    notes += _beyond(camera)
+    found: tuple[Proposal, ...] = ()
+    needed: int | None = 0
+    if reasons:
+        needed = None
+        views = _views(knowledge, target, notes, seed)
+        if knowledge is not None and views:
+            found, needed = _proposed(knowledge, views, gaps, grid, rays, goal, proposals)
+        short = _FEWEST_PHOTOS - len(pairs.images)
+        needed = None if needed is None else max(needed, short, 1)
+    return Advice(
+        camera=camera,
+        target=target,
+        pixel=pairs.pixel,
+        photos=len(pairs.images),
+        noise_px=knowledge.information.noise_px if knowledge else None,
+        goal_px=goal,
+        now=now,
+        grid=grid,
+        sigma=sigma,
+        gaps=gaps,
+        enough=not reasons,
+        reasons=tuple(reasons),
+        photos_needed=needed,
+        proposals=found,
+        notes=tuple(notes),
+    )
+
+
+def why_not_enough(
+    now: Sigma | None, goal: float, gaps: Gaps, photos: int, camera: CubicCamera
+) -> list[str]:
+    """Why photos so far are not enough, a line each; none where they are."""
+    reasons = []
+    if photos < _FEWEST_PHOTOS:
+        reasons.append("fewer than three photos cannot tell how right the camera is on others")
+    if now is not None and now.worst_px > goal:
+        reasons.append(
+            f"its pixels are uncertain by up to {now.worst_px:.2f} px over the field, and "
+            f"{goal:.2f} px are wanted"
+        )
+    if gaps.coverage < _ENOUGH_COVERAGE:
+        reasons.append(f"corners cover {100 * gaps.coverage:.0f} % of the field")
+    if _seen_share(camera) < _SEEN_SHARE:
+        reasons.append(
+            f"the camera is known up to {camera.max_angle_deg:.0f}° from its axis only, which is "
+            "the middle of the picture"
+        )
+    return reasons
+
+
+def _seen_share(camera: CubicCamera) -> float:
+    """Area of the trusted field over that of the largest circle in the picture."""
+    x, y = camera.outline().T
+    area = abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+    return float(area / (np.pi * (min(camera.image_size) / 2) ** 2))
+
+
+def _beyond(camera: CubicCamera) -> list[str]:
+    """A reminder where the picture goes on beyond the trusted field."""
+    width, height = camera.image_size
+    outline = camera.outline()
+    at_edge = (np.abs(outline - (-0.5, -0.5)) < 1) | (np.abs(outline - (width, height) + 0.5) < 1)
+    if at_edge.any(axis=1).mean() > 0.95:
+        return []
+    return [
+        f"beyond {camera.max_angle_deg:.0f}° from the axis nothing is known: where the lens shows "
+        "something there, go on towards the rim"
+    ]
+
+
+def _grid(camera: CubicCamera) -> tuple[FloatArray, FloatArray]:
+    """Pixels (G, 2) over the trusted field, and their rays (G, 3)."""
+    width, height = camera.image_size
+    x, y = ((np.arange(n) + 0.5) / n for n in _GRID)
+    pixel = np.stack(np.meshgrid(x * width - 0.5, y * height - 0.5), axis=-1).reshape(-1, 2)
+    rays = camera.unproject(pixel)
+    seen = np.isfinite(rays[:, 0])
+    return pixel[seen], rays[seen]
+
+
+def summed(sigma: FloatArray) -> Sigma:
+    """Uncertainty at many places (N,), N above 0, in two figures."""
+    return Sigma(mean_px=float(sigma.mean()), worst_px=float(np.percentile(sigma, _WORST)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Reach:
+    """The radial companion as far as it may be asked where an object would be seen."""
+
+    camera: RadialCamera
+    limit: float
+
+    def project(self, points: npt.ArrayLike, /) -> FloatArray:
+        points = np.asarray(points, float)
+        angle = np.arctan2(np.hypot(points[..., 0], points[..., 1]), points[..., 2])
+        return np.where((angle <= self.limit)[..., None], self.camera.project(points), np.nan)
+
+    def unproject(self, pixel: npt.ArrayLike, /) -> FloatArray:
+        rays = self.camera.unproject(pixel)
+        with np.errstate(invalid="ignore"):
+            inside = rays[..., 2] >= np.cos(self.limit)
+        return np.where(inside[..., None], rays, np.nan)
+
+
+def reach_of(camera: CubicCamera) -> WholeLens:
+    """A lens for where an object would be seen, somewhat beyond the trusted field too."""
+    limit = float(np.deg2rad(camera.max_angle_deg + _BEYOND_DEG))
+    return _Reach(camera=camera.radial, limit=min(limit, camera.radial.max_angle))
+
+
+def _views(
+    knowledge: Knowledge | None, target: Target | None, notes: list[str], seed: int
+) -> list[View]:
+    """Poses to choose from; where there can be none, ``notes`` says why."""
+    if target is None:
+        notes.append(
+            "the pairs came without a target: where to put the object is not worked out, only "
+            "where corners are missing"
+        )
+        return []
+    if any(board.points is not None for board in target.boards):
+        notes.append(
+            "a board that is a list of points has no side that is seen: where to put the object is "
+            "not worked out, only where corners are missing"
+        )
+        return []
+    if knowledge is None:
+        return []
+    camera = knowledge.camera
+    views = sample_views(as_flat(target), reach_of(camera), camera.image_size, _VIEWS, seed=seed)
+    if not views:
+        notes.append(
+            "no pose was found from which this camera would see a whole board with squares large "
+            "enough to be found"
+        )
+    return views
+
+
+def _proposed(
+    knowledge: Knowledge,
+    views: Sequence[View],
+    gaps: Gaps,
+    grid: FloatArray,
+    rays: FloatArray,
+    goal: float,
+    proposals: int,
+) -> tuple[tuple[Proposal, ...], int | None]:
+    """The next photos, and how many of them reach the goal."""
+    points = [knowledge.points(view) for view in views]
+    filled = np.array([_filled(view, gaps) for view in views])
+    empty = gaps.empty.copy()
+    field = empty.sum() / max(1 - gaps.coverage, 1e-9) if empty.any() else 1.0
+    chosen: list[View] = []
+    state = knowledge.information
+    level = summed(state.uncertainty().sigma_px(rays))
+    needed = None
+    while len(chosen) < MOST_PHOTOS:
+        tried = [state.with_photo(own) for own in points]
+        sums = [summed(one.uncertainty().sigma_px(rays)) for one in tried]
+        fill = (filled & empty).sum(axis=(1, 2)) / field
+        left = np.array([_left(after, level) for after in sums])
+        best = int(np.argmin(left - fill))
+        state, level = tried[best], sums[best]
+        empty &= ~filled[best]
+        chosen.append(views[best])
+        covered = 1 - empty.sum() / field >= _ENOUGH_COVERAGE
+        if needed is None and level.worst_px <= goal and covered:
+            needed = len(chosen)
+        if len(chosen) >= proposals and needed is not None:
+            break
+    return _told(knowledge, chosen[:proposals], grid, rays), needed
+
+
+def _filled(view: View, gaps: Gaps) -> BoolArray:
+    """Which squares of the picture (rows, columns) a view puts corners into."""
+    column, row = np.floor(view.pixel / gaps.cell).astype(int).T
+    inside = (row >= 0) & (column >= 0)
+    inside &= (row < gaps.empty.shape[0]) & (column < gaps.empty.shape[1])
+    filled = np.zeros(gaps.empty.shape, bool)
+    filled[row[inside], column[inside]] = True
+    return filled
+
+
+def _left(after: Sigma, before: Sigma) -> float:
+    """How much of the uncertainty is left, on the whole and where it is worst."""
+    return (after.mean_px / before.mean_px + after.worst_px / before.worst_px) / 2
+
+
+def _told(
+    knowledge: Knowledge, chosen: Sequence[View], grid: FloatArray, rays: FloatArray
+) -> tuple[Proposal, ...]:
+    """The chosen views in words, with what they bring, the object being as free as in the fit."""
+    units = knowledge.target.units if knowledge.target else ""
+    near = _NEAR * min(knowledge.camera.image_size)
+    state: Information = knowledge.information
+    before = state.uncertainty().sigma_px(rays)
+    told = []
+    for number, view in enumerate(chosen, start=1):
+        state = knowledge.with_views(chosen[:number])
+        after = state.uncertainty().sigma_px(rays)
+        apart = np.linalg.norm(grid[:, None] - view.pixel, axis=-1).min(axis=1)
+        here = apart <= near if (apart <= near).any() else apart <= apart.min()
+        told.append(
+            Proposal(
+                view=view,
+                words=f"the object {place_words(view.middle)}, about "
+                f"{length_words(view.distance, units)} away, "
+                f"{tilt_words(view.front, view.middle)}",
+                before=summed(before),
+                after=summed(after),
+                here_before_px=float(before[here].mean()),
+                here_after_px=float(after[here].mean()),
+            )
+        )
+        before = after
+    return tuple(told)

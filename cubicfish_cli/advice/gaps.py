@@ -1,0 +1,240 @@
+"""What photos so far do not show: parts of the picture, tilts and distances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.advice.words import SIDES, length_words, listed, side_of, slant
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.fitting.findings import field_cells
+from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.target import Target
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.intp]
+
+_BAND_DEG = 20.0
+# A part counts as empty when so many of its squares hold no corner.
+_EMPTY_SHARE = 0.6
+_FACING_DEG, _TILTED_DEG = 20.0, 20.0
+_FEW_CORNERS = 6
+_TILT_SHARE = 0.06
+_FEW_FACES = 4
+# Distances that differ by less than this factor are one distance.
+_SPREAD = 1.5
+_WAYS = ("right", "down", "left", "up")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """A part of the picture without corners.
+
+    Attributes:
+        sides: indices of SIDES; all eight is a ring, none the middle.
+        from_deg, to_deg: angles from the axis.
+        share: of the field's squares that are empty there, of all squares of the field.
+
+    """
+
+    sides: tuple[int, ...]
+    from_deg: float
+    to_deg: float
+    share: float
+
+    @property
+    def words(self) -> str:
+        """``upper left, 60–80° from the axis``."""
+        reach = f"{self.from_deg:.0f}–{self.to_deg:.0f}° from the axis"
+        if not self.sides:
+            return f"the middle, up to {self.to_deg:.0f}° from the axis"
+        if len(self.sides) == 8:
+            return f"all around, {reach}"
+        return f"{listed([SIDES[side] for side in self.sides])}, {reach}"
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "sides": [SIDES[side] for side in self.sides],
+            "from_deg": self.from_deg,
+            "to_deg": self.to_deg,
+            "share": self.share,
+            "words": self.words,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Gaps:
+    """What photos so far do not show.
+
+    Attributes:
+        parts: empty parts of the field, the largest first.
+        coverage: share of the field's squares that hold corners.
+        cell: side of a square, pixels.
+        empty: (rows, columns) squares of the field without a corner.
+        tilts: what is missing of tilts, a line each; none where there is no target.
+        distances: what is missing of distances, likewise.
+
+    """
+
+    parts: tuple[Part, ...]
+    coverage: float
+    cell: float
+    empty: BoolArray
+    tilts: tuple[str, ...]
+    distances: tuple[str, ...]
+
+
+def find_gaps(
+    camera: CubicCamera, pairs: Correspondences, poses: Poses | None, target: Target | None
+) -> Gaps:
+    """Look for what is missing.
+
+    Args:
+        camera: the camera.
+        pairs: the corners that it was fitted to.
+        poses: camera_from_world of each of ``pairs.images``, in the target's units; None where
+            they are not known.
+        target: the object; None for pairs that came without one.
+
+    """
+    cell, valid, hit = field_cells(pairs.pixel, camera.outline(), camera.image_size)
+    empty = valid & ~hit
+    known = poses is not None and target is not None
+    return Gaps(
+        parts=tuple(_empty_parts(camera, cell, valid, empty)),
+        coverage=float((valid & hit).sum() / max(valid.sum(), 1)),
+        cell=cell,
+        empty=empty,
+        tilts=tuple(_missing_tilts(pairs, poses, target)) if known else (),
+        distances=tuple(_missing_distances(pairs, poses, target)) if known else (),
+    )
+
+
+def _empty_parts(
+    camera: CubicCamera, cell: float, valid: BoolArray, empty: BoolArray
+) -> list[Part]:
+    row, column = np.nonzero(valid)
+    pixel = (np.stack([column, row], axis=-1) + 0.5) * cell - 0.5
+    rays = camera.unproject(pixel)
+    seen = np.isfinite(rays[:, 0])
+    row, column, rays = row[seen], column[seen], rays[seen]
+    if not len(rays):
+        return []
+    angle = np.degrees(np.arccos(np.clip(rays[:, 2], -1, 1)))
+    band = np.floor(angle / _BAND_DEG).astype(int)
+    # The middle has no sides.
+    side = np.where(band == 0, 8, side_of(rays[:, :2]))
+    gone = empty[row, column]
+    bands = band.max() + 1
+    cells = np.zeros((bands, 9))
+    holes = np.zeros((bands, 9))
+    np.add.at(cells, (band, side), 1)
+    np.add.at(holes, (band, side), gone)
+    lost = (cells > 0) & (holes >= _EMPTY_SHARE * cells)
+    parts = []
+    if lost[0, 8]:
+        parts.append(_part(camera, (), 0, 1, holes[0, 8] / len(rays)))
+    # Bands of one side that follow each other are one part; so are sides with the same bands.
+    by_reach: dict[tuple[int, int], list[int]] = {}
+    for one in range(8):
+        first = None
+        for number in range(1, bands + 1):
+            if number < bands and lost[number, one]:
+                first = number if first is None else first
+            elif first is not None:
+                by_reach.setdefault((first, number), []).append(one)
+                first = None
+    for (first, stop), sides in by_reach.items():
+        present = (cells[first:stop].sum(axis=0) > 0)[:8].sum()
+        share = holes[first:stop, sides].sum() / len(rays)
+        everywhere = len(sides) == present == 8
+        for group in [tuple(range(8))] if everywhere else _neighbours(sides):
+            own = share if everywhere else holes[first:stop, list(group)].sum() / len(rays)
+            parts.append(_part(camera, group, first, stop, own))
+    return sorted(parts, key=lambda part: -part.share)
+
+
+def _part(camera: CubicCamera, sides: tuple[int, ...], first: int, stop: int, share: float) -> Part:
+    return Part(
+        sides=sides,
+        from_deg=first * _BAND_DEG,
+        to_deg=min(stop * _BAND_DEG, camera.max_angle_deg),
+        share=float(share),
+    )
+
+
+def _neighbours(sides: Sequence[int]) -> list[tuple[int, ...]]:
+    """Split sides into runs that follow each other around the picture."""
+    runs: list[list[int]] = []
+    for side in sides:
+        if runs and runs[-1][-1] == side - 1:
+            runs[-1].append(side)
+        else:
+            runs.append([side])
+    if len(runs) > 1 and runs[0][0] == 0 and runs[-1][-1] == 7:
+        runs[0] = runs.pop() + runs[0]
+    return [tuple(run) for run in runs]
+
+
+def _faces(
+    pairs: Correspondences, poses: Poses, target: Target
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Where each board of each photo looks and is (F, 3) each, camera frame, and the photo."""
+    key = pairs.image * len(target.boards) + pairs.board
+    keys, inverse, counts = np.unique(key, return_inverse=True, return_counts=True)
+    points = poses.apply(pairs.image, pairs.world)
+    middle = np.zeros((len(keys), 3))
+    np.add.at(middle, inverse.reshape(-1), points)
+    middle /= counts[:, None]
+    photo, board = np.divmod(keys, len(target.boards))
+    normal = -np.stack([one.axes[2] for one in target.boards])[board]
+    front = (poses.rotation[photo] @ normal[..., None])[..., 0]
+    printed = np.array([one.points is None for one in target.boards])[board]
+    kept = printed & (counts >= _FEW_CORNERS)
+    return front[kept], middle[kept], photo[kept]
+
+
+def _missing_tilts(pairs: Correspondences, poses: Poses | None, target: Target | None) -> list[str]:
+    if poses is None or target is None:
+        return []
+    front, middle, _ = _faces(pairs, poses, target)
+    if len(front) < _FEW_FACES:
+        return []
+    angle, towards = slant(front, middle)
+    way = np.rint(np.arctan2(towards[:, 1], towards[:, 0]) / (np.pi / 2)).astype(int) % 4
+    tilted = angle > _TILTED_DEG
+    lines = []
+    least = max(1.0, _TILT_SHARE * len(front))
+    rare = [_WAYS[one] for one in range(4) if (tilted & (way == one)).sum() < least]
+    if rare:
+        lines.append(f"hardly any board has its face turned {listed(rare)} (by 20° or more)")
+    if (angle <= _FACING_DEG).sum() < 1 and len(target.boards) == 1:
+        lines.append("no photo shows the board facing the camera")
+    return lines
+
+
+def _missing_distances(
+    pairs: Correspondences, poses: Poses | None, target: Target | None
+) -> list[str]:
+    if poses is None or target is None or len(poses) < 2:
+        return []
+    points = poses.apply(pairs.image, pairs.world)
+    middle = np.zeros((len(poses), 3))
+    np.add.at(middle, pairs.image, points)
+    counts = np.maximum(np.bincount(pairs.image, minlength=len(poses)), 1)
+    distance = np.linalg.norm(middle / counts[:, None], axis=-1)
+    near, far = float(distance.min()), float(distance.max())
+    if far > _SPREAD * near:
+        return []
+    units = target.units
+    return [
+        f"all photos are from {length_words(near, units)} to {length_words(far, units)} away: take "
+        f"one from {length_words(0.6 * near, units)} and one from {length_words(1.7 * far, units)}"
+    ]

@@ -1,0 +1,235 @@
+"""A calibration's fit again, from its record, for what it knows and would learn."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.fitting.adjustment import adjust
+from cubicfish_cli.fitting.companion import Companion, refit_companion
+from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
+from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
+from cubicfish_cli.fitting.refined_world import RefinedWorld
+from cubicfish_cli.fitting.robust import huber_px, noise_px
+from cubicfish_cli.fitting.subset import world_scale
+from cubicfish_cli.fitting.uncertainty import Information, information
+from cubicfish_cli.fitting.world import World
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.rendering.views import View
+from cubicfish_cli.target import Target
+
+FloatArray = npt.NDArray[np.float64]
+
+_DECREASE = 1e-7
+# The prior holds P so far beyond the cone where it may be trusted.
+_HELD_BEYOND_DEG = 5.0
+_LOST_PX = 10.0
+_OFFSET_SHARE = 1e-4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Knowledge:
+    """The fit of a calibration, with what it is worth.
+
+    Attributes:
+        camera: the camera of the fit, in the fit's own frame.
+        result: the fit.
+        information: what its photos say.
+        pairs: its pairs, world points divided by ``scale``.
+        scale: the target's units in one unit of the pairs.
+        target: the object as fitted; None for pairs that came without one.
+        offset_spread: of corners' own offsets, in the pairs' units; None where they have none.
+
+    """
+
+    camera: CubicCamera
+    result: CubicResult
+    information: Information
+    pairs: Correspondences
+    scale: float
+    target: Target | None
+    offset_spread: float | None
+
+    def points(self, view: View) -> FloatArray:
+        """(N, 3) visible corners of a view in the camera frame, as far as P is held there."""
+        points = view.seen.camera[view.seen.visible]
+        angle = np.arctan2(np.hypot(points[:, 0], points[:, 1]), points[:, 2])
+        held: FloatArray = points[angle <= np.deg2rad(self.camera.max_angle_deg + _HELD_BEYOND_DEG)]
+        return held
+
+    def with_views(self, views: Sequence[View]) -> Information:
+        """What would be known with photos from these views, the object being free as it was.
+
+        The corners are taken to be found where the fit expects them, with the noise of the others.
+        """
+        result = self.result
+        fit = result.fit
+        pairs, poses = self.pairs, result.poses
+        for view in views:
+            pairs, poses = self._with_photo(pairs, poses, view)
+        world: World | None = None
+        if isinstance(fit.world, RefinedWorld) and self.target is not None:
+            world = RefinedWorld.drawn(
+                pairs,
+                self.target,
+                noise=fit.world.noise,
+                offset_spread=self.offset_spread,
+                scale=self.scale,
+            )
+        extended = adjust(
+            fit.lens,
+            poses,
+            pairs,
+            huber_px=huber_px(result.residual),
+            world=world,
+            max_iterations=0,
+        )
+        return information(replace(result, fit=extended), noise_px=self.information.noise_px)
+
+    def _with_photo(
+        self, pairs: Correspondences, poses: Poses, view: View
+    ) -> tuple[Correspondences, Poses]:
+        seen, number = view.seen, len(pairs.images)
+        angle = np.arctan2(np.hypot(seen.camera[:, 0], seen.camera[:, 1]), seen.camera[:, 2])
+        used = seen.visible & (angle <= np.deg2rad(self.camera.max_angle_deg + _HELD_BEYOND_DEG))
+        board, column, row = seen.board[used], seen.column[used], seen.row[used]
+        world = (
+            seen.world[used]
+            if self.target is None
+            else self.target.world_points(board, column, row)
+        )
+        rotation = rotation_from_vector(np.asarray(view.pose[0], float)[None])
+        translation = np.asarray(view.pose[1], float)[None] / self.scale
+        poses = Poses(
+            rotation=np.concatenate([poses.rotation, rotation]),
+            translation=np.concatenate([poses.translation, translation]),
+        )
+        image = np.full(int(used.sum()), number)
+        pixel = self.result.lens.project(poses.apply(image, world / self.scale))
+        return (
+            replace(
+                pairs,
+                images=(*pairs.images, f"view {number}"),
+                image=np.concatenate([pairs.image, image]),
+                world=np.concatenate([pairs.world, world / self.scale]),
+                pixel=np.concatenate([pairs.pixel, pixel]),
+                weight=np.concatenate([pairs.weight, np.ones(len(image))]),
+                board=np.concatenate([pairs.board, board]),
+                column=np.concatenate([pairs.column, column]),
+                row=np.concatenate([pairs.row, row]),
+            ),
+            poses,
+        )
+
+
+def recorded_poses(fit: Mapping[str, Any], images: Sequence[str]) -> Poses | None:
+    """camera_from_world of photos from a fit's record; None where one is not on record."""
+    known: dict[str, tuple[list[float], list[float]]] = {}
+    records = fit.get("per_image")
+    for record in records if isinstance(records, list) else []:
+        pose = record.get("camera_from_world") if isinstance(record, Mapping) else None
+        if isinstance(pose, Mapping):
+            turn, shift = _three(pose.get("rotation_vector")), _three(pose.get("translation"))
+            if turn and shift:
+                known[str(record.get("image"))] = turn, shift
+    if not images or any(name not in known for name in images):
+        return None
+    vectors, shifts = zip(*(known[name] for name in images), strict=True)
+    return Poses(rotation=rotation_from_vector(vectors), translation=np.array(shifts))
+
+
+def know(
+    camera: CubicCamera,
+    fit: Mapping[str, Any],
+    pairs: Correspondences,
+    poses: Poses,
+    target: Target | None,
+) -> Knowledge:
+    """Fit a calibration again from where it ended, with the weights that it had.
+
+    Args:
+        camera: the camera.
+        fit: its record, as camera.yaml has it.
+        pairs: the pairs that it was fitted to, world points those of the object as fitted.
+        poses: camera_from_world of each of ``pairs.images``, in the target's units.
+        target: the object as fitted.
+
+    Raises:
+        FitError: the pairs and the camera do not belong together.
+
+    """
+    scale = world_scale(pairs)
+    pairs = replace(pairs, world=pairs.world / scale)
+    poses = replace(poses, translation=poses.translation / scale)
+    points = poses.apply(pairs.image, pairs.world)
+    start = Companion(
+        camera=camera.radial,
+        poses=poses,
+        pairs=pairs,
+        residual=_miss(camera.radial.project(points), pairs),
+        unfit={},
+        terms=4,
+        focal_uncertainty=0.0,
+    )
+    companion = refit_companion(start, pairs, poses)
+    level, spread = fit.get("refine_target"), None
+    world: World | None = None
+    if level in ("shape", "points") and target is not None:
+        spread = _offset_spread(fit, scale) if level == "points" else None
+        noise = max(noise_px(_miss(camera.project(points), pairs)), 1e-3)
+        world = RefinedWorld.drawn(pairs, target, noise=noise, offset_spread=spread, scale=scale)
+    result = fit_cubic(companion, weight=_weight(fit), world=world, relative_decrease=_DECREASE)
+    return Knowledge(
+        camera=CubicCamera(
+            image_size=camera.image_size,
+            P=result.lens.P,
+            max_angle_deg=result.max_angle_deg,
+            radial=companion.camera,
+        ),
+        result=result,
+        information=information(result),
+        pairs=pairs,
+        scale=scale,
+        target=target,
+        offset_spread=spread,
+    )
+
+
+def _miss(pixel: FloatArray, pairs: Correspondences) -> FloatArray:
+    return np.nan_to_num(pixel - pairs.pixel, nan=_LOST_PX)
+
+
+def _weight(fit: Mapping[str, Any]) -> float | None:
+    weight = fit.get("prior_weight")
+    if isinstance(weight, bool) or not isinstance(weight, int | float):
+        return None
+    return float(weight) if math.isfinite(weight) and weight > 0 else None
+
+
+def _offset_spread(fit: Mapping[str, Any], scale: float) -> float:
+    """Typical offset of a corner, from what the record has of each board."""
+    departures = fit.get("departures")
+    found = [
+        record.get("offset_rms")
+        for record in (departures if isinstance(departures, list) else [])
+        if isinstance(record, Mapping)
+    ]
+    known = [x for x in found if isinstance(x, int | float) and 0 < x < math.inf]
+    # The record's lengths are of three coordinates.
+    return max(float(np.mean(known)) / math.sqrt(3) / scale, 1e-7) if known else _OFFSET_SHARE
+
+
+def _three(value: object) -> list[float] | None:
+    numbers = value if isinstance(value, list) else []
+    good = [
+        float(x)
+        for x in numbers
+        if isinstance(x, int | float) and not isinstance(x, bool) and abs(x) < 1e9
+    ]
+    return good if len(good) == len(numbers) == 3 else None

@@ -1,0 +1,232 @@
+"""``cubicfish advise``: what to photograph next."""
+
+from __future__ import annotations
+
+import textwrap
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.options import (
+    FILE,
+    common_options,
+    examples,
+    json_option,
+    model_option,
+    model_path,
+    overwrite_option,
+    target_option,
+)
+from cubicfish_cli.cli.terminal import print_json, result, say
+
+if TYPE_CHECKING:
+    from cubicfish_cli.advice.advise import Advice, Proposal
+    from cubicfish_cli.report.facts import Facts
+
+_LINE = 96
+_MOST_PARTS = 4
+
+
+@click.command(
+    "advise",
+    short_help="What to photograph next, and how much it would help.",
+    epilog=examples(
+        "cubicfish advise",
+        "cubicfish advise calibration/ -o advice.svg",
+        "cubicfish advise --model camera.yaml --corners corners.csv --target target.yaml",
+        "cubicfish advise --goal 0.05 --poses next.csv",
+    ),
+)
+@click.argument("calibration", type=FILE, required=False, metavar="[FOLDER|CAMERA_YAML]")
+@model_option
+@target_option
+@click.option(
+    "--corners",
+    type=FILE,
+    metavar="FILE",
+    help="The corners.csv that the camera was calibrated from, where it is not beside it.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=FILE,
+    metavar="FILE.svg",
+    help="Also draw where the object should appear.",
+)
+@click.option(
+    "--poses",
+    type=FILE,
+    metavar="FILE.csv",
+    help="Also write the proposed poses, for 'cubicfish simulate --poses'.",
+)
+@click.option(
+    "--goal",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="PX",
+    help="The uncertainty wanted over the field. [default: 0.2, more for photos of more than 2000 "
+    "pixels a side]",
+)
+@click.option("--seed", type=click.IntRange(0), default=0, metavar="N", help="Try other poses.")
+@overwrite_option
+@json_option
+@common_options
+def command(
+    calibration: Path | None,
+    model: Path | None,
+    target: Path | None,
+    corners: Path | None,
+    output: Path | None,
+    poses: Path | None,
+    goal: float | None,
+    seed: int,
+    overwrite: bool,
+    as_json: bool,
+) -> None:
+    """Say what the photos of a calibration leave open, and what to photograph next.
+
+    Reads FOLDER (by default: calibration): the camera, its poses, and the corners beside it. Says
+    which parts of the picture are empty, which tilts and distances are missing and how many more
+    photos it takes, and proposes the three that would help most: where the object should be in
+    the picture, and how far that lowers the camera's uncertainty, worked out from the fit's own
+    equations. Says "enough" when it is.
+    """
+    from cubicfish_cli.advice.advise import advise
+    from cubicfish_cli.advice.picture import advice_svg
+    from cubicfish_cli.errors import CubicfishError, OutputError
+    from cubicfish_cli.files import refuse_existing, write_text
+    from cubicfish_cli.model.cubic import CubicCamera
+    from cubicfish_cli.rendering.pose_table import pose_table_text
+
+    if output is not None and output.suffix.lower() != ".svg":
+        raise OutputError(f"{output}: drawings are SVG: end the name in .svg")
+    for path in (output, poses):
+        if path is not None:
+            refuse_existing(path, overwrite=overwrite)
+    camera_file = calibration or model_path(model)
+    if camera_file.is_dir():
+        camera_file = camera_file / "camera.yaml"
+    facts = _facts(camera_file, target, corners)
+    if not isinstance(facts.camera, CubicCamera):
+        raise CubicfishError(
+            f"{camera_file} is of lift 'point', which has no rays: its uncertainty over the field, "
+            "and what would lower it, cannot be worked out; calibrate with --lift ray for this"
+        )
+    if facts.errors is None:
+        why = [line for line in facts.absent if "orner" in line] or ["no corners are at hand"]
+        raise CubicfishError(
+            f"{camera_file}: {why[-1].split(' ' + chr(39))[0].rstrip('.:')}: "
+            "name them with --corners and --target"
+        )
+    advice = advise(
+        facts.camera, facts.fit, facts.errors.pairs, facts.target, goal_px=goal, seed=seed
+    )
+    if output is not None:
+        write_text(output, advice_svg(advice), overwrite=overwrite)
+    if poses is not None:
+        named = {f"next_{i}.jpg": one.view.pose for i, one in enumerate(advice.proposals, start=1)}
+        write_text(poses, pose_table_text(named), overwrite=overwrite)
+    written = [path for path in (output, poses) if path is not None]
+    if as_json:
+        print_json(
+            {
+                **advice.as_record(),
+                "model": str(camera_file),
+                "picture": str(output) if output else None,
+                "poses": str(poses) if poses else None,
+            }
+        )
+        return
+    _print(advice)
+    for path in written:
+        result(f"wrote {path}")
+
+
+def _facts(camera_file: Path, target: Path | None, corners: Path | None) -> Facts:
+    """The camera, its record, and its corners with the object's points."""
+    from cubicfish_cli.correspondences import load_corners, pair
+    from cubicfish_cli.report.facts import gather
+    from cubicfish_cli.report.from_files import facts_of_files
+
+    facts = facts_of_files(camera_file, target=target, photos=())
+    if corners is None:
+        return facts
+    if facts.target is None:
+        raise click.UsageError("name the object of these corners with --target target.yaml")
+    pairs = pair(
+        load_corners(corners, facts.target, image_size=facts.camera.image_size), facts.target
+    )
+    return gather(
+        facts.camera, facts.fit, facts.made_by, pairs=pairs, target=facts.target, files={}
+    )
+
+
+def _print(advice: Advice) -> None:
+    result(f"{count(advice.photos, 'photo')}, {count(len(advice.pixel), 'corner')}")
+    if advice.now is not None:
+        result(
+            f"{'uncertainty':<12}{advice.now.mean_px:.3f} px mean over the field, at most "
+            f"{advice.now.worst_px:.3f} px over 95 % of it; wanted: {advice.goal_px:g} px"
+        )
+    result(f"{'coverage':<12}{100 * advice.gaps.coverage:.0f} % of the field holds corners\n")
+    if advice.enough:
+        result("Enough: more photos are not needed.")
+        result("Smaller uncertainty can be asked for with --goal.\n")
+    else:
+        _paragraph("Not enough: " + "; ".join(advice.reasons) + ".")
+        result(_how_many(advice))
+        _print_gaps(advice)
+        if advice.proposals:
+            result("Take these next; what each brings counts those before it:")
+        for number, proposal in enumerate(advice.proposals, start=1):
+            _print_proposal(number, proposal)
+        if advice.proposals:
+            result()
+    for note in advice.notes:
+        say(f"note: {note}")
+
+
+def _how_many(advice: Advice) -> str:
+    from cubicfish_cli.advice.advise import MOST_PHOTOS
+
+    if advice.photos_needed is not None:
+        more = count(advice.photos_needed, "more photo")
+        return f"About {more} such as proposed here should do.\n"
+    if advice.proposals:
+        return (
+            f"More than {MOST_PHOTOS} photos would be needed: sharper photos, or boards with more "
+            "squares, bring more.\n"
+        )
+    return ""
+
+
+def _print_gaps(advice: Advice) -> None:
+    parts = advice.gaps.parts
+    if parts:
+        result("No corners here:")
+        for part in parts[:_MOST_PARTS]:
+            result(f"  {part.words}")
+        if len(parts) > _MOST_PARTS:
+            result(f"  and {count(len(parts) - _MOST_PARTS, 'smaller part')}")
+        result()
+    for line in (*advice.gaps.tilts, *advice.gaps.distances):
+        _paragraph(f"Missing: {line}.")
+    if advice.gaps.tilts or advice.gaps.distances:
+        result()
+
+
+def _print_proposal(number: int, proposal: Proposal) -> None:
+    _paragraph(f"Put {proposal.words}.", first=f"  {number}  ", rest="     ")
+    _paragraph(
+        f"Lowers the uncertainty there from {proposal.here_before_px:.3f} to "
+        f"{proposal.here_after_px:.3f} px, over the field by {100 * proposal.gain:.0f} % "
+        f"({proposal.before.mean_px:.3f} to {proposal.after.mean_px:.3f} px).",
+        first="     ",
+        rest="     ",
+    )
+
+
+def _paragraph(text: str, first: str = "", rest: str = "") -> None:
+    for line in textwrap.wrap(text, _LINE, initial_indent=first, subsequent_indent=rest):
+        result(line)
