@@ -44,7 +44,9 @@ _ENOUGH_COVERAGE = 0.85
 # A point of the grid belongs to a view when a corner is so near, as a share of the short side.
 _NEAR = 0.1
 # The picture beyond the trusted field counts as not seen yet below this share of its inner circle.
-_SEEN_SHARE = 0.5
+_SEEN_SHARE, _SEEN_WELL = 0.5, 0.9
+# Most lenses that are called fisheyes show less than this to each side.
+_WIDE_DEG = 85.0
 _BEYOND_DEG = 10.0
 
 
@@ -259,7 +261,7 @@ def why_not_enough(
         )
     if gaps.coverage < _ENOUGH_COVERAGE:
         reasons.append(f"corners cover {100 * gaps.coverage:.0f} % of the field")
-    if _seen_share(camera) < _SEEN_SHARE:
+    if seen_share(camera) < _SEEN_SHARE:
         reasons.append(
             f"the camera is known up to {camera.max_angle_deg:.0f}° from its axis only, which is "
             "the middle of the picture"
@@ -267,7 +269,7 @@ def why_not_enough(
     return reasons
 
 
-def _seen_share(camera: CubicCamera) -> float:
+def seen_share(camera: CubicCamera) -> float:
     """Area of the trusted field over that of the largest circle in the picture."""
     x, y = camera.outline().T
     area = abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
@@ -275,11 +277,13 @@ def _seen_share(camera: CubicCamera) -> float:
 
 
 def _beyond(camera: CubicCamera) -> list[str]:
-    """A reminder where the picture goes on beyond the trusted field."""
+    """A reminder where the lens may well show more than the trusted field."""
+    if camera.max_angle_deg >= _WIDE_DEG and seen_share(camera) >= _SEEN_WELL:
+        return []
     width, height = camera.image_size
-    outline = camera.outline()
-    at_edge = (np.abs(outline - (-0.5, -0.5)) < 1) | (np.abs(outline - (width, height) + 0.5) < 1)
-    if at_edge.any(axis=1).mean() > 0.95:
+    x, y = camera.outline().T
+    inside = (x > 0.5) & (y > 0.5) & (x < width - 1.5) & (y < height - 1.5)
+    if inside.mean() < 0.05:
         return []
     return [
         f"beyond {camera.max_angle_deg:.0f}° from the axis nothing is known: where the lens shows "
@@ -422,9 +426,9 @@ def _told(
         told.append(
             Proposal(
                 view=view,
-                words=f"the object {place_words(view.middle)}, about "
+                words=f"the object {place_words(view.direction)}, about "
                 f"{length_words(view.distance, units)} away, "
-                f"{tilt_words(view.front, view.middle)}",
+                f"{tilt_words(view.front, view.direction)}",
                 before=summed(before),
                 after=summed(after),
                 here_before_px=float(before[here].mean()),

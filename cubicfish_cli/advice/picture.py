@@ -19,7 +19,7 @@ FloatArray = npt.NDArray[np.float64]
 
 _WIDTH, _MARGIN, _GAP = 1000.0, 20.0, 24.0
 _PANEL = (_WIDTH - 2 * _MARGIN - _GAP) / 2
-_LINE, _LETTERS = 22.0, 58
+_LINE, _LETTERS = 22.0, 52
 _COLOURS = ("#c2255c", "#1864ab", "#d9480f")
 _MOST_DOTS, _MOST_SQUARES = 6000, 3000
 # Uncertainty over the goal, and what a square with at most so much is filled with.
@@ -250,7 +250,7 @@ def _legend(advice: Advice, left: float, y: float) -> list[str]:
             f'<rect x="{x:.0f}" y="{y - 14:.0f}" width="20" height="16" fill="{fill}" '
             f'stroke="#999"/><text x="{x + 26:.0f}" y="{y:.0f}">{escape(words)}</text>'
         )
-        x += 52 + 7.6 * len(words)
+        x += 40 + 7.4 * len(words)
     y += _LINE
     lines.append(
         f'<rect x="{left:.0f}" y="{y - 14:.0f}" width="20" height="16" fill="url(#hatch)" '
@@ -270,7 +270,7 @@ def _map_lines(advice: Advice) -> list[str]:
 
 def _photo_lines(proposal: Proposal) -> list[str]:
     gain = (
-        f"{proposal.here_before_px:.2g} px → {proposal.here_after_px:.2g} px there, "
+        f"{proposal.here_before_px:.3f} px → {proposal.here_after_px:.3f} px there, "
         f"{100 * proposal.gain:.0f} % less over the field"
     )
     return [*textwrap.wrap(f"Put {proposal.words}", _LETTERS), gain]

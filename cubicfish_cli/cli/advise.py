@@ -114,10 +114,9 @@ def command(
             "and what would lower it, cannot be worked out; calibrate with --lift ray for this"
         )
     if facts.errors is None:
-        why = [line for line in facts.absent if "orner" in line] or ["no corners are at hand"]
         raise CubicfishError(
-            f"{camera_file}: {why[-1].split(' ' + chr(39))[0].rstrip('.:')}: "
-            "name them with --corners and --target"
+            f"{camera_file}: the corners that it was calibrated from are not at hand, or are not "
+            "those of the fit: name them with --corners, and the object with --target"
         )
     advice = advise(
         facts.camera, facts.fit, facts.errors.pairs, facts.target, goal_px=goal, seed=seed

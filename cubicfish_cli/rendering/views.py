@@ -75,6 +75,14 @@ class View:
         middle: FloatArray = self.seen.camera[self.seen.visible].mean(axis=0)
         return middle
 
+    @property
+    def direction(self) -> FloatArray:
+        """(3,) unit ray to where the object is in the picture: the mean of its corners' rays."""
+        points = self.seen.camera[self.seen.visible]
+        mean = (points / np.linalg.norm(points, axis=1, keepdims=True)).mean(axis=0)
+        ray: FloatArray = mean / np.linalg.norm(mean)
+        return ray
+
 
 def as_flat(target: Target) -> Target:
     """The target with its boards as drawn: plates are rendered flat, whatever was fitted."""

@@ -1,0 +1,252 @@
+"""Advice: what it predicts comes true, and what it says is what is missing."""
+
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from synthetic import (
+    IMAGE_SIZE,
+    TRUE_LENS,
+    checkerboard,
+    corner_of_three,
+    flat_board,
+    poses_around,
+    synthetic_correspondences,
+)
+
+from cubicfish_cli.advice.advise import Sigma, advise, summed, why_not_enough
+from cubicfish_cli.advice.gaps import find_gaps
+from cubicfish_cli.advice.knowledge import know, recorded_poses
+from cubicfish_cli.advice.picture import advice_svg
+from cubicfish_cli.advice.summary import summary
+from cubicfish_cli.advice.words import across, length_words, place_words, slant, tilt_words
+from cubicfish_cli.fitting.alignment import aligned_difference
+from cubicfish_cli.fitting.calibrate import calibrate
+from cubicfish_cli.fitting.uncertainty import camera_uncertainty
+from cubicfish_cli.rendering.pose import look_at
+from cubicfish_cli.rendering.views import sample_views, view_from
+from cubicfish_cli.target import Target
+
+TARGET = corner_of_three()
+NOISE = 0.1
+FIRST = poses_around(TARGET, 12, seed=3)[:3]
+
+
+def fit_of(poses, *, lens=TRUE_LENS, seed=0, target=TARGET):
+    pairs = synthetic_correspondences(target, poses, lens=lens, noise=NOISE, seed=seed)
+    return calibrate(pairs, target=target, hold_out=False, refine_target="off")
+
+
+@pytest.fixture(scope="module")
+def poor():
+    """Three photos that leave the right of the picture empty."""
+    return fit_of(FIRST)
+
+
+@pytest.fixture(scope="module")
+def advice(poor):
+    return advise(poor.camera, poor.as_record(), poor.pairs, TARGET, goal_px=0.09)
+
+
+@pytest.fixture(scope="module")
+def truth():
+    """A cubic camera, so that a fit of it has no error but that of the noise."""
+    poses = poses_around(TARGET, 15, seed=9)
+    pairs = synthetic_correspondences(TARGET, poses)
+    return calibrate(pairs, target=TARGET, hold_out=False, refine_target="off").camera
+
+
+def knowledge_of(fit, target=TARGET):
+    return know(fit.camera, fit.as_record(), fit.pairs, fit.poses, target)
+
+
+def test_the_fit_comes_back_from_its_record(poor, advice):
+    record = poor.as_record()
+    poses = recorded_poses(record, poor.pairs.images)
+    np.testing.assert_allclose(poses.rotation, poor.poses.rotation, atol=1e-9)
+    knowledge = knowledge_of(poor)
+    assert knowledge.information.noise_px == pytest.approx(record["uncertainty"]["noise_px"], 1e-3)
+    known = [x for row in record["uncertainty"]["sigma_px"] for x in row if x is not None]
+    assert np.median(advice.sigma) == pytest.approx(np.median(known), rel=0.1)
+    expected = camera_uncertainty(knowledge.result).sigma_px(
+        knowledge.camera.unproject(advice.grid)
+    )
+    np.testing.assert_allclose(advice.sigma, expected, rtol=1e-6)
+
+
+def test_information_adds_up_as_the_normal_equations_do(poor):
+    """Adding one photo's corners is the same as setting up the equations with that photo."""
+    knowledge = knowledge_of(poor)
+    views = sample_views(TARGET, TRUE_LENS, IMAGE_SIZE, 5)
+    rays = knowledge.camera.unproject([[300, 300], [480, 360], [700, 500.0]])
+    for view in views[:3]:
+        summed_up = knowledge.information.with_photo(knowledge.points(view))
+        joint = knowledge.with_views([view])
+        assert summed_up.photos == joint.photos == 4
+        np.testing.assert_allclose(
+            summed_up.uncertainty().sigma_px(rays), joint.uncertainty().sigma_px(rays), rtol=1e-4
+        )
+        before = knowledge.information.uncertainty().sigma_px(rays)
+        assert (joint.uncertainty().sigma_px(rays) < before).all()
+
+
+def test_what_is_predicted_comes_true(truth):
+    """Proposed photos are taken and fitted: uncertainty and error fall as was said."""
+    predicted, found, errors = [], [], []
+    for seed in range(5):
+        fit = fit_of(FIRST, lens=truth, seed=seed)
+        said = advise(fit.camera, fit.as_record(), fit.pairs, TARGET, goal_px=0.09)
+        new = [proposal.view.pose for proposal in said.proposals]
+        more = fit_of([*FIRST, *new], lens=truth, seed=seed + 50)
+        rays = truth.unproject(said.grid)
+        sigma = knowledge_of(more).information.uncertainty().sigma_px(rays)
+        predicted.append(said.proposals[-1].after.mean_px)
+        found.append(sigma[np.isfinite(sigma)].mean())
+        miss = [aligned_difference(truth, one.camera, rays)[0] for one in (fit, more)]
+        errors.append([np.nanmean(np.sum(np.square(own), axis=-1)) for own in miss])
+    np.testing.assert_allclose(found, predicted, rtol=0.1)
+    before, after = np.sqrt(np.mean(errors, axis=0))
+    assert after < 0.6 * before
+    # Errors are what the uncertainty says, as far as five draws can tell.
+    assert after == pytest.approx(np.mean(predicted), rel=0.5)
+
+
+def test_empty_parts_are_named_and_photos_go_there(poor, advice):
+    gaps = advice.gaps
+    assert not advice.enough
+    assert gaps.coverage < 0.85
+    assert any("cover" in reason for reason in advice.reasons)
+    # What is named is where the empty squares are.
+    row, column = np.nonzero(gaps.empty)
+    middle = (np.stack([column, row], axis=-1) + 0.5) * gaps.cell
+    ray = poor.camera.unproject(middle)
+    ray = ray[np.isfinite(ray[:, 0])]
+    assert gaps.parts
+    assert "right" in gaps.parts[0].words
+    assert np.median(ray[:, 0]) > 0
+    first = advice.proposals[0]
+    assert first.words.startswith("the object ")
+    assert first.after.mean_px < 0.8 * first.before.mean_px
+    assert first.here_after_px < first.here_before_px
+    for one, other in zip(advice.proposals, advice.proposals[1:], strict=False):
+        assert other.before.mean_px == pytest.approx(one.after.mean_px)
+        assert other.after.mean_px < other.before.mean_px
+    assert advice.photos_needed is not None
+    assert 1 <= advice.photos_needed <= 12
+
+
+def test_so_many_photos_as_said_reach_the_goal(advice):
+    assert 1 < advice.photos_needed <= len(advice.proposals)
+    new = [proposal.view.pose for proposal in advice.proposals[: advice.photos_needed]]
+    again = fit_of([*FIRST, *new])
+    said = advise(again.camera, again.as_record(), again.pairs, TARGET, goal_px=0.09)
+    assert said.now.worst_px < 1.1 * 0.09
+
+
+def test_a_good_calibration_is_enough(fitted):
+    record = fitted.as_record()
+    said = advise(fitted.camera, record, fitted.pairs, TARGET)
+    assert said.enough
+    assert (said.proposals, said.reasons, said.photos_needed) == ((), (), 0)
+    assert summary(fitted.camera, record, fitted.pairs).startswith("enough photos: corners cover")
+    assert "Enough" in advice_svg(said)
+
+
+def test_the_summary_names_the_gap(poor):
+    said = summary(poor.camera, poor.as_record(), poor.pairs)
+    assert said.startswith("next, put the object there: ")
+    assert "right" in said
+    assert "\n" not in said
+
+
+def test_the_picture_shows_each_proposal(advice):
+    svg = advice_svg(advice)
+    root = ElementTree.fromstring(svg)
+    texts = [node.text for node in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert [text for text in texts if text in ("1", "2", "3")] == ["1", "2", "3"]
+    assert sum("there" in text for text in texts) == 3
+    assert "nan" not in svg
+    assert "inf" not in svg
+    hostile = replace(TARGET, units="<b>&", boards=TARGET.boards)
+    ElementTree.fromstring(advice_svg(replace(advice, target=hostile)))
+
+
+def test_pairs_without_a_target_get_regions_only(poor):
+    pairs = replace(poor.pairs, boards=(), board=np.full(len(poor.pairs.image), -1))
+    said = advise(poor.camera, poor.as_record(), pairs, None, goal_px=0.06)
+    assert said.gaps.parts
+    assert said.now is not None
+    assert said.proposals == ()
+    assert any("came without a target" in note for note in said.notes)
+    ElementTree.fromstring(advice_svg(said))
+    blind = advise(poor.camera, {}, poor.pairs, TARGET)
+    assert (blind.now, blind.proposals) == (None, ())
+    assert "no poses" in blind.notes[0]
+
+
+def test_reasons():
+    fit = fit_of(poses_around(TARGET, 12, seed=3))
+    gaps = find_gaps(fit.camera, fit.pairs, fit.poses, TARGET)
+    fine = Sigma(mean_px=0.05, worst_px=0.1)
+    assert why_not_enough(fine, 0.2, gaps, 12, fit.camera) == []
+    assert len(why_not_enough(fine, 0.2, gaps, 2, fit.camera)) == 1
+    assert "0.10 px" in why_not_enough(fine, 0.05, gaps, 12, fit.camera)[0]
+    narrow = replace(fit.camera, max_angle_deg=30.0)
+    assert "30° from its axis only" in why_not_enough(fine, 0.2, gaps, 12, narrow)[0]
+    assert summed(np.arange(101.0)) == Sigma(mean_px=50.0, worst_px=95.0)
+
+
+def test_tilts_and_distances_that_are_missing():
+    target = flat_board()
+    middle = np.array([150.0, 105.0, 0.0])
+    poses = [
+        look_at(middle + np.array([x, 0, -250]), middle, up=(0, -1, 0))
+        for x in (-160, -90, 80, 150, 170)
+    ]
+    fit = fit_of([*poses_around(target, 6, distance=(0.35, 1.3), seed=2)], target=target)
+    pairs = synthetic_correspondences(target, poses)
+    placed = recorded_poses(
+        {"per_image": [
+            {"image": name, "camera_from_world": {
+                "rotation_vector": pose[0].tolist(), "translation": pose[1].tolist()}}
+            for name, pose in zip(pairs.images, poses, strict=True)
+        ]},
+        pairs.images,
+    )  # fmt: skip
+    gaps = find_gaps(fit.camera, pairs, placed, target)
+    assert gaps.tilts[0].startswith("hardly any board has its face turned down and up")
+    assert "all photos are from 26 cm to 30 cm away" in gaps.distances[0]
+    everything = find_gaps(fit.camera, fit.pairs, fit.poses, target)
+    assert everything.distances == ()
+
+
+def test_a_board_that_looks_left_is_said_to():
+    """Seen from its right side a board looks past the camera to the left; its right is nearer."""
+    target = Target(units="mm", boards=(checkerboard("b", 5, 5, 20, (-40, -40, 0)),))
+    eye = np.array([200.0, 0, -300])
+    seen = view_from(target, TRUE_LENS, look_at(eye, (0, 0, 0), up=(0, -1, 0)), IMAGE_SIZE)
+    assert tilt_words(seen.front, seen.direction) == "its face turned 34° to the left"
+    near = seen.seen.camera[:, 2][seen.seen.column == 4].mean()
+    far = seen.seen.camera[:, 2][seen.seen.column == 0].mean()
+    assert near < far
+
+
+def test_words():
+    assert place_words(np.array([0.0, 0, 1])) == "in the middle of the picture"
+    assert (
+        place_words(np.array([1.0, 1, 1])) == "in the lower right of the picture, 55° from the axis"
+    )
+    assert place_words(np.array([0.0, -1, 1])) == "at the top of the picture, 45° from the axis"
+    for length, units, words in (
+        (403, "mm", "40 cm"), (0.31, "m", "31 cm"), (2340, "mm", "2.3 m"), (7, "mm", "7.0 mm"),
+        (0.31, "inch", "0.31 inch"), (12.4, "squares", "12 squares"),
+    ):  # fmt: skip
+        assert length_words(length, units) == words
+    frame = across(np.array([[0.3, -0.5, 0.2], [0, 0, 1.0]]))
+    np.testing.assert_allclose(frame[1], [[1, 0, 0], [0, 1, 0]])
+    np.testing.assert_allclose(frame[0] @ frame[0].T, np.eye(2), atol=1e-12)
+    np.testing.assert_allclose(frame[0] @ [0.3, -0.5, 0.2], 0, atol=1e-12)
+    angle, towards = slant(np.array([-0.5, 0, -np.sqrt(0.75)]), np.array([0, 0, 2.0]))
+    assert angle == pytest.approx(30)
+    np.testing.assert_allclose(towards, [-1, 0])
