@@ -1,6 +1,11 @@
 """What tests of the command line share."""
 
 import os
+import signal
+
+# Shells start background jobs with Ctrl-C ignored, and programs that tests start inherit that.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # As the command line does for itself, before anything loads numpy.
 for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
