@@ -37,7 +37,7 @@ def said(setup: wrong_setups.SetUp) -> tuple[str, dict]:
     with tempfile.TemporaryDirectory() as folder:
         arguments = [*setup.save(Path(folder)), "--json"]
         done = CliRunner(**apart).invoke(cli, arguments, prog_name="cubicfish")
-    if done.exit_code not in (0, 1):
+    if done.exit_code not in (0, 1) or not isinstance(done.exception, SystemExit | None):
         raise RuntimeError(done.output) from done.exception
     lines = [line for line in done.stderr.splitlines() if not line.startswith("Fitting to")]
     record = json.loads(done.stdout) if done.exit_code == 0 else {}

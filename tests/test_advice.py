@@ -20,10 +20,11 @@ from cubicfish_cli.advice.gaps import find_gaps
 from cubicfish_cli.advice.knowledge import know, recorded_poses
 from cubicfish_cli.advice.picture import advice_svg
 from cubicfish_cli.advice.summary import summary
-from cubicfish_cli.advice.words import across, length_words, place_words, slant, tilt_words
+from cubicfish_cli.advice.words import across, length_words, place_words, side_of, slant, tilt_words
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import calibrate
-from cubicfish_cli.fitting.uncertainty import camera_uncertainty
+from cubicfish_cli.fitting.subset import select
+from cubicfish_cli.fitting.uncertainty import camera_uncertainty, sigma_at
 from cubicfish_cli.rendering.pose import look_at
 from cubicfish_cli.rendering.views import sample_views, view_from
 from cubicfish_cli.target import Target
@@ -40,7 +41,7 @@ def fit_of(poses, *, lens=TRUE_LENS, seed=0, target=TARGET):
 
 @pytest.fixture(scope="module")
 def poor():
-    """Three photos that leave the right of the picture empty."""
+    """Three photos that leave parts of the picture empty."""
     return fit_of(FIRST)
 
 
@@ -122,9 +123,10 @@ def test_empty_parts_are_named_and_photos_go_there(poor, advice):
     middle = (np.stack([column, row], axis=-1) + 0.5) * gaps.cell
     ray = poor.camera.unproject(middle)
     ray = ray[np.isfinite(ray[:, 0])]
-    assert gaps.parts
-    assert "right" in gaps.parts[0].words
-    assert np.median(ray[:, 0]) > 0
+    eighths = np.bincount(side_of(ray[:, :2]), minlength=8)
+    named = {side for part in gaps.parts for side in part.sides}
+    assert int(np.argmax(eighths)) in gaps.parts[0].sides
+    assert int(np.argmin(eighths)) not in named
     first = advice.proposals[0]
     assert first.words.startswith("the object ")
     assert first.after.mean_px < 0.8 * first.before.mean_px
@@ -134,6 +136,44 @@ def test_empty_parts_are_named_and_photos_go_there(poor, advice):
         assert other.after.mean_px < other.before.mean_px
     assert advice.photos_needed is not None
     assert 1 <= advice.photos_needed <= 12
+
+
+def test_parts_are_named_by_the_squares_that_are_empty():
+    fit = fit_of(poses_around(TARGET, 12, seed=3))
+    camera, x = fit.camera, fit.pairs.pixel[:, 0]
+    pairs, _ = select(fit.pairs, x < 600)
+    (part,) = find_gaps(camera, pairs, None, None).parts
+    assert part.sides == (7, 0, 1)
+    assert part.words.startswith("upper right, right and lower right, ")
+    middle = np.hypot(*(fit.pairs.pixel - camera.project([0, 0, 1.0])).T) > 120
+    pairs, _ = select(fit.pairs, middle)
+    assert find_gaps(camera, pairs, None, None).parts[0].words.startswith("the middle, up to 20°")
+    pairs, _ = select(fit.pairs, ~middle)
+    (part,) = find_gaps(camera, pairs, None, None).parts
+    assert part.words.startswith("all around, 20–")
+
+
+def test_an_object_that_was_fitted_too_stays_free():
+    pairs = synthetic_correspondences(TARGET, poses_around(TARGET, 6, seed=3), noise=NOISE)
+    fit = calibrate(pairs, target=TARGET, hold_out=False, refine_target="shape")
+    knowledge = knowledge_of(fit, fit.target)
+    count = len(knowledge.information.hessian)
+    assert count > 47
+    record = fit.as_record()["uncertainty"]
+    rays = knowledge.camera.unproject([[300, 300], [480, 360], [700, 500.0]])
+    sigma = knowledge.information.uncertainty().sigma_px(rays)
+    np.testing.assert_allclose(
+        sigma, sigma_at(record, np.array([[300, 300], [480, 360], [700, 500.0]])), rtol=0.25
+    )
+    view = sample_views(TARGET, TRUE_LENS, IMAGE_SIZE, 1)[0]
+    joint = knowledge.with_views([view])
+    assert joint.hessian.shape == (count, count)
+    assert (joint.uncertainty().sigma_px(rays) < sigma).all()
+    # Taking the object as known in the new photo is nearly right.
+    alone = knowledge.information.with_photo(knowledge.points(view))
+    np.testing.assert_allclose(
+        alone.uncertainty().sigma_px(rays), joint.uncertainty().sigma_px(rays), rtol=0.1
+    )
 
 
 def test_so_many_photos_as_said_reach_the_goal(advice):
@@ -156,7 +196,7 @@ def test_a_good_calibration_is_enough(fitted):
 def test_the_summary_names_the_gap(poor):
     said = summary(poor.camera, poor.as_record(), poor.pairs)
     assert said.startswith("next, put the object there: ")
-    assert "right" in said
+    assert "° from the axis" in said
     assert "\n" not in said
 
 

@@ -83,10 +83,11 @@ def lens_of(rng: np.random.Generator, *, field_deg: float | None = None) -> True
     half = (rng.uniform(100, 200) if field_deg is None else field_deg) / 2
     k = (rng.uniform(-0.05, 0.02), rng.uniform(-0.008, 0.0), 0.001, -0.0001)
     unit = TrueLens(image_size=IMAGE_SIZE, fx=1, fy=1, cx=0, cy=0, k=k, max_angle_deg=half)
-    edge = np.array([[np.sin(np.radians(half)), 0, np.cos(np.radians(half))]])
+    rim = np.radians(half - 1e-6)
+    edge = np.array([[np.sin(rim), 0, np.cos(rim)]])
     # Wide lenses show their rim, narrow ones fill the picture to its corners.
     radius = IMAGE_SIZE[1] * (0.5 if half > 75 else 0.72)
-    focal = radius / float(unit.project(edge * (1 - 1e-9))[0, 0])
+    focal = radius / float(unit.project(edge)[0, 0])
     return TrueLens(
         image_size=IMAGE_SIZE,
         fx=focal,

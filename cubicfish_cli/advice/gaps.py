@@ -138,27 +138,72 @@ def _empty_parts(
     np.add.at(cells, (band, side), 1)
     np.add.at(holes, (band, side), gone)
     lost = (cells > 0) & (holes >= _EMPTY_SHARE * cells)
+    for number in range(2, bands):
+        # Bands that no square's middle lies in are like those inside them.
+        lost[number] |= (cells[number] == 0) & lost[number - 1]
     parts = []
     if lost[0, 8]:
         parts.append(_part(camera, (), 0, 1, holes[0, 8] / len(rays)))
-    # Bands of one side that follow each other are one part; so are sides with the same bands.
-    by_reach: dict[tuple[int, int], list[int]] = {}
-    for one in range(8):
-        first = None
-        for number in range(1, bands + 1):
-            if number < bands and lost[number, one]:
-                first = number if first is None else first
-            elif first is not None:
-                by_reach.setdefault((first, number), []).append(one)
-                first = None
-    for (first, stop), sides in by_reach.items():
-        present = (cells[first:stop].sum(axis=0) > 0)[:8].sum()
-        share = holes[first:stop, sides].sum() / len(rays)
-        everywhere = len(sides) == present == 8
-        for group in [tuple(range(8))] if everywhere else _neighbours(sides):
-            own = share if everywhere else holes[first:stop, list(group)].sum() / len(rays)
-            parts.append(_part(camera, group, first, stop, own))
-    return sorted(parts, key=lambda part: -part.share)
+    for runs in _joined([_runs(lost[1:, side]) for side in range(8)]):
+        first, stop = min(run[1] for run in runs) + 1, max(run[2] for run in runs) + 1
+        sides = tuple(dict.fromkeys(run[0] for run in runs))
+        share = sum(holes[one + 1 : end + 1, side].sum() for side, one, end in runs) / len(rays)
+        parts.append(_part(camera, sides, first, stop, share))
+    parts.sort(key=lambda part: -part.share)
+    # Joined parts reach over what lies between them.
+    return [
+        part
+        for number, part in enumerate(parts)
+        if not any(_holds(larger, part) for larger in parts[:number])
+    ]
+
+
+def _holds(larger: Part, part: Part) -> bool:
+    within = larger.from_deg <= part.from_deg and part.to_deg <= larger.to_deg
+    return bool(part.sides) and within and set(part.sides) <= set(larger.sides)
+
+
+def _runs(lost: BoolArray) -> list[tuple[int, int]]:
+    """First and stop of each run of true values."""
+    edge = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]]).astype(int)))
+    return [(int(first), int(stop)) for first, stop in edge.reshape(-1, 2)]
+
+
+def _joined(by_side: Sequence[Sequence[tuple[int, int]]]) -> list[list[tuple[int, int, int]]]:
+    """Runs of neighbouring sides that reach about as far in and out as one part of the picture.
+
+    Args:
+        by_side: first and stop of each side's runs of bands.
+
+    Returns:
+        For each part its runs: side, first and stop, clockwise.
+
+    """
+    groups: list[list[tuple[int, int, int]]] = []
+    for side, runs in enumerate(by_side):
+        for first, stop in runs:
+            run = (side, first, stop)
+            own = next((group for group in groups if _touch(group[-1], run)), None)
+            if own is None:
+                groups.append([run])
+            else:
+                own.append(run)
+    # Around the circle the last side is the first one's neighbour.
+    for group in groups[1:]:
+        if _touch(group[-1], groups[0][0]) and group[-1][0] == 7:
+            groups[0] = group + groups[0]
+            groups.remove(group)
+            break
+    return groups
+
+
+def _touch(one: tuple[int, int, int], other: tuple[int, int, int]) -> bool:
+    return (
+        (one[0] + 1) % 8 == other[0]
+        and abs(one[1] - other[1]) <= 1
+        and abs(one[2] - other[2]) <= 1
+        and max(one[1], other[1]) < min(one[2], other[2])
+    )
 
 
 def _part(camera: CubicCamera, sides: tuple[int, ...], first: int, stop: int, share: float) -> Part:
@@ -168,19 +213,6 @@ def _part(camera: CubicCamera, sides: tuple[int, ...], first: int, stop: int, sh
         to_deg=min(stop * _BAND_DEG, camera.max_angle_deg),
         share=float(share),
     )
-
-
-def _neighbours(sides: Sequence[int]) -> list[tuple[int, ...]]:
-    """Split sides into runs that follow each other around the picture."""
-    runs: list[list[int]] = []
-    for side in sides:
-        if runs and runs[-1][-1] == side - 1:
-            runs[-1].append(side)
-        else:
-            runs.append([side])
-    if len(runs) > 1 and runs[0][0] == 0 and runs[-1][-1] == 7:
-        runs[0] = runs.pop() + runs[0]
-    return [tuple(run) for run in runs]
 
 
 def _faces(

@@ -171,7 +171,11 @@ def command(
         )
         return
     calibration = calibrate(
-        loaded.pairs, target=loaded.target, refine_target=refine_target, hold_out=hold_out
+        loaded.pairs,
+        target=loaded.target,
+        refine_target=refine_target,
+        hold_out=hold_out,
+        known=() if loaded.detection is None else loaded.detection.findings,
     )
     if calibration.refined == "off":
         outputs.pop("target")

@@ -116,6 +116,7 @@ def command(
                 "image_size": detection.corners.image_size,
                 "images": images,
                 "corners": corners,
+                "findings": [finding.as_record() for finding in detection.findings],
                 "per_image": per_image,
             }
         )
@@ -130,6 +131,8 @@ def command(
         result(f"\nwrote {output}: {count(corners, 'corner')} in {count(images, 'photo')}")
     for line in photo_problems(detection):
         say(line)
+    for finding in detection.findings:
+        say(f"warning: {finding.line}")
 
 
 def drawings(folder: Path, photos: Sequence[Photo]) -> dict[str, Path]:

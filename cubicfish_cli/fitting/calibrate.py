@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -50,6 +51,10 @@ _DROP_ROUNDS = 12
 # A richer object must lower the held-out error at least to this share of the poorer one's.
 _WORTH = 0.99
 _STRONGEST_WEIGHT = 300.0
+_NO_CONVERGENCE = (
+    "the fit does not converge: check the target's square sizes, axes and origins, and that all "
+    "photos show this one object through one lens at one zoom"
+)
 _INSTEAD_OF_DOUBTS = (
     "board_place",
     "board_square",
@@ -170,6 +175,7 @@ def calibrate(
     target: Target | None = None,
     refine_target: RefineTarget = "auto",
     hold_out: bool = True,
+    known: Sequence[Finding] = (),
 ) -> Calibration:
     """Fit the cubic camera (``ray`` lift) and the pose of every photo to 2D-3D pairs.
 
@@ -184,6 +190,7 @@ def calibrate(
             stretch and move a little), ``points`` (each corner has an offset of its own as
             well), or ``auto``: the richest of these that lowers the held-out error.
         hold_out: also measure the held-out error (five more fits a level); ``auto`` needs it.
+        known: what is known to be wrong already, from how corners were named.
 
     Raises:
         FitError: the pairs are too few, all in one photo of one flat board, do not fit the
@@ -193,13 +200,19 @@ def calibrate(
     """
     _refuse_too_little(pairs)
     try:
-        return _calibrated(pairs, target, refine_target, hold_out)
+        return _calibrated(pairs, target, refine_target, hold_out, known)
     except FitError as error:
-        raise explained(error, pairs, target) from error
+        raise explained(error, pairs, target, known) from error
+    except np.linalg.LinAlgError as error:
+        raise explained(FitError(_NO_CONVERGENCE), pairs, target, known) from error
 
 
 def _calibrated(
-    pairs: Correspondences, target: Target | None, refine_target: RefineTarget, hold_out: bool
+    pairs: Correspondences,
+    target: Target | None,
+    refine_target: RefineTarget,
+    hold_out: bool,
+    known: Sequence[Finding],
 ) -> Calibration:
     scale = world_scale(pairs)
     companion = fit_companion(replace(pairs, world=pairs.world / scale))
@@ -231,6 +244,7 @@ def _calibrated(
         fit=fit,
         drawing=drawing,
         dropped=[(corner.image, corner.board) for corner in dropped],
+        known=known,
     )
     # What is put down to one board, or to the lens, is not doubted of every board.
     wrong = any(finding.cause in _INSTEAD_OF_DOUBTS for finding in findings)

@@ -81,8 +81,8 @@ class Information:
     def with_photo(self, points: FloatArray) -> Information:
         """The same with a photo more, of known corners of the object.
 
-        The photo's own pose is unknown and eliminated. The object counts as known there, so that
-        of a fit that refines it the gain is a little less than this says.
+        The photo's own pose is unknown and eliminated. The object counts as known there, which is
+        not quite right of a fit that refines it, by a few percent.
 
         Args:
             points: (N, 3) the corners in the camera frame, in any unit; six or more numbers must

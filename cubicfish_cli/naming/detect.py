@@ -15,10 +15,12 @@ from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.markers import MarkedCorners, find_marked_corners
 from cubicfish_cli.errors import DetectionError, PhotoError
+from cubicfish_cli.fitting.diagnosis.finding import Finding
 from cubicfish_cli.machines import Machines
 from cubicfish_cli.naming.cache import GridCache
 from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.marked import has_markers, marked_corners
+from cubicfish_cli.naming.misdrawn import misdrawn
 from cubicfish_cli.naming.name_grids import GridReport, Naming, name_grids
 from cubicfish_cli.naming.pool import map_photos, settled, workers_for
 from cubicfish_cli.photos import Photo, Picture, decode_picture, grey, read_file
@@ -80,11 +82,13 @@ class Detection:
     Attributes:
         corners: the named corners; ``images`` are the photos that have some.
         photos: a report on every photo, in the order given.
+        findings: what is likely wrong with photos or target, where many grids fit nowhere.
 
     """
 
     corners: Corners
     photos: tuple[PhotoReport, ...]
+    findings: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -140,6 +144,7 @@ def detect_corners(
         PhotoReport(name=photo.name, problem=one.problem)
         for photo, one in zip(photos, found, strict=True)
     ]
+    findings: list[Finding] = []
     if has_markers(target):
         marked = [_marked(found[index]) for index in usable]
         corners = marked_corners(marked, target, size, names)
@@ -152,11 +157,15 @@ def detect_corners(
         naming = name_grids(grids, target, size, names)
         corners = naming.corners
         _refuse_counted_squares(grids, naming, target)
+        finding = misdrawn(grids, naming, target, size, names)
+        findings += [] if finding is None else [finding]
+        if finding is not None and not len(corners.pixel):
+            raise DetectionError(f"no corner can be named: {finding.line}")
         if not len(corners.pixel):
             raise DetectionError(_nothing_named(found, naming, target))
         for number, index in enumerate(usable):
             reports[index] = _report(names[number], found[index], naming, number, target)
-    return Detection(corners=_only_seen(corners), photos=tuple(reports))
+    return Detection(corners=_only_seen(corners), photos=tuple(reports), findings=tuple(findings))
 
 
 def _find(photo: Photo, *, target: Target, cache: GridCache | None) -> _Found:

@@ -20,8 +20,7 @@ _PIXELS_A_BLOCK = 200_000
 class RayGrid:
     """A lens as a table: the ray of each pixel's middle and its slopes along x and y.
 
-    Within a pixel the ray is taken as linear, which is off by less than its curvature over half a
-    pixel: about 1 / (8 f) pixels, with f in pixels a radian.
+    Within a pixel the ray is taken as linear, which is off by some thousandths of a pixel at most.
 
     Attributes:
         ray: (height, width, 3), NaN outside the lens's field.

@@ -42,8 +42,7 @@ _MOST_LEFT_OUT = 30
 _WHOLE_BOARDS = 3
 # Photos agree with a lens when their noise is within this many times the best ones'.
 _AGREES = 6.0
-# A fit that is this much nearer has found what was wrong.
-_MUCH_NEARER = 1 / 3
+_SURE_FOCAL = 0.03
 _SAID_RATIOS = {25.4: "inches and millimetres", 10.0: "centimetres and millimetres",
                 1000.0: "metres and millimetres", 2.54: "inches and centimetres"}  # fmt: skip
 
@@ -55,6 +54,7 @@ def find_faults(
     fit: ObjectFit,
     drawing: Drawing,
     dropped: Sequence[tuple[str, str | None]],
+    known: Sequence[Finding] = (),
 ) -> list[Finding]:
     """What is likely wrong with a set-up of which the fit succeeded.
 
@@ -64,9 +64,13 @@ def find_faults(
         fit: the final fit.
         drawing: the object as drawn.
         dropped: photo and board of each corner that was left out as grossly wrong.
+        known: what was found before the fit, and comes first.
 
     """
-    findings = _handed(pairs)
+    findings = [*known, *_handed(pairs)]
+    if any(finding.level == "bad" for finding in known):
+        # Corners that are named by a wrong drawing say nothing of the lens or of the drawing.
+        return findings + _repeats(fit)
     lenses = lens_findings(fit, drawn)
     findings += lenses
     if not any(finding.level == "bad" for finding in lenses):
@@ -77,10 +81,23 @@ def find_faults(
     return findings + _repeats(fit)
 
 
-def explained(error: FitError, pairs: Correspondences, target: Target | None) -> FitError:
-    """The same error with its likely cause in place of general advice, where one is found."""
+def explained(
+    error: FitError,
+    pairs: Correspondences,
+    target: Target | None,
+    known: Sequence[Finding] = (),
+) -> FitError:
+    """The same error with its likely cause in place of general advice, where one is found.
+
+    Args:
+        error: why there is no fit.
+        pairs: all pairs, in the target's units.
+        target: the drawing.
+        known: what was found before the fit; it is believed.
+
+    """
     try:
-        finding = _of_failure(pairs, target)
+        finding = next(iter(known), None) or _of_failure(pairs, target)
     except (FitError, np.linalg.LinAlgError):
         return error
     if finding is None:
@@ -146,7 +163,7 @@ def _of_object(drawn: ObjectFit, fit: ObjectFit, drawing: Drawing) -> list[Findi
             return []
         try:
             refined = refine_object(fit, drawing, "shape")
-        except FitError:
+        except (FitError, np.linalg.LinAlgError):
             return []
     before, after = rms_px(drawn.cubic.residual), rms_px(refined.cubic.residual)
     real = refined.refined_target(drawing)
@@ -273,7 +290,9 @@ def _of_left_out(
     findings: list[Finding] = []
     unfit = [photo for photo in photos if pairs.images[photo] in fit.companion.unfit]
     if unfit:
-        own = left_out_lens(camera, select_photos(scaled, np.array(unfit)), noise)
+        own = left_out_lens(
+            camera, select_photos(scaled, np.array(unfit)), noise, order=pairs.images
+        )
         if own is not None:
             findings.append(own)
             photos = np.setdiff1d(
@@ -424,7 +443,10 @@ def _failed_object(pairs: Correspondences, target: Target, scale: float) -> Find
         corrected = replace(corrected, pixel=pixel)
     try:
         again = fit_companion(corrected)
-    except FitError:
+    except (FitError, np.linalg.LinAlgError):
+        return None
+    noise = local_noise_px(again.pairs, again.residual)
+    if noise_px(again.residual) > _AGREES * max(noise, 1e-3):
         return None
     evidence = f"with that corrected the typical error falls to {noise_px(again.residual):.2g} px"
     return _object_finding(fault, target, evidence)
@@ -432,26 +454,35 @@ def _failed_object(pairs: Correspondences, target: Target, scale: float) -> Find
 
 def _failed_lens(pairs: Correspondences) -> Finding | None:
     """Some photos that agree on a lens, and others that do not."""
-    best: tuple[int, Companion, IntArray] | None = None
     count = len(pairs.images)
+    lenses = []
     for few in _subsets(count):
         try:
             lens = fit_companion(select_photos(pairs, few))
-        except FitError:
+        except (FitError, np.linalg.LinAlgError):
             continue
-        if lens.focal_uncertainty > 0.03:
+        if lens.focal_uncertainty < _SURE_FOCAL:
+            lenses.append(lens)
+    if not lenses:
+        return None
+    noise = min(noise_px(lens.residual) for lens in lenses)
+    best: tuple[int, IntArray] | None = None
+    for lens in lenses:
+        if noise_px(lens.residual) > 2 * noise:
             continue
-        agreeing = _agreeing(lens, pairs)
+        agreeing = _agreeing(lens, pairs, noise)
         if best is None or len(agreeing) > best[0]:
-            best = (len(agreeing), lens, agreeing)
+            best = (len(agreeing), agreeing)
     if best is None or not _FEWEST_PHOTOS <= best[0] < count:
         return None
     try:
-        lens = fit_companion(select_photos(pairs, best[2]))
-    except FitError:
+        lens = fit_companion(select_photos(pairs, best[1]))
+    except (FitError, np.linalg.LinAlgError):
         return None
-    others = np.setdiff1d(np.arange(count), best[2])
-    found = left_out_lens(lens.camera, select_photos(pairs, others), noise_px(lens.residual))
+    others = np.setdiff1d(np.arange(count), best[1])
+    found = left_out_lens(
+        lens.camera, select_photos(pairs, others), noise_px(lens.residual), order=pairs.images
+    )
     if found is not None:
         return found
     names = [pairs.images[photo] for photo in others]
@@ -479,11 +510,11 @@ def _subsets(count: int) -> Iterable[IntArray]:
         yield np.sort(rng.choice(count, min(_FEWEST_PHOTOS, count), replace=False))
 
 
-def _agreeing(lens: Companion, pairs: Correspondences) -> IntArray:
+def _agreeing(lens: Companion, pairs: Correspondences, noise: float) -> IntArray:
     fit, own, placed = fit_poses(lens.camera, pairs)
     if fit is None:
         return np.zeros(0, np.intp)
-    limit = _AGREES * max(noise_px(lens.residual), 1e-3)
+    limit = _AGREES * max(noise, 1e-3)
     good = [
         photo
         for number, photo in enumerate(placed)

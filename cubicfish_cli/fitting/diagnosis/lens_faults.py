@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -43,6 +44,8 @@ _NONE = 0.25
 # Centres that agree to this share of the longer side are the same.
 _SAME_CENTRE = 0.01
 _SURE_FOCAL = 0.03
+# Lenses whose scales differ by less are told apart by their centres only.
+_SAME_FOCAL = 0.003
 _TYPICAL_NOISE = 4.0
 
 
@@ -116,7 +119,7 @@ def _followed(
             cubic = fit_cubic(
                 companion, weight=fit.cubic.prior_weight, relative_decrease=_ROUGH_DECREASE
             )
-        except FitError:
+        except (FitError, np.linalg.LinAlgError):
             return None
         apart = rms_px(cubic.residual)
         photos = photo_lenses(cubic.lens, cubic.poses, alike, alike.world)
@@ -154,38 +157,40 @@ def _as_one(pairs: Correspondences, given: FloatArray, reach: float) -> FloatArr
     return np.asarray(middle + (pairs.pixel - middle - own[:, 1:]) / (1 + own[:, :1] / reach))
 
 
-def left_out_lens(camera: RadialCamera, pairs: Correspondences, noise: float) -> Finding | None:
+def left_out_lens(
+    camera: RadialCamera, pairs: Correspondences, noise: float, *, order: Sequence[str]
+) -> Finding | None:
     """Whether photos that do not fit do fit a lens of their own.
 
     Args:
         camera: the lens of the photos that fit.
         pairs: pairs of the photos that do not.
         noise: standard deviation of a corner's coordinate in those that fit, pixels.
+        order: the names of all photos, in order.
 
     """
     try:
         own = fit_companion(pairs)
-    except FitError:
+    except (FitError, np.linalg.LinAlgError):
         return None
     if own.focal_uncertainty > _SURE_FOCAL or noise_px(own.residual) > _TYPICAL_NOISE * noise:
         return None
     angle = np.linspace(0.1, own.covered, 30)
     radii = [lens.fx * lens.profile(angle) for lens in (camera, own.camera)]
     centres = [np.array([lens.cx, lens.cy]) for lens in (camera, own.camera)]
-    change = LensChange(
-        ratio=float(np.median(radii[1] / radii[0])),
-        shift=centres[1] - centres[0],
-        centre=centres[0],
-    )
-    if abs(change.ratio - 1) < 0.003 and np.hypot(*change.shift) < 1:
+    ratio, shift = float(np.median(radii[1] / radii[0])), centres[1] - centres[0]
+    if abs(ratio - 1) < _SAME_FOCAL and np.hypot(*shift) < 1:
         return None
-    return lens_change(
-        change,
-        list(own.pairs.images),
-        pairs,
-        in_order=False,
-        evidence=f"by themselves they fit a lens of their own to {rms_px(own.residual):.2f} px",
-    )
+    names = list(own.pairs.images)
+    evidence = f"by themselves they fit a lens of their own to {rms_px(own.residual):.2f} px"
+    change = LensChange(ratio=ratio, shift=shift, centre=centres[0])
+    first = list(order[: len(names)]) == names
+    if first and len(names) < len(order):  # what came before the others, seen from these
+        names = list(order[len(names) :])
+        change = LensChange(ratio=1 / ratio, shift=-shift, centre=centres[1])
+        evidence = "the photos before " + evidence.removeprefix("by themselves they ")
+    in_order = first or list(order[-len(names) :]) == names
+    return lens_change(change, names, pairs, in_order=in_order, evidence=evidence)
 
 
 def lens_change(
@@ -292,7 +297,7 @@ def _without(fit: ObjectFit, suspects: npt.NDArray[np.intp]) -> PhotoLenses | No
         cubic = fit_cubic(
             companion, weight=fit.cubic.prior_weight, relative_decrease=_ROUGH_DECREASE
         )
-    except FitError:
+    except (FitError, np.linalg.LinAlgError):
         return None
     poses = fit.cubic.poses.with_photos(good, cubic.poses)
     photos = photo_lenses(cubic.lens, poses, pairs, pairs.world)

@@ -73,7 +73,7 @@ def measured_object(pairs: Correspondences, target: Target) -> MeasuredObject | 
         return None
     try:
         lens = fit_companion(views)
-    except FitError:
+    except (FitError, np.linalg.LinAlgError):
         return None
     photo, board = np.array([name.split(":") for name in lens.pairs.images], np.intp).T
     boards = np.unique(board)

@@ -1,0 +1,216 @@
+"""Why grids fit no place on the target: the photos or the drawing with one thing put right.
+
+If many grids fit nowhere, the same grids are named again as they would be were the photos mirrored,
+or the drawing wrong in one of the ways in which drawings are. What explains nearly all is told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.detection.grids import Grid
+from cubicfish_cli.fitting.diagnosis.finding import Cause, Finding, listed
+from cubicfish_cli.naming.decide import Verdict
+from cubicfish_cli.naming.name_grids import GridReport, Naming, name_grids
+from cubicfish_cli.target import Board, Target
+
+IntArray = npt.NDArray[np.intp]
+
+# So much of the corners must fit nowhere before anything is tried, and so much must fit after it.
+_LOST = 0.15
+_FITS = 0.9
+# A grid of fewer corners may be anything.
+_FEWEST_CORNERS = 12
+# Photos that take part: those that show most.
+_PHOTOS = 6
+_MOST_BOARDS = 6
+_UNITS = {25.4: "inches for millimetres", 10.0: "centimetres for millimetres"}
+_NO_PLACE = (Verdict.NO_FIT, Verdict.NOT_PLANE, Verdict.TOO_LARGE)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Trial:
+    """One thing put right: the target to name with, and which photos to take as mirrored."""
+
+    finding: Finding
+    target: Target
+    mirrored: IntArray
+
+
+def misdrawn(
+    grids: Sequence[Sequence[Grid]],
+    naming: Naming,
+    target: Target,
+    image_size: tuple[int, int],
+    images: Sequence[str],
+) -> Finding | None:
+    """What is likely wrong with photos or drawing, as the grids that fit nowhere show it.
+
+    The arguments are those of :func:`~cubicfish_cli.naming.name_grids.name_grids`, and its answer.
+
+    Returns:
+        None where most grids have a place, or nothing simple explains why they have none.
+
+    """
+    boards = [board for board in target.boards if board.points is None]
+    named, lost = _counts(naming.grids)
+    if lost.sum() <= _LOST * (named + lost).sum() or not 2 <= len(boards) <= _MOST_BOARDS:
+        return None
+    chosen = np.sort(np.argsort(-(named + lost), kind="stable")[:_PHOTOS])
+    if not lost[chosen].any():
+        chosen = np.flatnonzero(lost)[:_PHOTOS]
+    few = [_large(grids[photo]) for photo in chosen]
+    total = max(sum(len(grid) for own in few for grid in own), 1)
+    best: tuple[float, _Trial] | None = None
+    for trial in _trials(target, chosen, named, lost, images):
+        own = [
+            tuple(_mirror(grid, image_size[0]) for grid in one) if photo in trial.mirrored else one
+            for photo, one in zip(chosen, few, strict=True)
+        ]
+        again = name_grids(own, trial.target, image_size, [images[int(photo)] for photo in chosen])
+        share = _counts(again.grids)[0].sum() / total
+        if share > _FITS and (best is None or share > best[0] + 0.02):
+            best = (share, trial)
+    if best is None:
+        return None
+    share, trial = best
+    before = named[chosen].sum() / total
+    evidence = (
+        f"{100 * before:.0f} % of the corners have a place on the target as it is, and "
+        f"{100 * share:.0f} % with that put right"
+    )
+    return replace(trial.finding, evidence=evidence)
+
+
+def _counts(reports: Sequence[Sequence[GridReport]]) -> tuple[IntArray, IntArray]:
+    """For each photo, corners of grids with a place, and of those that fit nowhere."""
+    large = [[grid for grid in own if grid.corners >= _FEWEST_CORNERS] for own in reports]
+    named = [sum(grid.corners for grid in own if grid.named) for own in large]
+    lost = [sum(grid.corners for grid in own if grid.verdict in _NO_PLACE) for own in large]
+    return np.array(named, np.intp), np.array(lost, np.intp)
+
+
+def _large(grids: Sequence[Grid]) -> tuple[Grid, ...]:
+    return tuple(grid for grid in grids if len(grid) >= _FEWEST_CORNERS)
+
+
+def _mirror(grid: Grid, width: int) -> Grid:
+    """The grid as it would be found in the mirrored photo."""
+    last = int(grid.cells[:, 0].max())
+    # The square at (0, 0) was the one before the last column.
+    parity = grid.parity * (-1) ** max(last - 1, 0)
+    return replace(
+        grid,
+        cells=np.stack([last - grid.cells[:, 0], grid.cells[:, 1]], axis=-1),
+        pixel=np.stack([width - 1 - grid.pixel[:, 0], grid.pixel[:, 1]], axis=-1),
+        parity=int(parity),
+    )
+
+
+def _trials(
+    target: Target, chosen: IntArray, named: IntArray, lost: IntArray, images: Sequence[str]
+) -> Iterator[_Trial]:
+    none = np.zeros(0, np.intp)
+    bad = np.flatnonzero(lost > named)
+    if len(bad) and 2 * len(bad) < len(named):
+        names = tuple(images[int(photo)] for photo in bad)
+        finding = _finding(
+            "mirrored",
+            f"{listed(names, 'photos')}: mirrored",
+            "use photos as the sensor made them",
+            images=names,
+        )
+        yield _Trial(finding=finding, target=target, mirrored=bad)
+    yield _Trial(
+        finding=_finding(
+            "mirrored",
+            "all photos are mirrored",
+            "use photos as the sensor made them, not as a video call shows them",
+        ),
+        target=target,
+        mirrored=chosen,
+    )
+    for what, cause, changed, boards in _drawings(target):
+        finding = replace(
+            _finding(cause, what, "correct target.yaml and run it again"), boards=boards
+        )
+        yield _Trial(finding=finding, target=changed, mirrored=none)
+
+
+def _finding(cause: Cause, what: str, do: str, images: tuple[str, ...] = ()) -> Finding:
+    return Finding(cause=cause, level="bad", what=what, evidence="", do=do, images=images)
+
+
+def _drawings(target: Target) -> Iterator[tuple[str, Cause, Target, tuple[str, ...]]]:
+    """The drawing with one thing put right: in words, its kind, the drawing, the boards."""
+    plain = [index for index, board in enumerate(target.boards) if board.points is None]
+    changes = {index: list(_changes(target.boards[index])) for index in plain}
+    for index in plain:
+        name = target.boards[index].name
+        for what, cause, board in changes[index]:
+            yield f"board {name}: {what}", cause, _with(target, {index: board}), (name,)
+    for number in range(min(len(own) for own in changes.values())):
+        every = {index: changes[index][number] for index in plain}
+        if len({what for what, _, _ in every.values()}) > 1:
+            first = next(iter(every.values()))[0]
+            what = f"all boards: {first.partition(':')[0]}"
+        else:
+            what = f"all boards: {next(iter(every.values()))[0]}"
+        cause = next(iter(every.values()))[1]
+        names = tuple(target.boards[index].name for index in plain)
+        yield what, cause, _with(target, {i: one[2] for i, one in every.items()}), names
+    for one, other in combinations(plain, 2):
+        a, b = target.boards[one], target.boards[other]
+        exchanged = {one: _placed(a, b), other: _placed(b, a)}
+        yield (
+            f"the places of boards {a.name} and {b.name} are exchanged",
+            "board_names",
+            _with(target, exchanged),
+            (a.name, b.name),
+        )
+
+
+def _changes(board: Board) -> Iterator[tuple[str, Cause, Board]]:
+    size = f"corners: [{board.columns}, {board.rows}] for [{board.rows}, {board.columns}]"
+    yield (
+        f"rows and columns are exchanged: {size}",
+        "board_order",
+        replace(board, columns=board.rows, rows=board.columns),
+    )
+    yield "y_axis points the other way round", "board_order", replace(board, y_axis=-board.y_axis)
+    yield "x_axis points the other way round", "board_order", replace(board, x_axis=-board.x_axis)
+    yield (
+        "x_axis and y_axis point the other way round",
+        "board_order",
+        replace(board, x_axis=-board.x_axis, y_axis=-board.y_axis),
+    )
+    last = board.world_points(board.columns - 1, 0)
+    yield (
+        "columns run the other way round: origin is at their other end",
+        "board_order",
+        replace(board, origin=last, x_axis=-board.x_axis),
+    )
+    for ratio, words in _UNITS.items():
+        for factor in (ratio, 1 / ratio):
+            yield (
+                f"its square is {ratio:g} times too {'small' if factor > 1 else 'large'}: {words}, "
+                "or the reverse",
+                "board_square",
+                replace(board, square=board.square * factor),
+            )
+
+
+def _placed(board: Board, other: Board) -> Board:
+    return replace(board, origin=other.origin, x_axis=other.x_axis, y_axis=other.y_axis)
+
+
+def _with(target: Target, boards: dict[int, Board]) -> Target:
+    return replace(
+        target,
+        boards=tuple(boards.get(index, board) for index, board in enumerate(target.boards)),
+    )
