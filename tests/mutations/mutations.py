@@ -1,0 +1,195 @@
+"""Lines of the maths, each with a fault that someone could make, and the tests that must see it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Mutation(NamedTuple):
+    """A line that is right and one that is wrong.
+
+    Attributes:
+        module: path below ``cubicfish_cli``.
+        right: text that stands there exactly once.
+        wrong: what takes its place.
+        tests: test files that must fail then, without ``test_`` and ``.py``.
+
+    """
+
+    module: str
+    right: str
+    wrong: str
+    tests: tuple[str, ...]
+
+
+MUTATIONS = tuple(
+    Mutation(module, right, wrong, tuple(tests.split()))
+    for module, right, wrong, tests in (
+        # The lift and the camera.
+        ("model/lift.py", "XXY XXZ YYX", "XXY YYX XXZ", "model_lift model_cameras"),
+        ("model/lift.py", "share = 1 / len", "share = 1.01 / len", "model_lift"),
+        (
+            "model/lift.py",
+            "(factor.tolist())], column] -= 1",
+            "(factor.tolist())], column] += 1",
+            "model_lift",
+        ),
+        (
+            "model/lift.py",
+            "np.asarray(rotation, float).T)",
+            "np.asarray(rotation, float))",
+            "model_lift",
+        ),
+        (
+            "model/cubic.py",
+            "rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)\n        homogeneous",
+            "homogeneous",
+            "model_cameras",
+        ),
+        (
+            "model/cubic.py",
+            "theta <= np.deg2rad(self.max_angle_deg)",
+            "theta <= np.pi",
+            "model_cameras",
+        ),
+        (
+            "model/cubic.py",
+            "error <= UNPROJECT_TOLERANCE_PX",
+            "error <= 1e3",
+            "model_cameras numerical_truth",
+        ),
+        (
+            "model/cubic.py",
+            "d * miss[:, 0] - b * miss[:, 1]",
+            "d * miss[:, 0] + b * miss[:, 1]",
+            "model_cameras numerical_truth",
+        ),
+        (
+            "model/radial.py",
+            "return 1 + s * (3 * k1 + s * (5",
+            "return 1 + s * (3 * k1 + s * (4",
+            "model_cameras",
+        ),
+        ("model/radial.py", "2 * (k1 - 1 / 3)", "2 * (k1 + 1 / 3)", "model_cameras"),
+        (
+            "model/soundness.py",
+            "good = (denominator > 0) & (determinant > 0)",
+            "good = denominator > 0",
+            "model_soundness",
+        ),
+        # Start poses and the linear solution.
+        ("fitting/radial_pose.py", "b = -b if product < 0 else b", "b = b", "fitting_start"),
+        (
+            "fitting/radial_pose.py",
+            "for sign in (1.0, -1.0)",
+            "for sign in (1.0, 1.0)",
+            "fitting_start",
+        ),
+        (
+            "fitting/linear.py",
+            "rows = values / denominator[:, None]",
+            "rows = values",
+            "fitting_linear",
+        ),
+        # The adjustment and its priors.
+        ("fitting/adjustment.py", "d_turn=-d_point @", "d_turn=d_point @", "fitting_adjustment"),
+        (
+            "fitting/adjustment.py",
+            "scale * (distance - 0.5 * scale)",
+            "scale * distance",
+            "fitting_adjustment",
+        ),
+        (
+            "fitting/normal_equations.py",
+            "self._total[:, -1] + d_prior.T @ residual",
+            "self._total[:, -1]",
+            "fitting_adjustment",
+        ),
+        ("fitting/lenses.py", "slope - radial * rays[:, None, :]", "slope", "model_cameras"),
+        ("fitting/lenses.py", "direct - basis @ (basis.T @ direct)", "direct", "model_cameras"),
+        (
+            "fitting/lenses.py",
+            "self.coefficients[2] + self.denominator_basis @ moved",
+            "self.coefficients[2] - self.denominator_basis @ moved",
+            "model_cameras",
+        ),
+        ("fitting/bent.py", "6 * p1 * b + 2 * p2 * a", "2 * p1 * b + 2 * p2 * a", "model_cameras"),
+        (
+            "fitting/bent.py",
+            "-(focal * tilted)[:, :, None]",
+            "(focal * tilted)[:, :, None]",
+            "model_cameras",
+        ),
+        (
+            "fitting/frame.py",
+            "rotation.T @ poses.rotation",
+            "rotation @ poses.rotation",
+            "fitting_frame",
+        ),
+        ("fitting/cubic_fit.py", "if result.soundness.sound:", "if True:", "fitting_calibrate"),
+        # What the fit says of itself.
+        (
+            "fitting/statistics.py",
+            "np.mean(np.sum(residual * residual, axis=-1))",
+            "np.mean(residual * residual)",
+            "fitting_calibrate",
+        ),
+        (
+            "fitting/held_out.py",
+            "np.setdiff1d(np.arange(len(pairs.images)), test)",
+            "np.arange(len(pairs.images))",
+            "fitting_calibrate fitting_refinement",
+        ),
+        (
+            "fitting/uncertainty.py",
+            "turn_by_shared=-(pose_inverse",
+            "turn_by_shared=(pose_inverse",
+            "fitting_uncertainty",
+        ),
+        (
+            "fitting/uncertainty.py",
+            "hessian[lens, lens] += by_lens.T @ by_lens - cross",
+            "hessian[lens, lens] += by_lens.T @ by_lens + cross",
+            "advice",
+        ),
+        # The object.
+        (
+            "target.py",
+            "self.square * (tag * (1 + self.spacing)",
+            "self.square * (tag * (1",
+            "target",
+        ),
+        (
+            "target.py",
+            "np.cross(self.x_axis, self.y_axis)",
+            "np.cross(self.y_axis, self.x_axis)",
+            "target rendering_render",
+        ),
+        # Other tools' lenses.
+        (
+            "fitting/conversion/pinhole.py",
+            "p2 * (r2 + 2 * x * x)",
+            "p2 * (r2 + x * x)",
+            "cli_export",
+        ),
+        (
+            "fitting/conversion/ocam.py",
+            "np.arctan2(rho, points[:, 2]) - np.pi / 2",
+            "np.pi / 2 - np.arctan2(rho, points[:, 2])",
+            "fitting_conversion_ocam",
+        ),
+        # Views and maps.
+        (
+            "undistortion/frames.py",
+            "(pixel + 0.5) * (width / size[0]) - 0.5",
+            "pixel * (width / size[0])",
+            "undistortion_frames",
+        ),
+        (
+            "undistortion/projections.py",
+            "np.arctan2(x, z), np.nan), slope",
+            "np.arctan2(z, x), np.nan), slope",
+            "undistortion_projections",
+        ),
+    )
+)
