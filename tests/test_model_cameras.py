@@ -8,8 +8,8 @@ from lenses import cubic_camera, numeric_jacobian, radial_camera, random_rays
 
 from cubicfish_cli.fitting.bent import BentFit
 from cubicfish_cli.fitting.lenses import CubicFit, FixedLens, RadialFit, RayPrior
-from cubicfish_cli.model.cubic import UNPROJECT_TOLERANCE_PX
-from cubicfish_cli.model.lift import sphere_basis
+from cubicfish_cli.model.cubic import UNPROJECT_TOLERANCE_PX, CubicCamera
+from cubicfish_cli.model.lift import SIZE, sphere_basis
 from cubicfish_cli.model.radial import RadialCamera
 
 CAMERAS = {
@@ -68,6 +68,18 @@ def test_pixels_outside_are_nan(camera_and_angle):
     camera, _ = camera_and_angle
     outside = np.array([[-1e5, 3], [1e300, 0], [np.nan, 5], [np.inf, 5], [5e3, 5e3]])
     assert np.isnan(camera.unproject(outside)).all()
+
+
+def test_a_pixel_just_beyond_what_any_ray_reaches_is_nan():
+    # An orthographic lens: pixels grow to a radius of 300 at 90 degrees, and no farther.
+    P = np.zeros((3, SIZE))
+    P[0, [-4, -1]], P[1, [-3, -1]], P[2, -1] = [300, 480], [300, 360], 1
+    radial = radial_camera(90.0, centre=(480.0, 360.0))
+    camera = CubicCamera(image_size=(960, 720), P=P, max_angle_deg=89.9, radial=radial)
+    azimuth = np.linspace(0, 2 * np.pi, 50)
+    around = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
+    assert np.isfinite(camera.unproject(np.array([480, 360]) + 299 * around)).all()
+    assert np.isnan(camera.unproject(np.array([480, 360]) + 301 * around)).all()
 
 
 def test_edge_of_the_cone():

@@ -147,11 +147,8 @@ def project_jacobian(
     safe_z = np.where(axis, np.where(z == 0, 1, z), 1)
     # pixel = f * (x, y) * g + c, where g = r(θ)/ρ depends on ρ and z alone
     g = np.where(axis, 1 / safe_z, radius / safe_rho)
-    dg_drho_over_rho = np.where(
-        axis,
-        2 * (k1 - 1 / 3) / safe_z**3,
-        (slope * z / norm_squared - g) / safe_rho**2,
-    )
+    # On the axis it is multiplied by x² and y², which are nothing there.
+    dg_drho_over_rho = np.where(axis, 0, (slope * z / norm_squared - g) / safe_rho**2)
     dg_dz = -slope / norm_squared
     pixel = np.stack([fx * x * g + cx, fy * y * g + cy], axis=-1)
 

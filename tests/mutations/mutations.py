@@ -70,7 +70,12 @@ MUTATIONS = tuple(
             "return 1 + s * (3 * k1 + s * (4",
             "model_cameras",
         ),
-        ("model/radial.py", "2 * (k1 - 1 / 3)", "2 * (k1 + 1 / 3)", "model_cameras"),
+        (
+            "model/radial.py",
+            "slope * z / norm_squared - g",
+            "slope * z / norm_squared + g",
+            "model_cameras",
+        ),
         (
             "model/soundness.py",
             "good = (denominator > 0) & (determinant > 0)",

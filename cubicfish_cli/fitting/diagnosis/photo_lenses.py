@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import f as f_distribution
+from scipy.special import fdtrc
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import FitLens, huber_weight
@@ -189,7 +189,7 @@ def two_lenses(photos: PhotoLenses) -> TwoLenses | None:
     return TwoLenses(
         second=second,
         kind=kind,
-        chance=float(f_distribution.sf(ratio, 3, 3 * (count - 2))) * trials[kind],
+        chance=float(fdtrc(3, 3 * (count - 2), ratio)) * trials[kind],
         own=np.stack([_mean(own[part], weight[part]) for part in (~second, second)]),
     )
 
@@ -221,7 +221,7 @@ def _unlike(photos: PhotoLenses, terms: slice) -> list[Unlike]:
     distance = np.einsum("ki,kij,kj->k", off, weight, off) / (size * noise)
     # What the photos' own terms are beyond noise, by the better half of them.
     spread = max(1.0, float(np.median(distance)))
-    chance = f_distribution.sf(distance / spread, size, np.maximum(photos.numbers, 1)) * count
+    chance = fdtrc(size, np.maximum(photos.numbers, 1), distance / spread) * count
     worth = np.einsum("ki,kij,kj->k", off, weight, off)
     return [
         Unlike(
