@@ -8,6 +8,7 @@ in flat arrays, since all the maths runs over all corners at once.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.arrays import Refusal
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.files import write_text
 from cubicfish_cli.tables import Table, csv_text, read_table
@@ -52,6 +54,63 @@ class Corners:
     pixel: FloatArray
     weight: FloatArray
 
+    @classmethod
+    def from_arrays(
+        cls,
+        places: Iterable[npt.ArrayLike],
+        pixel: Iterable[npt.ArrayLike],
+        image_size: Sequence[int],
+        *,
+        boards: Sequence[str],
+        images: Sequence[str] | None = None,
+        weight: Iterable[npt.ArrayLike] | None = None,
+    ) -> Corners:
+        """Corners that any detector found, from plain arrays, one of each kind a photo.
+
+        Args:
+            places: for each photo (N, 3) whole numbers: index into ``boards``, column, row.
+            pixel: for each photo (N, 2) x, y of the same corners, pixels.
+            image_size: (width, height) of every photo, pixels.
+            boards: the boards' names, as in the target.
+            images: the photos' names; by default ``photo_0``, ``photo_1`` and so on.
+            weight: for each photo (N,) relative weights above 0; by default 1.
+
+        Raises:
+            CorrespondenceError: an array has another shape, another number of rows than its
+                fellow, or numbers that cannot be; one line that says which and where.
+
+        """
+        names = _REFUSAL.names(boards, "boards")
+        found = [_REFUSAL.places(one, f"places[{i}]", 3) for i, one in _listed(places, "places")]
+        size, photos, image, own, weights = _photos_of(found, pixel, image_size, images, weight)
+        place = np.concatenate(found)
+        bad = np.flatnonzero(place[:, 0] >= len(names))
+        if bad.size:
+            raise CorrespondenceError(
+                f"places[{image[bad[0]]}]: board {place[bad[0], 0]} is not one of the "
+                f"{len(names)} boards, counted from 0"
+            )
+        _, first, count = np.unique(
+            np.column_stack([image, place]), axis=0, return_index=True, return_counts=True
+        )
+        if (count > 1).any():
+            twice = first[count > 1][0]
+            raise CorrespondenceError(
+                f"places[{image[twice]}]: the corner {place[twice].tolist()} is there twice: "
+                "keep one of them"
+            )
+        return cls(
+            image_size=size,
+            images=photos,
+            boards=names,
+            image=image,
+            board=place[:, 0],
+            column=place[:, 1],
+            row=place[:, 2],
+            pixel=own,
+            weight=weights,
+        )
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Correspondences:
@@ -82,11 +141,57 @@ class Correspondences:
     column: IntArray
     row: IntArray
 
+    @classmethod
+    def from_arrays(
+        cls,
+        world: Iterable[npt.ArrayLike],
+        pixel: Iterable[npt.ArrayLike],
+        image_size: Sequence[int],
+        *,
+        images: Sequence[str] | None = None,
+        weight: Iterable[npt.ArrayLike] | None = None,
+    ) -> Correspondences:
+        """2D-3D pairs from plain arrays, one of each kind a photo.
+
+        Args:
+            world: for each photo (N, 3) points in the world frame, any unit of length.
+            pixel: for each photo (N, 2) x, y of the same points, pixels.
+            image_size: (width, height) of every photo, pixels.
+            images: the photos' names; by default ``photo_0``, ``photo_1`` and so on.
+            weight: for each photo (N,) relative weights above 0; by default 1.
+
+        Returns:
+            The pairs; ``column`` is the row's number in its photo's arrays.
+
+        Raises:
+            CorrespondenceError: an array has another shape, another number of rows than its
+                fellow, or numbers that cannot be; one line that says which and where.
+
+        """
+        points = [
+            _REFUSAL.numbers(one, f"world[{i}]", 3, limit=MAX_COORDINATE)
+            for i, one in _listed(world, "world")
+        ]
+        size, photos, image, own, weights = _photos_of(points, pixel, image_size, images, weight)
+        return cls(
+            image_size=size,
+            images=photos,
+            boards=(),
+            image=image,
+            world=np.concatenate(points),
+            pixel=own,
+            weight=weights,
+            board=np.full(len(image), -1, np.intp),
+            column=np.concatenate([np.arange(len(one), dtype=np.intp) for one in points]),
+            row=np.zeros(len(image), np.intp),
+        )
+
 
 CORNER_COLUMNS = ("image", "board", "column", "row", "x", "y")
 PAIR_COLUMNS = ("image", "X", "Y", "Z", "x", "y")
 MAX_SIDE = 100_000
 MAX_COORDINATE = 1e9
+_REFUSAL = Refusal(error=CorrespondenceError)
 
 
 def parse_size(text: str) -> tuple[int, int]:
@@ -326,10 +431,78 @@ def _refuse_twice(table: Table, *keys: IntArray) -> None:
         table.refuse(second, f"the same corner as in line {table.lines[first]}: keep one of them")
 
 
+def _listed(arrays: Iterable[npt.ArrayLike], name: str) -> list[tuple[int, npt.ArrayLike]]:
+    """The arrays of the photos, numbered."""
+    one_array = isinstance(arrays, np.ndarray) and arrays.ndim < 3 and arrays.dtype != object
+    if one_array or isinstance(arrays, str | bytes) or not isinstance(arrays, Iterable):
+        raise CorrespondenceError(f"{name} must be a list of arrays, one for each photo")
+    return list(enumerate(arrays))
+
+
+def _photos_of(
+    known: Sequence[FloatArray | IntArray],
+    pixel: Iterable[npt.ArrayLike],
+    image_size: Sequence[int],
+    images: Sequence[str] | None,
+    weight: Iterable[npt.ArrayLike] | None,
+) -> tuple[tuple[int, int], tuple[str, ...], IntArray, FloatArray, FloatArray]:
+    """Size, names, photo of each row, pixels and weights that go with what is known of photos."""
+    size = _REFUSAL.size(image_size, "image_size", limit=MAX_SIDE)
+    own = [
+        _REFUSAL.numbers(one, f"pixel[{i}]", 2, limit=MAX_COORDINATE)
+        for i, one in _listed(pixel, "pixel")
+    ]
+    if not known:
+        raise CorrespondenceError("no photo was given: pass one array for each photo")
+    if len(own) != len(known):
+        raise CorrespondenceError(
+            f"pixels are given for {len(own)} photos and points for {len(known)}: "
+            "pass one array of each for every photo"
+        )
+    for index, (points, seen) in enumerate(zip(known, own, strict=True)):
+        if len(points) != len(seen):
+            raise CorrespondenceError(
+                f"photo {index} has {len(points)} points and {len(seen)} pixels: "
+                "each row of one belongs to the same row of the other"
+            )
+        if not len(points):
+            raise CorrespondenceError(f"photo {index} has no points: leave it out of both lists")
+        outside = np.flatnonzero(_outside(seen, size))
+        if outside.size:
+            x, y = seen[outside[0]]
+            raise CorrespondenceError(
+                f"pixel[{index}], row {outside[0]}: {x:g}, {y:g} is outside the "
+                f"{size[0]}x{size[1]} image: is image_size (width, height)?"
+            )
+    counts = [len(one) for one in own]
+    names = [f"photo_{index}" for index in range(len(own))] if images is None else images
+    photos = _REFUSAL.names(names, "images")
+    if len(photos) != len(own):
+        raise CorrespondenceError(f"{len(photos)} names are given for {len(own)} photos")
+    weights = [np.ones(count) for count in counts]
+    if weight is not None:
+        given = _listed(weight, "weight")
+        if len(given) != len(own):
+            raise CorrespondenceError(f"weights are given for {len(given)} of {len(own)} photos")
+        weights = [
+            _REFUSAL.weights(one, f"weight[{i}]", counts[i], limit=MAX_COORDINATE)
+            for i, one in given
+        ]
+    image = np.repeat(np.arange(len(own), dtype=np.intp), counts)
+    return size, photos, image, np.concatenate(own), np.concatenate(weights)
+
+
+def _outside(pixel: FloatArray, image_size: tuple[int, int]) -> npt.NDArray[np.bool_]:
+    """Which pixels (N, 2) are outside a photo.
+
+    One pixel of slack: a corner may be found a little beyond the outermost pixel centres.
+    """
+    return np.asarray(((pixel < -1) | (pixel > image_size)).any(axis=1))
+
+
 def _pixels(table: Table, image_size: tuple[int, int]) -> FloatArray:
     pixel = np.stack([table.floats("x"), table.floats("y")], axis=-1)
-    # One pixel of slack: a corner may be found a little beyond the outermost pixel centres.
-    outside = np.flatnonzero(((pixel < -1) | (pixel > image_size)).any(axis=1))
+    outside = np.flatnonzero(_outside(pixel, image_size))
     if outside.size:
         x, y = pixel[outside[0]]
         table.refuse(

@@ -9,11 +9,10 @@ from __future__ import annotations
 import glob
 import os
 import re
-import struct
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.errors import PhotoError
 from cubicfish_cli.machines import on_host
+from cubicfish_cli.picture_headers import Claim, claimed, is_picture
 from cubicfish_cli.wording import quoted
 
 Picture = npt.NDArray[np.integer[Any] | np.floating[Any]]
@@ -32,43 +32,44 @@ SUFFIXES = frozenset(_NAMES.split())
 
 MAX_PIXELS = 200_000_000
 """More than any camera has; a small file that claims more is refused before it fills memory."""
+MAX_PICTURE_BYTES = 1_600_000_000
+"""As many pixels with four channels of 16 bits; what a decoder may be asked to make room for."""
 MAX_FILE_BYTES = 2_000_000_000
 
 _READABLE = "PNG, JPEG, TIFF, BMP, WebP, JPEG 2000 or PNM"
-_MAGIC = (
-    b"\x89PNG",
-    b"\xff\xd8\xff",
-    b"II*\0",
-    b"MM\0*",
-    b"BM",
-    b"RIFF",
-    b"\0\0\0\x0cjP",
-    b"P2",
-    b"P3",
-    b"P5",
-    b"P6",
-)
+_DAMAGED = "{} is cut short or damaged: copy it again or leave it out"
 _stderr_lock = threading.Lock()
 _opencv_lock = threading.Lock()
 
 
 @dataclass(frozen=True, kw_only=True)
 class Photo:
-    """A photo on disk.
+    """A photo on disk, or in memory.
 
     Attributes:
         name: what files and reports call it: the file's name, or its path below the photos'
             common folder where two photos have the same file name.
         path: where it is.
+        picture: what it shows, in the place of the file; None for a photo on disk.
 
     """
 
     name: str
     path: Path
+    picture: Picture | None = field(default=None, compare=False, repr=False)
 
     def absolute(self) -> Photo:
         """The same photo, by a path that holds in any current folder."""
-        return Photo(name=self.name, path=Path(os.path.abspath(self.path)))
+        return replace(self, path=Path(os.path.abspath(self.path)))
+
+    def read_grey(self) -> Picture:
+        """Its brightness (H, W), uint8 or uint16.
+
+        Raises:
+            PhotoError: as :func:`read_picture`.
+
+        """
+        return read_grey(self.path) if self.picture is None else grey(self.picture)
 
 
 def is_photo_name(path: Path) -> bool:
@@ -193,20 +194,14 @@ def decode_picture(path: Path, data: bytes, *, floats: bool = False) -> Picture:
         PhotoError: as :func:`read_picture`.
 
     """
-    _refuse_bombs(path, data)
-    picture = None
-    if not _is_cut_jpeg(data):
-        with quiet_stderr():
-            try:
-                picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-            except cv2.error:
-                picture = None
+    _claim_of(path, data)
+    with quiet_stderr():
+        try:
+            picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        except cv2.error:
+            picture = None
     if picture is None or picture.size == 0:
-        if data.startswith(_MAGIC):
-            raise PhotoError(
-                f"{shown(path)} is cut short or damaged: copy it again or leave it out"
-            )
-        raise PhotoError(f"{shown(path)} is not a picture that can be read: save it as {_READABLE}")
+        raise PhotoError(_DAMAGED.format(shown(path)))
     if picture.dtype not in (np.uint8, np.uint16) and not (floats and picture.dtype == np.float32):
         raise PhotoError(f"{shown(path)} holds {picture.dtype} numbers: save it with 8 or 16 bits")
     return picture
@@ -232,17 +227,14 @@ def grey(picture: Picture) -> Picture:
 
 
 def photo_size(path: Path) -> tuple[int, int]:
-    """(width, height) of a picture, from its header where that is easy.
+    """(width, height) of a picture, from its header.
 
     Raises:
         PhotoError: as :func:`read_picture`; a damaged picture with a good header passes.
 
     """
-    size = _header_size(read_file(Path(path)))
-    if size is None:
-        height, width = read_picture(path).shape[:2]
-        size = (width, height)
-    return size
+    claim = _claim_of(path, read_file(path))
+    return claim.width, claim.height
 
 
 def read_file(path: Path) -> bytes:
@@ -269,85 +261,28 @@ def read_file(path: Path) -> bytes:
     return data
 
 
-def _refuse_bombs(path: Path, data: bytes) -> None:
-    size = _header_size(data)
-    if size is not None and size[0] * size[1] > MAX_PIXELS:
-        raise PhotoError(
-            f"{shown(path)} claims {size[0]}x{size[1]} pixels, more than the "
-            f"{MAX_PIXELS / 1e6:g} million allowed: is it a photo?"
-        )
+def _claim_of(path: Path, data: bytes) -> Claim:
+    """What a picture's header claims, if it is within bounds: small files can claim huge ones.
 
-
-def _header_size(data: bytes) -> tuple[int, int] | None:
-    """(width, height) that a PNG, JPEG, BMP or TIFF header states, else None."""
-    readers: tuple[tuple[bytes, Callable[[bytes], tuple[int, int] | None]], ...] = (
-        (b"\x89PNG", lambda png: struct.unpack_from(">II", png, 16)),
-        (b"\xff\xd8", _jpeg_size),
-        (b"BM", _bmp_size),
-        (b"II*\0", lambda tiff: _tiff_size(tiff, "<")),
-        (b"MM\0*", lambda tiff: _tiff_size(tiff, ">")),
-    )
-    for magic, read in readers:
-        if data.startswith(magic):
-            try:
-                size = read(data)
-            except (struct.error, IndexError):
-                return None
-            return size if size and min(size) > 0 else None
-    return None
-
-
-def _jpeg_segments(data: bytes) -> Iterator[tuple[int, int]]:
-    """(marker, position after it) of a JPEG file's segments, up to the first scan."""
-    position = 2
-    while position + 4 <= len(data):
-        if data[position] != 0xFF:
-            return
-        marker = data[position + 1]
-        if marker == 0xFF:  # fill bytes may stand before a marker
-            position += 1
-            continue
-        yield marker, position + 2
-        if marker == 0xDA:
-            return
-        position += 2 + int(struct.unpack_from(">H", data, position + 2)[0])
-
-
-def _jpeg_size(data: bytes) -> tuple[int, int] | None:
-    for marker, position in _jpeg_segments(data):
-        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
-            height, width = struct.unpack_from(">HH", data, position + 3)
-            return width, height
-    return None
-
-
-def _is_cut_jpeg(data: bytes) -> bool:
-    """Whether a JPEG file lacks its end, which some decoders fill up with grey unasked.
-
-    Inside a scan 0xFF is always escaped, so its first unescaped 0xD9 is the picture's end.
+    A decoder is never asked before: it makes room for whatever is claimed.
     """
-    if not data.startswith(b"\xff\xd8"):
-        return False
-    scan = next((at for marker, at in _jpeg_segments(data) if marker == 0xDA), None)
-    return scan is None or data.find(b"\xff\xd9", scan) < 0
-
-
-def _bmp_size(data: bytes) -> tuple[int, int] | None:
-    if struct.unpack_from("<I", data, 14)[0] < 40:
-        return None
-    width, height = struct.unpack_from("<ii", data, 18)
-    return width, abs(height)
-
-
-def _tiff_size(data: bytes, order: str) -> tuple[int, int] | None:
-    start = struct.unpack_from(order + "I", data, 4)[0]
-    found = {}
-    for entry in range(struct.unpack_from(order + "H", data, start)[0]):
-        at = start + 2 + 12 * entry
-        tag, kind = struct.unpack_from(order + "HH", data, at)
-        if tag in (256, 257) and kind in (3, 4):
-            found[tag] = struct.unpack_from(order + ("H" if kind == 3 else "I"), data, at + 8)[0]
-    return (found[256], found[257]) if len(found) == 2 else None
+    claim = claimed(data)
+    if claim is None:
+        if is_picture(data):
+            raise PhotoError(_DAMAGED.format(shown(path)))
+        raise PhotoError(f"{shown(path)} is not a picture that can be read: save it as {_READABLE}")
+    size = f"{claim.width}x{claim.height} pixels"
+    if claim.width * claim.height > MAX_PIXELS:
+        raise PhotoError(
+            f"{shown(path)} claims {size}, more than the {MAX_PIXELS / 1e6:g} million allowed: "
+            "is it a photo?"
+        )
+    if claim.memory > MAX_PICTURE_BYTES:
+        raise PhotoError(
+            f"{shown(path)} claims {size} that need {claim.memory / 1e9:.3g} GB, more than the "
+            f"{MAX_PICTURE_BYTES / 1e9:g} GB allowed: is it a photo?"
+        )
+    return claim
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -18,6 +18,7 @@ from cubicfish_cli.plain_yaml import load_plain_yaml
 from cubicfish_cli.wording import did_you_mean, quoted
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
 BoardKind = Literal["checkerboard", "charuco", "aprilgrid", "points"]
 FirstSquare = Literal["dark", "light"]
 
@@ -200,6 +201,31 @@ class Target:
     units: str
     boards: tuple[Board, ...]
 
+    @classmethod
+    def load(cls, path: Path | str) -> Target:
+        """Read ``target.yaml``, as :func:`load_target` does.
+
+        Raises:
+            TargetError: the file cannot be read or does not describe a usable object.
+
+        """
+        return load_target(Path(path))
+
+    @classmethod
+    def from_data(cls, data: Mapping[str, Any]) -> Target:
+        """The object that plain data describe: the keys and values of ``target.yaml``.
+
+        Raises:
+            TargetError: a key is missing or unknown, or a value is not usable; one line that
+                names the board and the key.
+
+        """
+        try:
+            plain = _plain(data)
+        except RecursionError as problem:
+            raise TargetError("target: is nested without end") from problem
+        return _target("target", plain)
+
     @cached_property
     def board_names(self) -> tuple[str, ...]:
         """The boards' names, in the file's order."""
@@ -215,6 +241,18 @@ class Target:
             here = board == index
             world[here] = one.world_points(column[here], row[here])
         return world
+
+    def corners(self) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+        """All corners: board index, column and row (N,) each, and world points (N, 3) in units.
+
+        Board by board in the file's order, row by row.
+        """
+        parts = []
+        for index, board in enumerate(self.boards):
+            row, column = (part.ravel() for part in np.indices((board.rows, board.columns)))
+            parts.append((np.full(len(row), index), column, row, board.world_points(column, row)))
+        boards, columns, rows, world = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return boards, columns, rows, world
 
     def plane_count(self) -> int:
         """Number of distinct planes that the boards lie in (each decides how much P can know).
@@ -238,11 +276,15 @@ def load_target(path: Path) -> Target:
 
     """
     data = load_plain_yaml(Path(path), error=TargetError, max_bytes=MAX_BYTES)
+    return _target(str(path), data)
+
+
+def _target(where: str, data: object) -> Target:
     if not isinstance(data, dict):
-        raise TargetError(f"{path}: must hold the keys units and boards")
-    top = _Section(str(path), data)
+        raise TargetError(f"{where}: must hold the keys units and boards")
+    top = _Section(where, data)
     top.allow_only(("units", "boards"), "a target file")
-    units = top.text("units", hint="the unit of every length in this file, such as mm")
+    units = top.text("units", hint="the unit of every length in it, such as mm")
     entries = top.required("boards", hint="a list of boards")
     if not isinstance(entries, list) or not entries:
         top.refuse("boards", "must be a list of at least one board, each starting with '- name:'")
@@ -251,14 +293,30 @@ def load_target(path: Path) -> Target:
     names: set[str] = set()
     boards = []
     for number, entry in enumerate(entries, start=1):
-        board = _board(str(path), number, entry, alone=len(entries) == 1)
+        board = _board(where, number, entry, alone=len(entries) == 1)
         if board.name in names:
-            raise TargetError(f"{path}, board {quoted(board.name)}, name: another board has it too")
+            raise TargetError(
+                f"{where}, board {quoted(board.name)}, name: another board has it too"
+            )
         names.add(board.name)
         boards.append(board)
-    _refuse_shared_markers(str(path), boards)
-    _refuse_shared_places(str(path), boards)
+    _refuse_shared_markers(where, boards)
+    _refuse_shared_places(where, boards)
     return Target(units=units, boards=tuple(boards))
+
+
+def _plain(value: object) -> Any:
+    """Data as a file holds them: lists for tuples and arrays, Python's numbers for numpy's."""
+    if isinstance(value, Mapping):
+        for key in value:
+            if not isinstance(key, str):
+                raise TargetError(f"target: the key {quoted(key)} must be text")
+        return {key: _plain(part) for key, part in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    return value
 
 
 class _Section:
@@ -482,7 +540,7 @@ def _shape(section: _Section, columns: int, rows: int) -> BoardShape | None:
             section.refuse("offsets", f"{quoted(entry)} does not fit: {hint}")
         offsets[entry[1], entry[0]] = entry[2:]
     twist = section.data.get("twist", 0.0)
-    if not _is_number(twist) or abs(twist) > MAX_LENGTH:
+    if not _is_number(twist) or not abs(twist) <= MAX_LENGTH:
         section.refuse("twist", f"must be a finite number, not {quoted(twist)}")
     return BoardShape(
         bend=section.pair("bend", MAX_LENGTH),

@@ -57,6 +57,30 @@ class CubicCamera:
         pixel = homogeneous[..., :2] / homogeneous[..., 2:]
         return np.where(inside[..., None], pixel, np.nan)
 
+    def project_jacobian(self, points: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Pixels and how they move with the points, for an optimisation of the caller's own.
+
+        Args:
+            points: (..., 3) in the camera frame, of any length.
+
+        Returns:
+            Pixels (..., 2) and d pixel / d point (..., 2, 3), pixels a unit of the points; both
+            NaN outside the cone.
+
+        """
+        points = np.asarray(points, float)
+        pixel = self.project(points)
+        flat = points.reshape(-1, 3)
+        inside = np.flatnonzero(np.isfinite(pixel.reshape(-1, 2)[:, 0]))
+        slope = np.full((len(flat), 2, 3), np.nan)
+        length = np.linalg.norm(flat[inside], axis=-1, keepdims=True)
+        rays = flat[inside] / length
+        across = self.pixel_and_slope(rays)[1]
+        # A point that moves along its ray keeps its pixel.
+        across -= (across @ rays[:, :, None]) * rays[:, None, :]
+        slope[inside] = across / length[:, :, None]
+        return pixel, slope.reshape((*points.shape[:-1], 2, 3))
+
     def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
         """Pixels (..., 2) -> unit rays (..., 3); NaN outside the valid field.
 

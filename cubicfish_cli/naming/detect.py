@@ -90,6 +90,15 @@ class Detection:
     photos: tuple[PhotoReport, ...]
     findings: tuple[Finding, ...] = ()
 
+    @property
+    def by_convention(self) -> tuple[str, ...]:
+        """Photos that show too little of the board to tell which corners these are.
+
+        They serve a lens, but corners that may be others than they are named as say nothing
+        about the object.
+        """
+        return tuple(photo.name for photo in self.photos if not photo.exact)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Found:
@@ -171,12 +180,13 @@ def detect_corners(
 def _find(photo: Photo, *, target: Target, cache: GridCache | None) -> _Found:
     markers = has_markers(target)
     try:
-        data = read_file(photo.path)
+        data = read_file(photo.path) if photo.picture is None else b""
+        cache = cache if data else None  # what is in memory has no bytes to know it by
         key = cache.key(data) if cache else ""
         known = cache.load(key) if cache else None
         if known is not None and known.grids and not markers:
             return _Found(grids=known, problem=None)
-        picture = grey(decode_picture(photo.path, data))
+        picture = grey(decode_picture(photo.path, data)) if data else photo.read_grey()
     except PhotoError as error:
         return _Found(grids=None, problem=str(error))
     grids = _settled(find_grids(picture)) if known is None else known

@@ -21,7 +21,7 @@ from cubicfish_cli.machines import Machines
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.naming.detect import Detection, PhotoReport
 from cubicfish_cli.naming.pool import map_photos, settled, workers_for
-from cubicfish_cli.photos import Photo, read_grey
+from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Board, Target
 
 FloatArray = npt.NDArray[np.float64]
@@ -204,7 +204,7 @@ def _of_board(
 
 def _look(prediction: _Prediction) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
     """Pixels (N, 2), and which of the unknown corners the photo shows (N,)."""
-    picture = read_grey(prediction.photo.path)
+    picture = prediction.photo.read_grey()
     # Known corners take part: a corner is judged by those around it.
     pixel, ok = refine_corners(
         picture, prediction.pixel, prediction.step, prediction.sign, prediction.bend

@@ -52,12 +52,7 @@ class TrueCorners:
 
 def target_corners(target: Target) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
     """All corners of a target: board, column, row (N,) each and world points (N, 3)."""
-    parts = []
-    for index, board in enumerate(target.boards):
-        row, column = (part.ravel() for part in np.indices((board.rows, board.columns)))
-        parts.append((np.full(len(row), index), column, row, board.world_points(column, row)))
-    boards, columns, rows, world = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return boards, columns, rows, world
+    return target.corners()
 
 
 def project_corners(
