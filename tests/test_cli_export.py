@@ -182,7 +182,7 @@ def test_what_is_written_is_read_as_the_same_lens(run, calibrated, tmp_path, ray
     record = exported(run, calibrated, path, name)
     size = ["--size", "960x720"] if name == "pyocamcalib" else []
     said = json.loads(run("import", path, "-o", back, "--json", *size).stdout)
-    assert said["format"] == ("kalibr" if name.startswith("kalibr") else name)
+    assert said["format"] == name.split("-")[0]
     assert said["max_px"] < 0.15
     made = load_camera(back)
     assert made.camera.image_size == (960, 720)
@@ -268,7 +268,7 @@ def test_a_pinhole_lens_becomes_a_cubic_camera(run, tmp_path):
         ),
         ("cam0:\n  camera_model: [1]\n  intrinsics: []\n  resolution: []\n", "is not known"),
         (PINHOLE.replace("data: [-0.2,", "data: [-0.2, 1.0, 2.0,"), "must hold 0 or 4 or 5"),
-        ("# CAMERA_ID\n1 OPENCV_FISHEYE 640 480 1 2\n", "PARAMS must hold 8"),
+        ("# CAMERA_ID\n1 OPENCV_FISHEYE 640 480 1 2\n", "FISHEYE must hold 8"),
         ("# CAMERA_ID\n1 NONE 640 480 1 2\n", "no camera model"),
         ("# CAMERA_ID\n1 FOV 6 4 1 1 1 1 1\n2 FOV 6 4 1 1 1 1 1\n", "--camera: 1, 2"),
         ('{"fl_x": 1e999}', "must hold 1 finite numbers"),

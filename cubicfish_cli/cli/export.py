@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 # Those of formats.foreign, here so that --help need not load numpy; a test holds them together.
 FORMATS = (
     "opencv", "ros", "kalibr-pinhole-equi", "kalibr-omni", "kalibr-eucm", "kalibr-ds",
-    "ocamcalib", "pyocamcalib", "colmap", "nerfstudio", "mrcal", "maps",
+    "ocamcalib", "pyocamcalib", "colmap", "colmap-thin-prism-fisheye",
+    "colmap-rad-tan-thin-prism-fisheye", "colmap-eucm", "nerfstudio", "mrcal", "maps",
 )  # fmt: skip
 
 

@@ -15,6 +15,19 @@ def read_bounded(path: Path, *, max_bytes: int) -> str:
 
     """
     try:
+        return read_bounded_bytes(path, max_bytes=max_bytes).decode("utf-8-sig")
+    except UnicodeDecodeError as problem:
+        raise CameraFileError(f"{path} is not UTF-8 text: is it the right file?") from problem
+
+
+def read_bounded_bytes(path: Path, *, max_bytes: int) -> bytes:
+    """The contents of a camera's file of at most ``max_bytes``.
+
+    Raises:
+        CameraFileError: the file cannot be read, or is larger.
+
+    """
+    try:
         with Path(path).open("rb") as file:
             raw = file.read(max_bytes + 1)
     except OSError as problem:
@@ -23,7 +36,4 @@ def read_bounded(path: Path, *, max_bytes: int) -> str:
         raise CameraFileError(
             f"{path} is larger than {max_bytes / 1e6:g} MB: is it the right file?"
         )
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as problem:
-        raise CameraFileError(f"{path} is not UTF-8 text: is it the right file?") from problem
+    return raw

@@ -9,8 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.bounded import read_bounded
-from cubicfish_cli.formats.colmap_text import colmap_text, read_colmap
+from cubicfish_cli.formats.bounded import read_bounded, read_bounded_bytes
+from cubicfish_cli.formats.colmap_cameras import (
+    colmap_text,
+    looks_like_cameras_bin,
+    looks_like_cameras_txt,
+    read_colmap,
+)
+from cubicfish_cli.formats.colmap_models import WRITTEN as COLMAP_MODELS
 from cubicfish_cli.formats.kalibr_yaml import LENSES as KALIBR_LENSES
 from cubicfish_cli.formats.kalibr_yaml import kalibr_text, read_kalibr
 from cubicfish_cli.formats.mrcal_model import mrcal_text, read_mrcal
@@ -29,13 +35,19 @@ FloatArray = npt.NDArray[np.float64]
 Poses = Mapping[str, tuple[FloatArray, FloatArray]]
 """camera_from_world, rotation (3, 3) and translation (3,), by the photo's name."""
 
+# Most programs that read COLMAP's files take OPENCV_FISHEYE: it is the one without a name.
+_COLMAP = {
+    "colmap" if name == "OPENCV_FISHEYE" else f"colmap-{name.lower().replace('_', '-')}": lens
+    for lens, name in COLMAP_MODELS.items()
+}
+
 LENS_OF = {
     "opencv": "kannala_brandt",
     "ros": "kannala_brandt",
     **{f"kalibr-{name}": model for name, model in KALIBR_LENSES.items()},
     "ocamcalib": "ocam",
     "pyocamcalib": "ocam",
-    "colmap": "kannala_brandt",
+    **_COLMAP,
     "nerfstudio": "kannala_brandt",
     "mrcal": "mrcal_splined",
 }
@@ -47,7 +59,7 @@ FILE_NAMES = {
     **dict.fromkeys((f"kalibr-{name}" for name in KALIBR_LENSES), "camchain.yaml"),
     "ocamcalib": "calib_results.txt",
     "pyocamcalib": "calibration.json",
-    "colmap": "cameras.txt",
+    **dict.fromkeys(_COLMAP, "cameras.txt"),
     "nerfstudio": "transforms.json",
     "mrcal": "camera.cameramodel",
 }
@@ -76,7 +88,7 @@ def foreign_text(name: str, record: LensRecord, note: Sequence[str], poses: Pose
         return ros_text(record, note)
     if name.startswith("kalibr-"):
         return kalibr_text(record, note)
-    if name == "colmap":
+    if name in _COLMAP:
         return colmap_text(record, note)
     if name == "nerfstudio":
         return nerfstudio_text(record, note, poses)
@@ -135,6 +147,8 @@ def sniffed(path: Path) -> str:
         CameraFileError: it is of none that is known, or cannot be read.
 
     """
+    if looks_like_cameras_bin(read_bounded_bytes(path, max_bytes=_SNIFFED_BYTES)):
+        return "colmap"
     text = read_bounded(path, max_bytes=_SNIFFED_BYTES)
     for name, marks in (
         ("opencv", ("%YAML:1.0",)),
@@ -149,6 +163,8 @@ def sniffed(path: Path) -> str:
     ):
         if all(mark in text for mark in marks):
             return name
+    if looks_like_cameras_txt(text):
+        return "colmap"
     raise CameraFileError(
         f"{path} is of no format that is known by its looks: name it with --from, one of "
         + ", ".join(READABLE)

@@ -7,7 +7,8 @@ Their records hold fx, fy, cx, cy and
 - ``unified``: ``xi`` and ``d`` (4,) k1, k2, p1, p2 of radial-tangential distortion (Mei & Rives);
 - ``eucm``: ``alpha``, ``beta``;
 - ``double_sphere``: ``xi``, ``alpha``;
-- ``fov``: ``omega``, radians.
+- ``fov``: ``omega``, radians;
+- ``division``: ``bend``, the ray of (x, y) being (x, y, 1 + bend (x² + y²)).
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.baselines.base import BaselineLens
+from cubicfish_cli.fitting.baselines.division import DivisionLens
 from cubicfish_cli.fitting.baselines.double_sphere import DoubleSphereLens
 from cubicfish_cli.fitting.baselines.enhanced_unified import EnhancedUnifiedLens
 from cubicfish_cli.fitting.baselines.field_of_view import FieldOfViewLens
@@ -183,4 +185,5 @@ MODELS = (
         fit=_shape_fitter("double_sphere", DoubleSphereLens, ("xi", "alpha")),
     ),
     LensModel(name="fov", project=_shape_projector(FieldOfViewLens, ("omega",))),
+    LensModel(name="division", project=_shape_projector(DivisionLens, ("bend",))),
 )

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
-from cubicfish_cli.fitting.conversion import central, mrcal_splined, ocam, pinhole
+from cubicfish_cli.fitting.conversion import central, mrcal_splined, ocam, pinhole, thin_prism
 from cubicfish_cli.fitting.conversion.lens_model import LensModel
 
 MODELS: dict[str, LensModel] = {
-    model.name: model for model in (*central.MODELS, pinhole.MODEL, ocam.MODEL, mrcal_splined.MODEL)
+    model.name: model
+    for model in (
+        *central.MODELS,
+        *thin_prism.MODELS,
+        pinhole.MODEL,
+        ocam.MODEL,
+        mrcal_splined.MODEL,
+    )
 }
