@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import (
     FILE,
@@ -70,7 +71,7 @@ _MOST_PARTS = 4
 )
 @click.option("--seed", type=click.IntRange(0), default=0, metavar="N", help="Try other poses.")
 @overwrite_option
-@json_option
+@json_option(json_keys.ADVISE)
 @common_options
 def command(
     calibration: Path | None,

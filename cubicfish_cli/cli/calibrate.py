@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import calibrate_points, report_step
+from cubicfish_cli.cli import calibrate_points, json_keys, report_step
 from cubicfish_cli.cli.figures import (
     count,
     hold_gate,
@@ -97,7 +97,7 @@ if TYPE_CHECKING:
 @report_step.report_option
 @max_rms_option
 @overwrite_option
-@json_option
+@json_option(json_keys.CALIBRATE)
 @jobs_option
 @no_cache_option
 @common_options
@@ -143,15 +143,14 @@ def command(
         jobs=jobs,
         no_cache=no_cache,
     )
-    if loaded.detection is not None:
-        for line in photo_problems(loaded.detection):
-            say(line)
+    problems = None if loaded.detection is None else photo_problems(loaded.detection)
+    for line in problems or ():
+        say(line)
     if loaded.corners is None:  # the input held pairs
         outputs.pop("corners", None)
     if refine_target == "auto" and loaded.detection is not None:
-        by_convention = [photo.name for photo in loaded.detection.photos if not photo.exact]
+        by_convention = loaded.detection.by_convention
         if by_convention:
-            # Corners that may be others than they are named as say nothing about the object.
             refine_target = "off"
             say(
                 f"The object stays as drawn: {count(len(by_convention), 'photo')} show too little "
@@ -190,7 +189,8 @@ def command(
     if as_json:
         compared = {"models": models} if compare else {}
         files = report_step.as_record(judged, outputs)
-        print_json({**record, **compared, **files, "model": str(outputs["camera"])})
+        photos = {"photo_problems": problems}
+        print_json({**record, **compared, **photos, **files, "model": str(outputs["camera"])})
     else:
         _print(calibration, record, judged, models, outputs)
     for corner in record["dropped_corners"]:

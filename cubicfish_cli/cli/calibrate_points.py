@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.cli import report_step
 from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_photos
-from cubicfish_cli.cli.inputs import Pairs
+from cubicfish_cli.cli.inputs import Pairs, photo_problems
 from cubicfish_cli.cli.terminal import print_json, result, say
 
 if TYPE_CHECKING:
@@ -60,8 +60,10 @@ def run(
             write_text(places["report"], page, overwrite=False)
     judged = verdict(record, camera.image_size, camera.valid)
     if as_json:
-        files = report_step.as_record(judged, outputs)
-        print_json({**record, **files, "model": str(outputs["camera"])})
+        files = report_step.as_record(judged, {name: outputs[name] for name in names})
+        found = loaded.detection
+        photos = {"photo_problems": None if found is None else photo_problems(found)}
+        print_json({**record, **photos, **files, "model": str(outputs["camera"])})
     else:
         _print(calibration, record, judged)
         result()

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import hold_gate, px
 from cubicfish_cli.cli.options import (
     FILE,
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 )
 @max_rms_option
 @overwrite_option
-@json_option
+@json_option(json_keys.COMPARE)
 @common_options
 def command(
     first: Path,

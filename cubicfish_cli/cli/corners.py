@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
+from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import (
     FILE,
@@ -90,7 +91,7 @@ seen from behind are refused.
 )
 @click.option("--only", metavar="GLOB", help="Only photos whose names match, such as 'cam0/*'.")
 @overwrite_option
-@json_option
+@json_option(json_keys.CORNERS)
 @common_options
 def command(
     files: tuple[Path, ...],

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.inputs import detect, photo_problems
 from cubicfish_cli.cli.options import (
@@ -57,7 +58,7 @@ if TYPE_CHECKING:
     "corner (0, 0), arrows along x and y, in red what was left out and why.",
 )
 @overwrite_option
-@json_option
+@json_option(json_keys.DETECT)
 @jobs_option
 @scheduler_options
 @no_cache_option
@@ -94,8 +95,7 @@ def command(
     with scheduler.connected() as machines:
         detection = detect(found, loaded, jobs, no_cache=no_cache, machines=machines)
     save_corners(output, detection.corners, overwrite=overwrite)
-    if draw is not None:
-        _draw(found, detection, pictures, overwrite=overwrite)
+    drawn = _draw(found, detection, pictures, overwrite=overwrite) if draw is not None else None
     corners, images = len(detection.corners.pixel), len(detection.corners.images)
     if as_json:
         per_image = [
@@ -118,6 +118,7 @@ def command(
                 "corners": corners,
                 "findings": [finding.as_record() for finding in detection.findings],
                 "per_image": per_image,
+                **({"drawings": drawn} if drawn is not None else {}),
             }
         )
     else:
@@ -163,15 +164,18 @@ def _draw(
     pictures: Mapping[str, Path],
     *,
     overwrite: bool,
-) -> None:
-    """Write a picture of what was found in each photo that could be read."""
+) -> list[str]:
+    """Write a picture of what was found in each photo that could be read; return their names."""
     from cubicfish_cli.naming.draw import draw_found
     from cubicfish_cli.photos import read_grey
     from cubicfish_cli.undistortion.images import write_picture
 
+    written = []
     with progress("Drawing") as callback:
         for done, (photo, report) in enumerate(zip(photos, detection.photos, strict=True)):
             callback(done, len(photos))
             if report.found is not None:
                 drawn = draw_found(read_grey(photo.path), report, detection.corners)
                 write_picture(pictures[photo.name], drawn, overwrite=overwrite)
+                written.append(str(pictures[photo.name]))
+    return written

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_photos, px
 from cubicfish_cli.cli.inputs import load_pairs, photo_problems
 from cubicfish_cli.cli.options import (
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 @model_option
 @size_option
 @max_rms_option
-@json_option
+@json_option(json_keys.EVALUATE)
 @jobs_option
 @no_cache_option
 @common_options
@@ -76,6 +77,8 @@ def command(
     evaluation = evaluate(camera, loaded.pairs)
     record = evaluation.as_record()
     record["uncertainty"] = _uncertainty(file.fit, evaluation.pairs.pixel)
+    problems = None if loaded.detection is None else photo_problems(loaded.detection)
+    record["photo_problems"] = problems
     if as_json:
         print_json(record)
     else:
@@ -93,7 +96,7 @@ def command(
             f"{count(evaluation.outside, 'corner')} not counted: beyond the "
             f"{camera.max_angle_deg:.0f}° where the camera may be trusted."
         )
-    for line in photo_problems(loaded.detection) if loaded.detection is not None else []:
+    for line in problems or ():
         say(line)
     for photo in evaluation.unplaced:
         say(f"{photo}: too few corners to place it; not counted.")

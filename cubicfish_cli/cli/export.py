@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli import __version__
+from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.options import (
     FILE,
     common_options,
@@ -72,7 +73,7 @@ FORMATS = (
     help="Leave out of the conversion what is farther from the axis. [default: the whole field]",
 )
 @overwrite_option
-@json_option
+@json_option(json_keys.EXPORT)
 @common_options
 def command(
     name: str,

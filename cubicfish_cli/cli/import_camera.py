@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.made_by import made_at, made_by_record
 from cubicfish_cli.cli.options import (
     FILE,
@@ -56,7 +57,7 @@ FORMATS = ("opencv", "ros", "kalibr", "ocamcalib", "pyocamcalib", "colmap", "ner
     help="Where the camera goes.",
 )
 @overwrite_option
-@json_option
+@json_option(json_keys.IMPORT)
 @common_options
 def command(
     file: Path,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.mask_limit import (
     check_mask_limit,
     mask_limit_option,
@@ -20,12 +21,13 @@ from cubicfish_cli.cli.options import (
     SizeType,
     common_options,
     examples,
+    json_option,
     model_option,
     model_path,
     overwrite_option,
 )
 from cubicfish_cli.cli.rendering_options import crop_option
-from cubicfish_cli.cli.terminal import result
+from cubicfish_cli.cli.terminal import print_json, result
 from cubicfish_cli.cli.view_options import ViewOptions, view_options
 from cubicfish_cli.cli.view_outputs import part_name, view_writers, write_all
 
@@ -76,6 +78,7 @@ SUFFIXES = (".npz", ".exr", ".png", ".pgm")
 )
 @mask_limit_option
 @overwrite_option
+@json_option(json_keys.MAP)
 @common_options
 def command(
     output: Path,
@@ -89,6 +92,7 @@ def command(
     mask: Path | None,
     mask_limit: float | None,
     overwrite: bool,
+    as_json: bool,
 ) -> None:
     r"""Write where each pixel of a view comes from in the photo, and the view's camera beside it.
 
@@ -129,13 +133,14 @@ def command(
     for paths, _ in parts.values():
         for path in paths:
             refuse_existing(path, overwrite=overwrite)
-    loaded = load_camera(model_path(model))
+    camera_file = model_path(model)
+    loaded = load_camera(camera_file)
     whole = loaded.camera
     size = photo_size or ((crop.width, crop.height) if crop else whole.image_size)
     camera = camera_for_photos(whole, size, crop)
     trusted = None
     if mask_limit is not None:
-        record = uncertainty_of(loaded, model_path(model))
+        record = uncertainty_of(loaded, camera_file)
         trusted = trusted_within(
             mask_limit, record, calibrated_size=whole.image_size, size=size, crop=crop
         )
@@ -150,9 +155,22 @@ def command(
             writers[path] = partial(write, index, maps[part])
     writers |= view_writers(maps, mask=mask, beside=output, trusted=trusted)
     written = write_all(writers, overwrite=overwrite)
+    ffmpeg = [ffmpeg_command(*paths) for paths, _ in parts.values()] if suffix == ".pgm" else []
+    if as_json:
+        own = [path for paths, _ in parts.values() for path in paths]
+        print_json(
+            {
+                "model": str(camera_file),
+                "files": [str(path) for path in own],
+                "extra_files": [str(path) for path in written if path not in own],
+                "image_size": size,
+                "view": chosen.as_record(),
+                "ffmpeg": ffmpeg,
+            }
+        )
+        return
     result(f"wrote {written[0]}: {chosen.describe()}")
     for path in written[1:]:
         result(f"wrote {path}")
-    if suffix == ".pgm":
-        for paths, _ in parts.values():
-            result(f"apply it with: {ffmpeg_command(*paths)}")
+    for line in ffmpeg:
+        result(f"apply it with: {line}")

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from cubicfish_cli.errors import CameraFileError
+
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
 
 Decorated = TypeVar("Decorated", bound=Callable[..., Any])
 
@@ -17,6 +20,32 @@ VERBOSITY_KEY = "cubicfish.verbosity"
 DEFAULT_MODEL = Path("calibration") / "camera.yaml"
 
 FILE = click.Path(path_type=Path)
+
+
+class FolderType(click.Path):
+    """A path that shells complete with folders only; what it names is checked where it is used."""
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Leave it to the shell."""
+        from click.shell_completion import CompletionItem
+
+        return [CompletionItem(incomplete, type="dir")]
+
+
+FOLDER = FolderType(path_type=Path)
+
+
+class Argument(click.Argument):
+    """An argument with a meaning, in a few words, for the reference page docs/cli.md.
+
+    ``--help`` says it in the command's description.
+    """
+
+    def __init__(self, *args: Any, meaning: str, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.meaning = meaning
 
 
 def examples(*lines: str) -> str:
@@ -84,9 +113,26 @@ model_option = click.option(
     help="The camera. [default: $CUBICFISH_MODEL, else calibration/camera.yaml]",
 )
 
-json_option = click.option(
-    "--json", "as_json", is_flag=True, help="Print one JSON object to stdout, and nothing else."
-)
+
+class JsonOption(click.Option):
+    """``--json``, and what the object holds: key -> meaning."""
+
+    def __init__(self, *args: Any, keys: Mapping[str, str], **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.keys = dict(keys)
+
+
+def json_option(keys: Mapping[str, str]) -> Callable[[Decorated], Decorated]:
+    """``--json``, which tells the keys of the object it prints."""
+    return click.option(
+        "--json",
+        "as_json",
+        cls=JsonOption,
+        keys=keys,
+        is_flag=True,
+        help=f"Print one JSON object to stdout, and nothing else. Its keys: {', '.join(keys)}.",
+    )
+
 
 overwrite_option = click.option("--overwrite", is_flag=True, help="Replace files that exist.")
 
@@ -124,6 +170,8 @@ class SizeType(click.ParamType):
         """Parse, or fail as a usage error."""
         if isinstance(value, tuple):
             return value
+        if ctx is not None and ctx.resilient_parsing:
+            return 0, 0  # a shell completes the line: nothing uses the size, and numpy takes time
         from cubicfish_cli.correspondences import parse_size
         from cubicfish_cli.errors import CorrespondenceError
 

@@ -45,6 +45,8 @@ class CropType(click.ParamType):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Crop:
         """Parse, or fail as a usage error."""
+        if ctx is not None and ctx.resilient_parsing:
+            return value  # a shell completes the line: nothing uses it, and numpy takes time
         from cubicfish_cli.errors import ViewError
         from cubicfish_cli.undistortion.frames import parse_crop
 

@@ -6,16 +6,18 @@ from pathlib import Path
 
 import click
 
+from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.options import (
     FILE,
     common_options,
     examples,
+    json_option,
     model_option,
     model_path,
     overwrite_option,
     target_option,
 )
-from cubicfish_cli.cli.terminal import result, say
+from cubicfish_cli.cli.terminal import print_json, result, say
 
 
 @click.command(
@@ -46,6 +48,7 @@ from cubicfish_cli.cli.terminal import result, say
     help="The page. [default: report.html beside the camera]",
 )
 @overwrite_option
+@json_option(json_keys.REPORT)
 @common_options
 def command(
     calibration: Path | None,
@@ -54,6 +57,7 @@ def command(
     photos: tuple[Path, ...],
     output: Path | None,
     overwrite: bool,
+    as_json: bool,
 ) -> None:
     """Write one HTML page about the calibration in FOLDER (by default: calibration).
 
@@ -83,4 +87,14 @@ def command(
     write_text(page, text, overwrite=overwrite)
     for line in facts.absent:
         say(f"left out: {line}")
+    if as_json:
+        print_json(
+            {
+                "report": str(page),
+                "model": str(camera),
+                "verdict": facts.verdict.as_record(),
+                "absent": facts.absent,
+            }
+        )
+        return
     result(f"{facts.verdict.line}\n\nwrote {page}")

@@ -102,7 +102,11 @@ def _page(
 def as_record(judged: Verdict, outputs: Mapping[str, Path]) -> dict[str, Any]:
     """What calibrate's JSON has of it."""
     page = outputs.get("report")
-    return {"verdict": judged.as_record(), "report": str(page) if page else None}
+    return {
+        "verdict": judged.as_record(),
+        "report": str(page) if page else None,
+        "files": {name: str(path) for name, path in outputs.items()},
+    }
 
 
 def say_if_missing(outputs: Mapping[str, Path], *, wanted: bool) -> None:

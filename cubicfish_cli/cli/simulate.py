@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import (
     FILE,
@@ -101,7 +102,7 @@ FORMATS = ("jpg", "png")
               help="Other poses and other noise; the same seed gives the same photos.")  # fmt: skip
 @click.option("--format", "form", type=click.Choice(FORMATS), default="jpg", show_default=True)
 @overwrite_option
-@json_option
+@json_option(json_keys.SIMULATE)
 @common_options
 def command(
     target: Path | None,

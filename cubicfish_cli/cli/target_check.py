@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import (
     FILE,
@@ -40,7 +41,7 @@ _LABEL, _LINE = 12, 96
     "--draw", type=FILE, metavar="FILE.svg", help="Also draw the object: does it look like yours?"
 )
 @overwrite_option
-@json_option
+@json_option(json_keys.TARGET_CHECK)
 @common_options
 def command(target: Path, draw: Path | None, overwrite: bool, as_json: bool) -> None:
     """Check TARGET, a target.yaml, before you take photos.

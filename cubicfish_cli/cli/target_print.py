@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.made_by import made_at
 from cubicfish_cli.cli.options import (
@@ -125,7 +126,7 @@ class CountsType(click.ParamType):
     help="Where boards.pdf, assembly.pdf and target.yaml go.",
 )
 @overwrite_option
-@json_option
+@json_option(json_keys.TARGET_PRINT)
 @common_options
 def command(
     target: Path | None,

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from functools import partial
-from glob import glob, has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.chosen_views import (
     PlaneOptions,
     PlanesOfPhotos,
@@ -32,6 +30,7 @@ from cubicfish_cli.cli.options import (
     common_options,
     examples,
     jobs_option,
+    json_option,
     model_option,
     model_path,
     overwrite_option,
@@ -42,9 +41,11 @@ from cubicfish_cli.cli.rendering_options import (
     rendering_options,
 )
 from cubicfish_cli.cli.scheduler_options import SchedulerOptions, scheduler_options
-from cubicfish_cli.cli.terminal import progress, result, say
-from cubicfish_cli.cli.video_options import EncodingOptions, encoding_options, is_video_name
-from cubicfish_cli.cli.view_options import ChosenView, ViewOptions, view_options
+from cubicfish_cli.cli.terminal import print_json, progress, result, say
+from cubicfish_cli.cli.undistort_outlook import outlook_of, print_outlook, warn_of_limit
+from cubicfish_cli.cli.undistort_plan import Plan, plan_of
+from cubicfish_cli.cli.video_options import EncodingOptions, encoding_options
+from cubicfish_cli.cli.view_options import ViewOptions, view_options
 
 if TYPE_CHECKING:
     from cubicfish_cli.cli.mask_limit import Trusted
@@ -94,6 +95,7 @@ if TYPE_CHECKING:
 @click.option("--skip-existing", is_flag=True, help="Leave out photos whose result exists.")
 @click.option("--dry-run", is_flag=True, help="Say what would be done, and write nothing.")
 @overwrite_option
+@json_option(json_keys.UNDISTORT)
 @jobs_option
 @scheduler_options
 @common_options
@@ -112,6 +114,7 @@ def command(
     skip_existing: bool,
     dry_run: bool,
     overwrite: bool,
+    as_json: bool,
     jobs: int | None,
     scheduler: SchedulerOptions,
 ) -> None:
@@ -129,21 +132,24 @@ def command(
     scheduler.check(jobs)
     check_mask_limit(mask_limit, mask)
     plane.check(view)
-    planned = _plan(sources, destination, view, plane)
+    planned = plan_of(sources, destination, view, plane)
     if planned.videos and scheduler.address is not None:
         raise click.UsageError("--scheduler is for photos: do videos without it")
-    chosen, loaded = _views(model_path(model), crop, view, plane)
+    camera_file = model_path(model)
+    chosen, loaded = _views(camera_file, crop, view, plane)
     trusted: Callable[[tuple[int, int]], Trusted] | None = None
     if mask_limit is not None:
-        trusted = partial(
-            _trusted, mask_limit, uncertainty_of(loaded, model_path(model)), loaded, crop
-        )
+        trusted = partial(_trusted, mask_limit, uncertainty_of(loaded, camera_file), loaded, crop)
     planned = planned.free(skip_existing=skip_existing, overwrite=overwrite)
     with scheduler.connected(needed=bool(planned.jobs) and not dry_run) as machines:
         if isinstance(chosen, PlanesOfPhotos):
             chosen.find_missing([*planned.jobs, *planned.skipped], machines)
         if dry_run:
-            _describe_plan(planned, chosen)
+            outlook = outlook_of(planned, chosen)
+            if as_json:
+                print_json({"model": str(camera_file), **outlook.as_record(planned)})
+            else:
+                print_outlook(planned, outlook)
             return
         extras = _extras(
             mask,
@@ -167,62 +173,16 @@ def command(
                     progress=callback,
                     machines=machines,
                 )
-    _report(planned, failures, chosen)
-    for path in extras:
-        result(f"wrote {path}")
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Plan:
-    """What is to be done.
-
-    Attributes:
-        jobs: the photos or videos.
-        destination: OUT.
-        one: whether a single file was named.
-        videos: whether they are videos.
-        skipped: those that are left out, since their results exist.
-
-    """
-
-    jobs: Sequence[PhotoJob]
-    destination: Path
-    one: bool
-    videos: bool
-    skipped: Sequence[PhotoJob] = ()
-
-    @property
-    def kind(self) -> str:
-        """What the jobs are, in a word."""
-        return "video" if self.videos else "photo"
-
-    def size_of(self, job: PhotoJob) -> tuple[int, int]:
-        """(width, height) of a photo, or of a video's frames."""
-        if self.videos:
-            from cubicfish_cli.undistortion.video import video_size
-
-            return video_size(job.source)
-        from cubicfish_cli.photos import photo_size
-
-        return photo_size(job.source)
-
-    def free(self, *, skip_existing: bool, overwrite: bool) -> _Plan:
-        """Leave out what exists, or refuse to go on."""
-        from cubicfish_cli.files import refuse_existing
-        from cubicfish_cli.undistortion.images import check_suffix
-
-        jobs, skipped = [], []
-        for job in self.jobs:
-            for path in job.outputs:
-                if not self.videos:
-                    check_suffix(path)
-            if skip_existing and all(path.is_file() for path in job.outputs):
-                skipped.append(job)
-                continue
-            for path in job.outputs:
-                refuse_existing(path, overwrite=overwrite)
-            jobs.append(job)
-        return replace(self, jobs=jobs, skipped=skipped)
+    if as_json:
+        record = _record(planned, failures, chosen)
+        extra_files = [str(path) for path in extras]
+        print_json({"model": str(camera_file), **record, "extra_files": extra_files})
+    else:
+        _print(planned, failures, chosen)
+        if not failures:
+            for path in extras:
+                result(f"wrote {path}")
+    _end_with(planned, failures, told=as_json)
 
 
 def _views(
@@ -250,75 +210,8 @@ def _trusted(
     return trusted_within(limit, record, calibrated_size=whole, size=size, crop=crop)
 
 
-def _plan(
-    sources: Sequence[str], destination: Path, view: ViewOptions, plane: PlaneOptions
-) -> _Plan:
-    """Which photo becomes which files."""
-    from cubicfish_cli.errors import OutputError
-    from cubicfish_cli.photos import Photo, find_photos, shown
-    from cubicfish_cli.undistortion.batch import PhotoJob
-
-    names = _with_stdin(sources)
-    videos = _videos(names)
-    photos = [Photo(name=path.name, path=path) for path in videos] or find_photos(names)
-    if len({photo.name for photo in photos}) < len(photos):
-        raise OutputError("two videos have the same name: do them one at a time")
-    if videos and view.parts != ("",):
-        raise click.UsageError("a cube of a video is one picture: add --layout cross")
-    if videos and plane.board is not None:
-        raise click.UsageError("--plane is for photos, each of which has its own pose")
-    one = len(photos) == 1 and len(sources) == 1 and os.fspath(photos[0].path) == sources[0]
-    to_folder = not one or destination.is_dir() or os.fspath(destination).endswith(os.sep)
-    parts = view.parts
-    jobs: list[PhotoJob] = []
-    for photo in photos:
-        path = destination / photo.name if to_folder else destination
-        outputs = tuple(
-            path.with_name(f"{path.stem}_{part}{path.suffix}") if part else path for part in parts
-        )
-        for output in outputs:
-            if output.exists() and output.samefile(photo.path):
-                raise OutputError(
-                    f"{shown(output)} is the photo itself: choose another name or folder for OUT"
-                )
-        jobs.append(PhotoJob(name=photo.name, source=photo.path, outputs=outputs))
-    return _Plan(jobs=jobs, destination=destination, one=one, videos=bool(videos))
-
-
-def _videos(names: Sequence[str]) -> list[Path]:
-    """The videos that the names and patterns mean; none when they mean photos.
-
-    Raises:
-        click.UsageError: they mean both.
-
-    """
-    paths = [
-        Path(match)
-        for name in names
-        for match in (sorted(glob(name)) if has_magic(name) and not Path(name).exists() else [name])
-    ]
-    videos = [path for path in paths if is_video_name(path) and not path.is_dir()]
-    if videos and len(videos) < len(paths):
-        raise click.UsageError("photos and videos together: do them one after the other")
-    return videos
-
-
-def _with_stdin(sources: Sequence[str]) -> list[str]:
-    """The sources, with the names that stdin lists in the place of '-'."""
-    names: list[str] = []
-    for source in sources:
-        if source == "-":
-            listed = [line.rstrip("\r\n") for line in sys.stdin]
-            names += [name for name in listed if name]
-            if not names:
-                raise click.UsageError("stdin lists no photos: give one name a line")
-        else:
-            names.append(source)
-    return names
-
-
 def _undistort_videos(
-    planned: _Plan,
+    planned: Plan,
     chosen: Views,
     pixels: RenderingOptions,
     encoding: EncodingOptions,
@@ -358,66 +251,10 @@ def _first_map(chosen: Views, source: Path, size: tuple[int, int]) -> UndistortM
     return chosen.maps(source, size)[0]
 
 
-def _describe_plan(planned: _Plan, chosen: Views) -> None:
-    """What a run would do: how many files, which field, and how much of it is empty."""
-    from cubicfish_cli.errors import CubicfishError
-
-    groups: dict[object, list[tuple[Path, tuple[int, int]]]] = {}
-    bad = []
-    for job in planned.jobs:
-        try:
-            size = planned.size_of(job)
-        except CubicfishError as error:
-            bad.append(str(error))
-            continue
-        groups.setdefault(chosen.group(job.source, size), []).append((job.source, size))
-    files = sum(len(job.outputs) for job in planned.jobs)
-    skipped = f", {len(planned.skipped)} skipped" * bool(planned.skipped)
-    given = count(len(planned.jobs), planned.kind)
-    result(f"would write {count(files, 'file')} from {given}{skipped}")
-    for members in groups.values():
-        source, size = members[0]
-        result(f"{count(len(members), planned.kind)} of {size[0]}x{size[1]} pixels:")
-        try:
-            _describe_group(chosen, source, size)
-        except CubicfishError as error:
-            bad.append(f"{source}: {error}")
-            result(f"  cannot be done: {error}")
-    for problem in bad:
-        say(f"would fail: {problem}")
-
-
-def _describe_group(chosen: Views, source: Path, size: tuple[int, int]) -> None:
-    view, maps = chosen.view(source, size), chosen.maps(source, size)
-    kept = chosen.kept_share(source, size)
-    empty = 1 - sum(made.valid.sum() for made in maps) / sum(made.valid.size for made in maps)
-    result(f"  view          {view.describe()}")
-    if kept is not None:
-        result(f"  kept field    {_field(view)}{100 * kept:.1f} % of what the camera sees")
-    result(f"  empty pixels  {100 * empty:.1f} %")
-    _warn_of_limit(view)
-
-
-def _field(view: ChosenView) -> str:
-    from cubicfish_cli.undistortion.view import CentralView
-
-    if len(view.views) == 1 and isinstance(view.first, CentralView):
-        return f"{view.first.hfov_deg:.1f}° x {view.first.vfov_deg:.1f}°, "
-    return ""
-
-
-def _warn_of_limit(view: ChosenView) -> None:
-    if view.at_limit:
-        say(
-            f"the camera sees more than a {view.first.kind} picture can show: its field ends at "
-            "the view's own limit, and --view stereographic or equidistant shows all"
-        )
-
-
 def _extras(
     mask: Path | None,
     camera_out: Path | None,
-    planned: _Plan,
+    planned: Plan,
     chosen: Views,
     *,
     overwrite: bool,
@@ -450,16 +287,34 @@ def _extras(
     )
 
 
-def _report(planned: _Plan, failures: Sequence[Failure], chosen: Views) -> None:
-    """Say what was written; end with an error when a photo failed."""
-    from cubicfish_cli.errors import PhotoError
+def _done(planned: Plan, failures: Sequence[Failure]) -> list[PhotoJob]:
+    failed = {failure.job.source for failure in failures}
+    return [job for job in planned.jobs if job.source not in failed]
 
+
+def _record(planned: Plan, failures: Sequence[Failure], chosen: Views) -> dict[str, Any]:
+    """What was done, as plain data for JSON."""
+    done = _done(planned, failures)
+    view = chosen.view(done[0].source, planned.size_of(done[0])) if done else None
+    return {
+        "dry_run": False,
+        "images": len(done),
+        "files": [str(path) for job in done for path in job.outputs],
+        "skipped": [job.name for job in planned.skipped],
+        "failed": [
+            {"image": failure.job.name, "problem": str(failure.error)} for failure in failures
+        ],
+        "view": view and view.as_record(),
+    }
+
+
+def _print(planned: Plan, failures: Sequence[Failure], chosen: Views) -> None:
+    """Say what was written."""
+    done = _done(planned, failures)
     if len(planned.jobs) == 1 and failures:
-        raise failures[0].error
+        return
     for failure in failures:
         click.echo(f"failed: {failure.error}", err=True)
-    failed = {failure.job.source for failure in failures}
-    done = [job for job in planned.jobs if job.source not in failed]
     if planned.skipped:
         say(f"skipped {count(len(planned.skipped), planned.kind)} whose result exists")
     if done:
@@ -474,13 +329,30 @@ def _report(planned: _Plan, failures: Sequence[Failure], chosen: Views) -> None:
         folder = planned.destination.parent if planned.one else planned.destination
         where = "" if single else f" to {folder}"
         result(f"wrote {wrote}{where}: {view.describe()}")
-        _warn_of_limit(view)
+        warn_of_limit(view)
     elif not failures:
         result("nothing to do")
-    if failures:
-        names = ", ".join(failure.job.name for failure in failures[:10])
-        more = f" and {len(failures) - 10} more" * (len(failures) > 10)
-        raise PhotoError(
-            f"{len(failures)} of {count(len(planned.jobs), planned.kind)} could not be undistorted "
-            f"({names}{more}): the reasons are above, the others are done"
-        )
+
+
+def _end_with(planned: Plan, failures: Sequence[Failure], *, told: bool) -> None:
+    """End with an error when a photo failed.
+
+    Args:
+        planned: what was to be done.
+        failures: what was not.
+        told: whether the reasons went to stdout.
+
+    """
+    from cubicfish_cli.errors import PhotoError
+
+    if not failures:
+        return
+    if len(planned.jobs) == 1:
+        raise failures[0].error
+    names = ", ".join(failure.job.name for failure in failures[:10])
+    more = f" and {len(failures) - 10} more" * (len(failures) > 10)
+    where = "in the JSON" if told else "above"
+    raise PhotoError(
+        f"{len(failures)} of {count(len(planned.jobs), planned.kind)} could not be undistorted "
+        f"({names}{more}): the reasons are {where}, the others are done"
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -92,6 +93,18 @@ class ChosenView:
         if len(self.views) > 1:
             return f"the six faces of a cube, {width}x{height} pixels each"
         return f"{width}x{height} pixels, {self.first.describe()}"
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON; of a cube in six pictures the first face, and all their names."""
+        from cubicfish_cli.undistortion.view import CentralView
+
+        first = self.first
+        record = {**json.loads(first.to_json()), "words": self.describe(), "cut": self.at_limit}
+        if len(self.views) > 1:
+            return {**record, "parts": list(self.views)}
+        if isinstance(first, CentralView):
+            return {**record, "hfov_deg": first.hfov_deg, "vfov_deg": first.vfov_deg}
+        return record
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,201 @@
+"""What the object that ``--json`` prints holds, command by command: key -> meaning.
+
+Help lists the keys and docs/cli.md has the meanings; ``tests/test_cli_json.py`` holds both to what
+is printed. Lengths in keys that end in ``_px`` are pixels, angles in those that end in ``_deg``
+degrees; what is not known or not finite is null.
+"""
+
+from __future__ import annotations
+
+_ERRORS = {
+    "rms_px": "sqrt(mean(dx² + dy²)) over all corners used",
+    "median_px": "the median of the corners' errors",
+    "p95_px": "95 % of the errors are below this",
+    "max_px": "the largest error",
+    "corners": "how many corners were used",
+    "images": "how many photos were used",
+}
+_PHOTO_PROBLEMS = {
+    "photo_problems": "photos that gave nothing and grids that were left out, a line each; null "
+    "where no photos were searched",
+}
+
+TARGET_CHECK = {
+    "units": "of all lengths",
+    "boards": "a record a board: name, type, columns, rows, print, square, origin, axes, markers",
+    "corners": "how many corners the object has",
+    "planes": "on how many planes they are",
+    "rank": "of the 20 monomials over the corners, for calibrate --lift point",
+    "flat": "whether all corners are on one plane",
+    "named_by": "what names corners in photos: markers, geometry or table",
+    "ambiguous": "whether boards, or the whole object, can be mistaken for something else",
+    "symmetries": "turns that take the object onto itself",
+    "near_symmetries": "turns that nearly do",
+    "look_alikes": "turns under which single boards look the same; null where nobody looked",
+    "boards_needed": "so many boards in a photo can always be told apart; null where not known",
+    "boards_at_once": "the most boards that face one camera",
+    "never_together": "pairs of boards that no camera sees at once",
+    "turned_away": "pairs of boards: the first shows the second its back",
+    "crossing": "pairs of boards that cut through each other",
+    "advice": "what to do, a record each: about, text",
+    "drawing": "the file of --draw, where it was asked for",
+}
+TARGET_PRINT = {
+    "boards": "the file of the pages",
+    "assembly": "the file that says how to join them, where there are several sheets",
+    "target": "target.yaml, where an object was made",
+    "paper": "the paper's name",
+    "pages": "a record a page: board, size_mm, tile, corner_0_0_mm",
+}
+CALIBRATE = {
+    **_ERRORS,
+    "held_out_rms_px": "the RMS on photos that took no part in the fit",
+    "held_out_folds": "how many fits that took",
+    "companion_rms_px": "the RMS of the radial companion",
+    "companion_held_out_rms_px": "its RMS on photos left out",
+    "refine_target": "how far the object was fitted too: off, shape or points",
+    "held_out_by_level": "the held-out RMS at each level that was tried",
+    "departures": "how each board departs from its drawing",
+    "rank": "of the 20 monomials over the corners",
+    "covered_deg": "how far from the axis corners reach",
+    "coverage": "share of that field which holds corners",
+    "prior_weight": "how much the radial prior counts",
+    "uncertainty": "of a distant point's pixel: noise_px, median_px, max_px, and a grid over the "
+    "photo (x, y, sigma_px)",
+    "dropped": "how many corners were dropped as grossly wrong",
+    "dropped_corners": "a record each: image, board, column, row, error_px",
+    "unfit_images": "photos that were left out of the fit, and why",
+    **_PHOTO_PROBLEMS,
+    "findings": "what looks wrong with the set-up, a record each",
+    "notes": "remarks, a line each",
+    "per_image": "a record a photo: image, its errors, corners, camera_from_world",
+    "models": "with --compare, a record for each other lens model",
+    "lift": "point (with --lift point; so are the next three)",
+    "frame": "of the points that the camera takes",
+    "plain_rms_px": "of the linear solution",
+    "reweighted_rms_px": "of the reweighted linear solution",
+    "verdict": "level (good, care or bad), words, figures, reasons",
+    "report": "the page; null where none was written",
+    "model": "the camera's file",
+    "files": "every file that was written, by its kind",
+}
+DETECT = {
+    "file": "the table of corners",
+    "image_size": "[width, height]",
+    "images": "how many photos have corners",
+    "corners": "how many corners were found",
+    "findings": "what looks wrong with the set-up, a record each",
+    "per_image": "a record a photo: image, boards, corners, added (by the second look), exact "
+    "(whether names are certain), problem, notes",
+    "drawings": "the pictures that --draw wrote",
+}
+CORNERS = {
+    "file": "the table of corners",
+    "image_size": "[width, height]",
+    "images": "how many photos have corners",
+    "corners": "how many corners were taken over",
+    "left_out": "how many the files say were not found",
+    "empty_images": "photos without corners",
+}
+EVALUATE = {
+    **_ERRORS,
+    "outside_field": "corners that were not counted, beyond where the camera may be trusted",
+    "unplaced": "photos with too few corners to place them",
+    **_PHOTO_PROBLEMS,
+    "uncertainty": "of the camera itself at these corners: median_px, max_px; null where its file "
+    "does not say",
+    "per_image": "a record a photo: image, its errors, corners, camera_from_world",
+}
+COMPARE = {
+    "rms_px": "sqrt(mean(dx² + dy²)) over pixels of the common field",
+    "median_px": "the median difference",
+    "p95_px": "95 % of the differences are below this",
+    "max_px": "the largest difference",
+    "pixels": "at how many pixels this was measured",
+    "common_share": "share of what A sees that B sees too",
+    "rotation_deg": "the rotation that was taken out",
+    "scale": "A's pixels for one of B's",
+    "by_angle": "a record a ring about the axis: from_deg, to_deg, rms_px, max_px, pixels",
+    "picture": "the file of --picture, where it was asked for",
+}
+REPORT = {
+    "report": "the page",
+    "model": "the camera's file",
+    "verdict": "level (good, care or bad), words, figures, reasons",
+    "absent": "what the page lacks and why, a line each",
+}
+ADVISE = {
+    "enough": "whether more photos are not needed",
+    "reasons": "why not",
+    "photos": "how many there are",
+    "photos_needed": "about how many more it takes; null where too many, or it cannot be said",
+    "goal_px": "the uncertainty wanted",
+    "noise_px": "of the corners",
+    "now": "the uncertainty: mean_px over the field, worst_px over 95 % of it",
+    "coverage": "share of the field that holds corners",
+    "empty": "parts of the picture without corners",
+    "tilts": "tilts that are missing",
+    "distances": "distances that are missing",
+    "proposals": "photos to take next, a record each",
+    "notes": "remarks, a line each",
+    "model": "the camera's file",
+    "picture": "the file of --output; null where it was not asked for",
+    "poses": "the file of --poses; null where it was not asked for",
+}
+_VIEW = (
+    "what is shown: kind, size, words, parts (the six of a cube), hfov_deg and vfov_deg where it "
+    "has them, cut (whether the camera sees more than this kind can show), and what else the kind "
+    "has"
+)
+UNDISTORT = {
+    "model": "the camera's file",
+    "dry_run": "whether nothing was written, and the rest says what would be",
+    "images": "how many photos (or videos) were rendered",
+    "files": "the pictures (or videos)",
+    "skipped": "photos whose result existed (with --skip-existing)",
+    "failed": "photos that could not be rendered, a record each: image, problem",
+    "view": f"of the first photo, {_VIEW}; null where nothing was rendered",
+    "extra_files": "the mask and the virtual camera, where they were asked for",
+    "groups": "with --dry-run, a record for photos of one size: images, image_size, view, "
+    "kept_share (of what the camera sees), empty_share (of the pixels), problem",
+}
+MAP = {
+    "model": "the camera's file",
+    "files": "the map's files",
+    "extra_files": "the virtual camera, and the mask where it was asked for",
+    "image_size": "[width, height] of the photos that the map is for",
+    "view": _VIEW,
+    "ffmpeg": "for .pgm, a command a part that applies the map",
+}
+EXPORT = {
+    "file": "what was written",
+    "format": "its format",
+    "lens": "the format's lens model (this and the rest not for --to maps)",
+    "rms_px": "the RMS of the conversion",
+    "max_px": "its largest error",
+    "max_angle_deg": "the angle from the axis up to which these hold",
+    "by_angle": "a record a ring about the axis: from_deg, to_deg, rms_px, max_px",
+    "also": "the errors in other ways of reading the file, where there are any",
+    "turned_deg": "how far the frame was turned",
+    "lens_from_camera": "that turn, a 3x3 matrix",
+}
+IMPORT = {
+    "model": "the camera's file",
+    "format": "what wrote the file that was read",
+    "lens": "its lens model",
+    "image_size": "[width, height]",
+    "rms_px": "the RMS of the conversion",
+    "max_px": "its largest error",
+    "max_angle_deg": "the angle from the axis up to which these hold",
+    "by_angle": "a record a ring about the axis: from_deg, to_deg, rms_px, max_px",
+    "also": "the errors in other ways of reading the file, where there are any",
+}
+SIMULATE = {
+    "photos": "the photos' files",
+    "corners": "how many corners can be seen in them",
+    "image_size": "[width, height]",
+    "seed": "the seed",
+    "true_corners": "the file with the corners' true places",
+    "true_poses": "the file with the true poses",
+    "true_camera": "the file with the true camera",
+}

@@ -1,0 +1,160 @@
+"""What a run of ``cubicfish undistort`` would do: ``--dry-run``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cubicfish_cli.cli.chosen_views import Views
+from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.terminal import result, say
+from cubicfish_cli.cli.undistort_plan import Plan
+from cubicfish_cli.cli.view_options import ChosenView
+
+if TYPE_CHECKING:
+    from cubicfish_cli.undistortion.batch import PhotoJob
+
+
+@dataclass(frozen=True, kw_only=True)
+class Group:
+    """Photos that have one view.
+
+    Attributes:
+        images: their names.
+        first: the file of the first.
+        size: (width, height) of each, pixels.
+        view: what would be rendered of the first; None where that cannot be done.
+        kept_share: of what the camera sees; None where nobody asks.
+        empty_share: of the pixels.
+        problem: why it cannot be done.
+
+    """
+
+    images: Sequence[str]
+    first: Path
+    size: tuple[int, int]
+    view: ChosenView | None = None
+    kept_share: float | None = None
+    empty_share: float | None = None
+    problem: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outlook:
+    """What a run would do.
+
+    Attributes:
+        groups: which views.
+        bad: photos that cannot be read: name, why.
+
+    """
+
+    groups: Sequence[Group]
+    bad: Sequence[tuple[str, str]]
+
+    def as_record(self, planned: Plan) -> dict[str, Any]:
+        """Plain data for JSON."""
+        bad = [*self.bad]
+        for group in self.groups:
+            bad += [(name, group.problem) for name in group.images if group.problem is not None]
+        left_out = {name for name, _ in bad}
+        jobs = [job for job in planned.jobs if job.name not in left_out]
+        return {
+            "dry_run": True,
+            "images": len(jobs),
+            "files": [str(path) for job in jobs for path in job.outputs],
+            "skipped": [job.name for job in planned.skipped],
+            "failed": [{"image": name, "problem": problem} for name, problem in bad],
+            "view": next((group.view.as_record() for group in self.groups if group.view), None),
+            "extra_files": [],
+            "groups": [
+                {
+                    "images": len(group.images),
+                    "image_size": group.size,
+                    "view": group.view and group.view.as_record(),
+                    "kept_share": group.kept_share,
+                    "empty_share": group.empty_share,
+                    "problem": group.problem,
+                }
+                for group in self.groups
+            ],
+        }
+
+
+def outlook_of(planned: Plan, chosen: Views) -> Outlook:
+    """Look at every photo's size, and at one photo of each group."""
+    from cubicfish_cli.errors import CubicfishError
+
+    members: dict[object, list[tuple[PhotoJob, tuple[int, int]]]] = {}
+    bad = []
+    for job in planned.jobs:
+        try:
+            size = planned.size_of(job)
+        except CubicfishError as error:
+            bad.append((job.name, str(error)))
+            continue
+        members.setdefault(chosen.group(job.source, size), []).append((job, size))
+    groups = []
+    for own in members.values():
+        job, size = own[0]
+        images = [one.name for one, _ in own]
+        try:
+            view, maps = chosen.view(job.source, size), chosen.maps(job.source, size)
+            empty = 1 - sum(made.valid.sum() for made in maps) / sum(m.valid.size for m in maps)
+            groups.append(
+                Group(
+                    images=images,
+                    first=job.source,
+                    size=size,
+                    view=view,
+                    kept_share=chosen.kept_share(job.source, size),
+                    empty_share=float(empty),
+                )
+            )
+        except CubicfishError as error:
+            groups.append(Group(images=images, first=job.source, size=size, problem=str(error)))
+    return Outlook(groups=groups, bad=bad)
+
+
+def print_outlook(planned: Plan, outlook: Outlook) -> None:
+    """Print how many files, which fields, and how much of them is empty."""
+    files = sum(len(job.outputs) for job in planned.jobs)
+    skipped = f", {len(planned.skipped)} skipped" * bool(planned.skipped)
+    given = count(len(planned.jobs), planned.kind)
+    result(f"would write {count(files, 'file')} from {given}{skipped}")
+    for group in outlook.groups:
+        width, height = group.size
+        result(f"{count(len(group.images), planned.kind)} of {width}x{height} pixels:")
+        if group.view is None or group.empty_share is None:
+            result(f"  cannot be done: {group.problem}")
+            continue
+        result(f"  view          {group.view.describe()}")
+        if group.kept_share is not None:
+            kept = f"{_field(group.view)}{100 * group.kept_share:.1f} %"
+            result(f"  kept field    {kept} of what the camera sees")
+        result(f"  empty pixels  {100 * group.empty_share:.1f} %")
+        warn_of_limit(group.view)
+    for _, problem in outlook.bad:
+        say(f"would fail: {problem}")
+    for group in outlook.groups:
+        if group.problem is not None:
+            say(f"would fail: {group.first}: {group.problem}")
+
+
+def _field(view: ChosenView) -> str:
+    from cubicfish_cli.undistortion.view import CentralView
+
+    if len(view.views) == 1 and isinstance(view.first, CentralView):
+        return f"{view.first.hfov_deg:.1f}° x {view.first.vfov_deg:.1f}°, "
+    return ""
+
+
+def warn_of_limit(view: ChosenView) -> None:
+    """Tell the user where the view ends before the camera's field does."""
+    if view.at_limit:
+        say(
+            f"the camera sees more than a {view.first.kind} picture can show: its field ends at "
+            "the view's own limit, and --view stereographic or equidistant shows all"
+        )
