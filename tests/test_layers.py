@@ -65,7 +65,8 @@ CONFINED: dict[str, set[str]] = {
     "jinja2": {"report"},
     "dask": {"cluster"},
     "distributed": {"cluster"},
-    "numpy": {*ALLOWED} - {"__init__", "errors", "wording", "files", "plain_yaml", "picture_headers"},
+    "numpy": {*ALLOWED}
+    - {"__init__", "errors", "wording", "files", "plain_yaml", "picture_headers"},
 }
 
 

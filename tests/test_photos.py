@@ -157,23 +157,6 @@ def test_sizes_and_cut_files(tmp_path, suffix):
             read_picture(path)
 
 
-def test_big_endian_and_top_down_headers_are_read():
-    entries = struct.pack(">HHIHH", 256, 3, 1, 70, 0) + struct.pack(">HHII", 257, 4, 1, 50)
-    tiff = b"MM\0*" + struct.pack(">IH", 8, 2) + entries
-    assert photos._header_size(tiff) == (70, 50)
-    bmp = b"BM" + bytes(12) + struct.pack("<Iii", 40, 60, -45)
-    assert photos._header_size(bmp) == (60, 45)
-
-
-def test_a_jpeg_without_its_end_is_cut_whatever_the_decoder_says():
-    jpeg = cv2.imencode(".jpg", COLOUR)[1].tobytes()
-    thumbnail = b"\xff\xe1" + struct.pack(">H", len(jpeg) + 2) + jpeg
-    with_thumbnail = jpeg[:2] + thumbnail + jpeg[2:]
-    assert not photos._is_cut_jpeg(with_thumbnail)
-    assert not photos._is_cut_jpeg(with_thumbnail + b"trailing bytes of a maker")
-    assert photos._is_cut_jpeg(with_thumbnail[:-2])
-
-
 @pytest.mark.parametrize(
     ("content", "says"),
     [(b"", "is empty"), (b"hello, I am text", "not a picture"), (b"\xff\xd8\xff", "cut short")],

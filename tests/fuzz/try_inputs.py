@@ -49,12 +49,12 @@ class Trial:
         from fuzz_readers import problem_with
 
         self.path.write_bytes(data)
-        begin = time.perf_counter()
+        begin = time.process_time()
         try:
             problem = problem_with(self.reader, self.path)
         except Exception:
             problem = traceback.format_exc(limit=-6)
-        seconds = time.perf_counter() - begin
+        seconds = time.process_time() - begin
         self.tried += 1
         self.slowest = max(self.slowest, seconds)
         if problem is None and seconds > SECONDS:
