@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 
+from cubicfish_cli.cli.characters import ERRORS, register
 from cubicfish_cli.cli.ending import EXIT_INTERRUPTED, EXIT_SIGNAL, Terminated, terminate
 
 
@@ -41,9 +42,10 @@ def main() -> None:
     # A small file that claims a huge picture is refused, also in formats whose headers only OpenCV
     # reads, which takes its limit when it is loaded: as in cubicfish_cli.photos.
     os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "200000000")
+    register()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a terminal may lack some characters
-            stream.reconfigure(errors="backslashreplace")
+            stream.reconfigure(errors=ERRORS)
     numbers = _our_signals()
     _end_at_once(numbers)
     from cubicfish_cli.cli.main import cli

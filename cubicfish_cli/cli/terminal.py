@@ -1,42 +1,77 @@
-"""What the commands say: results to stdout, talk and progress to stderr."""
+"""What the commands say: results to stdout, talk to stderr.
+
+On a terminal lines are broken at blanks and a few words are coloured. Anywhere else a line stays a
+line, whatever its length, and plain. ``NO_COLOR`` and ``FORCE_COLOR`` (https://no-color.org,
+https://force-color.org) and ``TERM=dumb`` are kept to.
+"""
 
 from __future__ import annotations
 
 import json
 import math
-import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, TextIO
 
 import click
 
+from cubicfish_cli.cli.characters import as_shown, safe
 from cubicfish_cli.cli.options import verbosity
+from cubicfish_cli.cli.progress import progress, stages, working
+from cubicfish_cli.cli.streams import Style, columns_of, echo, painted, wrapped
+from cubicfish_cli.cli.table import print_table
 
-ProgressCallback = Callable[[int, int], None]
+__all__ = [
+    "complain",
+    "detail",
+    "print_json",
+    "print_table",
+    "progress",
+    "result",
+    "say",
+    "stages",
+    "working",
+]
+
+_TALK: Mapping[str, Style] = {"warning:": "care", "note:": "strong", "left out:": "care"}
 
 
-def result(text: str = "") -> None:
-    """Print a line of the result to stdout."""
-    click.echo(text)
+def result(text: str = "", *, mark: tuple[str, Style] | None = None, whole: bool = False) -> None:
+    """Print lines of the result to stdout.
+
+    Args:
+        text: one line or several.
+        mark: words to paint where they first are, and how.
+        whole: a command line or the like, which can be copied only if it is not broken.
+
+    """
+    _print(text, sys.stdout, mark, whole=whole)
 
 
 def say(text: str) -> None:
     """Tell the user on stderr, unless ``--quiet``."""
     if verbosity() >= 0:
-        click.echo(text, err=True)
+        _print(text, sys.stderr, _talk_mark(text))
 
 
 def detail(text: str) -> None:
     """Tell the user on stderr, with ``--verbose`` only."""
     if verbosity() > 0:
-        click.echo(text, err=True)
+        _print(text, sys.stderr, _talk_mark(text))
+
+
+def complain(text: str) -> None:
+    """Print an error to stderr."""
+    _print(f"Error: {text}", sys.stderr, ("Error:", "bad"))
 
 
 def print_json(value: Mapping[str, Any]) -> None:
     """Print one JSON object; what is not finite becomes null, since JSON has no NaN."""
-    click.echo(json.dumps(_jsonable(value), allow_nan=False, ensure_ascii=False))
+    plain = _jsonable(value)
+    text = json.dumps(plain, allow_nan=False, ensure_ascii=False)
+    if as_shown(text, sys.stdout) != text:  # JSON has escapes of its own
+        text = json.dumps(plain, allow_nan=False)
+    click.echo(text)
 
 
 def _jsonable(value: Any) -> Any:
@@ -53,63 +88,22 @@ def _jsonable(value: Any) -> Any:
     return str(value)
 
 
-def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table to stdout: ruled on a terminal, aligned columns of plain text otherwise.
-
-    Columns whose cells are all numbers (or empty, or a dash) are aligned to the right.
-    """
-    right = [all(_is_number(row[i]) for row in rows) for i in range(len(header))]
-    if sys.stdout.isatty():
-        from rich.console import Console
-        from rich.table import Table
-        from rich.text import Text
-
-        table = Table(header_style="bold", box=None, pad_edge=False)
-        for name, is_right in zip(header, right, strict=True):
-            table.add_column(name, justify="right" if is_right else "left")
-        for row in rows:
-            table.add_row(*(Text(cell) for cell in row))
-        Console().print(table)
-        return
-    widths = [max(len(row[i]) for row in (header, *rows)) for i in range(len(header))]
-    for row in (header, *rows):
-        cells = (
-            cell.rjust(width) if is_right else cell.ljust(width)
-            for cell, width, is_right in zip(row, widths, right, strict=True)
-        )
-        click.echo("  ".join(cells).rstrip())
+def _print(
+    text: str, stream: TextIO, mark: tuple[str, Style] | None, *, whole: bool = False
+) -> None:
+    columns = None if whole else columns_of(stream)
+    lines = [safe(line) for line in text.split("\n")]
+    if columns is not None:
+        lines = [wrapped(line, columns) for line in lines]
+    shown = "\n".join(lines)
+    if mark is not None:
+        words, style = mark
+        shown = shown.replace(words, painted(words, style, stream), 1)
+    echo(shown, stream)
 
 
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return cell in ("", "-")
-    return True
-
-
-@contextmanager
-def progress(label: str) -> Iterator[ProgressCallback]:
-    """Yield ``callback(done, total)`` that draws a bar on stderr, if that is a terminal."""
-    if not sys.stderr.isatty() or verbosity() < 0:
-        yield lambda done, total: None
-        return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    # A descriptor of its own: decoders on other threads have theirs silenced meanwhile.
-    with (
-        os.fdopen(os.dup(sys.stderr.fileno()), "w", encoding="utf-8") as stream,
-        Progress(
-            *columns, TimeRemainingColumn(), console=Console(file=stream), transient=True
-        ) as bar,
-    ):
-        task = bar.add_task(label, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+def _talk_mark(text: str) -> tuple[str, Style] | None:
+    for word, style in _TALK.items():
+        if text.startswith(word):
+            return word, style
+    return None
