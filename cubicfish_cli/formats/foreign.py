@@ -27,7 +27,7 @@ from cubicfish_cli.formats.ocamcalib import (
     read_ocamcalib,
     read_pyocamcalib,
 )
-from cubicfish_cli.formats.opencv_yaml import opencv_text, read_opencv
+from cubicfish_cli.formats.opencv_cameras import looks_like_opencv, opencv_text, read_opencv
 from cubicfish_cli.formats.ros_yaml import read_ros, ros_text
 from cubicfish_cli.model.lens_record import LensRecord
 
@@ -122,22 +122,36 @@ def read_foreign(
 
     """
     name = name or sniffed(path)
+    record = _read(path, name, camera, image_size)
+    if image_size is not None and image_size != record.image_size:
+        raise CameraFileError(
+            "{} is for photos of {}x{} pixels, not of --size {}x{}: leave out --size".format(
+                path, *record.image_size, *image_size
+            )
+        )
+    return record, name
+
+
+def _read(
+    path: Path, name: str, camera: str | None, image_size: tuple[int, int] | None
+) -> LensRecord:
     if name == "kalibr":
-        return read_kalibr(path, camera=camera), name
+        return read_kalibr(path, camera=camera)
     if name == "colmap":
-        return read_colmap(path, camera=camera), name
+        return read_colmap(path, camera=camera)
+    if name == "opencv":
+        return read_opencv(path, camera=camera, image_size=image_size)
     if camera is not None:
         raise CameraFileError(f"{path} holds one camera: leave out --camera")
     if name == "pyocamcalib":
-        return read_pyocamcalib(path, image_size=image_size), name
+        return read_pyocamcalib(path, image_size=image_size)
     readers = {
-        "opencv": read_opencv,
         "ros": read_ros,
         "ocamcalib": read_ocamcalib,
         "nerfstudio": read_nerfstudio,
         "mrcal": read_mrcal,
     }
-    return readers[name](path), name
+    return readers[name](path)
 
 
 def sniffed(path: Path) -> str:
@@ -153,6 +167,8 @@ def sniffed(path: Path) -> str:
     for name, marks in (
         ("opencv", ("%YAML:1.0",)),
         ("opencv", ("!!opencv-matrix",)),
+        ("opencv", ("<opencv_storage",)),
+        ("opencv", ('"type_id"', "opencv-matrix")),
         ("mrcal", ("lensmodel", "intrinsics")),
         ("kalibr", ("camera_model:", "intrinsics:", "resolution:")),
         ("ros", ("distortion_model:", "camera_matrix:", "image_width:")),
@@ -165,6 +181,8 @@ def sniffed(path: Path) -> str:
             return name
     if looks_like_cameras_txt(text):
         return "colmap"
+    if looks_like_opencv(text):
+        return "opencv"
     raise CameraFileError(
         f"{path} is of no format that is known by its looks: name it with --from, one of "
         + ", ".join(READABLE)

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.bounded import read_bounded
 from cubicfish_cli.formats.fields import focal, mapping, number, size
+from cubicfish_cli.formats.plain_json import parse_plain_json
 from cubicfish_cli.model.lens_record import LensRecord
 from cubicfish_cli.wording import quoted
 
@@ -70,11 +71,7 @@ def read_nerfstudio(path: Path) -> LensRecord:
         CameraFileError: the file is not one, or its lens is not known; one line.
 
     """
-    text = read_bounded(path, max_bytes=MAX_BYTES)
-    try:
-        data = json.loads(text)
-    except (ValueError, RecursionError) as problem:
-        raise CameraFileError(f"{path} is not JSON: is it the right file?") from problem
+    data = parse_plain_json(path, read_bounded(path, max_bytes=MAX_BYTES))
     record = mapping(path, data, "the file")
     if "fl_x" not in record:
         frames = record.get("frames")

@@ -20,13 +20,14 @@ import json
 import math
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.bounded import read_bounded
+from cubicfish_cli.formats.plain_json import parse_plain_json
 from cubicfish_cli.model.lens_record import LensRecord
 from cubicfish_cli.wording import quoted
 
@@ -144,7 +145,7 @@ def read_pyocamcalib(path: Path, *, image_size: tuple[int, int] | None) -> LensR
 
     """
     text = read_bounded(path, max_bytes=MAX_JSON_BYTES)
-    data = _json(path, text)
+    data = parse_plain_json(path, text)
     if not isinstance(data, dict) or "taylor_coefficient" not in data:
         raise CameraFileError(f"{path}: it has no key taylor_coefficient: is it py-OCamCalib's?")
     if image_size is None:
@@ -257,30 +258,6 @@ def _size(where: str, width: float, height: float) -> tuple[int, int]:
     if not all(side == int(side) and 0 < side <= MAX_SIDE for side in (width, height)):
         raise CameraFileError(f"{where}: the image size must be two whole numbers above 0")
     return int(width), int(height)
-
-
-def _json(path: Path, text: str) -> Any:
-    def refuse_constant(name: str) -> NoReturn:
-        raise CameraFileError(f"{path}: {name} is not a finite number")
-
-    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        data = dict(pairs)
-        if len(data) < len(pairs):
-            keys = [key for key, _ in pairs]
-            twice = next(key for key in keys if keys.count(key) > 1)
-            raise CameraFileError(f"{path}: the key {quoted(twice)} is there twice")
-        return data
-
-    try:
-        return json.loads(text, parse_constant=refuse_constant, object_pairs_hook=unique)
-    except CameraFileError:
-        raise
-    except json.JSONDecodeError as problem:
-        raise CameraFileError(
-            f"{path}, line {problem.lineno}: not valid JSON: {problem.msg}"
-        ) from problem
-    except (ValueError, RecursionError) as problem:  # a number of many digits; deep nesting
-        raise CameraFileError(f"{path}: not the JSON of a camera") from problem
 
 
 def _vector(path: Path, data: dict[str, Any], key: str) -> FloatArray:

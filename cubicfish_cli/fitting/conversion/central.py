@@ -5,6 +5,7 @@ Their records hold fx, fy, cx, cy and
 - ``kannala_brandt``: ``k`` (4,), r = θ (1 + k1 θ² + ... + k4 θ⁸); maybe ``alpha``, skew / fx, as
   OpenCV's fisheye module has it;
 - ``unified``: ``xi`` and ``d`` (4,) k1, k2, p1, p2 of radial-tangential distortion (Mei & Rives);
+  maybe ``skew``, pixels, as cv2.omnidir has it;
 - ``eucm``: ``alpha``, ``beta``;
 - ``double_sphere``: ``xi``, ``alpha``;
 - ``fov``: ``omega``, radians;
@@ -62,7 +63,8 @@ def _project_kannala_brandt(record: LensRecord, points: FloatArray) -> FloatArra
 
 
 def _project_unified(record: LensRecord, points: FloatArray) -> FloatArray:
-    values = [*core(record), 0.0, record.values["xi"], *np.asarray(record.values["d"], float)]
+    skew, xi = float(record.values.get("skew", 0.0)), float(record.values["xi"])
+    values = [*core(record), skew, xi, *np.asarray(record.values["d"], float)]
     return _projected(_baseline(UnifiedLens, np.array(values, float)), points)
 
 

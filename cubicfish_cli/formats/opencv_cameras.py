@@ -1,0 +1,295 @@
+"""OpenCV's FileStorage, as YAML, XML or JSON, with a camera matrix and distortion coefficients.
+
+There are no standard names. Here case and underscores do not matter: ``camera_matrix``, ``K``,
+``intrinsics``, ``mtx`` and others, ``distortion_coefficients``, ``D``, ``distCoeffs``, ``dist`` and
+others are read, with a camera's name before or behind them where there are several (``M1``,
+``D1``, ``camera_matrix_left``), or inside a mapping of that name. Four coefficients may be those of
+the fisheye module or of the pinhole lens: ``model`` or ``distortion_model`` must say which, or
+``fisheye_model`` with 0 or 1. With ``xi`` it is cv2.omnidir's lens. What is written says
+``model: fisheye``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.errors import CameraFileError
+from cubicfish_cli.formats.fields import focal, numbers, size
+from cubicfish_cli.formats.file_storage import read_file_storage
+from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.wording import quoted
+
+FloatArray = npt.NDArray[np.float64]
+
+# Names in small letters without anything between words.
+_MATRIX = (
+    "cameramatrix", "k", "intrinsics", "intrinsicmatrix", "intrinsic", "cameraintrinsics",
+    "cameramat", "cammatrix", "mtx", "kmatrix", "m",
+)  # fmt: skip
+_COEFFICIENTS = (
+    "distortioncoefficients", "d", "distcoeffs", "distcoeff", "distcoefs", "distcoef",
+    "distortioncoeffs", "distortioncoeff", "distortionparameters", "distortion", "dist",
+)  # fmt: skip
+_WIDTH = ("imagewidth", "width", "imgwidth", "framewidth")
+_HEIGHT = ("imageheight", "height", "imgheight", "frameheight")
+# Not shapes: numpy's have the height first.
+_SIZE = ("imagesize", "imgsize", "framesize", "resolution")
+_MODEL = ("model", "distortionmodel", "lensmodel", "projectionmodel")
+_FLAG = ("fisheyemodel", "fisheye", "isfisheye", "usefisheye")
+_PINHOLE = (
+    "pinhole", "plumb_bob", "radtan", "perspective", "rational_polynomial", "rational", "opencv",
+    "brown_conrady", "standard", "normal",
+)  # fmt: skip
+_FISHEYE = (
+    "fisheye", "equidistant", "kannala_brandt", "kannala_brandt4", "kb4", "opencv_fisheye",
+)  # fmt: skip
+_COUNTS = (0, 4, 5, 8, 12, 14)
+
+
+def opencv_text(record: LensRecord, note: Sequence[str]) -> str:
+    """A record ``kannala_brandt`` as FileStorage YAML, for cv2.fisheye."""
+    values = record.values
+    fx, fy, cx, cy = (float(values[key]) for key in ("fx", "fy", "cx", "cy"))
+    width, height = record.image_size
+    return "\n".join(
+        [
+            "%YAML:1.0",
+            "---",
+            *(f"# {line}" for line in note),
+            "model: fisheye",
+            f"image_width: {width}",
+            f"image_height: {height}",
+            *_matrix_lines("camera_matrix", 3, 3, [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
+            *_matrix_lines(
+                "distortion_coefficients", 4, 1, np.asarray(values["k"], float).tolist()
+            ),
+            "",
+        ]
+    )
+
+
+def _matrix_lines(name: str, rows: int, columns: int, data: Sequence[float]) -> list[str]:
+    text = ", ".join(repr(float(value)) for value in data)
+    return [
+        f"{name}: !!opencv-matrix",
+        f"   rows: {rows}",
+        f"   cols: {columns}",
+        "   dt: d",
+        f"   data: [ {text} ]",
+    ]
+
+
+def looks_like_opencv(text: str) -> bool:
+    """Whether YAML or JSON of nobody's format has a camera matrix under a name that is known."""
+    keys = re.finditer(r"^\s*\{?\s*[\"']?(\w{1,40})[\"']?\s*:", text, re.MULTILINE)
+    return any(_plain(key.group(1)) in _MATRIX for key in keys)
+
+
+def read_opencv(
+    path: Path, *, camera: str | None = None, image_size: tuple[int, int] | None = None
+) -> LensRecord:
+    """Read one camera of a FileStorage file.
+
+    Args:
+        path: the file.
+        camera: what tells the camera's keys from the others', such as 1 of M1 and D1; not needed
+            where there is one.
+        image_size: (width, height) of the photos, where the file does not say.
+
+    Raises:
+        CameraFileError: the file is not one, or holds no camera; one line.
+
+    """
+    record = read_file_storage(path)
+    if camera is not None and isinstance(record.get(camera), dict):
+        record, camera = {**record, **record[camera]}, None
+    keys = _Keys(path, record, camera)
+    name, matrix = _matrix(keys)
+    d = _coefficients(keys, name)
+    photos = _size(keys) or image_size
+    if photos is None:
+        raise CameraFileError(f"{path} does not say how large the photos are: add --size WxH")
+    fx, skew, cx, _, fy, cy = matrix[:6].tolist()
+    values: dict[str, Any] = {"fx": fx, "fy": fy, "cx": cx, "cy": cy}
+    xi = keys.find(("xi",))
+    if xi is not None:
+        values |= {"xi": float(numbers(path, xi.row, xi.name, (1,))[0]), "d": d, "skew": skew}
+        model = "unified"
+    elif _is_fisheye(keys, len(d)):
+        values |= {"k": d, "alpha": skew / fx}
+        model = "kannala_brandt"
+    else:
+        return LensRecord(model="pinhole", values={**values, "d": d}, image_size=photos)
+    if len(d) != 4:
+        raise CameraFileError(f"{path}: a fisheye lens has 4 distortion coefficients, not {len(d)}")
+    return LensRecord(model=model, values=values, image_size=photos)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Entry:
+    """A key of the file and its value."""
+
+    path: Path
+    name: str
+    value: Any
+
+    @property
+    def row(self) -> Any:
+        """The numbers of a matrix, or of lists in lists, row by row; of a number a list."""
+        value = self.value
+        if isinstance(value, dict):
+            return self._data(value)
+        if isinstance(value, list) and value and all(isinstance(row, list) for row in value):
+            return [one for row in value for one in row]
+        return [value] if isinstance(value, int | float) else value
+
+    def _data(self, matrix: dict[str, Any]) -> Any:
+        data = matrix.get("data")
+        if isinstance(data, str) and data.startswith("$base64$"):
+            raise CameraFileError(
+                f"{self.path}: {quoted(self.name)} is packed in base 64: write the file without "
+                "WRITE_BASE64"
+            )
+        if isinstance(data, int | float) or data is None:
+            data = [] if data is None else [data]  # as XML has lists of one and of none
+        rows, columns = matrix.get("rows"), matrix.get("cols")
+        if (
+            isinstance(data, list)
+            and isinstance(rows, int)
+            and isinstance(columns, int)
+            and rows * columns != len(data)
+        ):
+            raise CameraFileError(
+                f"{self.path}: {quoted(self.name)} holds {len(data)} numbers, not rows times cols"
+            )
+        return data
+
+
+class _Keys:
+    """The keys of a file, whatever their spelling, those of one camera where one is named."""
+
+    def __init__(self, path: Path, record: Mapping[str, Any], camera: str | None) -> None:
+        self.path, self.record, self.camera = path, record, camera
+
+    def find(self, names: Sequence[str], *, arrays: bool = False) -> _Entry | None:
+        """The entry that has one of the names, the camera's own or one for all.
+
+        With ``arrays`` it must be the camera's own, and no single number or word: a file may hold
+        the number k1 beside the matrix K1.
+
+        Raises:
+            CameraFileError: several have, and hold different values.
+
+        """
+        if self.camera is not None:
+            one = _plain(self.camera)
+            own = [*(name + one for name in names), *(one + name for name in names)]
+            entry = self._one(own, arrays=arrays)
+            if entry is not None or arrays:
+                return entry
+        return self._one(names, arrays=arrays)
+
+    def _one(self, names: Sequence[str], *, arrays: bool) -> _Entry | None:
+        found = [
+            key
+            for key, value in self.record.items()
+            if _plain(key) in names and (not arrays or isinstance(value, dict | list))
+        ]
+        if not found:
+            return None
+        for other in found[1:]:
+            if self.record[other] != self.record[found[0]]:
+                raise CameraFileError(
+                    f"{self.path}: {quoted(found[0])} and {quoted(other)} are not the same: leave "
+                    "one of them"
+                )
+        return _Entry(path=self.path, name=found[0], value=self.record[found[0]])
+
+    def candidates(self) -> list[str]:
+        """Keys that look like the matrices of several cameras, or like such cameras."""
+        return [
+            key
+            for key, value in self.record.items()
+            if isinstance(value, dict)
+            and (_looks_like_matrix(value) or any(_plain(inner) in _MATRIX for inner in value))
+        ]
+
+
+def _looks_like_matrix(value: Mapping[str, Any]) -> bool:
+    return value.get("rows") == value.get("cols") == 3
+
+
+def _matrix(keys: _Keys) -> tuple[str, FloatArray]:
+    entry = keys.find(_MATRIX, arrays=True)
+    if entry is None:
+        there = ", ".join(quoted(key)[1:-1] for key in keys.candidates()[:10])
+        raise CameraFileError(
+            f"{keys.path}: which of its cameras is meant? Add --camera, such as --camera 1 for M1 "
+            f"and D1; it holds {there}"
+            if there
+            else f"{keys.path} has no camera matrix: name it camera_matrix, with rows, cols and "
+            "data"
+        )
+    matrix = numbers(keys.path, entry.row, entry.name, (9,))
+    fx, _, _, below, fy, _, left, middle, one = matrix.tolist()
+    focal(keys.path, np.array([fx, fy]), entry.name)
+    if (below, left, middle, one) != (0, 0, 0, 1):
+        raise CameraFileError(
+            f"{keys.path}: {quoted(entry.name)} is not of the form fx, skew, cx, 0, fy, cy, 0, 0, "
+            "1: was it written column by column?"
+        )
+    return entry.name, matrix
+
+
+def _coefficients(keys: _Keys, matrix: str) -> FloatArray:
+    entry = keys.find(_COEFFICIENTS, arrays=True)
+    if entry is None:
+        raise CameraFileError(
+            f"{keys.path} has no distortion coefficients that go with {quoted(matrix)}: name them "
+            "distortion_coefficients, or D"
+        )
+    return numbers(keys.path, entry.row, entry.name, _COUNTS)
+
+
+def _size(keys: _Keys) -> tuple[int, int] | None:
+    width, height = keys.find(_WIDTH), keys.find(_HEIGHT)
+    if width is not None and height is not None:
+        return size(keys.path, width.value, height.value, f"{width.name} and {height.name}")
+    entry = keys.find(_SIZE)
+    if entry is None:
+        return None
+    width_px, height_px = numbers(keys.path, entry.row, entry.name, (2,)).tolist()
+    return size(keys.path, width_px, height_px, entry.name)
+
+
+def _is_fisheye(keys: _Keys, count: int) -> bool:
+    flag, model = keys.find(_FLAG), keys.find(_MODEL)
+    if flag is not None:
+        if not isinstance(flag.value, int) or flag.value not in (0, 1):  # true and false are
+            raise CameraFileError(f"{keys.path}: {quoted(flag.name)} must be 0 or 1")
+        return bool(flag.value)
+    if model is not None:
+        kind = str(model.value).strip().lower().replace("-", "_")
+        if kind in _FISHEYE or kind in _PINHOLE:
+            return kind in _FISHEYE
+        raise CameraFileError(
+            f"{keys.path}: {quoted(model.name)} {quoted(str(model.value))} is not known: "
+            f"{', '.join((*_FISHEYE, *_PINHOLE))}"
+        )
+    if count == 4:
+        raise CameraFileError(
+            f"{keys.path}: four distortion coefficients are a fisheye's or a pinhole's: add a key "
+            "'model' with 'fisheye' or 'pinhole' to it"
+        )
+    return False
+
+
+def _plain(key: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", key.lower())
