@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -27,6 +28,7 @@ from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refinement import LEVELS, Drawing, Level, ObjectFit, refine_object
 from cubicfish_cli.fitting.robust import gross_px
+from cubicfish_cli.fitting.stages import Progress, Stage, Stages
 from cubicfish_cli.fitting.statistics import (
     ErrorStatistics,
     error_statistics,
@@ -64,6 +66,10 @@ _INSTEAD_OF_DOUBTS = (
     "shifted",
     "turned",
 )
+_STAGES: dict[Level, tuple[Stage, Stage]] = {
+    "shape": ("shape", "shape held out"),
+    "points": ("points", "points held out"),
+}
 
 RefineTarget = Literal["off", "shape", "points", "auto"]
 
@@ -176,6 +182,7 @@ def calibrate(
     refine_target: RefineTarget = "auto",
     hold_out: bool = True,
     known: Sequence[Finding] = (),
+    progress: Progress | None = None,
 ) -> Calibration:
     """Fit the cubic camera (``ray`` lift) and the pose of every photo to 2D-3D pairs.
 
@@ -191,6 +198,7 @@ def calibrate(
             well), or ``auto``: the richest of these that lowers the held-out error.
         hold_out: also measure the held-out error (five more fits a level); ``auto`` needs it.
         known: what is known to be wrong already, from how corners were named.
+        progress: called with what is done now, in words, and the share done, 0 to 1.
 
     Raises:
         FitError: the pairs are too few, all in one photo of one flat board, do not fit the
@@ -199,8 +207,10 @@ def calibrate(
 
     """
     _refuse_too_little(pairs)
+    refined = target is not None and (hold_out or refine_target != "auto")
+    stages = Stages(progress, refined=refined and refine_target != "off", hold_out=hold_out)
     try:
-        return _calibrated(pairs, target, refine_target, hold_out, known)
+        return _calibrated(pairs, target, refine_target, hold_out, known, stages)
     except FitError as error:
         raise explained(error, pairs, target, known) from error
     except np.linalg.LinAlgError as error:
@@ -213,16 +223,20 @@ def _calibrated(
     refine_target: RefineTarget,
     hold_out: bool,
     known: Sequence[Finding],
+    stages: Stages,
 ) -> Calibration:
+    stages.begin("start")
     scale = world_scale(pairs)
     companion = fit_companion(replace(pairs, world=pairs.world / scale))
+    stages.begin("cubic")
     fit, dropped = _without_gross(companion)
     fit = _without_noisy(fit)
     _refuse_undetermined(fit.companion)
     drawing = Drawing(target=target, pairs=fit.companion.pairs, scale=scale)
     drawn = fit
-    fit, held_out = _climb(drawn, drawing, refine_target, hold_out)
+    fit, held_out = _climb(drawn, drawing, refine_target, hold_out, stages)
     fit, held_out[fit.level] = _no_worse_than_companion(fit, drawing, held_out.get(fit.level))
+    stages.begin("checks")
     held_out_by_level = {level: error.rms_px for level, error in held_out.items() if error}
     cubic, companion = fit.cubic, fit.companion
     used = replace(companion.pairs, world=companion.pairs.world * scale)
@@ -318,7 +332,7 @@ def _without_noisy(fit: ObjectFit) -> ObjectFit:
 
 
 def _climb(
-    fit: ObjectFit, drawing: Drawing, refine_target: RefineTarget, hold_out: bool
+    fit: ObjectFit, drawing: Drawing, refine_target: RefineTarget, hold_out: bool, stages: Stages
 ) -> tuple[ObjectFit, dict[Level, HeldOut | None]]:
     """Refine the object up to the level asked for, or as far as held-out photos gain by it."""
     measured: dict[Level, HeldOut | None] = {}
@@ -326,13 +340,15 @@ def _climb(
     if auto and (drawing.target is None or not hold_out):
         refine_target = "off"
     if hold_out and (auto or refine_target == "off"):
-        measured["off"] = held_out_error(fit, drawing)
+        measured["off"] = held_out_error(fit, drawing, partial(stages.begin, "held out"))
     if drawing.target is None or refine_target == "off" or (auto and measured["off"] is None):
         return fit, measured
     for level in LEVELS[1:]:
+        fitting, holding = _STAGES[level]
+        stages.begin(fitting)
         richer = refine_object(fit, drawing, level)
         if hold_out and (auto or level == refine_target):
-            measured[level] = held_out_error(richer, drawing)
+            measured[level] = held_out_error(richer, drawing, partial(stages.begin, holding))
         if auto:
             before, after = measured[fit.level], measured[level]
             if before is None or after is None or after.rms_px > _WORTH * before.rms_px:

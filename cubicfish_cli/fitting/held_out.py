@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,7 +46,9 @@ class HeldOut:
     folds: int
 
 
-def held_out_error(fit: ObjectFit, drawing: Drawing) -> HeldOut | None:
+def held_out_error(
+    fit: ObjectFit, drawing: Drawing, progress: Callable[[int, int], None] | None = None
+) -> HeldOut | None:
     """Cross-validation by photo: each photo is judged by a camera that never saw it.
 
     Photo i belongs to fold i modulo the number of folds; photos from the same place count as one,
@@ -56,6 +59,7 @@ def held_out_error(fit: ObjectFit, drawing: Drawing) -> HeldOut | None:
     Args:
         fit: the fit to all photos.
         drawing: the object as drawn, with the same pairs.
+        progress: called before each fold with folds done and all folds.
 
     Returns:
         None with fewer than :data:`MIN_PHOTOS` places, or when a fold's training photos alone
@@ -65,7 +69,13 @@ def held_out_error(fit: ObjectFit, drawing: Drawing) -> HeldOut | None:
     parts = photo_folds(fit.cubic.poses, fit.companion.pairs, fit.companion.camera.fx)
     if not parts:
         return None
-    measured = [pair for pair in (_fold(fit, drawing, test) for test in parts) if pair is not None]
+    measured = []
+    for done, test in enumerate(parts):
+        if progress is not None:
+            progress(done, len(parts))
+        errors = _fold(fit, drawing, test)
+        if errors is not None:
+            measured.append(errors)
     if len(measured) < len(parts):
         return None
     cubic, radial = zip(*measured, strict=True)
