@@ -158,7 +158,7 @@ def _surfaces(
     index = (first[:, 1, None] + span)[:, :, None] * nx + (first[:, 0, None] + span)[:, None, :]
     product = weight[:, 1, :, None] * weight[:, 0, None, :]
     row = np.broadcast_to(np.arange(len(u))[:, None, None], index.shape)
-    design = sparse.csr_matrix(
+    design = sparse.csr_array(
         (product.ravel(), (row.ravel(), index.ravel())), shape=(len(u), nx * ny)
     )
     stiffness = _STIFFNESS * math.sqrt(len(u) / (nx * ny))
@@ -168,10 +168,11 @@ def _surfaces(
     return control.reshape(ny, nx, 2), bend - design @ control
 
 
-def _second_differences(nx: int, ny: int) -> sparse.csr_matrix:
+def _second_differences(nx: int, ny: int) -> sparse.csr_array:
     """Rows of second differences of a (Ny, Nx) grid, along x and along y."""
-    along, down = (np.diff(np.eye(count), 2, axis=0) for count in (nx, ny))
-    return sparse.vstack([sparse.kron(np.eye(ny), along), sparse.kron(down, np.eye(nx))]).tocsr()
+    each_x, each_y = (sparse.csr_array(np.eye(count)) for count in (nx, ny))
+    along, down = (sparse.csr_array(np.diff(np.eye(count), 2, axis=0)) for count in (nx, ny))
+    return sparse.vstack([sparse.kron(each_y, along), sparse.kron(down, each_x)]).tocsr()
 
 
 def _outline(camera: CubicCamera) -> FloatArray:
