@@ -2,18 +2,28 @@
 
 import os
 import random
+import shutil
 import signal
 import subprocess
 import time
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from fault_scenarios import LONGEST_S, Scenario, clear, contents, finished, start
+from fault_equal import same_files
+from fault_process import LONGEST_S, SCHEDULER, printed, said
+from fault_scenarios import Scenario, clear, contents, finished, is_temporary, start
 
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 # What is left of a run's processes must go by itself within this time.
 _GRACE_S = 20.0
 _STEP_S = 0.0005
+# A third of the moments lie anywhere in the run, a third in its last part, in which it writes, and
+# a third right after a file appears.
+_LAST_PART = 0.3
+_AFTER_FILE_S = 0.02
+# A run that left nothing at all is run again less often: that is the undisturbed run once more.
+_EMPTY_AGAIN = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,18 +32,42 @@ class Undisturbed:
 
     Attributes:
         files: path below ``out/`` -> SHA-256.
+        before: the same of older results, where there are any.
         inputs: path below ``in/`` -> SHA-256, before any run.
+        printed: what goes to stdout.
         seconds: how long it takes.
 
     """
 
     files: dict[str, str]
+    before: dict[str, str] = field(default_factory=dict)
     inputs: dict[str, str]
+    printed: str = ""
     seconds: float
 
 
+@dataclass(kw_only=True)
+class Tally:
+    """What was tried and how it went.
+
+    Attributes:
+        ended: runs that a signal ended, by the signal's name.
+        late: runs that had ended before the signal.
+        between: runs that left some files of several, temporary or final.
+        reruns: second runs.
+        close: results that were equal to a billionth, not to the byte.
+
+    """
+
+    ended: Counter[str] = field(default_factory=Counter)
+    late: int = 0
+    between: int = 0
+    reruns: int = 0
+    close: int = 0
+
+
 def run_undisturbed(scenario: Scenario, folder: Path) -> Undisturbed:
-    """Run it to the end."""
+    """Run it to the end; the results are kept in ``usual/``."""
     inputs = contents(folder / "in")
     clear(folder)
     begin = time.monotonic()
@@ -41,9 +75,14 @@ def run_undisturbed(scenario: Scenario, folder: Path) -> Undisturbed:
     seconds = time.monotonic() - begin
     assert code == 0, said(folder)
     files = contents(folder / "out")
-    assert files
+    assert bool(files) != scenario.prints
     assert finished(files) == files, "a temporary file stayed behind"
-    return Undisturbed(files=files, inputs=inputs, seconds=seconds)
+    shutil.rmtree(folder / "usual", ignore_errors=True)
+    shutil.copytree(folder / "out", folder / "usual")
+    before = contents(folder / "before") if scenario.before else {}
+    return Undisturbed(
+        files=files, before=before, inputs=inputs, printed=printed(folder), seconds=seconds
+    )
 
 
 def kill_once(
@@ -52,22 +91,25 @@ def kill_once(
     usual: Undisturbed,
     number: signal.Signals,
     random_: random.Random,
+    tally: Tally | None = None,
 ) -> list[str]:
     """End the command at a random moment and run it again.
-
-    Half of the moments lie anywhere in the run, half right after a file appears.
 
     Returns:
         What is wrong, one line each.
 
     """
+    tally = tally or Tally()
     clear(folder)
     process = start(scenario, folder)
-    if random_.random() < 0.5:
+    kind = random_.random()
+    if kind < 1 / 3:
         _wait(process, random_.uniform(0, usual.seconds))
+    elif kind < 2 / 3:
+        _wait(process, random_.uniform(1 - _LAST_PART, 1) * usual.seconds)
     else:
-        _wait_for_file(process, folder / "out", 2 * usual.seconds)
-        _wait(process, random_.uniform(0, 0.02))
+        _wait_for_change(process, folder, usual, 2 * usual.seconds)
+        _wait(process, random_.uniform(0, _AFTER_FILE_S))
     if process.poll() is None:
         # A terminal sends Ctrl-C to every process, a shell job's kill to one.
         if number == signal.SIGINT and random_.random() < 0.5:
@@ -83,29 +125,78 @@ def kill_once(
         return ["it hangs"]
     if code not in (0, -number, 128 + number):
         wrong.append(f"exit code {code}")
-    wrong += _left_alone(process.pid)
+    if code == 0:
+        tally.late += 1
+    else:
+        tally.ended[number.name] += 1
+    wrong += left_alone(process.pid)
     after = contents(folder / "out")
-    wrong += [
-        f"{name} is not what it should be"
-        for name, digest in finished(after).items()
-        if usual.files.get(name) != digest
-    ]
-    if number != signal.SIGKILL and finished(after) != after:
+    wrong += not_right(scenario, folder, usual, after, killed=number == signal.SIGKILL)
+    if number != signal.SIGKILL and SCHEDULER not in scenario.args and finished(after) != after:
         wrong.append(f"temporary files stay: {sorted(set(after) - set(finished(after)))}")
     wrong += traces(folder)
     wrong += [f"the first run: {line}" for line in changed(folder, usual)]
-    return wrong + run_again(scenario, folder, usual)
+    if after not in (usual.before, usual.files):
+        tally.between += 1
+    empty = after == usual.before and not (folder / "cache").exists()
+    if not wrong and empty and random_.random() > _EMPTY_AGAIN:
+        return []
+    return wrong + run_again(scenario, folder, usual, tally)
 
 
-def run_again(scenario: Scenario, folder: Path, usual: Undisturbed) -> list[str]:
-    """The second run finishes the work, and nobody can tell."""
-    more = ("--skip-existing",) if scenario.skips else ("--overwrite",)
+def not_right(
+    scenario: Scenario, folder: Path, usual: Undisturbed, after: dict[str, str], *, killed: bool
+) -> list[str]:
+    """Files under final names that are neither the usual nor older results, or do not belong."""
+    there = finished(after)
     wrong = []
-    code = start(scenario, folder, *more).wait(LONGEST_S)
+    news = set()
+    for name, digest in there.items():
+        if digest == usual.files.get(name) or _as_usual(scenario, folder, name):
+            news.add(name)
+        elif digest != usual.before.get(name):
+            wrong.append(f"{name} is not what it should be")
+    if wrong:
+        return wrong
+    all_old, all_new = there == usual.before, news == set(usual.files) == set(there)
+    if scenario.head is not None and not (all_old or all_new):
+        if scenario.head in there:
+            wrong.append(f"{scenario.head} is there with {sorted(there)}, new {sorted(news)}")
+        elif not killed:
+            wrong.append(f"not all and not none: {sorted(there)}, new {sorted(news)}")
+    return wrong
+
+
+def _as_usual(scenario: Scenario, folder: Path, name: str) -> bool:
+    if not scenario.close or not (folder / "usual" / name).exists():
+        return False
+    return same_files(folder / "usual" / name, folder / "out" / name)
+
+
+def run_again(
+    scenario: Scenario, folder: Path, usual: Undisturbed, tally: Tally | None = None
+) -> list[str]:
+    """The second run finishes the work, and nobody can tell."""
+    tally = tally or Tally()
+    tally.reruns += 1
+    wrong = []
+    code = start(scenario, folder, *scenario.again).wait(LONGEST_S)
     if code != 0:
         wrong.append(f"the second run ends with {code}: {said(folder)}")
-    if finished(contents(folder / "out")) != usual.files:
-        wrong.append("the second run's result differs")
+    if scenario.prints and printed(folder) != usual.printed:
+        wrong.append("the second run prints something else")
+    files = contents(folder / "out")
+    if files != usual.files:
+        off = {name for name, digest in files.items() if usual.files.get(name) != digest}
+        missing = set(usual.files) - set(files)
+        stay = {name for name in off if is_temporary(name)}
+        off = {name for name in off - stay if not _as_usual(scenario, folder, name)}
+        if missing or off:
+            wrong.append(f"the second run differs: lacks {sorted(missing)}, has {sorted(off)}")
+        elif stay:
+            wrong.append(f"after the second run temporary files stay: {sorted(stay)}")
+        else:
+            tally.close += 1
     wrong += [f"the second run: {line}" for line in (*traces(folder), *changed(folder, usual))]
     return wrong
 
@@ -115,11 +206,6 @@ def changed(folder: Path, usual: Undisturbed) -> list[str]:
     wrong = [] if contents(folder / "in") == usual.inputs else ["an input changed"]
     wrong += [f"{name} in the home folder" for name in contents(folder / "home")]
     return wrong
-
-
-def said(folder: Path) -> str:
-    """What the last run said."""
-    return (folder / "said.txt").read_text(errors="replace")
 
 
 def traces(folder: Path) -> list[str]:
@@ -137,19 +223,27 @@ def _wait(process: subprocess.Popen[bytes], seconds: float) -> None:
         return
 
 
-def _wait_for_file(process: subprocess.Popen[bytes], folder: Path, longest: float) -> None:
-    """Until a file is there, temporary or final."""
+def _wait_for_change(
+    process: subprocess.Popen[bytes], folder: Path, usual: Undisturbed, longest: float
+) -> None:
+    """Until a file is there that was not, temporary or final, or one has gone."""
     until = time.monotonic() + longest
+    before = set(usual.before)
     while process.poll() is None and time.monotonic() < until:
-        if any(files for _, _, files in os.walk(folder)):
+        out = folder / "out"
+        if {
+            os.path.relpath(os.path.join(place, name), out)
+            for place, _, names in os.walk(out)
+            for name in names
+        } != before:
             return
         time.sleep(_STEP_S)
 
 
-def _left_alone(session: int) -> list[str]:
+def left_alone(session: int) -> list[str]:
     """Processes of a session whose leader has ended and that do not end by themselves."""
     until = time.monotonic() + _GRACE_S
-    while alive := _of_session(session):
+    while alive := of_session(session):
         if time.monotonic() > until:
             for pid in alive:
                 os.kill(pid, signal.SIGKILL)
@@ -158,7 +252,8 @@ def _left_alone(session: int) -> list[str]:
     return []
 
 
-def _of_session(session: int) -> list[int]:
+def of_session(session: int) -> list[int]:
+    """Processes of a session that are alive."""
     alive = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdecimal():

@@ -11,8 +11,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from fault_kills import Undisturbed, _left_alone, changed, run_again, said, traces
-from fault_scenarios import LONGEST_S, Scenario, clear, contents, finished, start
+from fault_kills import Undisturbed, changed, left_alone, not_right, of_session, run_again, traces
+from fault_process import LONGEST_S, SCHEDULER, printed, said
+from fault_scenarios import Scenario, clear, contents, finished, put_back, start
 
 Problem = Callable[[Scenario, Path, Undisturbed], list[str] | None]
 
@@ -42,27 +43,32 @@ def small_disk(folder: Path, size: int) -> Iterator[None]:
 
 def full_disk(scenario: Scenario, folder: Path, usual: Undisturbed) -> list[str] | None:
     """Disks that hold none, a half and nearly all of the results."""
-    if not may_mount():
+    if scenario.prints or not may_mount():
         return None
     wrong = []
-    clear(folder)
-    start(scenario, folder).wait(LONGEST_S)
-    whole = sum(path.stat().st_size for path in (folder / "out").rglob("*") if path.is_file())
+    older, whole = _pages(folder / "before"), _pages(folder / "usual")
     for share in (0.02, 0.5, 0.95):
         clear(folder)
-        with small_disk(folder / "out", max(4096, int(share * whole) // 4096 * 4096)):
+        with small_disk(folder / "out", _PAGE * (1 + older + int(share * whole))):
+            put_back(folder)
+            other = folder / "out" / "other"  # else one page, the least there is, may be enough
+            other.write_bytes(bytes(_PAGE))
             code = start(scenario, folder).wait(LONGEST_S)
+            other.unlink()
             wrong += _failed(scenario, folder, usual, code, "a full disk")
     return wrong
 
 
 def read_only_folder(scenario: Scenario, folder: Path, usual: Undisturbed) -> list[str] | None:
     """The folder of the results takes no files."""
+    if scenario.prints:
+        return None
     clear(folder)
     if os.geteuid() == 0:  # permissions do not bind root
         if not may_mount():
             return None
-        with small_disk(folder / "out", 1 << 20):
+        with small_disk(folder / "out", 1 << 24):
+            put_back(folder)
             subprocess.run(["mount", "-o", "remount,ro", str(folder / "out")], check=True)
             code = start(scenario, folder).wait(LONGEST_S)
             return _failed(scenario, folder, usual, code, "a read-only folder")
@@ -81,13 +87,15 @@ def no_home(scenario: Scenario, folder: Path, usual: Undisturbed) -> list[str] |
     code = start(scenario, folder).wait(LONGEST_S)
     (folder / "cache").unlink()
     wrong = [] if code == 0 else [f"without a cache it ends with {code}: {said(folder)}"]
-    if contents(folder / "out") != usual.files:
+    if _differs(scenario, folder, usual):
         wrong.append("without a cache the result differs")
     return wrong + traces(folder)
 
 
 def results_exist(scenario: Scenario, folder: Path, usual: Undisturbed) -> list[str] | None:
     """Files of the user bear the results' names: they stay as they are."""
+    if scenario.prints or scenario.before:
+        return None
     wrong = []
     for name in usual.files:
         clear(folder)
@@ -118,16 +126,17 @@ def input_is_cut(scenario: Scenario, folder: Path, usual: Undisturbed) -> list[s
 
 
 def worker_is_killed(scenario: Scenario, folder: Path, usual: Undisturbed) -> list[str] | None:
-    """A child process is ended from outside, as when memory runs out."""
+    """A process that does the work is ended from outside, as when memory runs out."""
     wrong = []
-    tried = 0
     for delay in (0.0, 0.02, 0.1, 0.3):
         clear(folder)
         process = start(scenario, folder)
-        child = _child_of(process)
+        if SCHEDULER in scenario.args:
+            child = _worker_of_cluster(process, folder)
+        else:
+            child = _child_of(process)
         if child is None:
-            continue
-        tried += 1
+            return None
         time.sleep(delay)
         with suppress(ProcessLookupError):
             os.kill(child, signal.SIGKILL)
@@ -136,12 +145,14 @@ def worker_is_killed(scenario: Scenario, folder: Path, usual: Undisturbed) -> li
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             return [*wrong, "it hangs when a worker is killed"]
-        wrong += _left_alone(process.pid)
-        if code == 0 and contents(folder / "out") != usual.files:
+        wrong += left_alone(process.pid)
+        if code == 0 and _differs(scenario, folder, usual):
             wrong.append("a worker was killed, and the result differs")
         elif code != 0:
             wrong += _failed(scenario, folder, usual, code, "a killed worker")
-    return wrong if tried else None
+        if SCHEDULER in scenario.args and code != 0:
+            wrong.append("the other worker did not do the work")
+    return wrong
 
 
 PROBLEMS: dict[str, Problem] = {
@@ -155,6 +166,23 @@ PROBLEMS: dict[str, Problem] = {
 }
 
 
+_PAGE = 4096
+
+
+def _pages(folder: Path) -> int:
+    """How many pages of a tmpfs the files below a folder take."""
+    return sum(-(-path.stat().st_size // _PAGE) for path in folder.rglob("*") if path.is_file())
+
+
+def _differs(scenario: Scenario, folder: Path, usual: Undisturbed) -> bool:
+    """Whether the results are not all there, or are others than usual."""
+    if scenario.prints:
+        return printed(folder) != usual.printed
+    files = contents(folder / "out")
+    right = not_right(scenario, folder, usual, files, killed=False)
+    return bool(right) or set(files) != set(usual.files)
+
+
 def _failed(
     scenario: Scenario, folder: Path, usual: Undisturbed, code: int, what: str
 ) -> list[str]:
@@ -166,11 +194,8 @@ def _failed(
     left = contents(folder / "out")
     if finished(left) != left:
         wrong.append(f"{what}: temporary files stay")
-    wrong += [
-        f"{what}: {name} is not what it should be"
-        for name, digest in finished(left).items()
-        if usual.files.get(name) != digest
-    ]
+    right = not_right(scenario, folder, usual, left, killed=False)
+    wrong += [f"{what}: {line}" for line in right]
     return wrong + traces(folder) + changed(folder, usual)
 
 
@@ -202,10 +227,12 @@ def _while_running(
                 after = contents(folder / "out")
                 if finished(after) != after:
                     wrong.append(f"{name} {what}: temporary files stay")
-                if code == 0 and after != usual.files:
+                if code == 0 and _differs(scenario, folder, usual):
                     # It came too late to notice: then this is what such an input gives.
+                    as_printed = printed(folder)
                     clear(folder)
-                    if start(scenario, folder).wait(LONGEST_S) or contents(folder / "out") != after:
+                    code = start(scenario, folder).wait(LONGEST_S)
+                    if code or contents(folder / "out") != after or printed(folder) != as_printed:
                         wrong.append(f"{name} {what}: the result is that of neither input")
                 wrong += traces(folder)
                 shutil.rmtree(folder / "in")
@@ -220,11 +247,21 @@ def _child_of(process: subprocess.Popen[bytes]) -> int | None:
     """The last process that it started, once there is one that has loaded its work."""
     until = time.monotonic() + 30
     while process.poll() is None and time.monotonic() < until:
-        found = subprocess.run(
-            ["ps", "-o", "pid=", "-s", str(process.pid)], capture_output=True, text=True
-        ).stdout.split()
-        children = [int(pid) for pid in found if int(pid) != process.pid]
+        children = [pid for pid in of_session(process.pid) if pid != process.pid]
         if len(children) >= 3:  # the server, the tracker of resources, and a worker
             return max(children)
         time.sleep(0.01)
     return None
+
+
+def _worker_of_cluster(process: subprocess.Popen[bytes], folder: Path) -> int | None:
+    """One of the cluster's workers, once it has work."""
+    session = int((folder / "cluster.pid").read_text())
+    while process.poll() is None and "Using 2 workers" not in said(folder):
+        time.sleep(0.01)
+    workers = [
+        pid
+        for pid in of_session(session)
+        if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    ]
+    return min(workers, default=None)

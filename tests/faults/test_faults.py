@@ -3,12 +3,13 @@
 import random
 import signal
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from fault_kills import SIGNALS, Undisturbed, kill_once, run_undisturbed
 from fault_places import PROBLEMS
-from fault_scenarios import SCENARIOS, Scenario, prepare
+from fault_scenarios import SCENARIOS, Scenario, prepared
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are followed in /proc")
 
@@ -16,11 +17,10 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are f
 @pytest.fixture(scope="module", params=["undistort folder", "undistort formats"])
 def work(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Scenario, Path, Undisturbed]:
+) -> Iterator[tuple[Scenario, Path, Undisturbed]]:
     scenario = SCENARIOS[request.param]
-    folder = tmp_path_factory.mktemp("faults")
-    prepare(scenario, folder)
-    return scenario, folder, run_undisturbed(scenario, folder)
+    with prepared(scenario, tmp_path_factory.mktemp("faults")) as folder:
+        yield scenario, folder, run_undisturbed(scenario, folder)
 
 
 @pytest.mark.parametrize("number", SIGNALS, ids=lambda number: number.name)
@@ -40,9 +40,9 @@ def test_places_that_take_no_results(work: tuple[Scenario, Path, Undisturbed], w
 
 def test_a_parent_that_is_killed_takes_its_workers_along(tmp_path: Path) -> None:
     scenario = SCENARIOS["calibrate photos"]
-    prepare(scenario, tmp_path)
     usual = Undisturbed(files={}, inputs={}, seconds=1.0)
-    wrong = kill_once(scenario, tmp_path, usual, signal.SIGKILL, _Late())
+    with prepared(scenario, tmp_path):
+        wrong = kill_once(scenario, tmp_path, usual, signal.SIGKILL, _Late())
     assert [line for line in wrong if "processes stay" in line] == []
 
 

@@ -3,58 +3,82 @@
     python tests/faults/try_faults.py --moments 200 --jobs 2
     python tests/faults/try_faults.py --only "undistort folder" --moments 20
 
-Exit code 1 when anything went wrong.
+Moments are counted a command: its scenarios share them. Exit code 1 when anything went wrong.
 """
 
 import argparse
 import random
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from fault_kills import SIGNALS, kill_once, run_undisturbed
+from fault_kills import SIGNALS, Tally, kill_once, run_undisturbed
 from fault_places import PROBLEMS
-from fault_scenarios import SCENARIOS, Scenario, prepare
+from fault_scenarios import SCENARIOS, Scenario, prepared
+
+_HEAD = (
+    f"{'scenario':<20}{'run':>8}{'kills':>7}{'KILL':>6}{'TERM':>6}{'INT':>6}{'late':>6}"
+    f"{'partly':>8}{'reruns':>8}{'close':>7}{'other':>7}{'wrong':>7}"
+)
+
+
+@dataclass(kw_only=True)
+class Outcome:
+    """What was tried on one scenario, and what went wrong."""
+
+    seconds: float = 0.0
+    moments: int = 0
+    tally: Tally = field(default_factory=Tally)
+    others: list[str] = field(default_factory=list)
+    wrong: list[str] = field(default_factory=list)
+
+    def line(self, name: str) -> str:
+        """One line of the table."""
+        ended = (self.tally.ended[number.name] for number in SIGNALS)
+        return (
+            f"{name:<20}{self.seconds:>6.1f} s{self.moments:>7}"
+            + "".join(f"{count:>6}" for count in ended)
+            + f"{self.tally.late:>6}{self.tally.between:>8}{self.tally.reruns:>8}"
+            + f"{self.tally.close:>7}{len(self.others):>7}{len(self.wrong):>7}"
+        )
 
 
 def try_scenario(
     scenario: Scenario, moments: int, seed: int, tell: Callable[[str], None]
-) -> tuple[int, list[str]]:
-    """Every fault on one scenario: how many were tried, and what went wrong."""
+) -> Outcome:
+    """Every fault on one scenario."""
     random_ = random.Random(f"{seed} {scenario.name}")
-    wrong: list[str] = []
-    tried = 0
-    with tempfile.TemporaryDirectory(prefix="cubicfish-faults-") as name:
-        folder = Path(name)
-        prepare(scenario, folder)
+    outcome = Outcome(moments=moments)
+    with (
+        tempfile.TemporaryDirectory(prefix="cubicfish-faults-") as name,
+        prepared(scenario, Path(name)) as folder,
+    ):
+        first = run_undisturbed(scenario, folder)  # fills what libraries keep, such as fonts
         usual = run_undisturbed(scenario, folder)
-        if run_undisturbed(scenario, folder).files != usual.files:
-            wrong.append("two undisturbed runs differ")
+        outcome.seconds = usual.seconds
+        if not scenario.close and (usual.files, usual.printed) != (first.files, first.printed):
+            outcome.wrong.append("two undisturbed runs differ")
         for index in range(moments):
             number = SIGNALS[index % len(SIGNALS)]
-            found = kill_once(scenario, folder, usual, number, random_)
-            wrong += [f"{number.name} {index}: {line}" for line in found]
-            tried += 1
-        killed = tried
+            found = kill_once(scenario, folder, usual, number, random_, outcome.tally)
+            outcome.wrong += [f"{number.name} {index}: {line}" for line in found]
         for what, problem in PROBLEMS.items():
             found_or_none = problem(scenario, folder, usual)
             if found_or_none is not None:
-                tried += 1
-                wrong += [f"{what}: {line}" for line in found_or_none]
-    tell(
-        f"{scenario.name:<20} {usual.seconds:>6.1f} s  {killed:>4} kills  "
-        f"{tried - killed:>2} other faults  {len(wrong):>3} wrong"
-    )
-    for line in wrong:
-        tell(f"    {line}")
-    return tried, wrong
+                outcome.others.append(what)
+                outcome.wrong += [f"{what}: {line}" for line in found_or_none]
+    lines = (outcome.line(scenario.name), *(f"    {line}" for line in outcome.wrong))
+    tell("\n".join(lines))
+    return outcome
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--moments", type=int, default=200, help="kills a scenario")
+    parser.add_argument("--moments", type=int, default=200, help="kills a command")
     parser.add_argument("--only", nargs="*", default=list(SCENARIOS), choices=list(SCENARIOS))
     parser.add_argument("--jobs", type=int, default=1, help="scenarios at a time")
     parser.add_argument("--seed", type=int, default=0)
@@ -63,15 +87,26 @@ def main() -> int:
     def tell(line: str) -> None:
         print(line, flush=True)
 
+    chosen = [SCENARIOS[name] for name in args.only if SCENARIOS[name].possible]
+    for name in args.only:
+        if not SCENARIOS[name].possible:
+            tell(f"{name}: left out, needs {' and '.join(SCENARIOS[name].needs)}")
+    ways = Counter(scenario.command for scenario in chosen)
+    tell(_HEAD)
     with ThreadPoolExecutor(args.jobs) as pool:
-        results = list(
+        outcomes = list(
             pool.map(
-                lambda name: try_scenario(SCENARIOS[name], args.moments, args.seed, tell),
-                args.only,
+                lambda one: try_scenario(
+                    one, -(-args.moments // ways[one.command]), args.seed, tell
+                ),
+                chosen,
             )
         )
-    tried, wrong = sum(tried for tried, _ in results), sum(len(lines) for _, lines in results)
-    print(f"{tried} faults tried, {wrong} wrong")
+    kills = sum(outcome.moments for outcome in outcomes)
+    others = Counter(what for outcome in outcomes for what in outcome.others)
+    wrong = sum(len(outcome.wrong) for outcome in outcomes)
+    tell(f"{len(chosen)} scenarios of {len(ways)} commands: {kills} kills, {wrong} wrong")
+    tell("other faults, in scenarios: " + ", ".join(f"{n} {what}" for what, n in others.items()))
     return int(wrong > 0)
 
 
