@@ -12,6 +12,7 @@ from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import (
     FILE,
+    Argument,
     common_options,
     examples,
     json_option,
@@ -40,7 +41,14 @@ _MOST_PARTS = 4
         "cubicfish advise --goal 0.05 --poses next.csv",
     ),
 )
-@click.argument("calibration", type=FILE, required=False, metavar="[FOLDER|CAMERA_YAML]")
+@click.argument(
+    "calibration",
+    type=FILE,
+    required=False,
+    metavar="[FOLDER|CAMERA_YAML]",
+    cls=Argument,
+    meaning="The folder that calibrate wrote, or the camera's file in it. [default: --model]",
+)
 @model_option
 @target_option
 @click.option(
@@ -59,7 +67,7 @@ _MOST_PARTS = 4
 @click.option(
     "--poses",
     type=FILE,
-    metavar="FILE.csv",
+    metavar="FILE",
     help="Also write the proposed poses, for 'cubicfish simulate --poses'.",
 )
 @click.option(
@@ -69,7 +77,14 @@ _MOST_PARTS = 4
     help="The uncertainty wanted over the field. [default: 0.2, more for photos of more than 2000 "
     "pixels a side]",
 )
-@click.option("--seed", type=click.IntRange(0), default=0, metavar="N", help="Try other poses.")
+@click.option(
+    "--seed",
+    type=click.IntRange(0),
+    default=0,
+    show_default=True,
+    metavar="N",
+    help="Other poses are tried; the same seed gives the same proposals.",
+)
 @overwrite_option
 @json_option(json_keys.ADVISE)
 @common_options

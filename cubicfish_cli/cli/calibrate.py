@@ -21,6 +21,8 @@ from cubicfish_cli.cli.inputs import Pairs, load_pairs, photo_problems
 from cubicfish_cli.cli.made_by import made_at, made_by_record
 from cubicfish_cli.cli.options import (
     FILE,
+    FOLDER,
+    Argument,
     common_options,
     examples,
     jobs_option,
@@ -48,7 +50,14 @@ if TYPE_CHECKING:
         "cubicfish calibrate --correspondences pairs.csv --size 1280x800",
     ),
 )
-@click.argument("inputs", type=FILE, nargs=-1, metavar="PHOTOS|CORNERS_CSV...")
+@click.argument(
+    "inputs",
+    type=FILE,
+    nargs=-1,
+    metavar="PHOTOS|CSV...",
+    cls=Argument,
+    meaning="Photos (files, folders or globs), or one corners.csv or correspondences.csv.",
+)
 @target_option
 @click.option(
     "--correspondences",
@@ -60,7 +69,7 @@ if TYPE_CHECKING:
 @click.option(
     "-o",
     "--output",
-    type=FILE,
+    type=FOLDER,
     default=Path("calibration"),
     show_default=True,
     metavar="FOLDER",

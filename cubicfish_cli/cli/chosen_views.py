@@ -301,7 +301,7 @@ def plane_options(function: Decorated) -> Decorated:
             "--target",
             type=FILE,
             metavar="FILE",
-            help="The calibration object, for --plane.",
+            help="The calibration object: target.yaml; for --plane.",
         ),
         click.option(
             "--plane",

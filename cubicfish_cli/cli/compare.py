@@ -11,6 +11,7 @@ from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import hold_gate, px
 from cubicfish_cli.cli.options import (
     FILE,
+    Argument,
     common_options,
     examples,
     json_option,
@@ -33,8 +34,20 @@ if TYPE_CHECKING:
         "cubicfish compare a.yaml b.yaml --picture difference.png --max-rms 0.3",
     ),
 )
-@click.argument("first", type=FILE, metavar="A")
-@click.argument("second", type=FILE, metavar="B")
+@click.argument(
+    "first",
+    type=FILE,
+    metavar="A",
+    cls=Argument,
+    meaning="The camera.yaml in whose pixels differences are.",
+)
+@click.argument(
+    "second",
+    type=FILE,
+    metavar="B",
+    cls=Argument,
+    meaning="The camera.yaml that is compared with it.",
+)
 @click.option(
     "--picture",
     type=FILE,

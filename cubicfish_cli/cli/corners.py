@@ -11,6 +11,7 @@ from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import (
     FILE,
+    Argument,
     SizeType,
     common_options,
     examples,
@@ -56,7 +57,15 @@ seen from behind are refused.
         "cubicfish corners found.csv --target grid.yaml --size 752x480 --only 'cam0/*'",
     ),
 )
-@click.argument("files", type=FILE, nargs=-1, required=True, metavar="FILES...")
+@click.argument(
+    "files",
+    type=FILE,
+    nargs=-1,
+    required=True,
+    metavar="FILES...",
+    cls=Argument,
+    meaning="What the detector wrote: files, or folders of .orpc files.",
+)
 @target_option
 @click.option(
     "-o",
@@ -80,7 +89,7 @@ seen from behind are refused.
     multiple=True,
     metavar="[ID=]NAME",
     help="The target's board that the files call ID; NAME alone where they tell no boards apart. "
-    "May be given several times.",
+    "May be given again.",
 )
 @click.option(
     "--numbering",

@@ -14,6 +14,8 @@ from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.inputs import detect, photo_problems
 from cubicfish_cli.cli.options import (
     FILE,
+    FOLDER,
+    Argument,
     common_options,
     examples,
     jobs_option,
@@ -39,7 +41,15 @@ if TYPE_CHECKING:
         "cubicfish detect 'run7/*.png' --target target.yaml -o run7.csv --draw seen/",
     ),
 )
-@click.argument("photos", type=FILE, nargs=-1, required=True, metavar="PHOTOS...")
+@click.argument(
+    "photos",
+    type=FILE,
+    nargs=-1,
+    required=True,
+    metavar="PHOTOS...",
+    cls=Argument,
+    meaning="Photos: files, folders or globs.",
+)
 @target_option
 @click.option(
     "-o",
@@ -52,7 +62,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--draw",
-    type=FILE,
+    type=FOLDER,
     metavar="FOLDER",
     help="Also write FOLDER/<photo>.png for each photo: its corners in a colour a board, a disc at "
     "corner (0, 0), arrows along x and y, in red what was left out and why.",

@@ -13,6 +13,7 @@ from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_phot
 from cubicfish_cli.cli.inputs import load_pairs, photo_problems
 from cubicfish_cli.cli.options import (
     FILE,
+    Argument,
     common_options,
     examples,
     jobs_option,
@@ -38,7 +39,14 @@ if TYPE_CHECKING:
         "cubicfish evaluate corners.csv --target target.yaml --max-rms 0.5",
     ),
 )
-@click.argument("inputs", type=FILE, nargs=-1, metavar="PHOTOS|CSV...")
+@click.argument(
+    "inputs",
+    type=FILE,
+    nargs=-1,
+    metavar="PHOTOS|CSV...",
+    cls=Argument,
+    meaning="Photos (files, folders or globs), or one corners.csv or correspondences.csv.",
+)
 @target_option
 @model_option
 @size_option

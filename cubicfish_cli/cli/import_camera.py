@@ -10,6 +10,7 @@ from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.made_by import made_at, made_by_record
 from cubicfish_cli.cli.options import (
     FILE,
+    Argument,
     SizeType,
     common_options,
     examples,
@@ -31,7 +32,13 @@ FORMATS = ("opencv", "ros", "kalibr", "ocamcalib", "pyocamcalib", "colmap", "ner
         "cubicfish import calibration.json --from pyocamcalib --size 1280x800",
     ),
 )
-@click.argument("file", type=FILE)
+@click.argument(
+    "file",
+    type=FILE,
+    metavar="FILE",
+    cls=Argument,
+    meaning="The other tool's camera file.",
+)
 @click.option(
     "--from",
     "name",

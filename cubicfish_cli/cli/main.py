@@ -15,7 +15,7 @@ import click
 
 from cubicfish_cli import __version__
 from cubicfish_cli.cli.ending import EXIT_INTERRUPTED, EXIT_SIGNAL, Terminated
-from cubicfish_cli.cli.options import DEBUG_KEY, common_options
+from cubicfish_cli.cli.options import DEBUG_KEY, common_options, examples
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.wording import did_you_mean
 
@@ -105,7 +105,11 @@ class LazyGroup(click.Group):
 @click.group(
     cls=LazyGroup,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    epilog="Start with: cubicfish calibrate PHOTOS --target target.yaml",
+    epilog=examples(
+        "cubicfish calibrate photos/ --target target.yaml",
+        "cubicfish undistort photo.png flat.png",
+        "cubicfish calibrate -h",
+    ),
 )
 @click.version_option(__version__, "-V", "--version", prog_name="cubicfish")
 @common_options

@@ -13,11 +13,13 @@ from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.mask_limit import (
     check_mask_limit,
     mask_limit_option,
+    mask_option,
     trusted_within,
     uncertainty_of,
 )
 from cubicfish_cli.cli.options import (
     FILE,
+    Argument,
     SizeType,
     common_options,
     examples,
@@ -47,7 +49,13 @@ SUFFIXES = (".npz", ".exr", ".png", ".pgm")
         "cubicfish map flat.pgm --size 1920x1080",
     ),
 )
-@click.argument("output", metavar="OUT", type=FILE)
+@click.argument(
+    "output",
+    type=FILE,
+    metavar="OUT",
+    cls=Argument,
+    meaning="Where the map goes: a name that ends in .npz, .exr, .png or .pgm.",
+)
 @model_option
 @view_options
 @click.option(
@@ -70,12 +78,7 @@ SUFFIXES = (".npz", ".exr", ".png", ".pgm")
     default="bottom-left",
     help="Where y of an STMap (.exr, .png) is 0. [default: bottom-left, as in Nuke and Flame]",
 )
-@click.option(
-    "--mask",
-    type=FILE,
-    metavar="FILE",
-    help="Also write where the map may be trusted: 255, and 0 elsewhere.",
-)
+@mask_option
 @mask_limit_option
 @overwrite_option
 @json_option(json_keys.MAP)

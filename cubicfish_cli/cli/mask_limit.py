@@ -1,4 +1,4 @@
-"""``--mask-limit``: a mask that also leaves out where the camera itself may be off by too much."""
+"""``--mask``, and ``--mask-limit``: where the camera itself may be off by too much."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from cubicfish_cli.cli.options import FILE
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,6 +23,13 @@ if TYPE_CHECKING:
     Trusted = Callable[[UndistortMap | PixelMap], npt.NDArray[np.bool_]]
 
 _PIXELS_A_BLOCK = 262_144  # bounds the memory that a large picture takes
+
+mask_option = click.option(
+    "--mask",
+    type=FILE,
+    metavar="FILE",
+    help="Also write where the result may be trusted: 255, and 0 elsewhere.",
+)
 
 mask_limit_option = click.option(
     "--mask-limit",

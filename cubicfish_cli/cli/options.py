@@ -36,6 +36,9 @@ class FolderType(click.Path):
 
 FOLDER = FolderType(path_type=Path)
 
+NAME = click.Path(readable=False)
+"""The name of a file or several, as text: what it means is found out where it is used."""
+
 
 class Argument(click.Argument):
     """An argument with a meaning, in a few words, for the reference page docs/cli.md.

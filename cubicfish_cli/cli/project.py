@@ -6,7 +6,14 @@ from pathlib import Path
 
 import click
 
-from cubicfish_cli.cli.options import FILE, common_options, examples, model_option, model_path
+from cubicfish_cli.cli.options import (
+    FILE,
+    Argument,
+    common_options,
+    examples,
+    model_option,
+    model_path,
+)
 from cubicfish_cli.cli.points import print_points, read_points
 
 
@@ -15,7 +22,13 @@ from cubicfish_cli.cli.points import print_points, read_points
     short_help="Points in the camera frame to pixels.",
     epilog=examples("echo 0.5,0,1 | cubicfish project"),
 )
-@click.argument("points", type=FILE, default=Path("-"))
+@click.argument(
+    "points",
+    type=FILE,
+    default=Path("-"),
+    cls=Argument,
+    meaning="A CSV file of points X,Y,Z. [default: stdin]",
+)
 @model_option
 @common_options
 def command(points: Path, model: Path | None) -> None:

@@ -9,6 +9,7 @@ import click
 from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.options import (
     FILE,
+    Argument,
     common_options,
     examples,
     json_option,
@@ -29,7 +30,14 @@ from cubicfish_cli.cli.terminal import print_json, result, say
         "cubicfish report --model camera.yaml --target target.yaml --overwrite",
     ),
 )
-@click.argument("calibration", type=FILE, required=False, metavar="[FOLDER|CAMERA_YAML]")
+@click.argument(
+    "calibration",
+    type=FILE,
+    required=False,
+    metavar="[FOLDER|CAMERA_YAML]",
+    cls=Argument,
+    meaning="The folder that calibrate wrote, or the camera's file in it. [default: --model]",
+)
 @model_option
 @target_option
 @click.option(
@@ -37,8 +45,8 @@ from cubicfish_cli.cli.terminal import print_json, result, say
     type=FILE,
     multiple=True,
     metavar="PATH",
-    help="The photos (a folder, a file or a glob; may be given again), where they are not at "
-    "their old place.",
+    help="The photos (a folder, a file or a glob), where they are not at their old place. May be "
+    "given again.",
 )
 @click.option(
     "-o",

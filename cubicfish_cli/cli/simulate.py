@@ -11,6 +11,7 @@ from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import (
     FILE,
+    FOLDER,
     common_options,
     examples,
     json_option,
@@ -43,8 +44,7 @@ FORMATS = ("jpg", "png")
 @model_option
 @click.option(
     "-n",
-    "--photos",
-    "number",
+    "--number",
     type=click.IntRange(1, 10_000),
     metavar="N",
     help="How many photos. [default: 12]",
@@ -52,7 +52,7 @@ FORMATS = ("jpg", "png")
 @click.option(
     "-o",
     "--output",
-    type=FILE,
+    type=FOLDER,
     default=Path("simulated"),
     show_default=True,
     metavar="FOLDER",
@@ -100,7 +100,14 @@ FORMATS = ("jpg", "png")
 )
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, metavar="N",
               help="Other poses and other noise; the same seed gives the same photos.")  # fmt: skip
-@click.option("--format", "form", type=click.Choice(FORMATS), default="jpg", show_default=True)
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(FORMATS),
+    default="jpg",
+    show_default=True,
+    help="Of the photos; png keeps every grey level.",
+)
 @overwrite_option
 @json_option(json_keys.SIMULATE)
 @common_options

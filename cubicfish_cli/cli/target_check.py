@@ -13,6 +13,7 @@ from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import (
     FILE,
+    Argument,
     common_options,
     examples,
     json_option,
@@ -36,7 +37,13 @@ _LABEL, _LINE = 12, 96
         "cubicfish target check target.yaml --draw object.svg",
     ),
 )
-@click.argument("target", type=FILE, metavar="TARGET")
+@click.argument(
+    "target",
+    type=FILE,
+    metavar="TARGET",
+    cls=Argument,
+    meaning="The target.yaml.",
+)
 @click.option(
     "--draw", type=FILE, metavar="FILE.svg", help="Also draw the object: does it look like yours?"
 )

@@ -15,6 +15,8 @@ from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.made_by import made_at
 from cubicfish_cli.cli.options import (
     FILE,
+    FOLDER,
+    Argument,
     common_options,
     examples,
     json_option,
@@ -59,7 +61,14 @@ class CountsType(click.ParamType):
         "cubicfish target print target.yaml --paper Letter -o pages/",
     ),
 )
-@click.argument("target", type=FILE, required=False, metavar="[TARGET]")
+@click.argument(
+    "target",
+    type=FILE,
+    required=False,
+    metavar="[TARGET]",
+    cls=Argument,
+    meaning="The target.yaml of boards that are there already; leave it out with --object.",
+)
 @click.option(
     "--object",
     "kind",
@@ -114,12 +123,12 @@ class CountsType(click.ParamType):
     "boards",
     multiple=True,
     metavar="NAME",
-    help="Of TARGET, print this board only; may be given again.",
+    help="Of TARGET, print this board only. May be given again.",
 )
 @click.option(
     "-o",
     "--output",
-    type=FILE,
+    type=FOLDER,
     default="printed",
     show_default=True,
     metavar="FOLDER",

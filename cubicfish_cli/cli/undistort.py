@@ -22,11 +22,14 @@ from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.mask_limit import (
     check_mask_limit,
     mask_limit_option,
+    mask_option,
     trusted_within,
     uncertainty_of,
 )
 from cubicfish_cli.cli.options import (
     FILE,
+    NAME,
+    Argument,
     common_options,
     examples,
     jobs_option,
@@ -69,20 +72,29 @@ if TYPE_CHECKING:
         "cubicfish undistort photos/ flat/ --scheduler tcp://node1:8786",
     ),
 )
-@click.argument("sources", metavar="IN...", nargs=-1, required=True)
-@click.argument("destination", metavar="OUT", type=FILE)
+@click.argument(
+    "sources",
+    type=NAME,
+    nargs=-1,
+    required=True,
+    metavar="IN...",
+    cls=Argument,
+    meaning="Photos or videos: files, folders or globs; '-' reads their names from stdin.",
+)
+@click.argument(
+    "destination",
+    type=FILE,
+    metavar="OUT",
+    cls=Argument,
+    meaning="The picture or video that is made of one; of several, a folder.",
+)
 @model_option
 @view_options
 @plane_options
 @crop_option
 @rendering_options
 @encoding_options
-@click.option(
-    "--mask",
-    type=FILE,
-    metavar="FILE",
-    help="Also write where the result may be trusted: 255, and 0 elsewhere.",
-)
+@mask_option
 @mask_limit_option
 @click.option(
     "--camera",

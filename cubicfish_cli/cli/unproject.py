@@ -6,7 +6,14 @@ from pathlib import Path
 
 import click
 
-from cubicfish_cli.cli.options import FILE, common_options, examples, model_option, model_path
+from cubicfish_cli.cli.options import (
+    FILE,
+    Argument,
+    common_options,
+    examples,
+    model_option,
+    model_path,
+)
 from cubicfish_cli.cli.points import print_points, read_points
 
 
@@ -15,7 +22,13 @@ from cubicfish_cli.cli.points import print_points, read_points
     short_help="Pixels to unit viewing rays in the camera frame.",
     epilog=examples("echo 640,400 | cubicfish unproject"),
 )
-@click.argument("pixels", type=FILE, default=Path("-"))
+@click.argument(
+    "pixels",
+    type=FILE,
+    default=Path("-"),
+    cls=Argument,
+    meaning="A CSV file of pixels x,y. [default: stdin]",
+)
 @model_option
 @common_options
 def command(pixels: Path, model: Path | None) -> None:

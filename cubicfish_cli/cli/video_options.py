@@ -56,6 +56,7 @@ def encoding_options(function: Decorated) -> Decorated:
         click.option(
             "--crf",
             type=click.IntRange(0, 63),
+            metavar="0-63",
             help="Of videos: lower is better and larger. [default: 18]",
         ),
         click.option(
