@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.kept import cache_folder
 from cubicfish_cli.cli.terminal import progress, say
 from cubicfish_cli.wording import quoted
 
@@ -155,15 +155,6 @@ def photo_problems(detection: Detection) -> list[str]:
     return lines
 
 
-def cache_folder() -> Path:
-    """Where what was found in photos is kept: CUBICFISH_CACHE, else the user's cache folder."""
-    named = os.environ.get("CUBICFISH_CACHE")
-    if named:
-        return Path(named)
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "cubicfish"
-
-
 def detect(
     photos: Sequence[Photo],
     target: Target,
@@ -177,6 +168,7 @@ def detect(
     from cubicfish_cli.naming.detect import detect_corners
     from cubicfish_cli.naming.second_pass import second_pass
 
+    kept = None if no_cache else cache_folder()
     say(f"Looking for corners in {count(len(photos), 'photo')}.")
     with progress("Finding corners") as callback:
         detection = detect_corners(
@@ -184,7 +176,7 @@ def detect(
             target,
             jobs=jobs,
             progress=callback,
-            cache=None if no_cache else GridCache(folder=cache_folder().absolute()),
+            cache=None if kept is None else GridCache(folder=kept),
             machines=machines,
         )
     with progress("Looking again") as callback:

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli.kept import keep_fonts
 from cubicfish_cli.cli.options import (
     FILE,
     Argument,
@@ -86,6 +87,7 @@ def command(
     page = output or camera.parent / "report.html"
     refuse_existing(page, overwrite=overwrite)
 
+    keep_fonts()
     with quiet():
         from cubicfish_cli.report.from_files import facts_of_files
         from cubicfish_cli.report.page import report_html

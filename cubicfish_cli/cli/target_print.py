@@ -12,6 +12,7 @@ import click
 
 from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.kept import keep_fonts
 from cubicfish_cli.cli.made_by import made_at
 from cubicfish_cli.cli.options import (
     FILE,
@@ -164,6 +165,7 @@ def command(
 
     if missing():
         raise CubicfishError(f"printing needs {' and '.join(missing())}: {INSTALL}")
+    keep_fonts()
 
     from cubicfish_cli.files import refuse_existing, whole_files
     from cubicfish_cli.printing.layout import lay_out
