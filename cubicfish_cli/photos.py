@@ -32,8 +32,8 @@ SUFFIXES = frozenset(_NAMES.split())
 
 MAX_PIXELS = 200_000_000
 """More than any camera has; a small file that claims more is refused before it fills memory."""
-MAX_PICTURE_BYTES = 1_600_000_000
-"""As many pixels with four channels of 16 bits; what a decoder may be asked to make room for."""
+MAX_PICTURE_BYTES = 1_200_000_000
+"""As many pixels in colour of 16 bits: what a decoder may have to make room for, about twice."""
 MAX_FILE_BYTES = 2_000_000_000
 
 _READABLE = "PNG, JPEG, TIFF, BMP, WebP, JPEG 2000 or PNM"
@@ -170,7 +170,7 @@ def _names(paths: Sequence[Path]) -> list[str]:
     return names
 
 
-def read_picture(path: Path) -> Picture:
+def read_picture(path: Path | str) -> Picture:
     """Read a picture as it is stored: (H, W) or (H, W, 3 or 4), 8 or 16 bit, BGR order.
 
     Raises:

@@ -7,6 +7,7 @@ places, the largest counts. Nothing is read that the bytes do not hold.
 
 from __future__ import annotations
 
+import math
 import re
 import struct
 from collections.abc import Callable, Iterator
@@ -98,7 +99,7 @@ def _jpeg(data: bytes) -> Claim | None:
     frame = scan = None
     for marker, position in jpeg_segments(data):
         if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC) and frame is None:
-            frame = marker, *struct.unpack_from(">HHB", data, position + 3)
+            frame = marker, position
         if marker == 0xDA:
             scan = position
     if frame is None or scan is None:
@@ -106,9 +107,16 @@ def _jpeg(data: bytes) -> Claim | None:
     end = data.find(b"\xff\xd9", scan)
     if end < 0 or data.count(b"\xff\xda", scan, end) >= _MOST_SCANS:
         return None
-    marker, height, width, channels = frame
-    progressive = 2 if marker in (0xC2, 0xC6, 0xCA, 0xCE) else 0  # its coefficients are kept
-    return _claim(width, height, channels * (1 + progressive))
+    marker, position = frame
+    height, width, channels = struct.unpack_from(">HHB", data, position + 3)
+    if not channels:
+        return None
+    bytes_a_pixel = float(channels)
+    if marker in (0xC2, 0xC6, 0xCA, 0xCE):  # progressive: all coefficients are kept, in 16 bits
+        shares = [data[position + 9 + 3 * channel] for channel in range(channels)]
+        samples = [(share >> 4) * (share & 15) for share in shares]
+        bytes_a_pixel += 2 * sum(samples) / max(1, *samples)
+    return _claim(width, height, bytes_a_pixel)
 
 
 def _bmp(data: bytes) -> Claim | None:
@@ -210,7 +218,9 @@ def _codestream(data: bytes, start: int = 0) -> Claim | None:
     right, bottom, left, top, tile_width, tile_height = struct.unpack_from(">6I", data, start + 8)
     channels = struct.unpack_from(">H", data, start + 40)[0]
     width, height = right - left, bottom - top
-    if width <= 0 or height <= 0 or not tile_width or not tile_height:
+    # No coded byte after 0xFF is above 0x8F: where there is no end, the file was cut.
+    cut = data.find(b"\xff\xd9", start) < 0
+    if cut or width <= 0 or height <= 0 or not tile_width or not tile_height:
         return None
     tiles = (right // tile_width + 1) * (bottom // tile_height + 1)
     if tiles * channels > _MOST_TILES:
@@ -234,8 +244,8 @@ def _pnm(data: bytes) -> Claim | None:
     return claim if kind == 1 or least <= len(data) else None
 
 
-def _claim(width: int, height: int, bytes_a_pixel: int) -> Claim:
-    return Claim(width=width, height=height, memory=width * height * bytes_a_pixel)
+def _claim(width: int, height: int, bytes_a_pixel: float) -> Claim:
+    return Claim(width=width, height=height, memory=math.ceil(width * height * bytes_a_pixel))
 
 
 _KINDS: tuple[tuple[bytes, Callable[[bytes], Claim | None]], ...] = (
