@@ -211,9 +211,9 @@ def parse_size(text: str) -> tuple[int, int]:
 
 
 def load_corners(
-    path: Path, target: Target, *, image_size: tuple[int, int] | None = None
+    path: Path | str, target: Target, *, image_size: tuple[int, int] | None = None
 ) -> Corners:
-    """Read ``corners.csv``.
+    """Read ``corners.csv``: pixels (N, 2) and the names of the corners.
 
     Args:
         path: the file; its first line is ``# cubicfish corners 1, image_size WxH``.
@@ -226,7 +226,7 @@ def load_corners(
 
     """
     table = read_table(
-        path, required=CORNER_COLUMNS, optional=("weight",), error=CorrespondenceError
+        Path(path), required=CORNER_COLUMNS, optional=("weight",), error=CorrespondenceError
     )
     image_size = _image_size(table, "corners", image_size)
     images, image = table.codes("image")
@@ -247,8 +247,8 @@ def load_corners(
     )
 
 
-def save_corners(path: Path, corners: Corners, *, overwrite: bool) -> None:
-    """Write ``corners.csv``; numbers read back exactly.
+def save_corners(path: Path | str, corners: Corners, *, overwrite: bool = False) -> None:
+    """Write ``corners.csv``, pixels (N, 2) a corner a line; numbers read back exactly.
 
     Raises:
         OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
@@ -261,7 +261,7 @@ def save_corners(path: Path, corners: Corners, *, overwrite: bool) -> None:
         corners.row.tolist(),
         *corners.pixel.T.tolist(),
     ]
-    _save(path, "corners", CORNER_COLUMNS, columns, corners, overwrite)
+    _save(Path(path), "corners", CORNER_COLUMNS, columns, corners, overwrite)
 
 
 def load_correspondences(

@@ -131,15 +131,17 @@ def _unit_norm(P: FloatArray) -> FloatArray:
     return P if abs(norm - 1) < 1e-12 else P / norm
 
 
-def load_camera(path: Path) -> CameraFile:
+def load_camera(path: Path | str) -> CameraFile:
     """Read camera.yaml of a central camera (the ``ray`` lift).
+
+    The camera is ``.camera``; what its fit said, in pixels, is ``.fit``.
 
     Raises:
         CameraFileError: the file is missing, malformed, of a version that is not known, or of
             the ``point`` lift; one line that names the file and the key.
 
     """
-    loaded = load_any_camera(path)
+    loaded = load_any_camera(Path(path))
     if isinstance(loaded, PointCameraFile):
         raise CameraFileError(
             f"{path} is of lift 'point', which has no rays: it serves 'project' and 'undistort "

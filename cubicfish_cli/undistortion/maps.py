@@ -139,14 +139,14 @@ def _filler(
     return plain
 
 
-def save_map(path: Path, undistort_map: UndistortMap, *, overwrite: bool) -> None:
+def save_map(path: Path | str, undistort_map: UndistortMap, *, overwrite: bool = False) -> None:
     """Write ``undistort_map.npz``: map_x, map_y, valid, view (JSON text), format, image_size.
 
     Raises:
         OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
 
     """
-    with whole_file(path, overwrite=overwrite) as temporary, temporary.open("wb") as file:
+    with whole_file(Path(path), overwrite=overwrite) as temporary, temporary.open("wb") as file:
         np.savez(
             file,
             map_x=undistort_map.map_x,
@@ -158,8 +158,8 @@ def save_map(path: Path, undistort_map: UndistortMap, *, overwrite: bool) -> Non
         )
 
 
-def load_map(path: Path) -> UndistortMap:
-    """Read a map that :func:`save_map` wrote.
+def load_map(path: Path | str) -> UndistortMap:
+    """Read a map (H, W) of pixels that :func:`save_map` wrote.
 
     Raises:
         ViewError: the file cannot be read or is not a sound map.

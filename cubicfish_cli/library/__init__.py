@@ -1,0 +1,1 @@
+"""What ``import cubicfish_cli`` offers beyond the parts themselves: arrays in, arrays out."""

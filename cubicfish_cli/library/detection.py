@@ -1,0 +1,107 @@
+"""Pictures, in memory or on disk -> named corners."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.arrays import Refusal
+from cubicfish_cli.errors import DetectionError
+from cubicfish_cli.naming.cache import GridCache
+from cubicfish_cli.naming.detect import Detection, detect_corners
+from cubicfish_cli.naming.second_pass import second_pass
+from cubicfish_cli.photos import MAX_PIXELS, Photo, find_photos
+from cubicfish_cli.target import Target
+
+StrPath = str | os.PathLike[str]
+Image = npt.NDArray[Any]
+
+_CHANNELS = (1, 2, 3, 4)
+
+
+def detect(
+    photos: StrPath | Mapping[str, Image] | Iterable[Image] | Iterable[StrPath],
+    target: Target,
+    *,
+    jobs: int | None = 1,
+    cache: StrPath | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Detection:
+    """Find the corners of ``target`` in photos and name them, as ``cubicfish detect`` does.
+
+    A second look follows where a camera fitted to the corners expects more. Photos that cannot be
+    used are reported in the result, and passed over.
+
+    Args:
+        photos: arrays (H, W) or (H, W, 1 to 4), uint8 or uint16, colours in BGR order, by name or
+            in a list (then named ``photo_0`` and so on); or files, folders and globs. Pictures
+            must be as the sensor made them: :func:`read_picture` does not turn them, as cv2.imread
+            may.
+        target: the object.
+        jobs: processes to use; None for one a processor. With more than one, a script must
+            start its work below ``if __name__ == "__main__":``.
+        cache: a folder in which what is found in files is kept; by default nothing is.
+        progress: called with what is being done, the photos done and all photos.
+
+    Returns:
+        Corners with pixels (N, 2), and what became of each photo.
+
+    Raises:
+        DetectionError: an array is no picture, or no corner could be named in any photo; the
+            text says what to check.
+        PhotoError: there is no such file, or it is no photo.
+
+    """
+    found = _photos(photos)
+    first = None if progress is None else partial(progress, "Finding corners")
+    again = None if progress is None else partial(progress, "Looking again")
+    grids = None if cache is None else GridCache(folder=Path(cache).absolute())
+    detection = detect_corners(found, target, jobs=jobs, progress=first, cache=grids)
+    return second_pass(found, detection, target, jobs=jobs, progress=again)
+
+
+def _photos(
+    photos: StrPath | Mapping[str, Image] | Iterable[Image] | Iterable[StrPath],
+) -> list[Photo]:
+    if isinstance(photos, str | os.PathLike):
+        return find_photos([photos])
+    if isinstance(photos, Mapping):
+        names, given = list(photos), list(photos.values())
+    else:
+        given = list(photos)
+        if given and all(isinstance(one, str | os.PathLike) for one in given):
+            return find_photos(given)
+        names = [f"photo_{index}" for index in range(len(given))]
+    if not given:
+        raise DetectionError("no photo was given: pass pictures, or the names of files")
+    names = list(Refusal(error=DetectionError).names(names, "photos"))
+    return [
+        Photo(name=name, path=Path(name), picture=_picture(one, name))
+        for name, one in zip(names, given, strict=True)
+    ]
+
+
+def _picture(value: object, name: str) -> Image:
+    if not isinstance(value, np.ndarray):
+        raise DetectionError(
+            f"{name} is no array but {type(value).__name__}: pass either arrays or names of files"
+        )
+    if value.ndim not in (2, 3) or (value.ndim == 3 and value.shape[2] not in _CHANNELS):
+        raise DetectionError(
+            f"{name} has the shape {value.shape}, not (H, W) or (H, W, 1 to 4): "
+            "pass a list of pictures"
+        )
+    if value.dtype not in (np.uint8, np.uint16):
+        raise DetectionError(f"{name} holds {value.dtype} numbers: pass uint8 or uint16")
+    if not 0 < value.shape[0] * value.shape[1] <= MAX_PIXELS:
+        raise DetectionError(
+            f"{name} has {value.shape[1]}x{value.shape[0]} pixels: 1 to "
+            f"{MAX_PIXELS / 1e6:g} million are allowed"
+        )
+    return np.ascontiguousarray(value)

@@ -1,0 +1,153 @@
+"""What is asked of a view in plain words -> the view."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+from cubicfish_cli.errors import ViewError
+from cubicfish_cli.undistortion.fit import INNER, OUTER, Fitted, fit_view
+from cubicfish_cli.undistortion.view import Camera, CentralView, Rotation, is_numbers
+from cubicfish_cli.undistortion.views import (
+    CENTRAL_KINDS,
+    axis_focal,
+    default_view,
+    rotation_from_angles,
+)
+from cubicfish_cli.wording import did_you_mean, quoted
+
+Kind = Literal["perspective", "cylindrical", "equirectangular", "stereographic", "equidistant"]
+Share = float | Literal["inner", "outer"]
+
+
+def build_view(
+    camera: Camera,
+    kind: Kind = "perspective",
+    *,
+    size: Sequence[int] | None = None,
+    hfov_deg: float | None = None,
+    vfov_deg: float | None = None,
+    focal: float | None = None,
+    fit: Share | None = None,
+    rotate_deg: Sequence[float] = (0.0, 0.0, 0.0),
+) -> CentralView:
+    """A picture to render from the camera's photos: what each of its pixels looks along.
+
+    Its field comes from one of ``hfov_deg``, ``vfov_deg``, ``focal`` and ``fit``. Without any, a
+    flat view keeps the photo's scale on its axis, up to 120° along the longer side, and the others
+    show all that the camera sees.
+
+    Args:
+        camera: whose photos are rendered.
+        kind: in a ``perspective`` view straight lines are straight, in a ``cylindrical`` one
+            verticals are; ``equirectangular`` and ``equidistant`` views show angles evenly, and
+            ``stereographic`` ones keep shapes.
+        size: (width, height), pixels; by default the photo's.
+        hfov_deg: field across the width, degrees; with ``vfov_deg`` it sets the height.
+        vfov_deg: field down the height, degrees.
+        focal: scale in the middle, pixels a radian.
+        fit: ``inner`` for the widest field without an empty pixel, ``outer`` for the narrowest
+            that loses nothing, or a share from 0 (inner) to 1 (outer).
+        rotate_deg: (yaw, pitch, roll): look right, then up, then turn clockwise, degrees.
+
+    Raises:
+        ViewError: something is asked twice, or the view is not one that can be rendered.
+
+    """
+    if not isinstance(kind, str) or kind not in CENTRAL_KINDS:
+        raise ViewError(
+            f"unknown kind of view {quoted(kind)}: {did_you_mean(str(kind), sorted(CENTRAL_KINDS))}"
+        )
+    asked = {"hfov_deg": hfov_deg, "vfov_deg": vfov_deg, "focal": focal, "fit": fit}
+    names = [name for name, value in asked.items() if value is not None]
+    if len(names) > 1 and (names != ["hfov_deg", "vfov_deg"] or size is not None):
+        both = names + ["size"] * (names == ["hfov_deg", "vfov_deg"])
+        raise ViewError(f"{' and '.join(both)} say the same thing twice: leave one out")
+    angles = tuple(rotate_deg)
+    if not is_numbers(angles, 3):
+        raise ViewError(f"rotate_deg must be (yaw, pitch, roll) in degrees, not {quoted(angles)}")
+    return choose_view(
+        camera,
+        CENTRAL_KINDS[kind],
+        size=None if size is None else (int(size[0]), int(size[1])),
+        hfov_deg=hfov_deg,
+        vfov_deg=vfov_deg,
+        focal=focal,
+        share=None if fit is None else _share(fit),
+        rotation=rotation_from_angles(yaw_deg=angles[0], pitch_deg=angles[1], roll_deg=angles[2]),
+    ).view
+
+
+def choose_view(
+    camera: Camera,
+    kind: type[CentralView],
+    *,
+    size: tuple[int, int] | None,
+    hfov_deg: float | None,
+    vfov_deg: float | None,
+    focal: float | None,
+    share: float | None,
+    rotation: Rotation,
+) -> Fitted:
+    """The view of a kind whose field is asked for in one of several ways, or in none.
+
+    Without a field of its own, a flat view keeps the default view's field at any size, and others
+    show all that the camera sees; a cylinder, which may not, keeps the photo's scale.
+
+    Args:
+        camera: the camera.
+        kind: the kind of view.
+        size: (width, height), pixels; None for the photo's.
+        hfov_deg: field across the width; with ``vfov_deg`` it sets the height.
+        vfov_deg: field down the height.
+        focal: pixels a radian in the middle.
+        share: as in :func:`~.fit.fit_view`.
+        rotation: where it looks, as in :class:`~.view.CentralView`.
+
+    Raises:
+        ViewError: the view is not one that can be rendered.
+
+    """
+    size = size or camera.image_size
+    if hfov_deg is not None:
+        return _fixed(_with_hfov(kind, hfov_deg, vfov_deg, size, rotation))
+    if vfov_deg is not None:
+        return _fixed(kind.with_field(vfov_deg, size, rotation, vertical=True))
+    if focal is not None:
+        return _fixed(kind(size=size, focal=focal, rotation=rotation))
+    if share is None and kind is CENTRAL_KINDS["perspective"]:
+        default = default_view(camera)
+        scaled = default.focal * size[0] / default.size[0]
+        return _fixed(kind(size=size, focal=scaled, rotation=rotation))
+    fitted = fit_view(camera, kind, size, rotation, share=OUTER if share is None else share)
+    if share is None and kind is CENTRAL_KINDS["cylindrical"] and fitted.at_limit:
+        # All round, for the sake of what is nearly overhead, is not what anyone means.
+        least = axis_focal(camera) * size[0] / camera.image_size[0]
+        return _fixed(kind(size=size, focal=max(fitted.view.focal, least), rotation=rotation))
+    return fitted
+
+
+def _fixed(view: CentralView) -> Fitted:
+    return Fitted(view=view, at_limit=False)
+
+
+def _with_hfov(
+    kind: type[CentralView],
+    hfov_deg: float,
+    vfov_deg: float | None,
+    size: tuple[int, int],
+    rotation: Rotation,
+) -> CentralView:
+    view = kind.with_field(hfov_deg, size, rotation)
+    if vfov_deg is None:
+        return view
+    one = kind.with_field(vfov_deg, (1, 1), vertical=True)  # its focal is 1 / height
+    height = max(1, round(view.focal / one.focal))
+    return kind(size=(size[0], height), focal=view.focal, rotation=rotation)
+
+
+def _share(fit: object) -> float:
+    share = {"inner": INNER, "outer": OUTER}.get(fit) if isinstance(fit, str) else fit
+    if not is_numbers((share,), 1) or not isinstance(share, int | float) or not 0 <= share <= 1:
+        raise ViewError(f"fit must be 'inner', 'outer' or a share from 0 to 1, not {quoted(fit)}")
+    return float(share)
