@@ -9,6 +9,7 @@ from pathlib import Path
 
 import cv2
 import fuzz_foreign as foreign
+import fuzz_lenses as lenses
 import numpy as np
 
 from cubicfish_cli.cli.points import read_points
@@ -208,6 +209,39 @@ READERS = {
     ),
     ".cameramodel": Reader(
         read=foreign.look_through_mrcal, seeds=foreign.mrcal_seeds, suffix=".cameramodel"
+    ),
+    **{
+        f"FileStorage.{syntax}": Reader(
+            read=lenses.look_through("opencv"),
+            seeds=lenses.storage_seeds(syntax),
+            suffix=f".{syntax}",
+            words=lenses.KEYS,
+        )
+        for syntax in ("yml", "xml", "json")
+    },
+    "cameras.txt": Reader(
+        read=lenses.look_through("colmap"),
+        seeds=lambda: lenses.exported_seeds("colmap"),
+        suffix=".txt",
+    ),
+    "cameras.bin": Reader(
+        read=lenses.look_through("colmap"), seeds=lenses.colmap_binary_seeds, suffix=".bin"
+    ),
+    "camchain.yaml": Reader(
+        read=lenses.look_through("kalibr"),
+        seeds=lambda: lenses.exported_seeds("kalibr"),
+        suffix=".yaml",
+    ),
+    "camera_info.yaml": Reader(
+        read=lenses.look_through("ros"), seeds=lambda: lenses.exported_seeds("ros"), suffix=".yaml"
+    ),
+    "transforms.json": Reader(
+        read=lenses.look_through("nerfstudio"),
+        seeds=lambda: lenses.exported_seeds("nerf"),
+        suffix=".json",
+    ),
+    "any camera": Reader(
+        read=lenses.look_through(None), seeds=lenses.all_seeds, suffix="", words=lenses.KEYS
     ),
     ".orpc": Reader(read=foreign.read_corners, seeds=foreign.orpc_seeds, suffix=".orpc"),
     "corners.vnl": Reader(read=foreign.read_corners, seeds=foreign.vnlog_seeds, suffix=".vnl"),

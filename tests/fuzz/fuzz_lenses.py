@@ -1,0 +1,89 @@
+"""Camera files of other tools that are fuzzed, read as ``cubicfish import`` reads them."""
+
+import json
+import struct
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+from fuzz_cameras import camera
+from fuzz_foreign import RAYS
+
+from cubicfish_cli.fitting.conversion.models import MODELS
+from cubicfish_cli.fitting.conversion.to_lens import to_lens
+from cubicfish_cli.formats.colmap_models import MODELS as COLMAP_MODELS
+from cubicfish_cli.formats.foreign import LENS_OF, foreign_text, read_foreign
+
+SIZE = (640, 480)
+K = np.array([[300.0, 0, 320.5], [0, 301.5, 239], [0, 0, 1]])
+KEYS = (
+    "camera_matrix", "K", "M1", "distortion_coefficients", "D", "xi", "image_size", "image_width",
+    "fisheye_model", "model", "fisheye", "pinhole", "rows", "cols", "data", "opencv_storage", "_",
+    "<!DOCTYPE a [<!ENTITY b 'c'>]>", "&b;", "&#0;", "<a>", "</a>", "<_>", "]]>", "<![CDATA[",
+    '<?xml version="1.0" encoding="utf-16"?>', "$base64$",
+)  # fmt: skip
+
+
+def look_through(name: str | None) -> Callable[[Path], object]:
+    """A reader of one format, or of whatever the file looks like."""
+
+    def look(path: Path) -> object:
+        record, _ = read_foreign(path, name=name)
+        return MODELS[record.model].project(record, RAYS)
+
+    return look
+
+
+def storage_seeds(syntax: str) -> Callable[[], Sequence[bytes]]:
+    """FileStorage as OpenCV writes it."""
+
+    def seeds() -> Sequence[bytes]:
+        written = []
+        for d, more in (
+            (np.array([[-0.02, 0.003, -4e-4, 1e-5]]), {"fisheye_model": 1}),
+            (np.array([[-0.2, 0.05, 1e-3, -5e-4, 0.01]]), {"time": "Fri 20 Nov", "a": 1.5}),
+            (np.array([[-0.2, 0.05, 1e-3, -5e-4]]), {"xi": np.array([[1.1]])}),
+            (np.arange(1, 15)[None] * 1e-3, {}),
+        ):
+            storage = cv2.FileStorage(f".{syntax}", cv2.FILE_STORAGE_WRITE | cv2.FileStorage_MEMORY)
+            values = {"image_width": 640, "image_height": 480, "K": K, "D": d, **more}
+            for key, value in values.items():
+                storage.write(key, value)
+            written.append(storage.releaseAndGetString().encode())
+        return written
+
+    return seeds
+
+
+@cache
+def exported_seeds(start: str) -> Sequence[bytes]:
+    """Files of the formats whose names begin so, as ``cubicfish export`` writes them."""
+    poses = {"a.png": (np.eye(3), np.zeros(3))}
+    return [
+        foreign_text(name, to_lens(camera(), lens).record, ["a note"], poses).encode()
+        for name, lens in LENS_OF.items()
+        if name.startswith(start)
+    ]
+
+
+@cache
+def all_seeds() -> Sequence[bytes]:
+    return [
+        *(seed for start in ("colmap", "kalibr", "ros", "nerf") for seed in exported_seeds(start)),
+        *(storage_seeds(syntax)()[0] for syntax in ("yml", "xml", "json")),
+        colmap_binary_seeds()[0],
+        json.dumps({"mtx": K.tolist(), "dist": [[0.1] * 5], "resolution": SIZE}).encode(),
+    ]
+
+
+def colmap_binary_seeds() -> Sequence[bytes]:
+    """A cameras.bin for each model."""
+    seeds = []
+    for model in COLMAP_MODELS.values():
+        core = {"f": 300.0, "fx": 300.0, "fy": 301.0, "cx": 320.0, "cy": 240.0, "omega": 0.9}
+        values = [{**core, "alpha": 0.6, "beta": 1.1}.get(key, 1e-3) for key in model.parameters]
+        head = struct.pack("<QIiQQ", 1, 1, model.number, *SIZE)
+        seeds.append(head + struct.pack(f"<{len(values)}d", *values))
+    return seeds
