@@ -36,8 +36,8 @@ ENVIRONMENT = {
     "CUBICFISH_CACHE": "The folder where what was found in photos is kept. [default: "
     "`$XDG_CACHE_HOME/cubicfish`, else `~/.cache/cubicfish`]",
     "XDG_CACHE_HOME": "See `CUBICFISH_CACHE`.",
-    "MPLCONFIGDIR": "The folder where matplotlib, which draws reports and prints, keeps its list of "
-    "fonts. [default: a folder in that of `CUBICFISH_CACHE`]",
+    "MPLCONFIGDIR": "The folder where matplotlib, which draws reports and prints, keeps its list "
+    "of fonts. [default: a folder in that of `CUBICFISH_CACHE`]",
     "SOURCE_DATE_EPOCH": "The time, in seconds since 1970, that files carry as their date, for "
     "files that can be made again to the byte.",
     "OMP_NUM_THREADS": "Threads of linear algebra, as `OPENBLAS_NUM_THREADS` and "

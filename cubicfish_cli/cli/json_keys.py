@@ -75,6 +75,7 @@ CALIBRATE = {
     "plain_rms_px": "of the linear solution",
     "reweighted_rms_px": "of the reweighted linear solution",
     "verdict": "level (good, care or bad), words, figures, reasons",
+    "advice": "whether more photos are needed, and of what, in a line; not with --lift point",
     "report": "the page; null where none was written",
     "model": "the camera's file",
     "files": "every file that was written, by its kind",
@@ -173,9 +174,10 @@ EXPORT = {
     "lens": "the format's lens model (this and the rest not for --to maps)",
     "rms_px": "the RMS of the conversion",
     "max_px": "its largest error",
-    "max_angle_deg": "the angle from the axis up to which these hold",
+    "max_angle_deg": "the angle up to which these hold: how far corners reached",
     "by_angle": "a record a ring about the axis: from_deg, to_deg, rms_px, max_px",
     "also": "the errors in other ways of reading the file, where there are any",
+    "beyond": "from_deg, to_deg, rms_px and max_px of the field where no corner was, if any",
     "turned_deg": "how far the frame was turned",
     "lens_from_camera": "that turn, a 3x3 matrix",
 }
@@ -188,7 +190,6 @@ IMPORT = {
     "max_px": "its largest error",
     "max_angle_deg": "the angle from the axis up to which these hold",
     "by_angle": "a record a ring about the axis: from_deg, to_deg, rms_px, max_px",
-    "also": "the errors in other ways of reading the file, where there are any",
 }
 SIMULATE = {
     "photos": "the photos' files",
