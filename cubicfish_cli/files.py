@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import hashlib
 import os
+import platform
+import re
 import secrets
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cache
+from itertools import islice
 from pathlib import Path
 
 from cubicfish_cli.errors import CubicfishError, OutputError
 from cubicfish_cli.machines import on_host
+
+MAX_BYTES = 2_000_000_000
+"""Of any one file that is read; most kinds have bounds far below."""
 
 
 def refuse_existing(path: Path, *, overwrite: bool) -> None:
@@ -37,11 +44,21 @@ def whole_file(path: Path, *, overwrite: bool) -> Iterator[Path]:
 
 
 @contextmanager
-def whole_files(paths: Sequence[Path], *, overwrite: bool) -> Iterator[tuple[Path, ...]]:
+def whole_files(
+    paths: Sequence[Path], *, overwrite: bool, obsolete: Sequence[Path] = ()
+) -> Iterator[tuple[Path, ...]]:
     """Yield one temporary name for each path; all become final when the block succeeds.
 
     Names that are taken are refused before the block starts. When the block fails, nothing
-    is left of any file.
+    is left of any file, and what was to be replaced is there as before.
+
+    The first path is the last to become final, and the first to go where it is replaced: also
+    when the process is killed in between, the others are there and its own where it is.
+
+    Args:
+        paths: the files.
+        overwrite: whether they may be replaced.
+        obsolete: files of earlier results that go when the new ones are there, if there are any.
 
     Raises:
         OutputError: a file exists and ``overwrite`` is false, or cannot be written.
@@ -50,12 +67,15 @@ def whole_files(paths: Sequence[Path], *, overwrite: bool) -> Iterator[tuple[Pat
     paths = [Path(path) for path in paths]
     for path in paths:
         refuse_existing(path, overwrite=overwrite)
+        if os.path.exists(path) and not os.path.isfile(path):
+            raise OutputError(f"{path} is no plain file, and is not replaced: choose another name")
         if path.parent.exists() and not path.parent.is_dir():
             raise OutputError(f"{path} cannot be written: {path.parent} is a file, not a folder")
-    token = secrets.token_hex(6)
-    temporaries = tuple(
-        path.with_name(f".{path.stem[:100]}.{token}.part{path.suffix}") for path in paths
-    )
+    for folder in {path.parent for path in paths}:
+        if not _looked_through(folder):
+            remove_orphans(folder)
+    temporaries = tuple(temporary_name(path) for path in paths)
+    aside = {path: temporary_name(path) for path in (*paths, *obsolete)} if overwrite else {}
     path = paths[0]  # the one to name when something goes wrong
     try:
         for path in paths:
@@ -64,25 +84,135 @@ def whole_files(paths: Sequence[Path], *, overwrite: bool) -> Iterator[tuple[Pat
         for path, temporary in zip(paths, temporaries, strict=True):  # noqa: B007 - see except
             with temporary.open("rb+") as file:
                 os.fsync(file.fileno())
-        with ExitStack() as undo:
-            for path, temporary in zip(paths, temporaries, strict=True):
-                if overwrite:
-                    os.replace(temporary, path)
-                else:
-                    _move_to_free_name(temporary, path)
-                    undo.callback(path.unlink)
-            undo.pop_all()
+        together = dict(zip(paths, temporaries, strict=True))
+        if not overwrite:
+            _put_at_free_names(together)
+        elif len(aside) == 1:
+            os.replace(temporaries[0], path)
+        else:
+            _replace(together, aside)
     except CubicfishError:  # says what went wrong already, and some are OSErrors too
         raise
     except OSError as error:
+        at_fault = {str(error.filename), str(error.filename2)}
+        path = next((path for path in (*paths, *obsolete) if str(path) in at_fault), path)
         raise OutputError(
             f"{path} cannot be written{on_host()} ({error.strerror or error}): "
             "check the folder, its permissions and the free space"
         ) from error
     finally:
-        for temporary in temporaries:
+        _remove((*temporaries, *aside.values()))
+
+
+def _put_at_free_names(together: dict[Path, Path]) -> None:
+    """Give temporary files (path -> temporary) their names, all or none."""
+    try:
+        for path, temporary in reversed(together.items()):
+            _move_to_free_name(temporary, path)
+    except BaseException:
+        for path, temporary in together.items():
+            with suppress(OSError):
+                if not temporary.exists() or temporary.samefile(path):  # else somebody else's
+                    path.unlink(missing_ok=True)
+        raise
+
+
+def _replace(together: dict[Path, Path], aside: dict[Path, Path]) -> None:
+    """Replace files, all or none, by temporary ones.
+
+    Args:
+        together: path -> its temporary file.
+        aside: these and other paths that go -> where they are kept until all is done.
+
+    """
+    try:
+        for path, old in aside.items():
+            with suppress(FileNotFoundError):
+                os.replace(path, old)
+        for path, temporary in reversed(together.items()):
+            os.replace(temporary, path)
+    except BaseException:
+        for path, old in reversed(aside.items()):
+            with suppress(OSError):
+                if os.path.lexists(old):
+                    os.replace(old, path)
+                elif path in together and not together[path].exists():  # there was none before
+                    path.unlink(missing_ok=True)
+        raise
+
+
+def _remove(paths: Iterable[Path]) -> None:
+    """Remove files that may not be there, also when a signal comes meanwhile."""
+    try:
+        for path in paths:
             with suppress(OSError):  # nothing was made where the folder itself is unusable
-                temporary.unlink(missing_ok=True)
+                path.unlink(missing_ok=True)
+    except KeyboardInterrupt:
+        _remove(paths)
+        raise
+
+
+_TEMPORARY = re.compile(
+    r"\..*\.(?P<family>[0-9a-f]{12})-(?P<process>[0-9]{1,10})-[0-9a-f]{8}\.part(\.[^.]*)?"
+)
+# A folder of more files than these is not read to its end for what may have been left there.
+_MOST_ENTRIES = 20_000
+_STEM_BYTES = 100
+
+
+def temporary_name(path: Path) -> Path:
+    """A new name beside ``path`` with its suffix, which says that the file is not finished.
+
+    It is hidden, ``.camera.<family>-<process>-<random>.part.yaml`` for ``camera.yaml``, where the
+    process is the one that calls this: what it leaves when it is killed can be told.
+    """
+    stem = os.fsencode(path.stem)[:_STEM_BYTES].decode(errors="ignore")
+    token = f"{_family()}-{os.getpid()}-{secrets.token_hex(4)}"
+    return path.with_name(f".{stem}.{token}.part{path.suffix}")
+
+
+@cache
+def _family() -> str:
+    """12 digits that processes share which can tell of each other whether they are alive."""
+    try:
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text()
+        space = os.readlink("/proc/self/ns/pid")
+    except OSError:  # no Linux: a family of one
+        return secrets.token_hex(6)
+    return hashlib.sha256(f"{platform.node()} {boot} {space}".encode()).hexdigest()[:12]
+
+
+def remove_orphans(folder: Path) -> None:
+    """Remove the temporary files in a folder that processes of this machine left when killed."""
+    with suppress(OSError), os.scandir(folder) as entries:
+        for entry in islice(entries, _MOST_ENTRIES):
+            found = _TEMPORARY.fullmatch(entry.name)
+            if found and found["family"] == _family() and not _is_alive(int(found["process"])):
+                with suppress(OSError):
+                    os.unlink(entry.path)
+
+
+def _is_alive(process: int) -> bool:
+    if process == os.getpid():
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):  # another user's
+        return True
+    return True
+
+
+_known_folders: set[str] = set()
+
+
+def _looked_through(folder: Path) -> bool:
+    """Whether this was asked of the folder before: once a process is enough."""
+    name = os.path.abspath(folder)
+    before = name in _known_folders
+    _known_folders.add(name)
+    return before
 
 
 def _move_to_free_name(source: Path, path: Path) -> None:
@@ -137,6 +267,10 @@ def fingerprint(path: Path) -> Fingerprint:
 
     """
     try:
+        if path.exists() and not path.is_file():  # a pipe can be read only once
+            raise CubicfishError(f"{path} is not a file: give the name of one")
+        if path.stat().st_size > MAX_BYTES:
+            raise CubicfishError(f"{path} is larger than {MAX_BYTES / 1e9:g} GB: is it right?")
         stamp = _stamp(path)
         return Fingerprint(path=path, sha256=sha256_of(path), stamp=stamp)
     except OSError as error:

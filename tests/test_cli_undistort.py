@@ -186,6 +186,19 @@ def test_existing_results_are_skipped_when_asked(
     assert run(*args, "--mask", mask).stdout == "nothing to do\n"
 
 
+def test_of_a_cube_that_is_there_in_part_the_rest_is_made(
+    run: Run, model: Path, tmp_path: Path
+) -> None:
+    args = ["undistort", PHOTO, tmp_path / "c.png", "-m", model, "--view", "cube", "--size", "9x9"]
+    run(*args)
+    made = {path: path.read_bytes() for path in tmp_path.glob("c_*.png")}
+    gone, kept = tmp_path / "c_front.png", tmp_path / "c_up.png"
+    gone.unlink()
+    kept.write_bytes(b"mine")
+    assert run(*args, "--skip-existing").stdout.startswith(f"wrote {gone}: ")
+    assert {path: path.read_bytes() for path in tmp_path.glob("c_*.png")} == {**made, kept: b"mine"}
+
+
 def test_names_come_as_arguments_globs_and_from_stdin(
     run: Run, model: Path, tmp_path: Path, photos: Path
 ) -> None:

@@ -2,6 +2,9 @@
 
 import hashlib
 import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -177,3 +180,191 @@ def test_a_file_that_changes_while_it_is_read_is_told(tmp_path: Path, change: st
 def test_a_file_that_is_not_there_has_no_fingerprint(tmp_path: Path) -> None:
     with pytest.raises(CubicfishError, match=r"none\.csv cannot be read \(No such file"):
         files.fingerprint(tmp_path / "none.csv")
+
+
+OLD, NEW = {"a": "old a", "b": "old b", "gone": "old"}, {"a": "new a", "b": "new b", "c": "new c"}
+
+
+def in_folder(folder: Path) -> dict[str, str]:
+    """What is there under final names."""
+    return {path.name: path.read_text() for path in folder.iterdir() if path.name[0] != "."}
+
+
+def replace_old(folder: Path) -> None:
+    """Replace ``a`` and ``b``, write ``c``, take ``gone`` away."""
+    paths = [folder / name for name in NEW]
+    obsolete = [folder / "gone"]
+    with files.whole_files(paths, overwrite=True, obsolete=obsolete) as temporary:
+        for place, text in zip(temporary, NEW.values(), strict=True):
+            place.write_text(text)
+
+
+def old_ones(folder: Path) -> Path:
+    for name, text in OLD.items():
+        (folder / name).write_text(text)
+    return folder
+
+
+def test_what_is_replaced_together_goes_together(tmp_path: Path) -> None:
+    replace_old(old_ones(tmp_path))
+    assert in_folder(tmp_path) == NEW
+    assert names(tmp_path) == sorted(NEW)
+
+
+def test_wherever_the_first_file_is_the_others_are_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replace, seen = os.replace, []
+
+    def watched(source: Path, path: Path) -> None:
+        replace(source, path)
+        seen.append(in_folder(tmp_path))
+
+    monkeypatch.setattr(os, "replace", watched)
+    replace_old(old_ones(tmp_path))
+    assert seen[-1] == {**NEW}
+    assert len(seen) == 6
+    assert [state for state in seen[:-1] if "a" in state] == []
+
+
+def test_new_files_have_the_first_one_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    link, seen = os.link, []
+
+    def watched(source: Path, path: Path) -> None:
+        link(source, path)
+        seen.append(sorted(in_folder(tmp_path)))
+
+    monkeypatch.setattr(os, "link", watched)
+    paths = [tmp_path / name for name in "abc"]
+    with files.whole_files(paths, overwrite=False) as temporary:
+        for place in temporary:
+            place.write_text("x")
+    assert seen == [["c"], ["b", "c"], ["a", "b", "c"]]
+
+
+@pytest.mark.parametrize("step", range(6))
+@pytest.mark.parametrize("when", ["before", "after"])
+@pytest.mark.parametrize("problem", [KeyboardInterrupt, PermissionError(1, "Not permitted")])
+def test_what_was_to_be_replaced_is_put_back(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    step: int,
+    when: str,
+    problem: BaseException | type[BaseException],
+) -> None:
+    replace, done = os.replace, []
+
+    def failing(source: Path, path: Path) -> None:
+        done.append(path)
+        fails = len(done) == step + 1
+        if fails and when == "before":
+            raise problem
+        try:
+            replace(source, path)
+        finally:
+            if fails:
+                raise problem
+
+    old_ones(tmp_path)
+    monkeypatch.setattr(os, "replace", failing)
+    with pytest.raises((KeyboardInterrupt, OutputError)):
+        replace_old(tmp_path)
+    assert in_folder(tmp_path) == OLD
+    assert names(tmp_path) == sorted(OLD)
+
+
+@pytest.mark.parametrize("when", ["before", "after"])
+def test_an_interrupt_while_names_are_given_leaves_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, when: str
+) -> None:
+    link, done = os.link, []
+
+    def failing(source: Path, path: Path) -> None:
+        done.append(path)
+        if len(done) == 2 and when == "before":
+            raise KeyboardInterrupt
+        link(source, path)
+        if len(done) == 2:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "link", failing)
+
+    def write() -> None:
+        paths = [tmp_path / name for name in "abc"]
+        with files.whole_files(paths, overwrite=False) as temporary:
+            for place in temporary:
+                place.write_text("x")
+
+    with pytest.raises(KeyboardInterrupt):
+        write()
+    assert names(tmp_path) == []
+
+
+def test_a_signal_while_temporary_files_are_removed_leaves_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    unlink, done = Path.unlink, []
+
+    def interrupted(path: Path, missing_ok: bool = False) -> None:
+        done.append(path)
+        if len(done) == 1:
+            raise KeyboardInterrupt
+        unlink(path, missing_ok=missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        files.write_text(tmp_path / "a.txt", "x", overwrite=False)
+    assert names(tmp_path) == ["a.txt"]
+
+
+def test_only_plain_files_are_replaced(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/null")):
+        with pytest.raises(OutputError, match=r"is no plain file, and is not replaced"):
+            files.write_text(path, "x", overwrite=True)
+
+
+def test_the_temporary_name_fits_long_names_of_other_scripts(tmp_path: Path) -> None:
+    path = tmp_path / ("写" * 80 + ".png")
+    with files.whole_file(path, overwrite=False) as temporary:
+        temporary.write_bytes(b"x")
+    assert names(tmp_path) == [path.name]
+
+
+LEAVE = """
+import os, signal, sys
+from pathlib import Path
+from cubicfish_cli import files
+with files.whole_file(Path(sys.argv[1]), overwrite=False) as temporary:
+    temporary.write_text("half")
+    if sys.argv[2] == "dies":
+        os.kill(os.getpid(), signal.SIGKILL)
+    print("there", flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="what is alive is told on Linux only")
+def test_what_a_killed_process_left_goes_with_the_next_and_nothing_else(tmp_path: Path) -> None:
+    def start(fate: str) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            [sys.executable, "-c", LEAVE, str(tmp_path / f"{fate}.txt"), fate],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    with start("dies") as dead:
+        assert dead.wait() == -signal.SIGKILL
+    (orphan,) = names(tmp_path)
+    (tmp_path / orphan.replace("-", "0-", 1)).write_text("of another machine")
+    (tmp_path / ".a.part.txt").write_text("of another program")
+    others = set(names(tmp_path)) - {orphan}
+    with start("lives") as alive:
+        assert alive.stdout is not None
+        assert alive.stdout.readline() == "there\n"
+        (living,) = (name for name in names(tmp_path) if name.startswith(".lives."))
+        files.write_text(tmp_path / "b.txt", "x", overwrite=False)
+        assert set(names(tmp_path)) == {*others, living, "b.txt"}
+        alive.communicate("")
+    assert (tmp_path / "lives.txt").read_text() == "half"

@@ -311,7 +311,7 @@ def _record(planned: Plan, failures: Sequence[Failure], chosen: Views) -> dict[s
     return {
         "dry_run": False,
         "images": len(done),
-        "files": [str(path) for job in done for path in job.outputs],
+        "files": [str(path) for job in done for path in job.wanted],
         "skipped": [job.name for job in planned.skipped],
         "failed": [
             {"image": failure.job.name, "problem": str(failure.error)} for failure in failures
@@ -331,10 +331,10 @@ def _print(planned: Plan, failures: Sequence[Failure], chosen: Views) -> None:
         say(f"skipped {count(len(planned.skipped), planned.kind)} whose result exists")
     if done:
         view = chosen.view(done[0].source, planned.size_of(done[0]))
-        files = sum(len(job.outputs) for job in done)
+        files = sum(len(job.wanted) for job in done)
         single = planned.one and files == 1
         wrote = (
-            str(done[0].outputs[0])
+            str(done[0].wanted[0])
             if single
             else f"{count(files, 'video' if planned.videos else 'picture')}"
         )

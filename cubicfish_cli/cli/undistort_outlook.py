@@ -64,7 +64,7 @@ class Outlook:
         return {
             "dry_run": True,
             "images": len(jobs),
-            "files": [str(path) for job in jobs for path in job.outputs],
+            "files": [str(path) for job in jobs for path in job.wanted],
             "skipped": [job.name for job in planned.skipped],
             "failed": [{"image": name, "problem": problem} for name, problem in bad],
             "view": next((group.view.as_record() for group in self.groups if group.view), None),
@@ -120,7 +120,7 @@ def outlook_of(planned: Plan, chosen: Views) -> Outlook:
 
 def print_outlook(planned: Plan, outlook: Outlook) -> None:
     """Print how many files, which fields, and how much of them is empty."""
-    files = sum(len(job.outputs) for job in planned.jobs)
+    files = sum(len(job.wanted) for job in planned.jobs)
     skipped = f", {len(planned.skipped)} skipped" * bool(planned.skipped)
     given = count(len(planned.jobs), planned.kind)
     result(f"would write {count(files, 'file')} from {given}{skipped}")

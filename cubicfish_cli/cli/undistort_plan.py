@@ -64,10 +64,13 @@ class Plan:
             for path in job.outputs:
                 if not self.videos:
                     check_suffix(path)
-            if skip_existing and all(path.is_file() for path in job.outputs):
-                skipped.append(job)
-                continue
-            for path in job.outputs:
+            if skip_existing:  # a run that was killed may have left some of a cube's pictures
+                there = frozenset(n for n, path in enumerate(job.outputs) if path.is_file())
+                if len(there) == len(job.outputs):
+                    skipped.append(job)
+                    continue
+                job = replace(job, kept=there)
+            for path in job.wanted:
                 refuse_existing(path, overwrite=overwrite)
             jobs.append(job)
         return replace(self, jobs=jobs, skipped=skipped)

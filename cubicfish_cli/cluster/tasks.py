@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import pickle
 import platform
-import secrets
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -18,7 +17,7 @@ from typing import Any
 
 from cubicfish_cli.cluster.versions import compare, versions_here
 from cubicfish_cli.errors import ClusterError, CubicfishError
-from cubicfish_cli.files import write_text
+from cubicfish_cli.files import temporary_name, write_text
 from cubicfish_cli.machines import working_on
 from cubicfish_cli.photos import one_opencv_thread, shown
 
@@ -41,7 +40,7 @@ def _proof(folder: Path | None) -> Iterator[Path | None]:
         return
     folder = Path(os.path.abspath(folder))
     made = [path for path in (folder, *folder.parents) if not path.exists()]
-    path = folder / f".cubicfish-{secrets.token_hex(8)}"
+    path = temporary_name(folder / "cubicfish")
     try:
         write_text(path, "", overwrite=False)
         yield path

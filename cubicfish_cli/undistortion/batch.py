@@ -17,6 +17,7 @@ from pathlib import Path
 from threading import BoundedSemaphore
 
 from cubicfish_cli.errors import ClusterError, CubicfishError
+from cubicfish_cli.files import remove_orphans
 from cubicfish_cli.machines import Machines
 from cubicfish_cli.photos import decode_picture, one_opencv_thread, read_file, shown
 from cubicfish_cli.undistortion.images import Rendering, check_outputs, render_files, write_files
@@ -34,12 +35,19 @@ class PhotoJob:
         name: what messages call it.
         source: the photo.
         outputs: where its views go, in the order of its maps.
+        kept: the numbers of those outputs that are there already and stay as they are.
 
     """
 
     name: str
     source: Path
     outputs: tuple[Path, ...]
+    kept: frozenset[int] = frozenset()
+
+    @property
+    def wanted(self) -> list[Path]:
+        """The outputs that are to be written."""
+        return [path for number, path in enumerate(self.outputs) if number not in self.kept]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +126,7 @@ def undistort_photo(
     overwrite: bool,
     slots: AbstractContextManager[object] | None = None,
 ) -> None:
-    """Undistort one photo into all its outputs.
+    """Undistort one photo into all its outputs, but for those that are kept.
 
     Args:
         job: the photo.
@@ -133,7 +141,7 @@ def undistort_photo(
         OutputError: an output exists and ``overwrite`` is false, or cannot be written.
 
     """
-    check_outputs(job.outputs, overwrite=overwrite)
+    check_outputs(job.wanted, overwrite=overwrite)
     data = read_file(job.source)
     with slots or nullcontext():
         picture = decode_picture(job.source, data, floats=True)
@@ -142,8 +150,9 @@ def undistort_photo(
             own = maps(job.source, (width, height))
         except CubicfishError as problem:
             raise type(problem)(f"{shown(job.source)}: {problem}") from problem
-        outputs = list(zip(job.outputs, own, strict=True))
-        files = render_files(job.source, data, picture, outputs, rendering)
+        outputs = enumerate(zip(job.outputs, own, strict=True))
+        wanted = [output for number, output in outputs if number not in job.kept]
+        files = render_files(job.source, data, picture, wanted, rendering)
         del data, picture  # the disk may take its time
     write_files(files, overwrite=overwrite)
 
@@ -166,7 +175,7 @@ def _undistort_there(
     free: list[int] = []
     for number, job in enumerate(jobs):
         try:
-            check_outputs(job.outputs, overwrite=overwrite)
+            check_outputs(job.wanted, overwrite=overwrite)
         except CubicfishError as error:
             failures[number] = Failure(job=job, error=error)
         else:
@@ -190,6 +199,10 @@ def _undistort_there(
             if done == len(failures):
                 raise
             raise ClusterError(f"{problem}; --skip-existing keeps what is done") from problem
+        finally:
+            # What workers that were killed have left: others may have looked there before.
+            for folder in {path.parent for job in absolute for path in job.outputs}:
+                remove_orphans(folder)
     return [failures[number] for number in sorted(failures)]
 
 
