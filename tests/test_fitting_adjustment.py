@@ -151,6 +151,8 @@ def test_huber_loss_and_its_weight_belong_together():
     distance = np.linspace(0.01, 5, 200)
     slope = (huber_cost(distance + 1e-6, 1.2) - huber_cost(distance - 1e-6, 1.2)) / 2e-6
     np.testing.assert_allclose(slope, huber_weight(distance, 1.2) * distance, atol=1e-6)
+    # No step where the one passes into the other.
+    np.testing.assert_allclose(*huber_cost(np.array([1.2 - 1e-9, 1.2 + 1e-9]), 1.2), rtol=1e-8)
 
 
 def test_a_start_at_infinity_is_refused(pairs, cubic):

@@ -231,6 +231,22 @@ def test_derivatives_by_the_parameters(lens):
         assert d_prior[:, index] @ residual == pytest.approx(slope, rel=1e-4, abs=1e-2)
 
 
+def test_what_the_nearest_lens_can_follow_is_not_held():
+    lens = _cubic_fit()
+    prior = lens.ray_prior
+    _, _, by_cubic = lens.project_jacobian(prior.rays)
+    pixel = lens.project(prior.rays)
+    _, by_lens = prior.nearest(pixel)
+    wanted = by_lens[: pixel.size] / np.linalg.norm(by_lens[: pixel.size], axis=0)
+    # P's changes that move its pixels as the nearest lens's parameters do, as far as P can.
+    change = np.linalg.lstsq(by_cubic.reshape(pixel.size, -1), wanted, rcond=None)[0]
+    moved = by_cubic.reshape(pixel.size, -1) @ change
+    held = lens.prior()[1][: pixel.size] @ change
+    like = np.linalg.norm(moved - wanted, axis=0) < 0.1
+    assert like.sum() >= 8
+    assert (np.linalg.norm(held, axis=0)[like] < 0.15 * prior.weight).all()
+
+
 def test_parameters_round_trip(lens):
     again = lens.with_parameters(lens.parameters)
     points = random_rays(95, 20)

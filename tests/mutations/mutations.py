@@ -160,8 +160,8 @@ MUTATIONS = tuple(
         # The object.
         (
             "target.py",
-            "self.square * (tag * (1 + self.spacing)",
-            "self.square * (tag * (1",
+            "tag * (1 + self.spacing) + (index",
+            "tag * (2 + self.spacing) + (index",
             "target",
         ),
         (
