@@ -31,14 +31,18 @@ KEYS: dict[str, Mapping[str, str]] = {
 }
 
 
-def records(run: Run, *lines: tuple[object, ...], code: int = 0) -> list[dict[str, Any]]:
+# Keys that only cameras have which are tested elsewhere.
+RARE = {"export": {"beyond"}, "import": {"fold_deg"}}
+
+
+def records(run: Run, *lines: tuple[object, ...]) -> list[dict[str, Any]]:
     """What each command line prints with ``--json``; together they have every key of the help."""
-    made = [record(run, *line, code=code) for line in lines]
+    made = [record(run, *line) for line in lines]
     first = " ".join(word for word in map(str, lines[0]) if word.isalpha())
     name = max((name for name in KEYS if first.startswith(name)), key=len)
     for one in made:
         assert set(one) <= set(KEYS[name])
-    assert set(KEYS[name]) == {key for one in made for key in one}
+    assert set(KEYS[name]) - {key for one in made for key in one} <= RARE.get(name, set())
     return made
 
 
@@ -260,7 +264,7 @@ def test_export_and_import(run: Run, model: Path, tmp_path: Path) -> None:
 def test_simulate(run: Run, tmp_path: Path) -> None:
     model = tmp_path / "small.yaml"
     values = yaml.safe_load((SAMPLE / "true_camera.yaml").read_text())
-    values.update(image_size=[240, 180], fx=65, fy=65, cx=121, cy=88)
+    values.update(image_size=[480, 360], fx=131, fy=131, cx=242, cy=176)
     model.write_text(yaml.safe_dump(values))
     (one,) = records(
         run, ("simulate", "-t", TARGET, "-m", model, "-n", 1, "-o", tmp_path / "simulated")

@@ -190,6 +190,9 @@ IMPORT = {
     "max_px": "its largest error",
     "max_angle_deg": "the angle from the axis up to which these hold",
     "by_angle": "a record a ring about the axis: from_deg, to_deg, rms_px, max_px",
+    "trusted_deg": "how far from the axis the camera is trusted",
+    "field_ended_by": "why no farther: photo, region, fold, angle or fit",
+    "fold_deg": "where the lens folds, if that is why",
 }
 SIMULATE = {
     "photos": "the photos' files",
