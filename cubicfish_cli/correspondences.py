@@ -362,7 +362,7 @@ def _image_size(table: Table, kind: str, given: tuple[int, int] | None) -> tuple
         return given
     if match[1] != kind:
         raise CorrespondenceError(
-            f"{table.name}, line 1: a file of {kind} is expected, this one holds {match[1]}"
+            f"{table.name}, line 1: a file of {kind} is expected, this one holds {quoted(match[1])}"
         )
     if match[2] != "1":
         raise CorrespondenceError(

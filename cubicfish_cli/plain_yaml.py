@@ -16,6 +16,7 @@ from typing import Any
 import yaml
 
 from cubicfish_cli.errors import CubicfishError
+from cubicfish_cli.reading import read_text
 from cubicfish_cli.wording import quoted
 
 MAX_DEPTH = 12
@@ -53,17 +54,7 @@ def load_plain_yaml(path: Path, *, error: type[CubicfishError], max_bytes: int =
         error: the file cannot be read, is too large, or holds more than plain data.
 
     """
-    try:
-        with Path(path).open("rb") as file:
-            raw = file.read(max_bytes + 1)
-    except OSError as problem:
-        raise error(f"{path} cannot be read: {problem.strerror or problem}") from problem
-    if len(raw) > max_bytes:
-        raise error(f"{path} is larger than {max_bytes / 1e6:g} MB: is it the right file?")
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError as problem:
-        raise error(f"{path} is not UTF-8 text: is it the right file?") from problem
+    text = read_text(path, max_bytes=max_bytes, error=error)
     return parse_plain_yaml(path, text, error=error)
 
 

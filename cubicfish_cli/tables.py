@@ -13,7 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import CubicfishError
+from cubicfish_cli.reading import read_text
 from cubicfish_cli.wording import did_you_mean, quoted
+
+MAX_BYTES = 100_000_000
+MAX_VALUES = 16_000_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,13 +86,7 @@ def read_table(
         error: the file cannot be read, is not a CSV table, or lacks or has other columns.
 
     """
-    try:
-        with Path(path).open(encoding="utf-8-sig", newline="") as file:
-            text = file.read()
-    except OSError as problem:
-        raise error(f"{path} cannot be read: {problem.strerror or problem}") from problem
-    except UnicodeDecodeError as problem:
-        raise error(f"{path} is not UTF-8 text: is it the right file?") from problem
+    text = read_text(path, max_bytes=MAX_BYTES, error=error)
     return parse_table(str(path), text, required=required, optional=optional, error=error)
 
 
@@ -101,6 +99,8 @@ def parse_table(
     error: type[CubicfishError],
 ) -> Table:
     """As :func:`read_table`, from text that is called ``name`` in messages."""
+    if text.count(",") + text.count("\n") > MAX_VALUES:
+        raise error(f"{name} holds more than {MAX_VALUES:,} values: is it the right file?")
     comment = ""
     if text.startswith("#"):
         comment, _, text = text.partition("\n")

@@ -18,15 +18,16 @@ ALLOWED: dict[str, set[str]] = {
     "arrays": {"errors", "wording"},
     "machines": {"errors"},
     "files": {"errors", "machines"},
-    "plain_yaml": {"errors", "wording"},
-    "tables": {"errors", "wording"},
+    "reading": {"errors"},
+    "plain_yaml": {"errors", "reading", "wording"},
+    "tables": {"errors", "reading", "wording"},
     "target": {"errors", "plain_yaml", "wording"},
     "picture_headers": set(),
     "photos": {"errors", "wording", "machines", "picture_headers"},
     "cluster": {"errors", "files", "machines", "photos"},
     "detection": {"errors", "photos", "target"},
     "correspondences": {"errors", "wording", "arrays", "files", "tables", "target"},
-    "corner_files": {"errors", "tables", "target", "correspondences", "wording"},
+    "corner_files": {"errors", "reading", "tables", "target", "correspondences", "wording"},
     "model": {"errors"},
     "fitting": {"errors", "target", "correspondences", "model"},
     "naming": {
@@ -41,7 +42,7 @@ ALLOWED: dict[str, set[str]] = {
         "fitting",
     },
     "undistortion": {"errors", "machines", "files", "photos", "model", "wording"},
-    "formats": {"errors", "files", "plain_yaml", "target", "model", "wording"},
+    "formats": {"errors", "files", "reading", "plain_yaml", "target", "model", "wording"},
     "rendering": {"errors", "plain_yaml", "tables", "target", "wording"},
     "printing": {"errors", "files", "wording", "target", "formats", "rendering"},
     "advice": {"errors", "target", "correspondences", "model", "fitting", "rendering"},
@@ -67,7 +68,7 @@ CONFINED: dict[str, set[str]] = {
     "dask": {"cluster"},
     "distributed": {"cluster"},
     "numpy": {*ALLOWED}
-    - {"__init__", "errors", "wording", "files", "plain_yaml", "picture_headers"},
+    - {"__init__", "errors", "wording", "files", "reading", "plain_yaml", "picture_headers"},
 }
 
 

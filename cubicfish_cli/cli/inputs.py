@@ -86,6 +86,8 @@ def _needed(target: Path | None) -> Path:
 def _holds_world_points(path: Path) -> bool:
     """Whether the header of a CSV file is that of correspondences."""
     try:
+        if not path.is_file():  # a pipe might be waited for
+            return False
         with path.open(encoding="utf-8-sig", errors="replace") as file:
             lines = [file.readline(10_000) for _ in range(2)]
     except OSError:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import io
+import sys
+from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,11 +13,15 @@ from typing import TYPE_CHECKING
 import click
 
 from cubicfish_cli.errors import CorrespondenceError
+from cubicfish_cli.reading import read_bytes
 from cubicfish_cli.wording import quoted
 
 if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
+
+MAX_BYTES = 200_000_000
+LONGEST_LINE = 10_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,36 +47,48 @@ def read_points(path: Path, columns: Sequence[str]) -> Points:
     import numpy as np
 
     name = "stdin" if str(path) == "-" else str(path)
+    if name == "stdin":
+        raw = b"" if sys.stdin is None else sys.stdin.buffer.read(MAX_BYTES + 1)
+        if len(raw) > MAX_BYTES:
+            raise CorrespondenceError(
+                f"stdin gave more than {MAX_BYTES / 1e6:g} MB: give it in parts"
+            )
+    else:
+        raw = read_bytes(path, max_bytes=MAX_BYTES, error=CorrespondenceError)
+    has_header = False
+    numbers = array("d")
+    lines = io.TextIOWrapper(io.BytesIO(raw), encoding="utf-8-sig")
     try:
-        with click.open_file(str(path), encoding="utf-8-sig") as file:
-            text = file.read()
-    except OSError as error:
-        raise CorrespondenceError(f"{name} cannot be read: {error.strerror or error}") from error
+        for number, line in enumerate(iter(lambda: lines.readline(LONGEST_LINE), ""), start=1):
+            if len(line) == LONGEST_LINE:
+                raise CorrespondenceError(f"{name}, line {number}: too long: is it the right file?")
+            if not line.strip() or line.startswith("#"):
+                continue
+            row = _numbers(line)
+            if row is None and (numbers or has_header):
+                raise CorrespondenceError(
+                    f"{name}, line {number}: {quoted(line.rstrip())} does not hold numbers only"
+                )
+            if row is None:
+                has_header = True
+            elif len(row) != len(columns):
+                raise CorrespondenceError(
+                    f"{name}, line {number}: {len(row)} numbers where {len(columns)} belong: "
+                    + ", ".join(columns)
+                )
+            else:
+                numbers.extend(row)
     except UnicodeDecodeError as error:
         raise CorrespondenceError(f"{name} is not UTF-8 text: is it the right file?") from error
-    has_header = False
-    rows: list[list[float]] = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        if not line.strip() or line.startswith("#"):
-            continue
-        cells = line.replace(",", " ").replace(";", " ").split()
-        try:
-            row = [float(cell) for cell in cells]
-        except ValueError:
-            if rows or has_header:
-                raise CorrespondenceError(
-                    f"{name}, line {number}: {quoted(line)} does not hold numbers only"
-                ) from None
-            has_header = True
-            continue
-        if len(row) != len(columns):
-            raise CorrespondenceError(
-                f"{name}, line {number}: {len(row)} numbers where {len(columns)} belong: "
-                + ", ".join(columns)
-            )
-        rows.append(row)
-    values = np.array(rows, float).reshape(-1, len(columns))
+    values = np.array(numbers, float).reshape(-1, len(columns))
     return Points(values=values, has_header=has_header)
+
+
+def _numbers(line: str) -> list[float] | None:
+    try:
+        return [float(cell) for cell in line.replace(",", " ").replace(";", " ").split()]
+    except ValueError:
+        return None
 
 
 def print_points(points: npt.NDArray[np.float64], columns: Sequence[str] | None) -> None:

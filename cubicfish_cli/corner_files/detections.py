@@ -11,6 +11,7 @@ from typing import Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli import reading
 from cubicfish_cli.correspondences import MAX_COORDINATE, Corners
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.tables import Table
@@ -81,21 +82,7 @@ def read_text(path: Path, *, max_bytes: int) -> str:
         CorrespondenceError: the file cannot be read, is larger, or is not text.
 
     """
-    try:
-        with path.open("rb") as file:
-            raw = file.read(max_bytes + 1)
-    except OSError as problem:
-        raise CorrespondenceError(
-            f"{path} cannot be read: {problem.strerror or problem}"
-        ) from problem
-    if len(raw) > max_bytes:
-        raise CorrespondenceError(
-            f"{path} is larger than {max_bytes / 1e6:g} MB: is it the right file?"
-        )
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as problem:
-        raise CorrespondenceError(f"{path} is not UTF-8 text: is it the right file?") from problem
+    return reading.read_text(path, max_bytes=max_bytes, error=CorrespondenceError)
 
 
 def rows_where(table: Table, keep: npt.NDArray[np.bool_]) -> Table:

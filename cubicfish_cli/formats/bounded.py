@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from cubicfish_cli.errors import CameraFileError
+from cubicfish_cli.reading import read_bytes, read_text
 
 
 def read_bounded(path: Path, *, max_bytes: int) -> str:
@@ -14,10 +15,7 @@ def read_bounded(path: Path, *, max_bytes: int) -> str:
         CameraFileError: the file cannot be read, is larger, or is not UTF-8 text.
 
     """
-    try:
-        return read_bounded_bytes(path, max_bytes=max_bytes).decode("utf-8-sig")
-    except UnicodeDecodeError as problem:
-        raise CameraFileError(f"{path} is not UTF-8 text: is it the right file?") from problem
+    return read_text(path, max_bytes=max_bytes, error=CameraFileError)
 
 
 def read_bounded_bytes(path: Path, *, max_bytes: int) -> bytes:
@@ -27,13 +25,4 @@ def read_bounded_bytes(path: Path, *, max_bytes: int) -> bytes:
         CameraFileError: the file cannot be read, or is larger.
 
     """
-    try:
-        with Path(path).open("rb") as file:
-            raw = file.read(max_bytes + 1)
-    except OSError as problem:
-        raise CameraFileError(f"{path} cannot be read: {problem.strerror or problem}") from problem
-    if len(raw) > max_bytes:
-        raise CameraFileError(
-            f"{path} is larger than {max_bytes / 1e6:g} MB: is it the right file?"
-        )
-    return raw
+    return read_bytes(path, max_bytes=max_bytes, error=CameraFileError)
