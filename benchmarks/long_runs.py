@@ -1,10 +1,11 @@
 """Thousands of photos in one run: is memory flat, do descriptors stay few, is progress right?
 
-    python benchmarks/long_runs.py [--undistort 5000] [--calibrate 300]
+    python benchmarks/long_runs.py [--undistort 5000] [--calibrate 50 100 200 300]
 
 The photos are those of sample_data, many times over (undistort) or newly rendered (calibrate).
 Memory and descriptors are those of the program and all its children, every half second; they are
-printed for each tenth of the run. The progress bar is read from a terminal.
+printed for each tenth of the run. The progress bars are read from a terminal. What is installed
+beside this Python is what runs.
 """
 
 import argparse
@@ -29,7 +30,7 @@ PROGRAM = str(Path(sys.executable).with_name("cubicfish"))
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--undistort", type=int, default=5000, metavar="PHOTOS")
-    parser.add_argument("--calibrate", type=int, default=300, metavar="PHOTOS")
+    parser.add_argument("--calibrate", type=int, nargs="*", default=[300], metavar="PHOTOS")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="cubicfish-long-") as name:
         folder = Path(name)
@@ -52,26 +53,25 @@ def main() -> None:
             )
             made = len(list((folder / "flat").iterdir()))
             print(f"  {made} pictures written")
-        if args.calibrate:
+        if any(args.calibrate):
+            many = folder / "many"
             subprocess.run(
                 [PROGRAM, "simulate", "--target", SAMPLE / "target.yaml", "--model", model, "-n",
-                 str(args.calibrate), "-o", folder / "many", "--seed", "1", "-q"],
+                 str(max(args.calibrate)), "-o", many, "--seed", "1", "-q"],
                 check=True, stdout=subprocess.DEVNULL,
             )  # fmt: skip
-            watch(
-                f"calibrate from {args.calibrate} photos",
-                [
-                    PROGRAM,
-                    "calibrate",
-                    folder / "many",
-                    "--target",
-                    SAMPLE / "target.yaml",
-                    "-o",
-                    folder / "again",
-                    "--no-cache",
-                ],
-                args.calibrate,
-            )
+            rendered = sorted(many.glob("photo_*"))
+            for count in args.calibrate:
+                photos = folder / f"first_{count}"
+                photos.mkdir()
+                for photo in rendered[:count]:
+                    os.link(photo, photos / photo.name)
+                watch(
+                    f"calibrate from {count} photos",
+                    [PROGRAM, "calibrate", photos, "--target", SAMPLE / "target.yaml",
+                     "-o", folder / f"from_{count}", "--no-cache"],
+                    count,
+                )  # fmt: skip
 
 
 def watch(what: str, command: list[object], total: int) -> None:
@@ -79,7 +79,10 @@ def watch(what: str, command: list[object], total: int) -> None:
     terminal, end = pty.openpty()
     begin = time.monotonic()
     process = subprocess.Popen(
-        [str(part) for part in command], stdout=subprocess.DEVNULL, stderr=end, close_fds=True
+        [str(part) for part in command],
+        stdout=subprocess.DEVNULL,
+        stderr=end,
+        env={**os.environ, "TERM": "xterm", "COLUMNS": "100"},
     )
     os.close(end)
     samples: list[tuple[float, float, int]] = []
@@ -94,19 +97,34 @@ def watch(what: str, command: list[object], total: int) -> None:
             samples.append((time.monotonic() - begin, *held(process.pid)))
     code = process.wait()
     os.close(terminal)
-    done = [int(n) for n, of in re.findall(rb"(\d+)/(\d+)", said) if int(of) == total]
-    falls = sum(after < before for before, after in itertools.pairwise(done))
-    seconds = samples[-1][0]
-    print(
-        f"{what}: exit code {code}, {seconds:.0f} s; progress went from {min(done, default=0)} to "
-        f"{max(done, default=0)} of {total}, backwards {falls} times"
-    )
     values = np.array(samples)
+    print(
+        f"{what}: exit code {code}, {samples[-1][0]:.0f} s, at most {values[:, 1].max():.0f} MB "
+        f"and {values[:, 2].max():.0f} descriptors"
+    )
+    for label, counts in bars(said.decode(errors="replace")).items():
+        falls = sum(after < before for before, after in itertools.pairwise(counts))
+        print(
+            f"  {label}: from {counts[0]} to {counts[-1]} of {total}, shown {len(counts)} times, "
+            f"backwards {falls} times"
+        )
     for part in np.array_split(values, min(10, len(values))):
         print(
             f"  {part[0, 0]:6.0f} s  memory {part[:, 1].mean():6.0f} MB, at most "
             f"{part[:, 1].max():6.0f}  descriptors {part[:, 2].max():4.0f}"
         )
+
+
+def bars(said: str) -> dict[str, list[int]]:
+    """What each progress bar counted, in order, from what a terminal was sent."""
+    found: dict[str, list[int]] = {}
+    plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", said)
+    for line in re.split(r"[\r\n]+", plain):
+        counted = re.search(r"([A-Za-z][A-Za-z ]*?)\s+[^\sA-Za-z0-9]+\s+([\d,]+)/[\d,]+\s", line)
+        if counted:
+            done = int(counted.group(2).replace(",", ""))
+            found.setdefault(counted.group(1), []).append(done)
+    return found
 
 
 def held(pid: int) -> tuple[float, int]:
