@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.cli import report_step
-from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_photos
+from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_verdict
 from cubicfish_cli.cli.inputs import Pairs, photo_problems
-from cubicfish_cli.cli.terminal import print_json, result, say
+from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table
+from cubicfish_cli.cli.terminal import print_json, result, say, working
 
 if TYPE_CHECKING:
     from cubicfish_cli.fitting.point_fit import PointCalibration
@@ -46,7 +47,8 @@ def run(
     from cubicfish_cli.fitting.verdict import verdict
     from cubicfish_cli.formats.camera_yaml import save_camera
 
-    calibration = calibrate_points(loaded.pairs, hold_out=hold_out)
+    with working("Fitting"):
+        calibration = calibrate_points(loaded.pairs, hold_out=hold_out)
     record = calibration.as_record()
     camera = calibration.camera
     page = report_step.make_page(outputs, camera, record, made_by, loaded, loaded.target)
@@ -69,7 +71,7 @@ def run(
         result()
         for name in names:
             result(f"wrote {outputs[name]}")
-        result(f"\nNext: cubicfish project POINTS --model {outputs['camera']}")
+        result(f"\nNext: cubicfish project POINTS --model {outputs['camera']}", whole=True)
     for photo, reason in calibration.unfit.items():
         say(f"left out: {photo}: {reason}")
     report_step.say_if_missing(outputs, wanted=report)
@@ -77,9 +79,11 @@ def run(
 
 
 def _print(calibration: PointCalibration, record: Mapping[str, Any], judged: Verdict) -> None:
-    camera = calibration.camera
+    camera, pairs = calibration.camera, calibration.pairs
+    rows = fitted_rows(record, camera.image_size, corners_by_board(pairs), {})
+    print_photo_table(rows, pairs.boards, record)
     result(
-        f"{count(record['images'], 'photo')}, {count(record['corners'], 'corner')} used, "
+        f"\n{count(record['images'], 'photo')}, {count(record['corners'], 'corner')} used, "
         f"{record['dropped']} dropped\n"
     )
     print_errors(
@@ -101,5 +105,4 @@ def _print(calibration: PointCalibration, record: Mapping[str, Any], judged: Ver
     )
     result(f"{'rank':<24}{camera.rank:>7}     of 20: {meaning}")
     result(f"{'frame':<24}{camera.frame:>7}     of the points that it takes\n")
-    result(f"verdict: {judged.line}\n")
-    print_photos(record["per_image"])
+    print_verdict(judged)

@@ -24,13 +24,16 @@ from cubicfish_cli.cli.options import (
     overwrite_option,
     target_option,
 )
+from cubicfish_cli.cli.photo_table import GOOD, PhotoRow, corners_by_board, print_photo_table
 from cubicfish_cli.cli.scheduler_options import SchedulerOptions, scheduler_options
-from cubicfish_cli.cli.terminal import print_json, print_table, progress, result, say
+from cubicfish_cli.cli.terminal import print_json, progress, result, say
 from cubicfish_cli.errors import OutputError
 
 if TYPE_CHECKING:
     from cubicfish_cli.naming.detect import Detection
     from cubicfish_cli.photos import Photo
+
+_FEW_CORNERS = 20
 
 
 @click.command(
@@ -131,19 +134,38 @@ def command(
                 **({"drawings": drawn} if drawn is not None else {}),
             }
         )
-    else:
-        print_table(
-            ("photo", "corners", "boards"),
-            [
-                (photo.name, str(photo.corners), ", ".join(photo.boards) or "none")
-                for photo in detection.photos
-            ],
-        )
-        result(f"\nwrote {output}: {count(corners, 'corner')} in {count(images, 'photo')}")
     for line in photo_problems(detection):
         say(line)
     for finding in detection.findings:
         say(f"warning: {finding.line}")
+    if not as_json:
+        print_photo_table(_rows(detection), detection.corners.boards)
+        result(f"\nwrote {output}: {count(corners, 'corner')} in {count(images, 'photo')}")
+
+
+def _rows(detection: Detection) -> list[PhotoRow]:
+    by_board = corners_by_board(detection.corners)
+    rows = []
+    for photo in detection.photos:
+        said = []
+        if photo.problem is not None:
+            said.append("nothing found")
+        elif photo.corners < _FEW_CORNERS:
+            said.append("few corners")
+        if not photo.exact:
+            said.append("not sure which corners")
+        if photo.problem is None and photo.notes:
+            said.append(f"{count(len(photo.notes), 'remark')}")
+        rows.append(
+            PhotoRow(
+                name=photo.name,
+                words="; ".join(said) or GOOD,
+                level="good" if not said else "bad" if photo.problem else "care",
+                boards=by_board.get(photo.name, {}),
+                corners=None if photo.problem else photo.corners,
+            )
+        )
+    return rows
 
 
 def drawings(folder: Path, photos: Sequence[Photo]) -> dict[str, Path]:

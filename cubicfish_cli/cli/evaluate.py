@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli import json_keys
-from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_photos, px
+from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_verdict, px
 from cubicfish_cli.cli.inputs import load_pairs, photo_problems
 from cubicfish_cli.cli.options import (
     FILE,
@@ -25,10 +25,14 @@ from cubicfish_cli.cli.options import (
     size_option,
     target_option,
 )
+from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table
 from cubicfish_cli.cli.terminal import print_json, result, say
 
 if TYPE_CHECKING:
+    from cubicfish_cli.cli.inputs import Pairs
+    from cubicfish_cli.fitting.evaluate import Evaluation
     from cubicfish_cli.fitting.uncertainty import FloatArray
+    from cubicfish_cli.fitting.verdict import Verdict
 
 
 @click.command(
@@ -70,6 +74,7 @@ def command(
     The camera stays as it is; only the pose of each photo is fitted. No corner is dropped.
     """
     from cubicfish_cli.fitting.evaluate import evaluate
+    from cubicfish_cli.fitting.verdict import evaluation_verdict
     from cubicfish_cli.formats.camera_yaml import load_camera
 
     file = load_camera(model_path(model))
@@ -87,18 +92,6 @@ def command(
     record["uncertainty"] = _uncertainty(file.fit, evaluation.pairs.pixel)
     problems = None if loaded.detection is None else photo_problems(loaded.detection)
     record["photo_problems"] = problems
-    if as_json:
-        print_json(record)
-    else:
-        result(f"{count(record['images'], 'photo')}, {count(record['corners'], 'corner')}\n")
-        print_errors(record, [])
-        if record["uncertainty"] is not None:
-            result(
-                f"{'uncertainty':<24}{px(record['uncertainty']['median_px']):>7} px  of the "
-                f"camera itself at these corners; at most {px(record['uncertainty']['max_px'])}"
-            )
-        result()
-        print_photos(record["per_image"])
     if evaluation.outside:
         say(
             f"{count(evaluation.outside, 'corner')} not counted: beyond the "
@@ -108,7 +101,31 @@ def command(
         say(line)
     for photo in evaluation.unplaced:
         say(f"{photo}: too few corners to place it; not counted.")
+    if as_json:
+        print_json(record)
+    else:
+        judged = evaluation_verdict(record, file.fit, camera.image_size)
+        _print(record, judged, evaluation, loaded)
     hold_gate(record["rms_px"], max_rms)
+
+
+def _print(
+    record: Mapping[str, Any], judged: Verdict, evaluation: Evaluation, loaded: Pairs
+) -> None:
+    lost = dict.fromkeys(evaluation.unplaced, "too few corners")
+    if loaded.detection is not None:
+        lost |= {photo.name: "nothing found" for photo in loaded.detection.photos if photo.problem}
+    rows = fitted_rows(record, loaded.pairs.image_size, corners_by_board(evaluation.pairs), lost)
+    print_photo_table(rows, loaded.pairs.boards, record)
+    result(f"\n{count(record['images'], 'photo')}, {count(record['corners'], 'corner')}\n")
+    print_errors(record, [])
+    if record["uncertainty"] is not None:
+        result(
+            f"{'uncertainty':<24}{px(record['uncertainty']['median_px']):>7} px  of the "
+            f"camera itself at these corners; at most {px(record['uncertainty']['max_px'])}"
+        )
+    result()
+    print_verdict(judged)
 
 
 def _uncertainty(fit: Mapping[str, Any], pixel: FloatArray) -> dict[str, float] | None:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli.terminal import print_table, result
+from cubicfish_cli.cli.terminal import print_table, result, tell
+
+if TYPE_CHECKING:
+    from cubicfish_cli.fitting.verdict import Verdict
 
 EXIT_GATE = 3
 
@@ -35,24 +38,16 @@ def print_errors(record: Mapping[str, Any], more: Sequence[tuple[str, float | No
     result(f"{'median, 95 %, largest':<24}{spread:>7} px")
 
 
-def print_photos(records: Sequence[Mapping[str, Any]]) -> None:
-    """Print one row a photo: its corners and its errors."""
-    print_table(
-        ("photo", "corners", "rms px", "median", "95 %", "largest"),
-        [
-            (
-                str(record["image"]),
-                str(record["corners"]),
-                *(px(record.get(key)) for key in ("rms_px", "median_px", "p95_px", "max_px")),
-            )
-            for record in records
-        ],
-    )
+def print_verdict(judged: Verdict) -> None:
+    """Print the verdict in a line, and what else is against the camera in a line each."""
+    result(f"verdict: {judged.line}", mark=(judged.words, judged.level))
+    for reason in judged.reasons[1:]:
+        result(f"  also: {reason.why}; {reason.do}")
 
 
 def print_models(records: Sequence[Mapping[str, Any]]) -> None:
     """Print one row a lens model: how large it is, how well it does, how far it reaches."""
-    result("\nLens models: the same corners, loss and folds, the target as drawn")
+    result("Lens models: the same corners, loss and folds, the target as drawn")
     print_table(
         ("model", "parameters", "rms px", "held-out px", "usable to °", "seconds"),
         [
@@ -76,5 +71,5 @@ def _degrees(value: float | None) -> str:
 def hold_gate(rms_px: float, max_rms: float | None) -> None:
     """Exit with 3 when the RMS is above the gate that the user set."""
     if max_rms is not None and not rms_px <= max_rms:
-        click.echo(f"The RMS of {rms_px:.3f} px is above --max-rms {max_rms:g}.", err=True)
+        tell(f"The RMS of {rms_px:.3f} px is above --max-rms {max_rms:g}.")
         click.get_current_context().exit(EXIT_GATE)

@@ -22,7 +22,6 @@ from cubicfish_cli.cli.streams import Style, columns_of, echo, painted, wrapped
 from cubicfish_cli.cli.table import print_table
 
 __all__ = [
-    "complain",
     "detail",
     "print_json",
     "print_table",
@@ -30,10 +29,16 @@ __all__ = [
     "result",
     "say",
     "stages",
+    "tell",
     "working",
 ]
 
-_TALK: Mapping[str, Style] = {"warning:": "care", "note:": "strong", "left out:": "care"}
+_TALK: Mapping[str, Style] = {
+    "warning:": "care",
+    "note:": "strong",
+    "left out:": "care",
+    "Error:": "bad",
+}
 
 
 def result(text: str = "", *, mark: tuple[str, Style] | None = None, whole: bool = False) -> None:
@@ -60,9 +65,9 @@ def detail(text: str) -> None:
         _print(text, sys.stderr, _talk_mark(text))
 
 
-def complain(text: str) -> None:
-    """Print an error to stderr."""
-    _print(f"Error: {text}", sys.stderr, ("Error:", "bad"))
+def tell(text: str) -> None:
+    """Tell the user on stderr what also ``--quiet`` does not keep back."""
+    _print(text, sys.stderr, _talk_mark(text))
 
 
 def print_json(value: Mapping[str, Any]) -> None:

@@ -31,6 +31,8 @@ _ERROR_PX = (1.0, 3.0)
 _OVERFIT = ((1.5, 0.1), (3.0, 0.5))
 # Held-out error over the radial companion's, which has a seventh of the parameters.
 _BESIDE_COMPANION = ((1.05, 0.05), (2.0, 0.5))
+# Error on other photos over that when the camera was calibrated.
+_WORSE_THAN_BEFORE = ((2.0, 0.1), (5.0, 0.5))
 _COVERAGE = (0.5, 0.2)
 _SEEN_SHARE = 0.3
 _MEDIAN_UNCERTAINTY_PX = (0.3, 2.0)
@@ -130,6 +132,60 @@ def verdict(
     return Verdict(
         level=reasons[0].level if reasons else "good",
         figures=_figures(fit),
+        reasons=tuple(reasons),
+    )
+
+
+def evaluation_verdict(
+    record: Mapping[str, Any], fit: Mapping[str, Any], image_size: tuple[int, int]
+) -> Verdict:
+    """Judge how a camera does on photos that it was not fitted to.
+
+    Args:
+        record: what ``as_record`` of an evaluation gives.
+        fit: the record of the camera's own fit; empty where its file has none.
+        image_size: (width, height), pixels.
+
+    """
+    scale = max(1.0, max(image_size) / _SIDE)
+    rms, p95 = _number(record, "rms_px"), _number(record, "p95_px")
+    before = _number(fit, "held_out_rms_px") or _number(fit, "rms_px")
+    if rms is None:
+        return Verdict(level="bad", figures="no figures are known", reasons=())
+    beside = "" if before is None else f", against {before:.3f} px when it was calibrated"
+    reasons = []
+    level = _ratio_above(rms, before, _WORSE_THAN_BEFORE, scale)
+    if level is not None and before and p95 is not None and p95 <= 3 * before:
+        reasons.append(
+            Reason(
+                level="care",
+                why=f"most corners are within {p95:.3f} px, and a few are far off (RMS "
+                f"{rms:.3f} px{beside})",
+                do="look at the photos with the largest errors",
+            )
+        )
+    elif level is not None and before:
+        reasons.append(
+            Reason(
+                level=level,
+                why=f"it is off by {rms:.3f} px, {rms / before:.1f} times as much as when it was "
+                f"calibrated ({before:.3f} px)",
+                do="if lens, focus and zoom are as they were and this is the same object, "
+                "calibrate again and see what has moved ('cubicfish compare')",
+            )
+        )
+    elif _above(rms / scale, _ERROR_PX) is not None:
+        reasons.append(
+            Reason(
+                level=_above(rms / scale, _ERROR_PX) or "care",
+                why=f"it is off by {rms:.2f} px, and good photos of a well-measured object give a "
+                "tenth of a pixel or two",
+                do="check that camera, object and photos belong together",
+            )
+        )
+    return Verdict(
+        level=reasons[0].level if reasons else "good",
+        figures=f"off by {rms:.3f} px on these photos{beside}",
         reasons=tuple(reasons),
     )
 
