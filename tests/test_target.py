@@ -110,6 +110,15 @@ def test_charuco_markers_are_where_opencv_draws_them(tmp_path: Path, corners: li
     np.testing.assert_allclose(middles[:, 1], (row + 0.5) * 40)
 
 
+def test_a_bent_board_s_edges_lie_behind_its_middle(tmp_path: Path) -> None:
+    drawn = load(tmp_path, WALL).boards[0].world_points([0, 3, 1], [1, 2, 1])
+    bent = load(tmp_path, {**WALL, "bend": [0.9, 0], "twist": 0}).boards[0]
+    # Who sees the printed face has x to the right and y down: behind is x cross y.
+    behind = np.cross(WALL["x_axis"], WALL["y_axis"])
+    moved = bent.world_points([0, 3, 1], [1, 2, 1]) - drawn
+    np.testing.assert_allclose(moved, np.outer([0.9, 0.9, 0.1], behind), atol=1e-12)
+
+
 def test_markers_count_from_the_first_and_follow_the_first_square(tmp_path: Path) -> None:
     board = load(tmp_path, {**WALL, "first_marker": 7, "first_square": "light"}).boards[0]
     np.testing.assert_array_equal(board.marker_cells()[:2], [[7, 0, 0], [8, 2, 0]])

@@ -168,7 +168,7 @@ MUTATIONS = tuple(
             "target.py",
             "np.cross(self.x_axis, self.y_axis)",
             "np.cross(self.y_axis, self.x_axis)",
-            "target rendering_render",
+            "target",
         ),
         # Other tools' lenses.
         (
@@ -186,8 +186,8 @@ MUTATIONS = tuple(
         # Views and maps.
         (
             "undistortion/frames.py",
-            "(pixel + 0.5) * (width / size[0]) - 0.5",
-            "pixel * (width / size[0])",
+            "scale * (0.5 - start) - 0.5",
+            "-scale * start",
             "undistortion_frames",
         ),
         (
