@@ -1,0 +1,382 @@
+"""``cubicfish calibrate``: photos of a known object to a camera."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from cubicfish_cli.cli import calibrate_points, json_keys, report_step
+from cubicfish_cli.cli.figures import (
+    count,
+    hold_gate,
+    print_errors,
+    print_models,
+    print_verdict,
+    px,
+)
+from cubicfish_cli.cli.inputs import Pairs, load_pairs, photo_problems
+from cubicfish_cli.cli.kept import keep_fonts
+from cubicfish_cli.cli.made_by import made_at, made_by_record
+from cubicfish_cli.cli.options import (
+    FILE,
+    FOLDER,
+    Argument,
+    common_options,
+    examples,
+    jobs_option,
+    json_option,
+    max_rms_option,
+    no_cache_option,
+    overwrite_option,
+    size_option,
+    target_option,
+)
+from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table
+from cubicfish_cli.cli.terminal import (
+    detail,
+    print_json,
+    print_table,
+    result,
+    say,
+    stages,
+    working,
+)
+
+if TYPE_CHECKING:
+    from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
+    from cubicfish_cli.fitting.verdict import Verdict
+    from cubicfish_cli.target import Target
+
+
+@click.command(
+    "calibrate",
+    short_help="Photos of a known object to a camera and its undistortion map.",
+    epilog=examples(
+        "cubicfish calibrate photos/ --target target.yaml",
+        "cubicfish calibrate corners.csv --target target.yaml -o lens_a --max-rms 0.5",
+        "cubicfish calibrate --correspondences pairs.csv --size 1280x800",
+    ),
+)
+@click.argument(
+    "inputs",
+    type=FILE,
+    nargs=-1,
+    metavar="PHOTOS|CSV...",
+    cls=Argument,
+    meaning="Photos (files, folders or globs), or one corners.csv or correspondences.csv.",
+)
+@target_option
+@click.option(
+    "--correspondences",
+    type=FILE,
+    metavar="FILE",
+    help="2D-3D pairs instead of photos: a CSV file with the columns image,X,Y,Z,x,y.",
+)
+@size_option
+@click.option(
+    "-o",
+    "--output",
+    type=FOLDER,
+    default=Path("calibration"),
+    show_default=True,
+    metavar="FOLDER",
+    help="Where camera.yaml, undistort_map.npz, corners.csv and report.html go.",
+)
+@click.option(
+    "--refine-target",
+    type=click.Choice(["off", "shape", "points", "auto"]),
+    default="auto",
+    show_default=True,
+    help="Fit the object too: boards' shapes and places, or each corner's own place as well; "
+    "auto goes as far as it lowers the held-out error.",
+)
+@click.option(
+    "--hold-out/--no-hold-out",
+    default=True,
+    show_default=True,
+    help="Measure the error on photos left out of the fit (five more fits; "
+    "--refine-target auto needs it).",
+)
+@click.option(
+    "--lift",
+    type=click.Choice(["ray", "point"]),
+    default="ray",
+    show_default=True,
+    help="What the cubics are of: the viewing ray, a camera for everything else here; or the 3D "
+    "point itself, as the paper prints it, which holds only where the corners were.",
+)
+@click.option(
+    "--compare",
+    is_flag=True,
+    help="Also fit other lens models to the same corners, and print one table.",
+)
+@report_step.report_option
+@max_rms_option
+@overwrite_option
+@json_option(json_keys.CALIBRATE)
+@jobs_option
+@no_cache_option
+@common_options
+def command(
+    inputs: tuple[Path, ...],
+    target: Path | None,
+    correspondences: Path | None,
+    size: tuple[int, int] | None,
+    output: Path,
+    refine_target: RefineTarget,
+    hold_out: bool,
+    lift: str,
+    compare: bool,
+    report: bool,
+    max_rms: float | None,
+    overwrite: bool,
+    as_json: bool,
+    jobs: int | None,
+    no_cache: bool,
+) -> None:
+    """Calibrate a camera from PHOTOS (files, folders or globs) of the object in target.yaml.
+
+    A corners.csv, from 'cubicfish detect' or any other detector, may stand for the photos.
+    Everything is written together at the end, or nothing is.
+    """
+    from cubicfish_cli.advice.summary import summary
+    from cubicfish_cli.files import refuse_existing
+    from cubicfish_cli.fitting.calibrate import calibrate
+    from cubicfish_cli.fitting.verdict import verdict
+
+    if lift == "point" and compare:
+        raise click.UsageError("--compare is of cameras with rays: it goes with --lift ray")
+    made_at()  # said before the work if it cannot be
+    outputs = _outputs(output, inputs)
+    if not (report and report_step.is_possible()):
+        outputs.pop("report")
+    keep_fonts(not no_cache)
+    for path in outputs.values():
+        refuse_existing(path, overwrite=overwrite)
+    loaded = load_pairs(
+        inputs,
+        correspondences=correspondences,
+        target=target,
+        size=size,
+        jobs=jobs,
+        no_cache=no_cache,
+    )
+    problems = None if loaded.detection is None else photo_problems(loaded.detection)
+    for line in problems or ():
+        say(line)
+    if loaded.corners is None:  # the input held pairs
+        outputs.pop("corners", None)
+    if refine_target == "auto" and loaded.detection is not None:
+        by_convention = loaded.detection.by_convention
+        if by_convention:
+            refine_target = "off"
+            say(
+                f"The object stays as drawn: {count(len(by_convention), 'photo')} show too little "
+                "of the board to tell which corners these are."
+            )
+    say(f"Fitting to {count(len(loaded.pairs.pixel), 'corner')}.")
+    if lift == "point":
+        calibrate_points.run(
+            loaded,
+            outputs,
+            made_by_record({"lift": lift}, loaded.target_file, loaded.files),
+            hold_out=hold_out,
+            as_json=as_json,
+            max_rms=max_rms,
+            overwrite=overwrite,
+            report=report,
+        )
+        return
+    with stages("Fitting") as progress:
+        calibration = calibrate(
+            loaded.pairs,
+            target=loaded.target,
+            refine_target=refine_target,
+            hold_out=hold_out,
+            known=() if loaded.detection is None else loaded.detection.findings,
+            progress=progress,
+        )
+    if calibration.refined == "off":
+        outputs.pop("target")
+    options = {"hold_out": hold_out, "refine_target": refine_target}
+    made_by = made_by_record(options, loaded.target_file, loaded.files)
+    record = calibration.as_record()
+    camera = calibration.camera
+    page = report_step.make_page(outputs, camera, record, made_by, loaded, calibration.target)
+    with working("Writing"):
+        _write(outputs, calibration, loaded, made_by, page, overwrite=overwrite)
+    judged = verdict(record, camera.image_size, camera.outline())
+    advice = summary(camera, record, calibration.pairs)
+    models = _compared(calibration, loaded.target, hold_out=hold_out) if compare else []
+    if as_json:
+        compared = {"models": models} if compare else {}
+        files = report_step.as_record(judged, outputs)
+        said = {"photo_problems": problems, "advice": advice}
+        print_json({**record, **compared, **said, **files, "model": str(outputs["camera"])})
+    for corner in record["dropped_corners"]:
+        detail(
+            "dropped: {image} {board} column {column} row {row}: {error_px:.1f} px off".format(
+                **corner
+            )
+        )
+    for photo, reason in calibration.unfit.items():
+        say(f"left out: {photo}: {reason}")
+    for finding in calibration.findings:
+        say(f"{'note' if finding.level == 'note' else 'warning'}: {finding.line}")
+    for note in calibration.notes:
+        say(f"note: {note}")
+    for departure in calibration.departures:
+        for doubt in departure.doubts:
+            say(f"warning: board {departure.board} seems {doubt}")
+    if not as_json:
+        _print(calibration, record, judged, advice, models, outputs, _lost(calibration, loaded))
+    report_step.say_if_missing(outputs, wanted=report)
+    hold_gate(calibration.errors.rms_px, max_rms)
+
+
+def _outputs(folder: Path, inputs: Sequence[Path]) -> dict[str, Path]:
+    outputs = {
+        "camera": folder / "camera.yaml",
+        "map": folder / "undistort_map.npz",
+        "target": folder / "target.refined.yaml",
+        "report": folder / report_step.NAME,
+    }
+    corners = folder / "corners.csv"
+    # Corners that were read from this very file need not be written again.
+    is_input = corners.exists() and any(path.exists() and path.samefile(corners) for path in inputs)
+    if inputs and not is_input:
+        outputs["corners"] = corners
+    return outputs
+
+
+def _compared(
+    calibration: Calibration, drawn: Target | None, *, hold_out: bool
+) -> list[dict[str, Any]]:
+    from cubicfish_cli.fitting.baselines.compare import compare_baselines
+
+    say("Fitting other lens models to the same corners.")
+    with working("Fitting other lens models"):
+        rows = compare_baselines(calibration, drawn=drawn, hold_out=hold_out)
+    return [row.as_record() for row in rows]
+
+
+def _write(
+    outputs: Mapping[str, Path],
+    calibration: Calibration,
+    loaded: Pairs,
+    made_by: Mapping[str, Any],
+    page: str | None,
+    *,
+    overwrite: bool,
+) -> None:
+    """Write every output, all or none."""
+    from cubicfish_cli.correspondences import save_corners
+    from cubicfish_cli.files import whole_files, write_text
+    from cubicfish_cli.formats.camera_yaml import save_camera
+    from cubicfish_cli.formats.target_yaml import target_text
+    from cubicfish_cli.undistortion.maps import build_map, save_map
+    from cubicfish_cli.undistortion.views import default_view
+
+    with whole_files(list(outputs.values()), overwrite=overwrite) as temporary:
+        names = dict(zip(outputs, temporary, strict=True))
+        fit = calibration.as_record()
+        save_camera(names["camera"], calibration.camera, fit=fit, made_by=made_by, overwrite=False)
+        view = default_view(calibration.camera)
+        save_map(names["map"], build_map(calibration.camera, view), overwrite=False)
+        if "target" in names and calibration.target is not None:
+            write_text(names["target"], target_text(calibration.target), overwrite=False)
+        if "corners" in names and loaded.corners is not None:
+            save_corners(names["corners"], loaded.corners, overwrite=False)
+        if "report" in names and page is not None:
+            write_text(names["report"], page, overwrite=False)
+
+
+def _print(
+    calibration: Calibration,
+    record: Mapping[str, Any],
+    judged: Verdict,
+    advice: str,
+    models: Sequence[Mapping[str, Any]],
+    outputs: Mapping[str, Path],
+    lost: Mapping[str, str],
+) -> None:
+    camera, pairs = calibration.camera, calibration.pairs
+    rows = fitted_rows(record, camera.image_size, corners_by_board(pairs), lost)
+    print_photo_table(rows, pairs.boards, record, everything=str(outputs["camera"]))
+    result()
+    _print_object(calibration)
+    if models:
+        print_models(models)
+        result()
+    dropped = len(calibration.dropped)
+    result(
+        f"{count(record['images'], 'photo')}, {count(record['corners'], 'corner')} used, "
+        f"{dropped} dropped as grossly wrong{' (-v lists them)' * bool(dropped)}\n"
+    )
+    held_out = calibration.held_out
+    more: list[tuple[str, float | None, str]] = [
+        ("  radial companion", calibration.companion_rms_px, "a Kannala–Brandt lens, same corners"),
+    ]
+    if held_out is None:
+        more += [("held-out RMS", None, "not measured")]
+    else:
+        more += [
+            ("held-out RMS", held_out.rms_px, "photos judged by cameras that never saw them"),
+            ("  radial companion", held_out.companion_rms_px, ""),
+        ]
+    print_errors(record, more)
+    result(
+        f"{'field':<24}{calibration.covered_deg:>7.1f}°   from the axis covered by corners; "
+        f"trusted to {camera.max_angle_deg:.1f}°"
+    )
+    result(f"{'coverage':<24}{100 * calibration.coverage:>7.0f} %   of that field holds corners")
+    uncertainty = calibration.uncertainty
+    result(
+        f"{'uncertainty':<24}{px(uncertainty['median_px']):>7} px  of a distant point's pixel, "
+        f"median over the field; at most {px(uncertainty['max_px'])}\n"
+    )
+    print_verdict(judged)
+    result(f"advice: {advice}\n")
+    for path in outputs.values():
+        result(f"wrote {path}")
+    result(f"\nNext: cubicfish undistort PHOTO flat.png --model {outputs['camera']}", whole=True)
+
+
+def _lost(calibration: Calibration, loaded: Pairs) -> dict[str, str]:
+    """Photos that took no part, and a word for why; lines on stderr say more."""
+    lost = dict.fromkeys(calibration.unfit, "left out")
+    if loaded.detection is not None:
+        lost |= {photo.name: "nothing found" for photo in loaded.detection.photos if photo.problem}
+    return lost
+
+
+def _print_object(calibration: Calibration) -> None:
+    """Say in one line a board what was found of the object, where any of it was fitted."""
+    if not calibration.departures or calibration.target is None:
+        return
+    units = calibration.target.units
+    what = {"shape": "boards' shapes and places", "points": "shapes, places and single corners"}
+    tried = ", ".join(f"{level} {px(rms)}" for level, rms in calibration.held_out_by_level.items())
+    result(
+        f"object fitted too: {what[calibration.refined]}" + f" (held-out: {tried})" * bool(tried)
+    )
+    print_table(
+        ("board", f"bend {units}", f"twist {units}", "stretch %", f"moved {units}", "turned °",
+         f"corners {units}"),
+        [
+            (
+                part.board,
+                "{:.2g} {:.2g}".format(*part.bend),
+                f"{part.twist:.2g}",
+                "{:.2f} {:.2f}".format(*(100 * share for share in part.stretch)),
+                f"{part.shift:.2g}",
+                f"{part.turn_deg:.2f}",
+                f"{part.offset_rms:.2g}",
+            )
+            for part in calibration.departures
+        ],
+    )  # fmt: skip
+    result()
