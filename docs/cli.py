@@ -55,7 +55,7 @@ Shells complete commands, options, choices and paths once they are told to (in z
 ```sh
 echo 'eval "$(_CUBICFISH_COMPLETE=bash_source cubicfish)"' >> ~/.bashrc
 echo 'eval "$(_CUBICFISH_COMPLETE=zsh_source cubicfish)"' >> ~/.zshrc
-echo '_CUBICFISH_COMPLETE=fish_source cubicfish | source' >> ~/.config/fish/config.fish
+_CUBICFISH_COMPLETE=fish_source cubicfish > ~/.config/fish/completions/cubicfish.fish
 ```
 """
 
