@@ -1,5 +1,7 @@
 import io
 import json
+import pickle
+import tracemalloc
 import zipfile
 from dataclasses import replace
 
@@ -295,15 +297,65 @@ def test_a_header_that_claims_a_huge_map_is_refused(saved):
         load_map(path)
 
 
-def test_a_small_file_that_unpacks_to_a_huge_one_is_refused(tmp_path, monkeypatch):
-    path = tmp_path / "bomb.npz"
+def packed_again(path, changes=(), **how):
+    with zipfile.ZipFile(path) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()} | dict(changes)
+    with zipfile.ZipFile(path, "w", **how) as archive:
+        for name, content in parts.items():
+            archive.writestr(name, content)
+
+
+def test_a_small_file_that_unpacks_to_a_huge_one_is_refused(saved):
+    path, _ = saved
     array = io.BytesIO()
-    np.save(array, np.zeros((1000, 1000), np.float32))
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("map_x.npy", array.getvalue())
-    monkeypatch.setattr(maps, "MAX_SIDE", 500)
-    with pytest.raises(ViewError, match="unpacks to more"):
+    np.save(array, np.zeros((6000, 6000), np.float32))
+    packed_again(path, {"map_x.npy": array.getvalue()}, compression=zipfile.ZIP_DEFLATED)
+    assert path.stat().st_size < 200_000
+    with pytest.raises(ViewError, match="unpacks to 144 MB, far more than its size"):
         load_map(path)
+
+
+def test_no_more_room_is_made_than_the_view_needs(saved):
+    path, _ = saved
+    array = io.BytesIO()
+    np.save(array, np.zeros((3000, 3000), np.float32))
+    packed_again(path, {"map_x.npy": array.getvalue()}, compression=zipfile.ZIP_DEFLATED)
+    tracemalloc.start()
+    with pytest.raises(ViewError, match="view's size"):
+        load_map(path)
+    assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    tracemalloc.stop()
+    packed_again(path, {"format.npy": array.getvalue()}, compression=zipfile.ZIP_DEFLATED)
+    with pytest.raises(ViewError, match="format is far too large"):
+        load_map(path)
+
+
+def test_a_list_of_very_many_arrays_is_not_read(saved):
+    path, _ = saved
+    packed_again(path, {f"{number}.npy": b"" for number in range(2000)})
+    with pytest.raises(ViewError, match="far more than six"):
+        load_map(path)
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_packing_that_knows_no_bounds_is_refused(saved, method):
+    path, _ = saved
+    packed_again(path, compression=method)
+    with pytest.raises(ViewError, match="damaged"):
+        load_map(path)
+
+
+def test_a_pickle_is_never_opened(saved, monkeypatch):
+    path, _ = saved
+    opened = []
+    monkeypatch.setattr(pickle, "load", lambda *a, **k: opened.append(a))
+    array = io.BytesIO()
+    np.save(array, np.array([{"a": 1}], object), allow_pickle=True)
+    for key in ("map_x", "view", "format", "image_size"):
+        packed_again(path, {f"{key}.npy": array.getvalue()})
+        with pytest.raises(ViewError):
+            load_map(path)
+    assert not opened
 
 
 def test_the_whole_picture_is_the_projection_at_full_size():

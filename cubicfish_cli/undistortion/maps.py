@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +15,7 @@ from cubicfish_cli.files import whole_file
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.undistortion.cube import CrossView
 from cubicfish_cli.undistortion.cubic_grid import grid_of
+from cubicfish_cli.undistortion.npz import opened
 from cubicfish_cli.undistortion.plane import PointProjector
 from cubicfish_cli.undistortion.view import MAX_SIDE, View
 from cubicfish_cli.undistortion.views import view_from_json
@@ -56,7 +54,7 @@ class UndistortMap:
 
 
 def build_map(camera: PointProjector, view: View) -> UndistortMap:
-    """The map that renders ``view`` from the camera's photos.
+    """The map (H, W), pixels of the camera's photos, that renders ``view`` from them.
 
     Rows are done in blocks, on two threads when there are many, so the memory needed beyond
     the map is bounded.
@@ -140,7 +138,7 @@ def _filler(
 
 
 def save_map(path: Path | str, undistort_map: UndistortMap, *, overwrite: bool = False) -> None:
-    """Write ``undistort_map.npz``: map_x, map_y, valid, view (JSON text), format, image_size.
+    """Write ``undistort_map.npz``: map_x, map_y and valid (H, W), view as JSON, format, image_size.
 
     Raises:
         OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
@@ -166,23 +164,26 @@ def load_map(path: Path | str) -> UndistortMap:
 
     """
     path = Path(path)
-    parts = _read_npz(path)
-    if parts["format"].shape != () or str(parts["format"]) != FORMAT:
-        raise ViewError(f"{path} is not a map of a known version: write it again")
-    if parts["view"].shape != () or parts["view"].dtype.kind != "U":
-        raise ViewError(f"{path}: the view is not text")
-    try:
-        view = view_from_json(str(parts["view"]))
-    except ViewError as problem:
-        raise ViewError(f"{path}: {problem}") from problem
-    map_x, map_y, valid, size = (parts[k] for k in ("map_x", "map_y", "valid", "image_size"))
-    shape = view.size[::-1]
-    if not map_x.shape == map_y.shape == valid.shape == shape:
-        raise ViewError(f"{path}: its maps do not have the view's size {view.size}")
-    if map_x.dtype != np.float32 or map_y.dtype != np.float32 or valid.dtype != np.bool_:
-        raise ViewError(f"{path}: its maps must be float32, and valid must be bool")
-    if size.shape != (2,) or size.dtype.kind != "i" or size.min() < 1 or size.max() > MAX_SIDE:
-        raise ViewError(f"{path}: image_size must be two whole numbers")
+    with opened(path) as arrays:
+        missing = [key for key in _KEYS if key not in arrays]
+        if missing:
+            raise ViewError(f"{path} is not an undistortion map: it has no {missing[0]}")
+        known, text, size = (arrays.read(key) for key in ("format", "view", "image_size"))
+        if known.shape != () or str(known) != FORMAT:
+            raise ViewError(f"{path} is not a map of a known version: write it again")
+        if text.shape != () or text.dtype.kind != "U":
+            raise ViewError("the view is not text")
+        view = view_from_json(str(text))
+        if size.shape != (2,) or size.dtype.kind != "i" or size.min() < 1 or size.max() > MAX_SIDE:
+            raise ViewError("image_size must be two whole numbers")
+        # Whatever the arrays claim, there is room made for the view's pixels only.
+        kinds = {key: arrays.kind(key) for key in ("map_x", "map_y", "valid")}
+        if {shape for shape, _ in kinds.values()} != {view.size[::-1]}:
+            raise ViewError(f"its maps do not have the view's size {view.size}")
+        if [dtype for _, dtype in kinds.values()] != [np.float32, np.float32, np.bool_]:
+            raise ViewError("its maps must be float32, and valid must be bool")
+        most = 4 * view.size[0] * view.size[1]
+        map_x, map_y, valid = (arrays.read(key, max_bytes=most) for key in kinds)
     if not (np.isfinite(map_x).all() and np.isfinite(map_y).all()):
         raise ViewError(f"{path}: its maps hold numbers that are not finite")
     return UndistortMap(
@@ -192,30 +193,3 @@ def load_map(path: Path | str) -> UndistortMap:
         view=view,
         image_size=(int(size[0]), int(size[1])),
     )
-
-
-def _read_npz(path: Path) -> dict[str, npt.NDArray[Any]]:
-    limit = 10 * MAX_SIDE * MAX_SIDE  # a small file may unpack to a huge one
-    try:
-        with zipfile.ZipFile(path) as archive:
-            if sum(member.file_size for member in archive.infolist()) > limit:
-                raise ViewError(f"{path} unpacks to more than any map holds")
-        with np.load(path, allow_pickle=False) as data:
-            missing = [key for key in _KEYS if key not in data.files]
-            if missing:
-                raise ViewError(f"{path} is not an undistortion map: it has no {missing[0]}")
-            return {key: data[key] for key in _KEYS}
-    except ViewError:
-        raise
-    except OSError as problem:
-        raise ViewError(f"{path} cannot be read: {problem.strerror or problem}") from problem
-    except (  # what damage in one place or another of such a file was seen to raise
-        zipfile.BadZipFile,
-        zlib.error,
-        ValueError,
-        EOFError,
-        NotImplementedError,
-        RuntimeError,
-        MemoryError,
-    ) as problem:
-        raise ViewError(f"{path} is not an undistortion map, or is damaged") from problem
