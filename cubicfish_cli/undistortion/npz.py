@@ -23,7 +23,7 @@ from cubicfish_cli.errors import ViewError
 MAX_SMALL = 100_000
 """Bytes of an array whose shape is not known before."""
 # Packed arrays may unpack to so much, whatever the file's own size, and so many times that size.
-_ALWAYS, _TIMES = 100_000_000, 20
+_ALWAYS, _TIMES = 200_000_000, 20
 _MAX_DIRECTORY = 65_536
 _MAX_HEADER = 1000
 _BLOCK = 1 << 24
