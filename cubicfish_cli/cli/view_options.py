@@ -14,7 +14,7 @@ from cubicfish_cli.cli.options import Decorated, SizeType
 
 if TYPE_CHECKING:
     from cubicfish_cli.model.cubic import CubicCamera
-    from cubicfish_cli.undistortion.view import CentralView, Rotation, View
+    from cubicfish_cli.undistortion.view import Rotation, View
 
 KINDS = (
     "perspective",
@@ -159,54 +159,28 @@ class ViewOptions:
     def chosen(self, camera: CubicCamera) -> ChosenView:
         """The view of this camera.
 
-        Without a field of its own, a flat view keeps the default view's field at any size, and
-        others show all that the camera sees; a cylinder, which may not, keeps the photo's scale.
-
         Raises:
             ViewError: the view is not one that can be rendered.
 
         """
-        from cubicfish_cli.undistortion.fit import OUTER, fit_view
-        from cubicfish_cli.undistortion.views import (
-            CENTRAL_KINDS,
-            axis_focal,
-            default_view,
-            rotation_from_angles,
-        )
+        from cubicfish_cli.undistortion.choose import choose_view
+        from cubicfish_cli.undistortion.views import CENTRAL_KINDS, rotation_from_angles
 
         yaw, pitch, roll = self.rotate
         rotation = rotation_from_angles(yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll)
         if self.kind == "cube":
             return self._cube(camera, rotation)
-        kind = CENTRAL_KINDS[self.kind]
-        size = self.size or camera.image_size
-        if self.hfov_deg is not None:
-            return _one(self._with_hfov(kind, self.hfov_deg, size, rotation))
-        if self.vfov_deg is not None:
-            return _one(kind.with_field(self.vfov_deg, size, rotation, vertical=True))
-        if self.focal is not None:
-            return _one(kind(size=size, focal=self.focal, rotation=rotation))
-        if self.fit is None and self.kind == "perspective":
-            default = default_view(camera)
-            focal = default.focal * size[0] / default.size[0]
-            return _one(kind(size=size, focal=focal, rotation=rotation))
-        share = OUTER if self.fit is None else self.fit
-        fitted = fit_view(camera, kind, size, rotation, share=share)
-        if self.fit is None and self.kind == "cylindrical" and fitted.at_limit:
-            # All round, for the sake of what is nearly overhead, is not what anyone means.
-            focal = max(fitted.view.focal, axis_focal(camera) * size[0] / camera.image_size[0])
-            return _one(kind(size=size, focal=focal, rotation=rotation))
+        fitted = choose_view(
+            camera,
+            CENTRAL_KINDS[self.kind],
+            size=self.size,
+            hfov_deg=self.hfov_deg,
+            vfov_deg=self.vfov_deg,
+            focal=self.focal,
+            share=self.fit,
+            rotation=rotation,
+        )
         return ChosenView(views={"": fitted.view}, at_limit=fitted.at_limit)
-
-    def _with_hfov(
-        self, kind: type[CentralView], hfov_deg: float, size: tuple[int, int], rotation: Rotation
-    ) -> CentralView:
-        view = kind.with_field(hfov_deg, size, rotation)
-        if self.vfov_deg is None:
-            return view
-        one = kind.with_field(self.vfov_deg, (1, 1), vertical=True)  # its focal is 1 / height
-        height = max(1, round(view.focal / one.focal))
-        return kind(size=(size[0], height), focal=view.focal, rotation=rotation)
 
     def _cube(self, camera: CubicCamera, rotation: Rotation) -> ChosenView:
         from cubicfish_cli.undistortion.cube import CrossView, face_views

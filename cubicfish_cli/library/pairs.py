@@ -53,7 +53,8 @@ def pairs_of(
         )
     checked = _checked(corners)
     world = _REFUSAL.numbers(corners.world, "world", 3, limit=MAX_COORDINATE)
-    _refuse_other_length(world, "world", len(checked.pixel))
+    if len(world) != len(checked.pixel):
+        raise CorrespondenceError(f"world has {len(world)} rows and pixel has {len(checked.pixel)}")
     if (np.diff(checked.image) < 0).any():
         raise CorrespondenceError("image must not decrease: sort the pairs by photo")
     return replace(checked, world=world)
@@ -61,25 +62,31 @@ def pairs_of(
 
 def _checked(rows: _Rows) -> _Rows:
     """The same corners or pairs, whose arrays are what they must be."""
-    size = _REFUSAL.size(rows.image_size, "image_size", limit=MAX_SIDE)
     pixel = _REFUSAL.numbers(rows.pixel, "pixel", 2, limit=MAX_COORDINATE)
-    weight = _REFUSAL.weights(rows.weight, "weight", len(pixel), limit=MAX_COORDINATE)
-    image = _index(rows.image, "image", len(pixel), len(rows.images))
-    for name in ("board", "column", "row"):
-        _refuse_other_length(getattr(rows, name), name, len(pixel))
-    if isinstance(rows, Corners):
-        _index(rows.board, "board", len(pixel), len(rows.boards))
-    return replace(rows, image_size=size, pixel=pixel, weight=weight, image=image)
+    least = 0 if rows.boards else -1
+    return replace(
+        rows,
+        image_size=_REFUSAL.size(rows.image_size, "image_size", limit=MAX_SIDE),
+        image=_index(rows.image, "image", len(pixel), 0, len(rows.images)),
+        pixel=pixel,
+        weight=_REFUSAL.weights(rows.weight, "weight", len(pixel), limit=MAX_COORDINATE),
+        board=_index(rows.board, "board", len(pixel), least, len(rows.boards)),
+        column=_index(rows.column, "column", len(pixel), 0),
+        row=_index(rows.row, "row", len(pixel), 0),
+    )
 
 
-def _index(value: npt.NDArray[np.intp], name: str, rows: int, count: int) -> npt.NDArray[np.intp]:
-    index = _REFUSAL.places(np.reshape(value, (-1, 1)), name, 1)[:, 0]
-    _refuse_other_length(index, name, rows)
-    if (index >= count).any():
-        raise CorrespondenceError(f"{name} goes up to {index.max()}, but there are {count} of them")
-    return index
-
-
-def _refuse_other_length(value: npt.NDArray[np.generic], name: str, rows: int) -> None:
-    if len(np.atleast_1d(value)) != rows:
-        raise CorrespondenceError(f"{name} has {len(value)} rows and pixel has {rows}")
+def _index(
+    value: npt.ArrayLike, name: str, rows: int, least: int, count: int | None = None
+) -> npt.NDArray[np.intp]:
+    index = np.asarray(value)
+    if index.shape != (rows,) or index.dtype.kind not in "iu":
+        raise CorrespondenceError(
+            f"{name} must hold {rows} whole numbers, one for each row of pixel"
+        )
+    if rows and (index.min() < least or (count is not None and index.max() >= count)):
+        raise CorrespondenceError(
+            f"{name} must count from 0, and within what it counts: it goes from {index.min()} to "
+            f"{index.max()}"
+        )
+    return index.astype(np.intp)

@@ -19,6 +19,8 @@ from cubicfish_cli.wording import did_you_mean, quoted
 Kind = Literal["perspective", "cylindrical", "equirectangular", "stereographic", "equidistant"]
 Share = float | Literal["inner", "outer"]
 
+_ENDS = {"inner": INNER, "outer": OUTER}
+
 
 def build_view(
     camera: Camera,
@@ -63,16 +65,14 @@ def build_view(
     if len(names) > 1 and (names != ["hfov_deg", "vfov_deg"] or size is not None):
         both = names + ["size"] * (names == ["hfov_deg", "vfov_deg"])
         raise ViewError(f"{' and '.join(both)} say the same thing twice: leave one out")
-    angles = tuple(rotate_deg)
-    if not is_numbers(angles, 3):
-        raise ViewError(f"rotate_deg must be (yaw, pitch, roll) in degrees, not {quoted(angles)}")
+    angles = _numbers(rotate_deg, "rotate_deg", "(yaw, pitch, roll) in degrees", 3)
     return choose_view(
         camera,
         CENTRAL_KINDS[kind],
-        size=None if size is None else (int(size[0]), int(size[1])),
-        hfov_deg=hfov_deg,
-        vfov_deg=vfov_deg,
-        focal=focal,
+        size=None if size is None else _size(size),
+        hfov_deg=_number(hfov_deg, "hfov_deg", "degrees"),
+        vfov_deg=_number(vfov_deg, "vfov_deg", "degrees"),
+        focal=_number(focal, "focal", "pixels a radian"),
         share=None if fit is None else _share(fit),
         rotation=rotation_from_angles(yaw_deg=angles[0], pitch_deg=angles[1], roll_deg=angles[2]),
     ).view
@@ -146,8 +146,34 @@ def _with_hfov(
     return kind(size=(size[0], height), focal=view.focal, rotation=rotation)
 
 
-def _share(fit: object) -> float:
-    share = {"inner": INNER, "outer": OUTER}.get(fit) if isinstance(fit, str) else fit
-    if not is_numbers((share,), 1) or not isinstance(share, int | float) or not 0 <= share <= 1:
+def _share(fit: Share) -> float:
+    if isinstance(fit, str) and fit in _ENDS:
+        return _ENDS[fit]
+    share = _numbers([fit], "fit", "'inner', 'outer' or a share from 0 to 1", 1)[0]
+    if not 0 <= share <= 1:
         raise ViewError(f"fit must be 'inner', 'outer' or a share from 0 to 1, not {quoted(fit)}")
-    return float(share)
+    return share
+
+
+def _size(size: Sequence[int]) -> tuple[int, int]:
+    width, height = _numbers(size, "size", "(width, height) in whole pixels", 2)
+    if width != round(width) or height != round(height):
+        raise ViewError(f"size must be (width, height) in whole pixels, not {quoted(size)}")
+    return round(width), round(height)
+
+
+def _number(value: float | None, name: str, unit: str) -> float | None:
+    return None if value is None else _numbers([value], name, f"a number of {unit}", 1)[0]
+
+
+def _numbers(value: Sequence[float | str], name: str, what: str, count: int) -> tuple[float, ...]:
+    """Finite numbers of any kind, numpy's among them, as Python has them."""
+    try:
+        numbers = () if isinstance(value, str) else tuple(float(part) for part in value)
+        text = any(isinstance(part, str) for part in value)
+    except (TypeError, ValueError, OverflowError):
+        numbers, text = (), False
+    if text or not is_numbers(numbers, count):
+        shown = value[0] if count == 1 else value
+        raise ViewError(f"{name} must be {what}, not {quoted(shown)}")
+    return numbers
