@@ -15,7 +15,8 @@ from cubicfish_cli.fitting.conversion.outline import within
 from cubicfish_cli.formats import foreign
 from cubicfish_cli.formats.camera_yaml import load_camera
 
-LENS_FORMATS = sorted(foreign.LENS_OF)
+# The other lenses of COLMAP are in test_formats_colmap.
+LENS_FORMATS = sorted({*foreign.LENS_OF} - {"colmap-eucm", "colmap-thin-prism-fisheye"})
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +34,11 @@ def exported(run: Run, calibrated: Path, path: Path, name: str) -> dict:
         "--max-error", 3, "--json",
     )  # fmt: skip
     return json.loads(said.stdout)
+
+
+def stated_px(record: dict) -> float:
+    """The largest error that was stated, wherever in the field."""
+    return max(record["max_px"], record.get("beyond", record)["max_px"])
 
 
 def largest_px(pixel: np.ndarray, rays: np.ndarray, calibrated: Path) -> float:
@@ -66,7 +72,7 @@ def test_opencv_reads_it_and_projects_the_same(run, calibrated, tmp_path, rays):
     front = rays[rays[:, 2] > 0.1]  # cv2.fisheye divides by z
     turned = front @ np.array(record["lens_from_camera"]).T
     pixel, _ = cv2.fisheye.projectPoints(turned[:, None], np.zeros(3), np.zeros(3), matrix, d)
-    assert largest_px(pixel[:, 0], front, calibrated) <= record["max_px"] * 1.02
+    assert largest_px(pixel[:, 0], front, calibrated) <= stated_px(record) * 1.02
     text = path.read_text()
     assert f"RMS {record['rms_px']:.4f} px, largest {record['max_px']:.4f} px" in text
 
@@ -86,7 +92,7 @@ def test_ros_holds_the_same_lens(run, calibrated, tmp_path, rays):
     fx, _, cx, _, fy, cy = info["camera_matrix"]["data"][:6]
     turned = rays @ np.array(record["lens_from_camera"]).T
     pixel = kannala_brandt(turned, fx, fy, cx, cy, info["distortion_coefficients"]["data"])
-    assert largest_px(pixel, rays, calibrated) <= record["max_px"] * 1.02
+    assert largest_px(pixel, rays, calibrated) <= stated_px(record) * 1.02
 
 
 def project_kalibr(cam: dict, points: np.ndarray) -> np.ndarray:
@@ -133,7 +139,7 @@ def test_kalibr_holds_the_same_lens(run, calibrated, tmp_path, rays, lens, kind,
     assert cam["rostopic"].startswith("/")
     turned = rays @ np.array(record["lens_from_camera"]).T
     pixel = project_kalibr(cam, turned)
-    assert largest_px(pixel, rays, calibrated) <= record["max_px"] * 1.02
+    assert largest_px(pixel, rays, calibrated) <= stated_px(record) * 1.02
 
 
 def test_colmap_reads_it_and_projects_the_same(run, calibrated, tmp_path, rays):
@@ -149,7 +155,7 @@ def test_colmap_reads_it_and_projects_the_same(run, calibrated, tmp_path, rays):
     turned = front @ np.array(record["lens_from_camera"]).T
     pixel = np.asarray(camera.img_from_cam(turned))
     # Its pixel (0, 0) is the corner of the first pixel.
-    assert largest_px(pixel - 0.5, front, calibrated) <= record["max_px"] * 1.02
+    assert largest_px(pixel - 0.5, front, calibrated) <= stated_px(record) * 1.02
 
 
 def test_nerfstudio_holds_lens_and_poses(run, calibrated, tmp_path, rays):
@@ -161,7 +167,7 @@ def test_nerfstudio_holds_lens_and_poses(run, calibrated, tmp_path, rays):
     core = [data[key] for key in ("fl_x", "fl_y", "cx", "cy")]
     turn = np.array(record["lens_from_camera"])
     pixel = kannala_brandt(rays @ turn.T, *core, k) - 0.5  # its pixel centres are at halves
-    assert largest_px(pixel, rays, calibrated) <= 1.02 * record["max_px"]
+    assert largest_px(pixel, rays, calibrated) <= 1.02 * stated_px(record)
     # A world point projects to the same pixel by the frame's matrix as by camera.yaml's pose.
     loaded = load_camera(calibrated / "camera.yaml")
     row = loaded.fit["per_image"][0]
@@ -191,7 +197,7 @@ def test_what_is_written_is_read_as_the_same_lens(run, calibrated, tmp_path, ray
     common = np.isfinite(pixel[:, 0])
     assert common.mean() > 0.9
     largest = largest_px(pixel[common], rays[common], calibrated)
-    assert largest <= record["max_px"] + said["max_px"] + 0.02
+    assert largest <= stated_px(record) + said["max_px"] + 0.02
 
 
 def test_an_imported_camera_serves_the_other_commands(run, calibrated, tmp_path, monkeypatch):
@@ -214,6 +220,63 @@ def test_a_lens_that_is_not_near_enough_is_refused(run, calibrated, tmp_path):
     assert "the lens of opencv misses the camera by up to" in said
     assert "--max-error 0.01" in said
     assert not path.exists()
+
+
+@pytest.fixture(scope="module")
+def known_to_60(calibrated: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The calibration as if corners had reached 60° only."""
+    record = yaml.safe_load((calibrated / "camera.yaml").read_text())
+    record["fit"]["covered_deg"] = 60.0
+    path = tmp_path_factory.mktemp("known") / "camera.yaml"
+    path.write_text(yaml.safe_dump(record))
+    return path
+
+
+def test_the_gate_is_where_corners_were(run, known_to_60, tmp_path):
+    args = ["export", "--to", "kalibr-ds", "-m", known_to_60]
+    path = tmp_path / "a"
+    record = json.loads(run(*args, "-o", path, "--max-error", 9, "--json").stdout)
+    beyond = record["beyond"]
+    assert 59 < record["max_angle_deg"] <= 60 == round(beyond["from_deg"])
+    assert beyond["to_deg"] > 80
+    assert max(ring["to_deg"] for ring in record["by_angle"]) == 60
+    assert 1.05 * record["max_px"] < beyond["max_px"]
+    between = (record["max_px"] + beyond["max_px"]) / 2
+    text = path.read_text()
+    assert f"up to {record['max_angle_deg']:.1f} degrees" in text
+    assert f"where no corner was: RMS {beyond['rms_px']:.4f} px" in text
+    said = run(*args, "-o", tmp_path / "b", "--max-error", between)
+    assert f"{beyond['to_deg']:.1f} degrees, where no corner was: RMS" in said.stdout
+    assert "warning: beyond 60.0°, where no corner was, RMS" in said.stderr
+    assert "warning" not in run(*args, "-o", tmp_path / "c", "--max-error", 9).stderr
+    run(*args, "-o", tmp_path / "d", "--max-error", 0.9 * record["max_px"], code=1)
+    assert not (tmp_path / "d").exists()
+
+
+@pytest.mark.parametrize("covered", [None, "far", -3, 170.0])
+def test_where_no_file_says_how_far_corners_reached_the_field_counts(
+    run, calibrated, tmp_path, covered
+):
+    record = yaml.safe_load((calibrated / "camera.yaml").read_text())
+    record["fit"]["covered_deg"] = covered
+    path = tmp_path / "camera.yaml"
+    path.write_text(yaml.safe_dump(record))
+    said = run(
+        "export", "--to", "colmap", "-m", path, "-o", tmp_path / "a", "--max-error", 3, "--json"
+    )
+    figures = json.loads(said.stdout)
+    assert "beyond" not in figures
+    assert figures["max_angle_deg"] > 0.95 * record["max_angle_deg"]
+
+
+def test_readers_that_see_nothing_behind_are_named(run, calibrated, tmp_path):
+    args = ["export", "-m", calibrated / "camera.yaml", "--max-error", 3]
+    lines = "itself sees nothing at 90 degrees"
+    behind = load_camera(calibrated / "camera.yaml").camera.max_angle_deg > 90
+    assert (lines in run(*args, "--to", "colmap", "-o", tmp_path / "a").stdout) == behind
+    front = run(*args, "--to", "colmap", "-o", tmp_path / "b", "--max-angle", 80).stdout
+    assert lines not in front
+    assert lines not in run(*args, "--to", "kalibr-eucm", "-o", tmp_path / "c").stdout
 
 
 def test_less_of_the_field_is_met_more_nearly(run, calibrated, tmp_path):
@@ -284,6 +347,45 @@ def test_files_that_are_none_are_refused_in_a_line(run, tmp_path, text, message)
     assert message in said
     assert said.count("\n") == 1
     assert not (tmp_path / "c.yaml").exists()
+
+
+FISHEYE = """image_width: {width}
+image_height: 480
+camera_matrix: {{rows: 3, cols: 3, data: [{f}, 0.0, 320.5, 0.0, {f}, 239.0, 0.0, 0.0, 1.0]}}
+distortion_model: equidistant
+distortion_coefficients: {{rows: 1, cols: 4, data: [{k1}, 0.0, 0.0, 0.0]}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("lens", "options", "ended_by", "words"),
+    [
+        # θ - 0.15 θ³ grows up to 85.4°, where it is 198 px from the centre.
+        ({"f": 200, "k1": -0.15}, [], "fold", "since the lens folds at 85."),
+        ({"f": 300, "k1": -0.01}, [], "photo", "all that the lens shows in the photo"),
+        ({"f": 100, "k1": -0.01}, [], "angle", "cut at 110.0°, which few lenses see beyond"),
+        ({"f": 300, "k1": 0}, ["--max-angle", 40], "angle", "cut at 40.0°, the --max-angle given"),
+    ],
+)
+def test_what_ends_an_imported_field_is_said(run, tmp_path, lens, options, ended_by, words):
+    (tmp_path / "info.yaml").write_text(FISHEYE.format(width=640, **lens))
+    args = ["import", tmp_path / "info.yaml", *options]
+    said = run(*args, "-o", tmp_path / "a.yaml").stdout
+    assert words in said
+    assert said.count("\n") == 3
+    assert ("does not say how far" in said) == (not options)
+    record = json.loads(run(*args, "-o", tmp_path / "b.yaml", "--json").stdout)
+    assert record["field_ended_by"] == ended_by
+    assert (record["fold_deg"] is not None) == (ended_by == "fold")
+    made = load_camera(tmp_path / "b.yaml")
+    assert made.camera.max_angle_deg == pytest.approx(record["trusted_deg"])
+    assert made.made_by["conversion"]["field_ended_by"] == ended_by
+
+
+def test_the_region_of_a_file_ends_the_field(run, calibrated, tmp_path):
+    exported(run, calibrated, tmp_path / "lens", "mrcal")
+    said = run("import", tmp_path / "lens", "-o", tmp_path / "camera.yaml").stdout
+    assert "as far as the file says that the lens is valid" in said
 
 
 def test_inside_an_outline():

@@ -19,7 +19,7 @@ from cubicfish_cli.cli.options import (
     model_path,
     overwrite_option,
 )
-from cubicfish_cli.cli.terminal import print_json, result
+from cubicfish_cli.cli.terminal import print_json, result, say
 from cubicfish_cli.errors import FitError
 
 if TYPE_CHECKING:
@@ -32,6 +32,8 @@ FORMATS = (
     "ocamcalib", "pyocamcalib", "colmap", "colmap-thin-prism-fisheye",
     "colmap-rad-tan-thin-prism-fisheye", "colmap-eucm", "nerfstudio", "mrcal", "maps",
 )  # fmt: skip
+
+_BEHIND_DEG = 90.0
 
 
 @click.command(
@@ -64,13 +66,15 @@ FORMATS = (
     default=0.5,
     show_default=True,
     metavar="PX",
-    help="Write nothing when the format's lens is farther than this from the camera anywhere.",
+    help="Write nothing when the format's lens is farther than this from the camera anywhere up "
+    "to where the calibration's corners reach. Beyond, the error is printed alone.",
 )
 @click.option(
     "--max-angle",
     type=click.FloatRange(min=0, max=180, min_open=True),
     metavar="DEG",
-    help="Leave out of the conversion what is farther from the axis. [default: the whole field]",
+    help="Leave out of the conversion what is farther from the axis, so that the rest is met more "
+    "nearly. [default: the whole field]",
 )
 @overwrite_option
 @json_option(json_keys.EXPORT)
@@ -88,7 +92,12 @@ def command(
 
     None of these formats holds a 3x20 matrix: each one's own lens is fitted to the camera over its
     field, in pixels. The RMS, the largest error and the angle up to which they hold are printed,
-    and written into the file where it takes comments.
+    and written into the file where it takes comments. They count up to where the calibration's
+    corners reach; the last degrees of the field are a guess of the camera's own, and their error is
+    stated apart. A camera that was imported has no corners: its whole field counts.
+
+    colmap writes OPENCV_FISHEYE, which most programs read; colmap-rad-tan-thin-prism-fisheye comes
+    nearest, but needs COLMAP 3.11 or newer.
 
     Symmetric lens models get the frame in which the camera looks most symmetric; the turn from
     camera.yaml's frame is printed, and poses that go into the file are turned along.
@@ -104,11 +113,16 @@ def command(
     if name == "maps":
         _write_map(path, loaded.camera, overwrite=overwrite, as_json=as_json)
         return
-    conversion = to_lens(loaded.camera, LENS_OF[name], max_angle_deg=max_angle)
+    conversion = to_lens(
+        loaded.camera,
+        LENS_OF[name],
+        max_angle_deg=max_angle,
+        covered_deg=_covered_deg(loaded.fit),
+    )
     error = conversion.error
     if not error.max_px <= max_error:
         raise FitError(_too_far(conversion, name, max_error))
-    note = _note(conversion, loaded.made_by)
+    note = _note(conversion, name, loaded.made_by)
     text = foreign_text(name, conversion.record, note, _poses(loaded.fit, conversion))
     write_text(path, text, overwrite=overwrite)
     if as_json:
@@ -126,6 +140,12 @@ def command(
     result(f"wrote {path}")
     for line in note[1:]:
         result(line)
+    if error.beyond is not None and not error.beyond["max_px"] <= max_error:
+        start = error.beyond["from_deg"]
+        say(
+            f"warning: beyond {start:.1f}°, where no corner was, {_figures(error.beyond)}: do not "
+            f"rely on it there, or leave that out with --max-angle {start:.1f}"
+        )
 
 
 def _write_map(path: Path, camera: Any, *, overwrite: bool, as_json: bool) -> None:
@@ -142,8 +162,23 @@ def _write_map(path: Path, camera: Any, *, overwrite: bool, as_json: bool) -> No
         result(f"wrote {path}")
 
 
-def _note(conversion: Conversion, made_by: Mapping[str, Any]) -> list[str]:
+def _covered_deg(fit: Mapping[str, Any]) -> float | None:
+    """How far corners reached, where the camera's file says so."""
+    value = fit.get("covered_deg")
+    known = isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < 180
+    return float(value) if known and value is not None else None
+
+
+def _figures(figures: Mapping[str, float]) -> str:
+    if figures["max_px"] == float("inf"):
+        return "the lens does not see all of it"
+    return f"RMS {figures['rms_px']:.4f} px, largest {figures['max_px']:.4f} px"
+
+
+def _note(conversion: Conversion, name: str, made_by: Mapping[str, Any]) -> list[str]:
     """How the lens was made, in lines."""
+    from cubicfish_cli.formats.foreign import FRONT_ONLY
+
     error = conversion.error
     when = f" of {made_by['date']}" if made_by.get("date") else ""
     lines = [
@@ -151,10 +186,15 @@ def _note(conversion: Conversion, made_by: Mapping[str, Any]) -> list[str]:
         f"conversion error: RMS {error.rms_px:.4f} px, largest {error.max_px:.4f} px, up to "
         f"{error.max_angle_deg:.1f} degrees from the axis",
     ]
-    lines += [
-        f"of that, {way}: RMS {figures['rms_px']:.4f} px, largest {figures['max_px']:.4f} px"
-        for way, figures in error.also.items()
-    ]
+    farthest = error.max_angle_deg
+    if error.beyond is not None:
+        farthest = error.beyond["to_deg"]
+        lines.append(
+            f"from there to {farthest:.1f} degrees, where no corner was: {_figures(error.beyond)}"
+        )
+    lines += [f"{way}: {_figures(figures)}" for way, figures in error.also.items()]
+    if farthest >= _BEHIND_DEG and name in FRONT_ONLY:
+        lines.append(f"{FRONT_ONLY[name]} itself sees nothing at 90 degrees from the axis or more")
     if conversion.turned_deg > 0:
         turn = " ".join(f"{value:.8f}" for value in conversion.lens_from_camera.ravel())
         lines.append(
@@ -171,10 +211,14 @@ def _too_far(conversion: Conversion, name: str, max_error: float) -> str:
     hint = ""
     if good and bad and max(r["to_deg"] for r in good) <= min(r["from_deg"] for r in bad):
         hint = f"try --max-angle {max(r['to_deg'] for r in good):.0f}, "
+    others = "mrcal or maps, which hold any lens"
+    nearer = "colmap-rad-tan-thin-prism-fisheye"
+    if name.startswith("colmap") and name != nearer:
+        others = f"{nearer}, which comes nearer, or to {others}"
     return (
         f"the lens of {name} misses the camera by up to {largest} (RMS {error.rms_px:.2f} px up "
         f"to {error.max_angle_deg:.0f}°), more than --max-error {max_error:g}: {hint}raise it, or "
-        "export to mrcal or maps, which hold any lens"
+        f"export to {others}"
     )
 
 

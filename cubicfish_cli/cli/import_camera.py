@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -19,6 +20,9 @@ from cubicfish_cli.cli.options import (
 )
 from cubicfish_cli.cli.terminal import print_json, result
 
+if TYPE_CHECKING:
+    from cubicfish_cli.fitting.conversion.from_lens import ImportedCamera
+
 # Those of formats.foreign, here so that --help need not load numpy; a test holds them together.
 FORMATS = ("opencv", "ros", "kalibr", "ocamcalib", "pyocamcalib", "colmap", "nerfstudio", "mrcal")
 
@@ -29,6 +33,7 @@ FORMATS = ("opencv", "ros", "kalibr", "ocamcalib", "pyocamcalib", "colmap", "ner
     epilog=examples(
         "cubicfish import camchain.yaml --camera cam1",
         "cubicfish import calib_results.txt -o lens_a/camera.yaml --max-angle 95",
+        "cubicfish import sparse/0/cameras.bin --camera 1",
         "cubicfish import calibration.json --from pyocamcalib --size 1280x800",
     ),
 )
@@ -45,7 +50,11 @@ FORMATS = ("opencv", "ros", "kalibr", "ocamcalib", "pyocamcalib", "colmap", "ner
     type=click.Choice(FORMATS),
     help="What wrote the file. [default: told by what it holds]",
 )
-@click.option("--camera", metavar="NAME", help="Which camera, where the file holds several.")
+@click.option(
+    "--camera",
+    metavar="NAME",
+    help="Which camera, where the file holds several: cam1, COLMAP's CAMERA_ID, 1 for M1 and D1.",
+)
 @click.option("--size", type=SizeType(), help="Size of the photos, where the file does not say.")
 @click.option(
     "--max-angle",
@@ -78,10 +87,10 @@ def command(
 ) -> None:
     """Read the camera in FILE and write it as camera.yaml, for undistort, map, compare and others.
 
-    Reads OpenCV's FileStorage YAML, ROS CameraInfo, Kalibr's camchain, OCamCalib's text and JSON,
-    COLMAP's cameras.txt, nerfstudio's transforms.json and mrcal's .cameramodel. P is fitted to the
-    lens over its field; how near it comes is printed. Corners of other detectors are read by
-    'cubicfish corners'.
+    Reads OpenCV's FileStorage (YAML, XML, JSON), ROS CameraInfo, Kalibr's camchain, OCamCalib's
+    text and JSON, COLMAP's cameras.txt and cameras.bin, nerfstudio's transforms.json and mrcal's
+    .cameramodel. P is fitted to the lens over its field; how near it comes, how far it is trusted
+    and why no farther are printed. Corners of other detectors are read by 'cubicfish corners'.
     """
     from cubicfish_cli.files import fingerprint, refuse_existing
     from cubicfish_cli.fitting.conversion.from_lens import LARGEST_FIELD_DEG, from_lens
@@ -92,9 +101,14 @@ def command(
     refuse_existing(output, overwrite=overwrite)
     source = fingerprint(file)
     record, found = read_foreign(file, name=name, camera=camera, image_size=size)
-    made, error = from_lens(record, max_angle_deg=max_angle or LARGEST_FIELD_DEG)
+    imported = from_lens(record, max_angle_deg=max_angle or LARGEST_FIELD_DEG)
+    made, error = imported.camera, imported.error
     made_by = made_by_record({"imported_from": found, "lens": record.model}, None, [source])
-    conversion = {"rms_px": error.rms_px, "max_px": error.max_px}
+    conversion = {
+        "rms_px": error.rms_px,
+        "max_px": error.max_px,
+        "field_ended_by": imported.ended_by,
+    }
     save_camera(
         output, made, fit={}, made_by={**made_by, "conversion": conversion}, overwrite=overwrite
     )
@@ -106,6 +120,9 @@ def command(
                 "lens": record.model,
                 "image_size": made.image_size,
                 **error.as_record(),
+                "trusted_deg": made.max_angle_deg,
+                "field_ended_by": imported.ended_by,
+                "fold_deg": imported.fold_deg,
             }
         )
         return
@@ -113,7 +130,31 @@ def command(
         f"wrote {output}: a lens of {found}, {made.image_size[0]}x{made.image_size[1]}, trusted to "
         f"{made.max_angle_deg:.1f}° from its axis"
     )
+    result(f"field: {_why_it_ends(imported, asked=max_angle is not None)}")
     result(
         f"conversion error: RMS {error.rms_px:.4f} px, largest {error.max_px:.4f} px up to "
         f"{error.max_angle_deg:.1f}°"
     )
+
+
+def _why_it_ends(imported: ImportedCamera, *, asked: bool) -> str:
+    """What ends the field, and what to do where that may be wrong."""
+    trusted = f"{imported.camera.max_angle_deg:.1f}°"
+    unknown = "the file does not say how far the lens was calibrated"
+    if imported.ended_by == "fold":
+        return (
+            f"cut at {trusted}, since the lens folds at {imported.fold_deg:.1f}°, inside the "
+            f"photo; {unknown}: choose --max-angle if that was less"
+        )
+    if imported.ended_by == "fit":
+        return (
+            f"cut at {trusted}, since no sound cubic camera is as near to the lens farther out; "
+            f"{unknown}: choose --max-angle if that was less"
+        )
+    if imported.ended_by == "region":
+        return "as far as the file says that the lens is valid"
+    if imported.ended_by == "photo":
+        return f"all that the lens shows in the photo; {unknown}: choose --max-angle if it was less"
+    if asked:
+        return f"cut at {trusted}, the --max-angle given"
+    return f"cut at {trusted}, which few lenses see beyond; {unknown}: choose --max-angle"

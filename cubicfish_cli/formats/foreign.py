@@ -65,6 +65,14 @@ FILE_NAMES = {
 }
 """Format -> what its file is usually called."""
 
+FRONT_ONLY = {
+    "opencv": "cv2.fisheye",
+    "ros": "cv2.fisheye",
+    "kalibr-pinhole-equi": "Kalibr's pinhole-equi",
+    **dict.fromkeys(_COLMAP, "COLMAP"),
+}
+"""Format -> what reads it and divides by z first: it sees nothing behind, whatever the lens."""
+
 READABLE = ("opencv", "ros", "kalibr", "ocamcalib", "pyocamcalib", "colmap", "nerfstudio", "mrcal")
 _SNIFFED_BYTES = 64_000_000
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -39,9 +40,31 @@ _EDGE_SHARE = 0.01
 _PULLS = (1e-4, 1e-3, 1e-2)
 
 
-def from_lens(
-    record: LensRecord, *, max_angle_deg: float = LARGEST_FIELD_DEG
-) -> tuple[CubicCamera, ConversionError]:
+EndedBy = Literal["photo", "region", "fold", "angle", "fit"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImportedCamera:
+    """A cubic camera in a lens's place.
+
+    Attributes:
+        camera: the camera; its ``max_angle_deg`` is how far it is trusted.
+        error: how far it is from the lens, up to there.
+        ended_by: what ends its field. ``photo``: the lens shows no more in the photo. ``region``:
+            the file says where the lens is valid. ``fold``: the lens folds, or
+            ends, inside the photo.
+            ``angle``: the angle that was asked for. ``fit``: farther out no sound P is near.
+        fold_deg: the angle at which the lens folds, where that ends the field.
+
+    """
+
+    camera: CubicCamera
+    error: ConversionError
+    ended_by: EndedBy
+    fold_deg: float | None = None
+
+
+def from_lens(record: LensRecord, *, max_angle_deg: float = LARGEST_FIELD_DEG) -> ImportedCamera:
     """The cubic camera nearest to a lens, least squares in pixels, and how near it is.
 
     Args:
@@ -54,17 +77,24 @@ def from_lens(
         FitError: the lens sees nothing of the photo, or no sound P is near it.
 
     """
-    widest = min(max_angle_deg, _field_deg(record))
-    best: tuple[CubicCamera, ConversionError] | None = None
+    widest, ended_by, fold_deg = _field(record)
+    if max_angle_deg < widest:
+        widest, ended_by, fold_deg = max_angle_deg, "angle", None
+    best: ImportedCamera | None = None
     for share in _SHARES:
         camera = _sound_camera(record, share * widest)
         if camera is None:
             continue
         error = conversion_error(camera, record)
+        if best is None or error.max_px < best.error.max_px:
+            best = ImportedCamera(
+                camera=camera,
+                error=error,
+                ended_by=ended_by if share == 1 else "fit",
+                fold_deg=fold_deg if share == 1 else None,
+            )
         if error.max_px <= _GOOD_PX:
-            return camera, error
-        if best is None or error.max_px < best[1].max_px:
-            best = camera, error
+            break
     if best is None:
         raise FitError(
             f"no sound cubic camera is near this lens up to {widest:.0f}° from its axis: choose a "
@@ -83,8 +113,15 @@ def _sound_camera(record: LensRecord, max_angle_deg: float) -> CubicCamera | Non
     return None
 
 
-def _field_deg(record: LensRecord) -> float:
-    """Half-angle of the cone that holds what the lens shows in the photo, short of any fold."""
+def _field(record: LensRecord) -> tuple[float, EndedBy, float | None]:
+    """Half-angle of the cone that holds what the lens shows in the photo, short of any fold.
+
+    Returns:
+        The angle, degrees; what ends the field there; and the fold's angle, where one does.
+
+    """
+    ended_by: EndedBy = "photo"
+    fold_deg = None
     theta = np.deg2rad(np.arange(0, _LARGEST_DEG, _STEP_DEG))
     turn = np.linspace(0, 2 * np.pi, _AZIMUTHS, endpoint=False)
     rays = np.stack(
@@ -101,6 +138,7 @@ def _field_deg(record: LensRecord) -> float:
     inside = np.asarray(((pixel > -0.5) & (pixel < [width - 0.5, height - 0.5])).all(axis=-1))
     region = np.asarray(record.values.get("region", np.zeros((0, 2))), float)
     if len(region):  # where the file says that the lens is valid
+        ended_by = "region"
         inside &= within(pixel.reshape(-1, 2), region).reshape(inside.shape)
     if not np.isfinite(middle).all() or not inside[:, 1:].any():
         raise FitError("the lens sees nothing of its photo: check its focal length and centre")
@@ -116,10 +154,11 @@ def _field_deg(record: LensRecord) -> float:
     end = np.take_along_axis(pixel, last[:, None, None], axis=1)[:, 0]
     near = _EDGE_SHARE * max(width, height)
     at_edge = ((end < near) | (end > np.array([width, height]) - 1 - near)).any(axis=-1)
-    ends = (last < farthest) & ~at_edge
-    if ends.any():
-        farthest = min(farthest, int(_FOLD_SHARE * last[ends].min()))
-    return float(max(farthest, 4) * _STEP_DEG)
+    ends = (last <= farthest) & (last < len(theta) - 1) & ~at_edge
+    fold = int(last[ends].min()) if ends.any() else len(theta)
+    if _FOLD_SHARE * fold < farthest:
+        farthest, ended_by, fold_deg = int(_FOLD_SHARE * fold), "fold", fold * _STEP_DEG
+    return float(max(farthest, 4) * _STEP_DEG), ended_by, fold_deg
 
 
 def _seen(record: LensRecord, angle_deg: float) -> tuple[FloatArray, FloatArray]:

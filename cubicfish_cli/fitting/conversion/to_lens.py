@@ -25,17 +25,20 @@ _FEWEST = 100
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ConversionError:
-    """How far a lens is from the camera that it stands for, over the camera's field.
+    """How far a lens is from the camera that it stands for, as far as the camera is known.
 
     Attributes:
         rms_px: root mean square of the distance, sqrt(mean(dx² + dy²)).
         max_px: the largest distance; infinite where the lens does not see a ray that the camera
             sees.
         max_angle_deg: the angle from the axis up to which both figures hold.
-        by_angle: in rings of 10°: ``from_deg``, ``to_deg``, ``rms_px``, ``max_px``, ``pixels``.
+        by_angle: in rings of 10° up to there: ``from_deg``, ``to_deg``, ``rms_px``, ``max_px``,
+            ``pixels``.
         also: ``rms_px`` and ``max_px`` of the other ways to read the model's files
             (:attr:`~cubicfish_cli.fitting.conversion.lens_model.LensModel.also`). The figures
             above are those of the worst way, ``by_angle`` those of the model's own.
+        beyond: of the worst way, in what is left of the field out to its rim: ``from_deg``,
+            ``to_deg``, ``rms_px``, ``max_px``. None where nothing is left.
 
     """
 
@@ -44,6 +47,7 @@ class ConversionError:
     max_angle_deg: float
     by_angle: list[dict[str, float]]
     also: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    beyond: Mapping[str, float] | None = None
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -53,6 +57,7 @@ class ConversionError:
             "max_angle_deg": self.max_angle_deg,
             "by_angle": self.by_angle,
             **({"also": self.also} if self.also else {}),
+            **({"beyond": self.beyond} if self.beyond else {}),
         }
 
 
@@ -80,7 +85,13 @@ class Conversion:
         return float(np.rad2deg(np.arcsin(min(1.0, sine))))
 
 
-def to_lens(camera: CubicCamera, model: str, *, max_angle_deg: float | None = None) -> Conversion:
+def to_lens(
+    camera: CubicCamera,
+    model: str,
+    *,
+    max_angle_deg: float | None = None,
+    covered_deg: float | None = None,
+) -> Conversion:
     """The lens of a model that is nearest to a camera, least squares in pixels over its field.
 
     Most models are symmetric about an axis, which real lenses are only nearly: the lens's frame is
@@ -90,6 +101,9 @@ def to_lens(camera: CubicCamera, model: str, *, max_angle_deg: float | None = No
         camera: the camera.
         model: a name in :data:`~cubicfish_cli.fitting.conversion.models.MODELS`.
         max_angle_deg: leave out what is farther from the axis; by default the whole field counts.
+        covered_deg: how far from the axis corners reached in the calibration: the error is stated
+            up to there, and apart from that beyond, where the camera itself is a guess. The fit
+            takes in both, so that the lens does not go astray beyond.
 
     Raises:
         FitError: no lens of the model is near, or too little of the field is left.
@@ -103,7 +117,14 @@ def to_lens(camera: CubicCamera, model: str, *, max_angle_deg: float | None = No
     if MODELS[model].symmetric:
         turn = symmetric_frame(camera, rays, pixel)
     record = fit(camera, rays @ turn.T, pixel)
-    error = conversion_error(camera, record, turn, max_angle_deg=max_angle_deg, every_way=True)
+    error = conversion_error(
+        camera,
+        record,
+        turn,
+        max_angle_deg=max_angle_deg,
+        covered_deg=covered_deg,
+        every_way=True,
+    )
     return Conversion(record=record, error=error, lens_from_camera=turn)
 
 
@@ -113,6 +134,7 @@ def conversion_error(
     lens_from_camera: FloatArray | None = None,
     *,
     max_angle_deg: float | None = None,
+    covered_deg: float | None = None,
     every_way: bool = False,
 ) -> ConversionError:
     """How far a lens is from a camera, on a grid of 40,000 of its pixels.
@@ -123,21 +145,38 @@ def conversion_error(
     rays, pixel = _field(camera, _ERROR_PIXELS, max_angle_deg)
     turn = np.eye(3) if lens_from_camera is None else lens_from_camera
     model = MODELS[record.model]
+    theta = angles(rays)
+    inside = np.ones(len(rays), bool)
+    if covered_deg is not None and (theta <= np.deg2rad(covered_deg)).sum() >= _FEWEST:
+        inside = theta <= np.deg2rad(covered_deg)
     miss = model.project(record, rays @ turn.T) - pixel
-    rms, largest = _figures(miss)
+    parts = [where for where in (inside, ~inside) if where.any()]
+    worst = [_figures(miss[where]) for where in parts]
     also = {}
     for way, project in (model.also if every_way else {}).items():
-        figures = _figures(project(record, rays @ turn.T) - pixel)
-        also[way] = dict(zip(("rms_px", "max_px"), figures, strict=True))
-        rms, largest = max(rms, figures[0]), max(largest, figures[1])
-    theta = angles(rays)
-    seen = np.isfinite(miss).all(axis=1)
+        its = project(record, rays @ turn.T) - pixel
+        figures = [_figures(its[where]) for where in parts]
+        also[way] = dict(zip(("rms_px", "max_px"), figures[0], strict=True))
+        worst = [
+            (max(one[0], other[0]), max(one[1], other[1]))
+            for one, other in zip(worst, figures, strict=True)
+        ]
+    seen = inside & np.isfinite(miss).all(axis=1)
+    end_deg = float(np.rad2deg(theta[inside].max()))
+    beyond = None
+    if len(worst) > 1:
+        beyond = {
+            "from_deg": end_deg,
+            "to_deg": float(np.rad2deg(theta.max())),
+            **dict(zip(("rms_px", "max_px"), worst[1], strict=True)),
+        }
     return ConversionError(
-        rms_px=rms,
-        max_px=largest,
-        max_angle_deg=float(np.rad2deg(theta.max())),
+        rms_px=worst[0][0],
+        max_px=worst[0][1],
+        max_angle_deg=end_deg,
         by_angle=rings(theta[seen], miss[seen]) if seen.any() else [],
         also=also,
+        beyond=beyond,
     )
 
 
