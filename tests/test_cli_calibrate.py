@@ -280,3 +280,32 @@ def test_an_input_that_changes_meanwhile_stops_it(
     said = run("calibrate", corners, "--target", TARGET, "-o", tmp_path / "a", code=1).stderr
     assert "corners.csv changed while it was being read" in said
     assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.usefixtures("quick_fit")
+def test_what_an_earlier_calibration_left_goes_with_it(run: Run, tmp_path: Path) -> None:
+    args = ("calibrate", CORNERS, "-t", TARGET, "-o", tmp_path)
+    run(*args)
+    usual = sorted(path.name for path in tmp_path.iterdir())
+    for name in ("report.html", "target.refined.yaml", "notes.txt"):
+        (tmp_path / name).write_text("old")
+    said = run(*args, "--overwrite").stderr
+    for name in ("report.html", "target.refined.yaml"):
+        assert f"removed {tmp_path / name}, which was of an earlier calibration" in said
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*usual, "notes.txt"])
+    run(*args, "--overwrite", "--lift", "point")
+    assert not (tmp_path / "undistort_map.npz").exists()
+    assert (tmp_path / "notes.txt").exists()
+
+
+@pytest.mark.usefixtures("quick_fit")
+def test_a_calibration_does_not_replace_the_object_that_it_is_made_from(
+    run: Run, tmp_path: Path
+) -> None:
+    mine = tmp_path / "target.refined.yaml"
+    mine.write_bytes(TARGET.read_bytes())
+    args = ("calibrate", CORNERS, "-t", mine, "-o", tmp_path, "--overwrite")
+    said = run(*args, "--refine-target", "shape", code=1).stderr
+    assert f"{mine} would be replaced, and is what this calibration is made from" in said
+    run(*args, "--refine-target", "off")
+    assert mine.read_bytes() == TARGET.read_bytes()

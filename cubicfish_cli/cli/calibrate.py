@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli import calibrate_points, json_keys, report_step
+from cubicfish_cli.cli.calibration_folder import of_earlier, refuse_inputs, say_removed
 from cubicfish_cli.cli.figures import (
     count,
     hold_gate,
@@ -64,7 +65,7 @@ if TYPE_CHECKING:
     "inputs",
     type=FILE,
     nargs=-1,
-    metavar="PHOTOS|CSV...",
+    metavar="[PHOTOS|CSV]...",
     cls=Argument,
     meaning="Photos (files, folders or globs), or one corners.csv or correspondences.csv.",
 )
@@ -140,7 +141,8 @@ def command(
     """Calibrate a camera from PHOTOS (files, folders or globs) of the object in target.yaml.
 
     A corners.csv, from 'cubicfish detect' or any other detector, may stand for the photos.
-    Everything is written together at the end, or nothing is.
+    Everything is written together at the end, or nothing is. With --overwrite, what an earlier
+    calibration left in the folder goes.
     """
     from cubicfish_cli.advice.summary import summary
     from cubicfish_cli.files import refuse_existing
@@ -156,6 +158,9 @@ def command(
     keep_fonts(not no_cache)
     for path in outputs.values():
         refuse_existing(path, overwrite=overwrite)
+    given = (*inputs, target, correspondences)
+    fitted = () if refine_target == "off" else (outputs["target"],)
+    refuse_inputs(fitted, given)
     loaded = load_pairs(
         inputs,
         correspondences=correspondences,
@@ -188,6 +193,7 @@ def command(
             max_rms=max_rms,
             overwrite=overwrite,
             report=report,
+            given=given,
         )
         return
     with stages("Fitting") as progress:
@@ -206,8 +212,9 @@ def command(
     record = calibration.as_record()
     camera = calibration.camera
     page = report_step.make_page(outputs, camera, record, made_by, loaded, calibration.target)
+    earlier = of_earlier(outputs, given) if overwrite else []
     with working("Writing"):
-        _write(outputs, calibration, loaded, made_by, page, overwrite=overwrite)
+        _write(outputs, calibration, loaded, made_by, page, earlier, overwrite=overwrite)
     judged = verdict(record, camera.image_size, camera.outline())
     advice = summary(camera, record, calibration.pairs)
     models = _compared(calibration, loaded.target, hold_out=hold_out) if compare else []
@@ -233,6 +240,7 @@ def command(
             say(f"warning: board {departure.board} seems {doubt}")
     if not as_json:
         _print(calibration, record, judged, advice, models, outputs, _lost(calibration, loaded))
+    say_removed(earlier)
     report_step.say_if_missing(outputs, wanted=report)
     hold_gate(calibration.errors.rms_px, max_rms)
 
@@ -269,10 +277,11 @@ def _write(
     loaded: Pairs,
     made_by: Mapping[str, Any],
     page: str | None,
+    earlier: Sequence[Path],
     *,
     overwrite: bool,
 ) -> None:
-    """Write every output, all or none."""
+    """Write every output, all or none; what is of an earlier calibration goes."""
     from cubicfish_cli.correspondences import save_corners
     from cubicfish_cli.files import whole_files, write_text
     from cubicfish_cli.formats.camera_yaml import save_camera
@@ -280,7 +289,8 @@ def _write(
     from cubicfish_cli.undistortion.maps import build_map, save_map
     from cubicfish_cli.undistortion.views import default_view
 
-    with whole_files(list(outputs.values()), overwrite=overwrite) as temporary:
+    paths = list(outputs.values())
+    with whole_files(paths, overwrite=overwrite, obsolete=earlier) as temporary:
         names = dict(zip(outputs, temporary, strict=True))
         fit = calibration.as_record()
         save_camera(names["camera"], calibration.camera, fit=fit, made_by=made_by, overwrite=False)

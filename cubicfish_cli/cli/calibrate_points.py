@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.cli import report_step
+from cubicfish_cli.cli.calibration_folder import of_earlier, say_removed
 from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_verdict
 from cubicfish_cli.cli.inputs import Pairs, photo_problems
 from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table
@@ -27,6 +28,7 @@ def run(
     max_rms: float | None,
     overwrite: bool,
     report: bool,
+    given: Sequence[Path | None],
 ) -> None:
     """Fit, write the camera (and the corners) and print; see ``cubicfish calibrate``.
 
@@ -39,6 +41,7 @@ def run(
         max_rms: the user's gate.
         overwrite: replace files that exist.
         report: whether the user wants a report, where the libraries for one are there.
+        given: the inputs, which stay where they are.
 
     """
     from cubicfish_cli.correspondences import save_corners
@@ -53,7 +56,10 @@ def run(
     camera = calibration.camera
     page = report_step.make_page(outputs, camera, record, made_by, loaded, loaded.target)
     names = [name for name in ("camera", "corners", "report") if name in outputs]
-    with whole_files([outputs[name] for name in names], overwrite=overwrite) as temporary:
+    written: dict[str, Path] = {name: outputs[name] for name in names}
+    paths = list(written.values())
+    earlier = of_earlier(written, given) if overwrite else []
+    with whole_files(paths, overwrite=overwrite, obsolete=earlier) as temporary:
         places = dict(zip(names, temporary, strict=True))
         save_camera(places["camera"], camera, fit=record, made_by=made_by, overwrite=False)
         if "corners" in places and loaded.corners is not None:
@@ -74,6 +80,7 @@ def run(
         result(f"\nNext: cubicfish project POINTS --model {outputs['camera']}", whole=True)
     for photo, reason in calibration.unfit.items():
         say(f"left out: {photo}: {reason}")
+    say_removed(earlier)
     report_step.say_if_missing(outputs, wanted=report)
     hold_gate(calibration.errors.rms_px, max_rms)
 
