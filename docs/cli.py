@@ -31,6 +31,14 @@ EXIT_CODES = {
     130: "Interrupted by Ctrl-C; 143 by a request to terminate. No file is left half written.",
 }
 
+JSON = """\
+With `--json` a command prints one object on one line to stdout and nothing else there; what it
+says beside its results still goes to stderr, and the exit code is the same. An error leaves stdout
+empty; only `undistort`, where some photos failed, prints what was done and what was not, and ends
+with 1. Keys that end in `_px` are pixels, those that end in `_deg` degrees; what is not known, or
+not finite, is `null`. Keys may be added, so take what you know and leave the rest.
+"""
+
 ENVIRONMENT = {
     "CUBICFISH_MODEL": "The camera of every command that takes `--model`, where that is not given.",
     "CUBICFISH_CACHE": "The folder where what was found in photos is kept. [default: "
@@ -95,7 +103,8 @@ def page() -> str:
         "<!-- Made by docs/cli.py from the commands: change them, and run it again. -->\n",
         _description(cli),
         "- [Common options](#common-options)\n- [Exit codes](#exit-codes)\n"
-        "- [Environment](#environment)\n- [Completion in the shell](#completion-in-the-shell)\n"
+        "- [JSON](#json)\n- [Environment](#environment)\n"
+        "- [Completion in the shell](#completion-in-the-shell)\n"
         + "".join(_entry(path, command) for path, command in commands[1:]),
         _code(*example_lines(cli)),
         "## Common options\n",
@@ -105,6 +114,8 @@ def page() -> str:
         "## Exit codes\n",
         _list([f"`{code}`: {meaning}" for code, meaning in EXIT_CODES.items()]),
         "Results go to stdout, everything else to stderr; progress is shown on a terminal only.\n",
+        "## JSON\n",
+        JSON,
         "## Environment\n",
         _list([f"`{name}`: {_with_default(text)}" for name, text in ENVIRONMENT.items()]),
         "## Completion in the shell\n",
@@ -137,7 +148,7 @@ def _command(path: tuple[str, ...], command: click.Command) -> list[str]:
             keys = [f"`{key}`: {_text(meaning)}" for key, meaning in option.keys.items()]
             parts += [
                 "**JSON**\n",
-                "`--json` prints an object with these keys; what is not known is `null`.\n",
+                "The keys of what `--json` prints, [as everywhere](#json):\n",
                 _list(keys),
             ]
     parts += ["**Examples**\n", _code(*example_lines(command))]
@@ -207,10 +218,13 @@ def _metavar(param: click.Parameter) -> str:
 
 def _argument_words(argument: click.Argument) -> str:
     meaning = argument.meaning if isinstance(argument, Argument) else ""
+    return f"`{_bare(argument)}`: {_with_default(_text(meaning))}"
+
+
+def _bare(argument: click.Argument) -> str:
+    """An argument's name without the brackets that say it may be left out."""
     name = _metavar(argument)
-    if name.startswith("["):
-        name = name.strip("[]")
-    return f"`{name}`: {_with_default(_text(meaning))}"
+    return name.removeprefix("[").replace("]", "") if name.startswith("[") else name
 
 
 def _option_words(option: click.Option) -> str:

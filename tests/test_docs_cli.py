@@ -66,9 +66,7 @@ def test_the_page_has_every_command_and_all_its_parameters(
     assert f"```text\n{heading} [OPTIONS]" in section
     for param in command.params:
         if isinstance(param, click.Argument):
-            assert re.search(
-                rf"^- `{re.escape(made._metavar(param).strip('[]'))}`: \w", section, re.M
-            )
+            assert re.search(rf"^- `{re.escape(made._bare(param))}`: \w", section, re.M)
             continue
         assert isinstance(param, click.Option)
         shown = text if made._is_common(param) else section
