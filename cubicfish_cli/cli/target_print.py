@@ -189,7 +189,10 @@ def command(
         refuse_existing(path, overwrite=overwrite)
     date = _date()
 
-    from cubicfish_cli.printing.documents import words_for, write_assembly, write_boards
+    from cubicfish_cli.report.extra import quiet
+
+    with quiet():
+        from cubicfish_cli.printing.documents import words_for, write_assembly, write_boards
 
     with whole_files(list(outputs.values()), overwrite=overwrite) as temporaries:
         places = dict(zip(outputs, temporaries, strict=True))

@@ -186,7 +186,7 @@ def quietly() -> Iterator[None]:
         logger.setLevel(logging.ERROR)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", mpl.MatplotlibDeprecationWarning)
+            warnings.simplefilter("ignore", DeprecationWarning)
             # A name in letters that the font lacks: boxes stand for them.
             warnings.filterwarnings("ignore", message="Glyph .* missing")
             with mpl.rc_context({**defaults, **_STYLE}):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -18,11 +19,17 @@ def missing() -> list[str]:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Keep matplotlib from logging what it thinks of its own set-up, also while it is loaded."""
+    """Keep matplotlib to itself: what it thinks of its set-up, and of libraries newer than it.
+
+    Also while it is loaded, whatever Python was told to do with warnings: they are of matplotlib's
+    own calls, and nothing that its users can change.
+    """
     logger = logging.getLogger("matplotlib")
     level = logger.level
     logger.setLevel(logging.CRITICAL)
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)
+            yield
     finally:
         logger.setLevel(level)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import io
 import re
-import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -88,10 +87,8 @@ def drawing() -> Iterator[None]:
         for key, value in mpl.rcParamsDefault.items()
         if not key.startswith(_NOT_STYLE) and not key.startswith("_")
     }
-    with quiet(), warnings.catch_warnings():
-        warnings.simplefilter("ignore", mpl.MatplotlibDeprecationWarning)
-        with mpl.rc_context({**defaults, **_STYLE}):
-            yield
+    with quiet(), mpl.rc_context({**defaults, **_STYLE}):
+        yield
 
 
 @dataclass(frozen=True, kw_only=True)
