@@ -10,6 +10,7 @@ import pytest
 from lenses import cubic_camera
 
 from cubicfish_cli.errors import OutputError, PhotoError, ViewError
+from cubicfish_cli.undistortion import video
 from cubicfish_cli.undistortion.frames import camera_for_photos
 from cubicfish_cli.undistortion.images import Rendering
 from cubicfish_cli.undistortion.maps import build_map
@@ -223,6 +224,26 @@ def test_what_is_no_video_is_named(tmp_path):
         with pytest.raises(PhotoError, match=says):
             video_size(path)
     assert [path.name for path in tmp_path.iterdir()] == ["bad.mp4"]
+
+
+def test_a_list_of_other_files_is_no_video(tmp_path):
+    write_video(tmp_path / "other.mp4")
+    listed = tmp_path / "list.mp4"
+    listed.write_text("ffconcat version 1.0\nfile other.mp4\n")
+    with pytest.raises(PhotoError, match=r"list\.mp4 cannot be read as a video"):
+        run(listed, tmp_path / "out.mp4")
+    (tmp_path / "concat:other.mp4").write_bytes(b"a name that FFmpeg would take for an order")
+    with pytest.raises(PhotoError, match="cannot be read as a video"):
+        video_size(tmp_path / "concat:other.mp4")
+
+
+def test_frames_larger_than_any_photo_are_refused(tmp_path, monkeypatch):
+    source = tmp_path / "in.mp4"
+    write_video(source)
+    monkeypatch.setattr(video, "MAX_PIXELS", 1000)
+    with pytest.raises(PhotoError, match=r"in\.mp4"):
+        run(source, tmp_path / "out.mp4")
+    assert not (tmp_path / "out.mp4").exists()
 
 
 def test_a_video_cut_short_leaves_no_file(tmp_path):

@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.errors import CubicfishError, OutputError, PhotoError, ViewError
 from cubicfish_cli.files import whole_file
-from cubicfish_cli.photos import shown
+from cubicfish_cli.photos import MAX_PIXELS, shown
 from cubicfish_cli.undistortion.images import INTERPOLATIONS, PLAIN, Rendering
 from cubicfish_cli.undistortion.maps import OUTSIDE, UndistortMap
 
@@ -239,6 +239,13 @@ def _library() -> Any:
     return av
 
 
+# Lists of other files, and whatever else would make a video of what is not in the file, stay shut.
+_ONLY = {
+    "format_whitelist": "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,asf",
+    "protocol_whitelist": "file",
+}
+
+
 class _opened:
     """A video file's container and its first video stream."""
 
@@ -251,7 +258,7 @@ class _opened:
         if not Path(self._path).is_file():
             raise PhotoError(f"{shown(self._path)} does not exist or is no file")
         try:
-            self._container = av.open(str(self._path))
+            self._container = av.open(f"file:{self._path}", options=_ONLY)
         except av.FFmpegError as problem:
             raise PhotoError(
                 f"{shown(self._path)} cannot be read as a video ({problem.strerror}): "
@@ -262,6 +269,7 @@ class _opened:
             raise PhotoError(f"{shown(self._path)} holds no video")
         stream = self._container.streams.video[0]
         stream.thread_type = "AUTO"
+        stream.codec_context.options = {"max_pixels": str(MAX_PIXELS)}
         return self._container, stream
 
     def __exit__(self, *_: object) -> None:
