@@ -315,6 +315,27 @@ def test_a_pinhole_lens_becomes_a_cubic_camera(run, tmp_path):
     np.testing.assert_allclose(camera.project(rays), pixel[:, 0], atol=0.05)
 
 
+CHAIN = """cam0:
+  camera_model: {}
+  distortion_model: {}
+  distortion_coeffs: [-0.2, 0.05, 0.001, -0.0005]
+  intrinsics: [400.0, 401.0, 320.5, 239.0]
+  resolution: [640, 480]
+"""
+
+
+def test_kalibrs_pinhole_becomes_the_same_cubic_camera(run, tmp_path):
+    (tmp_path / "info.yaml").write_text(PINHOLE)
+    (tmp_path / "chain.yaml").write_text(CHAIN.format("pinhole", "radtan"))
+    cameras = []
+    for name in ("info", "chain"):
+        path = tmp_path / f"{name}.camera.yaml"
+        said = run("import", tmp_path / f"{name}.yaml", "-o", path).stdout
+        assert "conversion error: RMS 0.0" in said
+        cameras.append(load_camera(path).camera)
+    np.testing.assert_allclose(cameras[0].P, cameras[1].P, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -324,6 +345,10 @@ def test_a_pinhole_lens_becomes_a_cubic_camera(run, tmp_path):
         (PINHOLE.replace("400.0", ".nan"), "camera_matrix.data must hold 9 finite numbers"),
         (PINHOLE.replace("plumb_bob", "magic"), "'magic' is not known"),
         (PINHOLE.replace("plumb_bob", "[1]"), "is not known"),
+        (CHAIN.format("pinhole", "rational"), "'rational' does not go with pinhole: radtan, equi"),
+        (CHAIN.format("mei", "none"), "cam0.camera_model 'mei' is not known: pinhole, omni, eucm"),
+        ('{"fl_x": 1, "camera_model": "X"}', "'X' is not known: OPENCV, OPENCV_FISHEYE, PIN"),
+        ('{"fl_x": 1, "fl_x": 2}', "the key 'fl_x' is there twice"),
         (
             "%YAML:1.0\n---\nK: [1, 0, 2, 0, 1, 2, 0, 0, 1]\nD: [1, 2, 3, 4]\nimage_width: 9\n"
             "image_height: 9\n",

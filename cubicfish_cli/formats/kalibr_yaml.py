@@ -97,10 +97,14 @@ def read_kalibr(path: Path, *, camera: str | None = None) -> LensRecord:
     record = mapping(path, chain[camera], camera)
     kind, distortion = record.get("camera_model"), record.get("distortion_model")
     if not isinstance(kind, str) or kind not in _INTRINSICS:
-        raise CameraFileError(f"{path}: {camera}.camera_model {quoted(str(kind))} is not known")
+        raise CameraFileError(
+            f"{path}: {camera}.camera_model {quoted(str(kind))} is not known: "
+            + ", ".join(_INTRINSICS)
+        )
     if not isinstance(distortion, str) or distortion not in _USED_WITH[kind]:
         raise CameraFileError(
-            f"{path}: {camera}.distortion_model {quoted(str(distortion))} does not go with {kind}"
+            f"{path}: {camera}.distortion_model {quoted(str(distortion))} does not go with {kind}: "
+            + ", ".join(_USED_WITH[kind])
         )
     own = _INTRINSICS[kind]
     given = numbers(path, record.get("intrinsics"), f"{camera}.intrinsics", (4 + len(own),))

@@ -27,6 +27,7 @@ _CORE = {"fx": "fl_x", "fy": "fl_y", "cx": "cx", "cy": "cy"}
 _SHIFT = {"fx": 0.0, "fy": 0.0, "cx": 0.5, "cy": 0.5}
 _FISHEYE = ("k1", "k2", "k3", "k4")
 _PINHOLE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+_MODELS = ("OPENCV", "OPENCV_FISHEYE", "PINHOLE", "SIMPLE_PINHOLE")
 # From nerfstudio's camera axes to those here.
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 
@@ -78,8 +79,10 @@ def read_nerfstudio(path: Path) -> LensRecord:
         if isinstance(frames, list) and frames and isinstance(frames[0], dict):
             record = {**record, **frames[0]}
     model = record.get("camera_model", "OPENCV")
-    if model not in ("OPENCV", "OPENCV_FISHEYE", "PINHOLE", "SIMPLE_PINHOLE"):
-        raise CameraFileError(f"{path}: camera_model {quoted(str(model))} cannot be read here")
+    if model not in _MODELS:
+        raise CameraFileError(
+            f"{path}: camera_model {quoted(str(model))} is not known: {', '.join(_MODELS)}"
+        )
     core = {ours: number(path, record, theirs) - _SHIFT[ours] for ours, theirs in _CORE.items()}
     focal(path, np.array([core["fx"], core["fy"]]), "fl_x and fl_y")
     image_size = size(path, record.get("w"), record.get("h"), "w and h")
