@@ -358,6 +358,12 @@ def test_an_ambiguous_board_is_warned_of(run: Run, tmp_path: Path) -> None:
     assert "looks the same" not in run(*args, "9x6", "-o", tmp_path / "b").stderr
 
 
+def test_boards_much_smaller_than_the_paper_print(run: Run, tmp_path: Path) -> None:
+    run("target", "print", "--object", "corner", "--corners", "9x6", "--square", "10mm",
+        "--paper", "A5", "-o", tmp_path)  # fmt: skip
+    assert (tmp_path / "boards.pdf").read_bytes().startswith(b"%PDF")
+
+
 def test_help_is_quick_and_has_an_example(run: Run) -> None:
     assert heavy_modules_after("target", "print", "-h") == "loaded:"
     shown = run("target", "print", "-h").output

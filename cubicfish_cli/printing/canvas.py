@@ -126,6 +126,8 @@ class Canvas:
         )
 
     def _path(self, lines: Sequence[FloatArray], *, closed: bool, **style: Any) -> None:
+        if not lines:
+            return
         points, codes = [], []
         for line in lines:
             end = [line[:1]] if closed else []
