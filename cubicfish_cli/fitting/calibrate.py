@@ -15,7 +15,7 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.companion import Companion, fit_companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
 from cubicfish_cli.fitting.departures import Departure, departures
-from cubicfish_cli.fitting.diagnosis.diagnose import explained, find_faults
+from cubicfish_cli.fitting.diagnosis.diagnose import explained, find_faults, within_noise
 from cubicfish_cli.fitting.diagnosis.finding import Finding
 from cubicfish_cli.fitting.findings import (
     coverage,
@@ -72,6 +72,10 @@ _STAGES: dict[Level, tuple[Stage, Stage]] = {
 }
 
 RefineTarget = Literal["off", "shape", "points", "auto"]
+
+
+class _UndeterminedError(FitError):
+    """The corners fit, and do not determine the lens."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,6 +215,8 @@ def calibrate(
     stages = Stages(progress, refined=refined and refine_target != "off", hold_out=hold_out)
     try:
         return _calibrated(pairs, target, refine_target, hold_out, known, stages)
+    except _UndeterminedError as error:
+        raise explained(error, pairs, target, known, fits=True) from error
     except FitError as error:
         raise explained(error, pairs, target, known) from error
     except np.linalg.LinAlgError as error:
@@ -396,7 +402,8 @@ def _refuse_too_little(pairs: Correspondences) -> None:
 
 def _refuse_undetermined(companion: Companion) -> None:
     if companion.focal_uncertainty > _MAX_FOCAL_UNCERTAINTY:
-        raise FitError(
+        fits = within_noise(companion.pairs, companion.residual) and not companion.unfit
+        raise (_UndeterminedError if fits else FitError)(
             "the photos do not determine the lens (its focal length is uncertain by "
             f"{100 * companion.focal_uncertainty:.0f} %): add photos in which the boards are "
             "tilted and nearer to the rim"

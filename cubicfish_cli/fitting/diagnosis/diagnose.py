@@ -86,6 +86,8 @@ def explained(
     pairs: Correspondences,
     target: Target | None,
     known: Sequence[Finding] = (),
+    *,
+    fits: bool = False,
 ) -> FitError:
     """The same error with its likely cause in place of general advice, where one is found.
 
@@ -94,10 +96,11 @@ def explained(
         pairs: all pairs, in the target's units.
         target: the drawing.
         known: what was found before the fit; it is believed.
+        fits: whether the corners do fit one lens and the drawing, so that neither is to blame.
 
     """
     try:
-        finding = next(iter(known), None) or _of_failure(pairs, target)
+        finding = next(iter(known), None) or _of_failure(pairs, target, fits)
     except (FitError, np.linalg.LinAlgError):
         return error
     if finding is None:
@@ -158,8 +161,8 @@ def _of_object(drawn: ObjectFit, fit: ObjectFit, drawing: Drawing) -> list[Findi
         return []
     refined = fit
     if fit.level == "off":
-        noise = local_noise_px(fit.companion.pairs, fit.cubic.residual)
-        if not noise or noise_px(fit.cubic.residual) < _BEYOND_NOISE * noise:
+        pairs, residual = fit.companion.pairs, fit.cubic.residual
+        if not local_noise_px(pairs, residual) or within_noise(pairs, residual):
             return []
         try:
             refined = refine_object(fit, drawing, "shape")
@@ -406,12 +409,18 @@ def _repeats(fit: ObjectFit) -> list[Finding]:
 # When there is no fit
 
 
-def _of_failure(pairs: Correspondences, target: Target | None) -> Finding | None:
+def within_noise(pairs: Correspondences, residual: FloatArray) -> bool:
+    """Whether residuals (N, 2) are no larger than the corners' own noise explains."""
+    noise = local_noise_px(pairs, residual)
+    return bool(noise) and noise_px(residual) < _BEYOND_NOISE * noise
+
+
+def _of_failure(pairs: Correspondences, target: Target | None, fits: bool) -> Finding | None:
     """The likeliest reason why pairs could not be fitted."""
     scale = world_scale(pairs)
     pairs = select_photos(replace(pairs, world=pairs.world / scale), np.arange(len(pairs.images)))
     some = _some_mirrored(seen_sides(pairs), pairs)
-    if some is not None:
+    if some is not None or fits:
         return some
     if target is not None and len(target.boards) > 1:
         found = _failed_object(pairs, target, scale)
@@ -455,6 +464,8 @@ def _failed_object(pairs: Correspondences, target: Target, scale: float) -> Find
 def _failed_lens(pairs: Correspondences) -> Finding | None:
     """Some photos that agree on a lens, and others that do not."""
     count = len(pairs.images)
+    if count <= _FEWEST_PHOTOS:
+        return None
     lenses = []
     for few in _subsets(count):
         try:

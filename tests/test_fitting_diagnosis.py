@@ -1,0 +1,480 @@
+"""What tells wrong set-ups apart: each piece on exact truth, and on noise in which nothing is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import synthetic
+import wrong_setups as wrong
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.calibrate import calibrate
+from cubicfish_cli.fitting.diagnosis import diagnose, photo_lenses
+from cubicfish_cli.fitting.diagnosis.board_faults import board_fault
+from cubicfish_cli.fitting.diagnosis.finding import Finding, listed, percent
+from cubicfish_cli.fitting.diagnosis.handedness import local_noise_px, neighbours, seen_sides
+from cubicfish_cli.fitting.diagnosis.lens_faults import LensChange, left_out_lens, lens_change
+from cubicfish_cli.fitting.diagnosis.measured_object import measured_object, plane_in_squares
+from cubicfish_cli.fitting.diagnosis.object_faults import object_fault, similarity
+from cubicfish_cli.fitting.diagnosis.photo_lenses import (
+    BY_CHANCE,
+    PhotoLenses,
+    sheared_photos,
+    two_lenses,
+    zoomed_photos,
+)
+from cubicfish_cli.fitting.diagnosis.repeats import NEAR_SHARE, repeated_groups
+from cubicfish_cli.fitting.lenses import FixedLens
+from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.subset import select, select_photos
+from cubicfish_cli.model.radial import RadialCamera
+
+TARGET = wrong.corner_of_half_a_metre()
+LENS = RadialCamera(
+    image_size=synthetic.IMAGE_SIZE, fx=262.0, fy=262.6, cx=485.3, cy=352.8,
+    k=np.array([-0.021, -0.0042, 0.0011, -0.00012]),
+)  # fmt: skip
+POSES = synthetic.poses_around(TARGET, 8, seed=5)
+
+
+def as_poses(poses):
+    return Poses(
+        rotation=Rotation.from_rotvec([pose[0] for pose in poses]).as_matrix(),
+        translation=np.array([pose[1] for pose in poses]),
+    )
+
+
+@pytest.fixture(scope="module")
+def pairs():
+    return synthetic.synthetic_correspondences(TARGET, POSES, lens=LENS, noise=0.1, seed=6)
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return synthetic.synthetic_correspondences(TARGET, POSES, lens=LENS)
+
+
+def mirrored(pairs, which):
+    pixel = pairs.pixel.copy()
+    pixel[which, 0] = pairs.image_size[0] - 1 - pixel[which, 0]
+    return replace(pairs, pixel=pixel)
+
+
+# Findings in words
+
+
+def test_a_finding_is_one_line_and_plain_data():
+    finding = Finding(
+        cause="zoom", level="bad", what="what", evidence="why", do="do", images=("a", "b")
+    )
+    assert finding.line == "what (why); do"
+    assert finding.as_record() == {
+        "cause": "zoom", "level": "bad", "what": "what", "evidence": "why", "do": "do",
+        "images": ["a", "b"], "boards": [],
+    }  # fmt: skip
+
+
+def test_names_are_listed_up_to_six():
+    names = list("abcdefg")
+    assert listed(names[:1], "photos") == "a"
+    assert listed(names[:2], "photos") == "a and b"
+    assert listed(names[:6], "photos") == "a, b, c, d, e and f"
+    assert listed(names, "photos") == "a, b, c, d and 3 more photos"
+    assert percent(0.0123) == "+1.2 %"
+    assert percent(-0.05) == "-5 %"
+
+
+# Which way round
+
+
+def test_boards_are_seen_from_their_face_or_mirrored(exact):
+    sides = seen_sides(exact)
+    assert set(np.unique(sides)) <= {0, 1}
+    assert (sides == 1).sum() > 0.9 * sides.size
+    photo = exact.image == 3
+    against = seen_sides(mirrored(exact, photo))
+    np.testing.assert_array_equal(against[3], -sides[3])
+    np.testing.assert_array_equal(np.delete(against, 3, 0), np.delete(sides, 3, 0))
+    (some,) = diagnose._handed(mirrored(exact, photo))
+    assert (some.cause, some.level, some.images) == ("mirrored", "note", ("03.png",))
+    assert not diagnose._handed(exact)
+    # As many one way as the other: nobody knows which.
+    assert not diagnose._handed(mirrored(exact, exact.image < 4))
+
+
+def test_few_squares_and_lists_of_points_have_no_side(exact):
+    few, _ = select(exact, (exact.column < 2) & (exact.row < 2))
+    assert not seen_sides(few).any()
+    points = replace(exact, board=np.full(len(exact.board), -1), boards=())
+    assert not seen_sides(points).any()
+    assert local_noise_px(points, np.ones((len(points.pixel), 2))) == 0
+
+
+def test_neighbours_are_of_the_same_board_and_photo(exact):
+    right, down = neighbours(exact)
+    for other, step in ((right, (1, 0)), (down, (0, 1))):
+        found = other >= 0
+        assert found.mean() > 0.8
+        for name in ("image", "board"):
+            values = getattr(exact, name)
+            np.testing.assert_array_equal(values[other[found]], values[found])
+        np.testing.assert_array_equal(exact.column[other[found]] - exact.column[found], step[0])
+        np.testing.assert_array_equal(exact.row[other[found]] - exact.row[found], step[1])
+    assert (exact.column[right < 0] > 0).all()
+
+
+def test_local_noise_is_the_noise_and_not_what_goes_together(exact):
+    noise = np.random.default_rng(0).normal(0, 0.2, exact.pixel.shape)
+    smooth = 5 * np.stack([exact.pixel[:, 1] / 500, -exact.pixel[:, 0] / 500], axis=-1)
+    for residual in (noise, noise + smooth):
+        assert local_noise_px(exact, residual) == pytest.approx(0.2, rel=0.1)
+
+
+# Photos that say the same
+
+
+def test_copies_and_photos_from_one_place_are_told(exact):
+    rotation, translation = as_poses(POSES).rotation, as_poses(POSES).translation
+    rng = np.random.default_rng(0)
+    again = np.array([0, 1, 2, 1, 3, 0])
+    jitter = 1e-4 * rng.standard_normal((6, 3))
+    poses = Poses(
+        rotation=Rotation.from_rotvec(jitter).as_matrix() @ rotation[again],
+        translation=translation[again] * (1 + jitter),
+    )
+    group = repeated_groups(poses, exact, LENS.fx)
+    np.testing.assert_array_equal(group, [0, 1, 2, 1, 3, 0])
+    # Much farther apart they are not copies, but still at one place.
+    apart = Poses(
+        rotation=Rotation.from_rotvec(300 * jitter).as_matrix() @ rotation[[0] * 6],
+        translation=translation[[0] * 6] * (1 + 300 * jitter),
+    )
+    assert repeated_groups(apart, exact, LENS.fx).max() == 5
+    assert repeated_groups(apart, exact, LENS.fx, NEAR_SHARE).max() == 0
+    assert repeated_groups(as_poses(POSES), exact, LENS.fx, NEAR_SHARE).max() == 7
+
+
+# The drawing beside the object as measured
+
+
+def measured(target=TARGET, *, seed=None, noise=0.0):
+    """All corners of an object, in any frame and unit."""
+    rng = np.random.default_rng(seed)
+    turn = Rotation.random(rng=rng).as_matrix() if seed is not None else np.eye(3)
+    scale, shift = (1.0, 0.0) if seed is None else (np.exp(rng.normal()), rng.normal(0, 100, 3))
+    found = {}
+    for index, board in enumerate(target.boards):
+        row, column = (part.ravel() for part in np.indices((board.rows, board.columns)))
+        points = board.world_points(column, row)
+        points = points + rng.normal(0, noise, points.shape)
+        found[index] = scale * points @ turn.T + shift
+    return found
+
+
+def test_the_similarity_between_points_is_found_and_never_a_mirror():
+    rng = np.random.default_rng(1)
+    points = rng.normal(size=(20, 3))
+    turn = 2.5 * Rotation.random(rng=rng).as_matrix()
+    linear, shift = similarity(points, points @ turn.T + [1, 2, 3])
+    np.testing.assert_allclose(linear, turn, atol=1e-12)
+    np.testing.assert_allclose(shift, [1, 2, 3], atol=1e-12)
+    linear, _ = similarity(points, points * [1, 1, -1])
+    assert np.linalg.det(linear) > 0
+    linear, _ = similarity(points, 3 * points, scaled=False)
+    np.testing.assert_allclose(linear @ linear.T, np.eye(3), atol=1e-12)
+
+
+def test_a_right_drawing_has_no_fault():
+    assert object_fault(TARGET, measured(seed=1)) is None
+    # Nothing simple explains corners that are all a little off.
+    assert object_fault(TARGET, measured(seed=2, noise=0.5)) is None
+    # One board has nothing beside it to be compared with.
+    one = {0: measured(seed=3)[0]}
+    assert object_fault(wrong.with_board(TARGET, 0, square=40.0), one) is None
+
+
+@given(
+    seed=st.integers(0, 1000),
+    board=st.integers(0, 2),
+    ratio=st.floats(0.5, 2.0).filter(lambda ratio: abs(ratio - 1) > 0.005),
+)
+@settings(max_examples=5)
+def test_a_wrong_square_is_measured_in_any_frame(seed, board, ratio):
+    drawn = wrong.with_board(TARGET, board, square=36.0 * ratio)
+    fault = object_fault(drawn, measured(seed=seed, noise=0.01))
+    assert (fault.kind, fault.boards) == ("square", (board,))
+    assert fault.ratio == pytest.approx(1 / ratio, rel=1e-3)
+    assert fault.after < 0.1 * fault.before
+
+
+@pytest.mark.parametrize("ratio", [1.04, 25.4, 1 / 25.4])
+def test_all_squares_are_measured_by_the_distances_between_boards(ratio):
+    drawn = TARGET
+    for board in range(3):
+        drawn = wrong.with_board(drawn, board, square=36.0 * ratio)
+    fault = object_fault(drawn, measured(seed=4))
+    assert (fault.kind, fault.boards) == ("squares", (0, 1, 2))
+    assert fault.ratio == pytest.approx(1 / ratio, rel=1e-4)
+
+
+@given(seed=st.integers(0, 1000), board=st.integers(0, 2), length=st.floats(0.5, 20))
+@settings(max_examples=5)
+def test_a_wrong_place_is_measured_in_any_frame(seed, board, length):
+    rng = np.random.default_rng(seed)
+    drawn = wrong.shifted(wrong.turned(TARGET, board, 1.0, rng), board, length, rng)
+    fault = object_fault(drawn, measured(seed=seed, noise=0.01))
+    assert (fault.kind, fault.boards) == ("place", (board,))
+    assert fault.shift == pytest.approx(length, rel=0.05)
+    assert fault.turn_deg == pytest.approx(1.0, rel=0.05)
+
+
+def test_a_board_of_another_size_elsewhere():
+    drawn = wrong.shifted(TARGET, 1, 40.0, np.random.default_rng(0))
+    drawn = wrong.with_board(drawn, 1, square=40.0)
+    fault = object_fault(drawn, measured(seed=5))
+    assert (fault.kind, fault.boards) == ("square_and_place", (1,))
+    assert fault.ratio == pytest.approx(0.9, rel=1e-3)
+
+
+def test_axes_names_orders_and_mirrors():
+    flipped = wrong.with_board(TARGET, 2, y_axis=-TARGET.boards[2].y_axis)
+    fault = object_fault(flipped, measured(seed=6))
+    assert (fault.kind, fault.boards, fault.order) == ("order", (2,), "y_axis flipped")
+    through_glass = {index: points * [1, -1, 1] for index, points in measured(seed=7).items()}
+    assert object_fault(TARGET, through_glass).kind == "mirror"
+    equal = wrong.equal_corner()
+    found = measured(equal, seed=8)
+    found[0], found[1] = found[1], found[0]
+    fault = object_fault(equal, found)
+    assert (fault.kind, fault.boards) == ("names", (0, 1))
+    np.testing.assert_allclose(
+        fault.points[0], measured(equal)[1], atol=1e-9, err_msg="where the corners really are"
+    )
+    found = measured(equal, seed=9)
+    found = {i: one.reshape(7, 7, 3).transpose(1, 0, 2).reshape(-1, 3) for i, one in found.items()}
+    fault = object_fault(equal, found)
+    assert (fault.kind, fault.boards, fault.order) == ("order", (0, 1, 2), "exchanged")
+
+
+def test_the_object_is_measured_from_photos_without_its_drawing(pairs):
+    drawn = wrong.shifted(TARGET, 1, 90.0, np.random.default_rng(0))
+    drawn = wrong.with_board(drawn, 2, square=1.4)
+    scaled = replace(synthetic.pair(pairs, drawn), world=np.zeros_like(pairs.world))
+    found = measured_object(scaled, drawn)
+    assert sorted(found.boards) == [0, 1, 2]
+    seen, truth = [], []
+    for index, board in found.boards.items():
+        row, column = (part.ravel() for part in np.indices((TARGET.boards[index].rows, 5)))
+        seen.append(board.points(plane_in_squares(drawn.boards[index], column, row)))
+        truth.append(TARGET.boards[index].world_points(column, row))
+    linear, shift = similarity(np.concatenate(seen), np.concatenate(truth))
+    miss = np.concatenate(seen) @ linear.T + shift - np.concatenate(truth)
+    assert np.abs(miss).max() < 0.5  # mm, of an object of half a metre
+
+
+# One lens for all photos
+
+
+def own_lenses(rng, count=14, wild=1.0):
+    """Photos through one lens: what each has of its own is noise, ``wild`` times as large."""
+    root = rng.normal(size=(count, 5, 5)) * [3, 1, 1, 2, 2]
+    information = root @ root.transpose(0, 2, 1) + np.eye(5)
+    own = np.linalg.solve(np.linalg.cholesky(information).transpose(0, 2, 1),
+                          rng.normal(size=(count, 5, 1)))[:, :, 0]  # fmt: skip
+    numbers = np.full(count, 200.0)
+    return PhotoLenses(
+        photos=np.arange(count), own=wild * own, information=information,
+        squares=rng.chisquare(numbers), numbers=numbers, reach=480.0,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("wild", [1.0, 30.0])
+def test_photos_through_one_lens_are_not_split(wild):
+    """Also where photos differ by much more than their noise, as when boards bend."""
+    rng = np.random.default_rng(11)
+    chance = []
+    for _ in range(30):
+        photos = own_lenses(rng, int(rng.integers(5, 20)), wild)
+        chance.append(two_lenses(photos).chance)
+        if wild == 1:
+            singles = [one.chance for one in sheared_photos(photos) + zoomed_photos(photos)]
+            assert min(singles) > BY_CHANCE
+    # No more often than it says.
+    assert np.mean(np.array(chance) < 0.1) <= 0.2
+    assert min(chance) > 1e-4
+
+
+@pytest.mark.parametrize("kind", ["order", "mixed"])
+def test_two_lenses_are_told_apart_with_their_photos(kind):
+    rng = np.random.default_rng(12)
+    photos = own_lenses(rng)
+    second = np.arange(14) >= 9 if kind == "order" else np.isin(np.arange(14), [1, 4, 5, 11])
+    own = photos.own.copy()
+    own[second, :3] += [24.0, 6.0, -6.0]
+    split = two_lenses(replace(photos, own=own))
+    assert split.kind == kind
+    np.testing.assert_array_equal(split.second, second)
+    assert split.chance < BY_CHANCE
+    np.testing.assert_allclose(split.own[1] - split.own[0], [24, 6, -6], atol=3)
+
+
+def test_too_few_photos_are_never_split():
+    photos = own_lenses(np.random.default_rng(0), 4)
+    assert two_lenses(photos) is None
+    assert sheared_photos(photos) == zoomed_photos(photos) == []
+
+
+def test_what_a_photo_has_of_its_own_is_measured_beside_its_pose(pairs):
+    middle = (np.array(pairs.image_size) - 1) / 2
+    pixel = pairs.pixel.copy()
+    scaled, sheared = pairs.image == 2, pairs.image == 5
+    pixel[scaled] = middle + 1.01 * (pixel[scaled] - middle)
+    pixel[sheared, 0] += 0.008 * (pixel[sheared, 1] - middle[1])
+    found = photo_lenses.photo_lenses(
+        FixedLens(camera=LENS), as_poses(POSES), replace(pairs, pixel=pixel), pairs.world
+    )
+    np.testing.assert_array_equal(found.photos, np.arange(8))
+    assert found.own[2, 0] == pytest.approx(0.01 * found.reach, rel=0.15)
+    assert found.own[5, 3] == pytest.approx(0.008 * found.reach, rel=0.15)
+    zoomed = [one.photo for one in zoomed_photos(found) if one.chance < BY_CHANCE]
+    leaning = [one.photo for one in sheared_photos(found) if one.chance < BY_CHANCE]
+    assert (zoomed, leaning) == ([2], [5])
+    # The cost of being elsewhere is that of the least squares themselves.
+    assert found.cost(found.own) == pytest.approx(found.squares)
+    assert (found.cost(np.zeros(5)) > found.squares).all()
+    few = select(pairs, (pairs.image != 1) | (np.cumsum(pairs.image == 1) <= 10))[0]
+    found = photo_lenses.photo_lenses(FixedLens(camera=LENS), as_poses(POSES), few, few.world)
+    assert 1 not in found.photos
+
+
+CENTRE = np.array([500.0, 350.0])
+
+
+@pytest.mark.parametrize(
+    ("ratio", "shift", "cause", "words"),
+    [
+        (1.05, (0.5, 0.2), "zoom", "focal length is +5 %"),
+        (1.0, (9.0, -4.0), "shifted", "centre is off by (+9.0, -4.0) px"),
+        (0.5, -0.5 * (CENTRE + 0.5), "scaled", "scaled by 0.5"),
+        (1.0005, np.array([960, 720]) - 1 - 2 * CENTRE, "turned", "turned by 180°"),
+        (1.1, (40.0, -30.0), "two_lenses", "two cameras"),
+    ],
+)
+def test_how_a_lens_differs_is_named(exact, ratio, shift, cause, words):
+    change = LensChange(ratio=ratio, shift=np.array(shift, float), centre=CENTRE)
+    told = [
+        lens_change(change, ["a.png", "b.png"], exact, in_order=in_order, evidence="")
+        for in_order in (True, False)
+    ]
+    assert [one.cause for one in told] == [cause] * 2
+    assert all(words in one.what for one in told)
+    assert "from a.png on" in told[0].what
+    assert "in a.png and b.png" in told[1].what
+
+
+def test_photos_that_were_left_out_show_their_own_lens(pairs):
+    zoomed = replace(LENS, fx=1.3 * LENS.fx, fy=1.3 * LENS.fy)
+    others = synthetic.synthetic_correspondences(TARGET, POSES, lens=zoomed, noise=0.1, seed=7)
+    names = [f"{number}.png" for number in range(8)]
+    found = left_out_lens(LENS, replace(others, images=tuple(names)), 0.1, order=["x", *names])
+    assert (found.cause, found.images) == ("zoom", tuple(names))
+    assert "+30 % from 0.png on" in found.what
+    assert left_out_lens(LENS, pairs, 0.1, order=["x", *pairs.images]) is None
+
+
+# One photo that does not fit
+
+
+def one_photo(changed=lambda corners: {}):
+    """Pairs of one photo with some columns of its corners changed."""
+    corners = synthetic.synthetic_corners(TARGET, POSES[:1], lens=LENS, noise=0.1, seed=8)
+    corners = replace(corners, **changed(corners))
+    sizes = np.array([(board.columns, board.rows) for board in TARGET.boards])[corners.board]
+    named = np.stack([corners.column, corners.row], axis=-1)
+    return synthetic.pair(wrong.only(corners, ((named >= 0) & (named < sizes)).all(1)), TARGET)
+
+
+@pytest.mark.parametrize(
+    ("changed", "cause", "words"),
+    [
+        (
+            lambda c: {"column": c.column + (c.board == 0)},
+            "corner_names",
+            "board floor are named wrongly: 1 column too far",
+        ),
+        (
+            lambda c: {"row": c.row - 2 * (c.board == 1)},
+            "corner_names",
+            "board wall are named wrongly: 2 rows too near",
+        ),
+        (
+            lambda c: {"column": np.where(c.board == 2, 6 - c.column, c.column)},
+            "corner_names",
+            "board side are named wrongly: columns counted backwards",
+        ),
+        (
+            lambda c: {"column": c.column + 1, "row": c.row + 1},
+            "corner_names",
+            "all boards are named 1 column too far and 1 row too far",
+        ),
+        (
+            lambda c: {"pixel": c.pixel + (c.board[:, None] == 1) * [6, -5]},
+            "board_place",
+            "board wall is not where it is in the other photos",
+        ),
+    ],
+)
+def test_the_board_that_spoils_a_photo_is_named(changed, cause, words):
+    found = board_fault(LENS, one_photo(changed), TARGET, 1.0, 0.1)
+    assert found.cause == cause
+    assert words in found.what
+    assert found.images == ("00.png",)
+
+
+def test_corners_under_another_boards_name():
+    pairs = one_photo()
+    pairs, _ = select(pairs, pairs.board != 1)
+    board = np.where(pairs.board == 2, 1, pairs.board)
+    world = TARGET.world_points(board, pairs.column, pairs.row)
+    found = board_fault(LENS, replace(pairs, board=board, world=world), TARGET, 1.0, 0.1)
+    assert (found.cause, found.boards) == ("corner_names", ("wall",))
+    assert "they are of board side" in found.what
+
+
+def test_nothing_is_said_of_a_photo_that_no_board_explains():
+    pairs = one_photo()
+    pixel = pairs.pixel + np.random.default_rng(0).normal(0, 5, pairs.pixel.shape)
+    assert board_fault(LENS, replace(pairs, pixel=pixel), TARGET, 1.0, 0.1) is None
+
+
+# Where there is no fit
+
+
+def test_an_error_keeps_its_figures_and_gains_its_cause(pairs):
+    error = FitError("the corners do not fit (typical error 9 px): check everything")
+    known = Finding(cause="mirrored", level="bad", what="mirrored", evidence="so", do="do not")
+    said = str(diagnose.explained(error, pairs, TARGET, [known]))
+    assert said == "the corners do not fit (typical error 9 px): mirrored (so); do not"
+    half = mirrored(pairs, pairs.image < 3)
+    assert "00.png, 01.png and 02.png: mirrored" in str(diagnose.explained(error, half, TARGET))
+    # What fits is not explained away: a right set-up that failed for another reason.
+    assert diagnose.explained(error, pairs, TARGET, fits=True) is error
+    assert diagnose.explained(error, select_photos(pairs, np.arange(4)), TARGET) is error
+    assert diagnose.explained(error, select_photos(pairs, np.array([0])), TARGET) is error
+
+
+def test_photos_that_only_say_too_little_are_not_taken_apart(pairs, monkeypatch):
+    """One board, always square to the camera: nothing is wrong with the drawing or the lens."""
+    flat = synthetic.flat_board()
+    rng = np.random.default_rng(0)
+    poses = [
+        (np.array([0, 0, turn]), np.array([*rng.normal(0, 30, 2), rng.uniform(300, 500)]))
+        for turn in rng.uniform(-3, 3, 8)
+    ]
+    facing = synthetic.synthetic_correspondences(flat, poses, lens=LENS, noise=0.1)
+    monkeypatch.setattr(diagnose, "_failed_lens", lambda pairs: pytest.fail("must not be tried"))
+    with pytest.raises(FitError, match=r"do not determine the lens.*: add photos in which"):
+        calibrate(facing, target=flat, hold_out=False)
