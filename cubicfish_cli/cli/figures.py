@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli.terminal import print_table, result, tell
+from cubicfish_cli.cli.table import Column, Row, print_columns
+from cubicfish_cli.cli.terminal import result, tell
 
 if TYPE_CHECKING:
     from cubicfish_cli.fitting.verdict import Verdict
@@ -48,16 +49,25 @@ def print_verdict(judged: Verdict) -> None:
 def print_models(records: Sequence[Mapping[str, Any]]) -> None:
     """Print one row a lens model: how large it is, how well it does, how far it reaches."""
     result("Lens models: the same corners, loss and folds, the target as drawn")
-    print_table(
-        ("model", "parameters", "rms px", "held-out px", "usable to °", "seconds"),
+    print_columns(
         [
-            (
-                str(record["model"]),
-                str(record["parameters"]),
-                px(record["rms_px"]),
-                px(record["held_out_rms_px"]),
-                _degrees(record["largest_angle_deg"]),
-                f"{record['seconds']:.2f}",
+            Column(title="model"),
+            Column(title="parameters", drop=2),
+            Column(title="rms px"),
+            Column(title="held-out px"),
+            Column(title="usable to °", drop=1),
+            Column(title="seconds", drop=3),
+        ],
+        [
+            Row(
+                cells=(
+                    str(record["model"]),
+                    str(record["parameters"]),
+                    px(record["rms_px"]),
+                    px(record["held_out_rms_px"]),
+                    _degrees(record["largest_angle_deg"]),
+                    f"{record['seconds']:.2f}",
+                )
             )
             for record in records
         ],

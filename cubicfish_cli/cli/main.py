@@ -16,6 +16,7 @@ import click
 from cubicfish_cli import __version__
 from cubicfish_cli.cli.ending import EXIT_INTERRUPTED, EXIT_SIGNAL, Terminated
 from cubicfish_cli.cli.options import DEBUG_KEY, common_options, examples
+from cubicfish_cli.cli.terminal import Failure, say_interrupted
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.wording import did_you_mean
 
@@ -77,11 +78,11 @@ class LazyGroup(click.Group):
         except CubicfishError as error:
             if ctx.meta.get(DEBUG_KEY):
                 raise
-            raise click.ClickException(str(error)) from error
+            raise Failure(str(error)) from error
         except Terminated as request:
             ctx.exit(EXIT_SIGNAL + request.number)
         except KeyboardInterrupt:
-            click.echo("Interrupted.", err=True)
+            say_interrupted()
             ctx.exit(EXIT_INTERRUPTED)
         except BrokenPipeError:
             # The reader has gone. Python flushes stdout once more on exit: give it a place to go.
@@ -90,7 +91,7 @@ class LazyGroup(click.Group):
         except MemoryError as error:
             if ctx.meta.get(DEBUG_KEY):
                 raise
-            raise click.ClickException(
+            raise Failure(
                 "not enough memory: use smaller photos or views, or fewer --jobs"
             ) from error
         except OSError as error:
@@ -98,7 +99,7 @@ class LazyGroup(click.Group):
                 raise
             what = error.strerror or str(error)
             where = f"{error.filename}: " if error.filename else ""
-            raise click.ClickException(f"{where}{what}") from error
+            raise Failure(f"{where}{what}") from error
         return result
 
 

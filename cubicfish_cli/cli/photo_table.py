@@ -137,6 +137,8 @@ def print_photo_table(
     """
     room = columns_of(sys.stdout)
     chosen = list(rows)
+    if room is not None:
+        result()  # apart from what was said before it
     if room is not None and len(rows) > _MOST_ROWS and verbosity() <= 0:
         chosen = _few(rows)
         result(f"The worst and the odd ones of {len(rows):,} photos:\n")

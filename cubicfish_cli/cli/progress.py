@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from cubicfish_cli.cli.characters import ERRORS
 from cubicfish_cli.cli.options import verbosity
+from cubicfish_cli.cli.streams import can_redraw
 
 if TYPE_CHECKING:
     from cubicfish_cli.cli.progress_line import ProgressLine
@@ -45,7 +46,7 @@ def working(label: str) -> Iterator[None]:
 
 @contextmanager
 def _line(label: str) -> Iterator[ProgressLine | None]:
-    if not sys.stderr.isatty() or verbosity() < 0 or _cannot_redraw():
+    if not can_redraw(sys.stderr) or verbosity() < 0:
         yield None
         return
     from cubicfish_cli.cli.progress_line import ProgressLine
@@ -63,7 +64,3 @@ def _line(label: str) -> Iterator[ProgressLine | None]:
             timer.cancel()
             timer.join()
             line.close()
-
-
-def _cannot_redraw() -> bool:
-    return os.environ.get("TERM", "").lower() in ("dumb", "unknown", "")

@@ -12,10 +12,13 @@ from rich.text import Text
 from cubicfish_cli.cli.characters import as_shown, cells, cut_middle, safe
 
 _BAR = (8, 30)
-_TAIL = 24  # cells of counts and times
+_NARROW = 50  # fewer columns have no room for a bar
+_TAIL = (16, 22)  # cells of counts and times, on a narrow terminal and on others
+# Blanks and the spinner; and the ^C that a terminal echoes must not begin a second line.
+_GAPS = 5 + 3
 # The time left is not guessed before so much of it has been measured.
 _FIRST_GUESS_SECONDS = 2.0
-_FIRST_GUESS_SHARE = 0.02
+_FIRST_GUESS_SHARE = 0.05
 
 
 class ProgressLine:
@@ -30,20 +33,22 @@ class ProgressLine:
     def __init__(self, label: str, stream: TextIO) -> None:
         console = Console(file=stream, highlight=False, markup=False, emoji=False)
         self._stream = stream
-        self._columns = console.width
         self._started = time.monotonic()
-        bar = max(_BAR[0], min(_BAR[1], self._columns // 4))
+        columns = console.width
+        bar = 0 if columns < _NARROW else max(_BAR[0], min(_BAR[1], columns // 6))
+        tail = _TAIL[bar > 0]
+        bars = [BarColumn(bar_width=bar, complete_style="cyan", finished_style="cyan")]
         self._progress = Progress(
             SpinnerColumn("line" if console.options.ascii_only else "dots", style="cyan"),
             TextColumn("{task.description}", markup=False),
-            BarColumn(bar_width=bar, complete_style="cyan", finished_style="cyan"),
-            _Tail(self._started),
+            *(bars if bar else []),
+            _Tail(self._started, tail),
             console=console,
             transient=True,
             redirect_stdout=False,
         )
-        self._room = max(8, self._columns - bar - _TAIL)
-        self._label = label
+        self._room = max(8, columns - bar - tail - _GAPS)
+        self._widest = 0
         self._task = self._progress.add_task(self._cut(label), total=None, counts="")
         self._shown = False
 
@@ -60,7 +65,7 @@ class ProgressLine:
 
     def stage(self, words: str, share: float) -> None:
         """What is done now, and the share of everything that was done before it."""
-        self._update(share, f"{100 * share:.0f} %", self._cut(f"{self._label}: {words}"))
+        self._update(share, f"{100 * share:.0f} %", self._cut(words[:1].upper() + words[1:]))
 
     def close(self) -> None:
         """Wipe it away."""
@@ -83,7 +88,9 @@ class ProgressLine:
 
     def _cut(self, label: str) -> str:
         shown = as_shown(safe(label), self._stream)
-        return cut_middle(shown, self._room, as_shown("…", self._stream))
+        shown = cut_middle(shown, self._room, as_shown("…", self._stream))
+        self._widest = max(self._widest, cells(shown))
+        return shown + " " * (self._widest - cells(shown))
 
 
 class _Tail(ProgressColumn):
@@ -91,18 +98,20 @@ class _Tail(ProgressColumn):
 
     max_refresh = None
 
-    def __init__(self, started: float) -> None:
+    def __init__(self, started: float, width: int) -> None:
         super().__init__()
         self._started = started
+        self._width = width
 
     def render(self, task: Task) -> Text:
         ends, now = task.fields.get("ends"), time.monotonic()
-        if ends is None:
-            clock = _clock(now - self._started)
+        # A guess that has run out was wrong: then the time gone by is what is known.
+        if ends is not None and ends > now:
+            clock = f"{_clock(ends - now)} left"
         else:
-            clock = f"{_clock(max(0.0, ends - now))} left"
+            clock = _clock(now - self._started)
         words = f"{task.fields['counts']}  {clock}".strip()
-        return Text(words + " " * max(0, _TAIL - 4 - cells(words)), no_wrap=True)
+        return Text(words + " " * max(0, self._width - cells(words)), no_wrap=True)
 
 
 def _clock(seconds: float) -> str:

@@ -38,13 +38,18 @@ def columns_of(stream: TextIO) -> int | None:
     return max(columns, _FEWEST_COLUMNS) if columns > 0 else shutil.get_terminal_size().columns
 
 
+def can_redraw(stream: TextIO) -> bool:
+    """Whether a stream is a terminal that can wipe a line and write it anew."""
+    return stream.isatty() and os.environ.get("TERM", "").lower() not in ("dumb", "unknown", "")
+
+
 def has_colour(stream: TextIO) -> bool:
     """Whether words may be painted."""
     if os.environ.get("NO_COLOR"):
         return False
     if os.environ.get("FORCE_COLOR"):
         return True
-    return stream.isatty() and os.environ.get("TERM", "").lower() not in ("dumb", "unknown")
+    return can_redraw(stream)
 
 
 def painted(text: str, style: Style | None, stream: TextIO) -> str:
@@ -60,25 +65,34 @@ def echo(text: str, stream: TextIO) -> None:
 
 
 def wrapped(line: str, columns: int) -> str:
-    """A line broken at blanks, further lines below its last column of words.
+    """A line broken at blanks, its further lines indented.
 
-    What is longer than a line, such as a path, stays whole.
+    Where words stand in columns, two or more blanks apart, further lines begin below the last of
+    them, or all of that stands below the others where it would be too narrow. What is longer than
+    a line, such as a path, stays whole.
     """
     if cells(line) <= columns:
         return line
-    words = re.findall(r" *[^ ]+", line)
     indent = len(line) - len(line.lstrip(" "))
-    hang = indent + 2
     gaps = [match.end() for match in re.finditer(r"(?<=[^ ]) {2,}", line)]
-    if gaps and cells(line[: gaps[-1]]) <= columns // 2:
-        hang = cells(line[: gaps[-1]])
-    lines, row, used = [], words[0], cells(words[0])
-    for word in words[1:]:
-        if used + cells(word) > columns:
+    head, rest = (line[: gaps[-1]], line[gaps[-1] :]) if gaps else ("", line)
+    if gaps and cells(head) <= columns // 2:
+        return _filled(head, rest, cells(head), columns)
+    if gaps and cells(head.rstrip(" ")) <= columns:
+        below = _filled(" " * (indent + 4), rest, indent + 4, columns)
+        return f"{head.rstrip(' ')}\n{below}"
+    return _filled("", line, indent + 2, columns)
+
+
+def _filled(row: str, text: str, hang: int, columns: int) -> str:
+    """Words after the beginning of a row, and in rows below it."""
+    # A number stays with its unit.
+    first, *words = re.findall(r" *[^ ]+(?: (?:%|px)(?=[ ,;:.)]|$))?", text) or [""]
+    lines, row = [], row + first
+    for word in words:
+        if cells(row) + cells(word) > columns and hang + cells(word.lstrip(" ")) <= columns:
             lines.append(row)
             row = " " * hang + word.lstrip(" ")
-            used = cells(row)
         else:
             row += word
-            used += cells(word)
     return "\n".join([*lines, row])

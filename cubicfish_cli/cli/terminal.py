@@ -18,16 +18,18 @@ import click
 from cubicfish_cli.cli.characters import as_shown, safe
 from cubicfish_cli.cli.options import verbosity
 from cubicfish_cli.cli.progress import progress, stages, working
-from cubicfish_cli.cli.streams import Style, columns_of, echo, painted, wrapped
+from cubicfish_cli.cli.streams import Style, can_redraw, columns_of, echo, painted, wrapped
 from cubicfish_cli.cli.table import print_table
 
 __all__ = [
+    "Failure",
     "detail",
     "print_json",
     "print_table",
     "progress",
     "result",
     "say",
+    "say_interrupted",
     "stages",
     "tell",
     "working",
@@ -68,6 +70,21 @@ def detail(text: str) -> None:
 def tell(text: str) -> None:
     """Tell the user on stderr what also ``--quiet`` does not keep back."""
     _print(text, sys.stderr, _talk_mark(text))
+
+
+def say_interrupted() -> None:
+    """Answer Ctrl-C, in the place of the ^C that a terminal shows for it."""
+    if can_redraw(sys.stderr):
+        click.echo("\r\x1b[2K", file=sys.stderr, nl=False, color=True)
+    click.echo("Interrupted.", err=True)
+
+
+class Failure(click.ClickException):
+    """The work could not be done: one line, and exit code 1."""
+
+    def show(self, file: Any = None) -> None:
+        """Print it, as all that is said."""
+        tell(f"Error: {self.format_message()}")
 
 
 def print_json(value: Mapping[str, Any]) -> None:
