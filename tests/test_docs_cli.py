@@ -25,14 +25,19 @@ def name(value: object) -> str:
     return " ".join(value) if isinstance(value, tuple) else "command"
 
 
-@pytest.fixture(scope="module")
-def made() -> ModuleType:
+def load() -> ModuleType:
+    """The script that makes the page."""
     spec = importlib.util.spec_from_file_location("docs_cli", ROOT / "docs" / "cli.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="module")
+def made() -> ModuleType:
+    return load()
 
 
 def sections(text: str) -> dict[str, str]:
@@ -52,7 +57,7 @@ def test_the_page_depends_on_nothing_here(
     monkeypatch.setenv("LANG", "de_DE.UTF-8")
     monkeypatch.setenv("CUBICFISH_MODEL", "other.yaml")
     monkeypatch.setattr(os, "cpu_count", lambda: 77)
-    assert made.page() == before
+    assert load().page() == before
 
 
 @pytest.mark.parametrize(("words", "command"), TREE[1:], ids=name)
@@ -93,7 +98,7 @@ def test_the_page_has_every_variable_that_is_read(made: ModuleType) -> None:
     read = set(re.findall(r"environ(?:\.get\(|\.setdefault\(|\[)\s*\"(\w+)\"", sources))
     read |= set(re.findall(r"\"(\w+)\" in os\.environ", sources))
     assert {"CUBICFISH_CACHE", "SOURCE_DATE_EPOCH"} <= read
-    told = sections(made.PAGE.read_text(encoding="utf-8"))["Environment"]
+    told = sections(made.page())["Environment"]
     assert {variable for variable in read if f"`{variable}`" not in told} == set()
 
 
