@@ -9,6 +9,7 @@ import pytest
 from lenses import cubic_camera, radial_camera
 
 from cubicfish_cli.errors import CameraFileError
+from cubicfish_cli.fitting.conversion import thin_prism
 from cubicfish_cli.fitting.conversion.from_lens import from_lens
 from cubicfish_cli.fitting.conversion.models import MODELS as LENSES
 from cubicfish_cli.fitting.conversion.to_lens import to_lens
@@ -98,6 +99,20 @@ def test_a_lens_with_prisms_is_found_again():
     errors = {name: to_lens(imported.camera, name).error for name in ("kannala_brandt", model)}
     assert errors["kannala_brandt"].rms_px > 0.2
     assert errors[model].max_px < imported.error.max_px + 0.01
+
+
+@pytest.mark.parametrize("of_bent", [False, True])
+def test_derivatives_are_those_of_the_projection(of_bent):
+    rng = np.random.default_rng(3)
+    uv = rng.uniform(-1, 1, (20, 2))
+    values = rng.uniform(-0.1, 0.1, 12)
+
+    def bent(values):
+        return thin_prism._bent(uv, values[:6], values[6:], of_bent=of_bent)
+
+    steps = 1e-6 * np.eye(12)
+    numeric = [(bent(values + step)[0] - bent(values - step)[0]) / 2e-6 for step in steps]
+    np.testing.assert_allclose(bent(values)[1], np.stack(numeric, -1), atol=1e-8)
 
 
 @pytest.mark.parametrize("model", ["thin_prism_fisheye", "rad_tan_thin_prism_fisheye"])

@@ -165,8 +165,7 @@ def _write_map(path: Path, camera: Any, *, overwrite: bool, as_json: bool) -> No
 def _covered_deg(fit: Mapping[str, Any]) -> float | None:
     """How far corners reached, where the camera's file says so."""
     value = fit.get("covered_deg")
-    known = isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < 180
-    return float(value) if known and value is not None else None
+    return float(value) if isinstance(value, int | float) else None
 
 
 def _figures(figures: Mapping[str, float]) -> str:
