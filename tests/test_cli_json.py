@@ -14,6 +14,7 @@ from command_tree import commands
 from conftest import SAMPLE, Run
 
 from cubicfish_cli.cli.options import JsonOption
+from cubicfish_cli.cli.terminal import print_json
 from cubicfish_cli.fitting.baselines import compare as baselines
 from cubicfish_cli.formats.camera_yaml import load_camera
 
@@ -74,6 +75,30 @@ def test_every_command_has_it_or_prints_a_table() -> None:
         assert option.help is not None
         assert option.help.endswith(f" Its keys: {', '.join(KEYS[name])}.")
         assert all(meaning and not meaning.endswith(".") for meaning in KEYS[name].values())
+
+
+def test_what_is_not_finite_is_null_and_what_is_not_plain_is_made_so(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    values = np.array([[1.5, np.nan], [np.inf, -0.5]])
+    print_json(
+        {
+            "table": values,
+            "one": values[0, 1],
+            "whole": np.int64(3),
+            "true": np.bool_(True),
+            "deep": ({"x": [float("-inf"), Path("größe.png")]},),
+        }
+    )
+    said = capsys.readouterr().out
+    assert json.loads(said) == {
+        "table": [[1.5, None], [None, -0.5]],
+        "one": None,
+        "whole": 3,
+        "true": True,
+        "deep": [{"x": [None, "größe.png"]}],
+    }
+    assert said.count("\n") == 1
 
 
 @pytest.mark.usefixtures("quick_fit")
