@@ -286,14 +286,18 @@ def test_export_and_import(run: Run, model: Path, tmp_path: Path) -> None:
     assert back["image_size"] == list(size)
 
 
-def test_simulate(run: Run, tmp_path: Path) -> None:
+def test_simulate(run: Run, calibrated: Path, tmp_path: Path) -> None:
+    seen = load_camera(calibrated / "camera.yaml").fit["per_image"][0]["camera_from_world"]
+    numbers = ",".join(map(repr, (*seen["rotation_vector"], *seen["translation"])))
+    poses = tmp_path / "poses.csv"
+    poses.write_text(f"image,rx,ry,rz,tx,ty,tz\na.jpg,{numbers}\n")
     model = tmp_path / "small.yaml"
     values = yaml.safe_load((SAMPLE / "true_camera.yaml").read_text())
     values.update(image_size=[480, 360], fx=131, fy=131, cx=242, cy=176)
     model.write_text(yaml.safe_dump(values))
-    (one,) = records(
-        run, ("simulate", "-t", TARGET, "-m", model, "-n", 1, "-o", tmp_path / "simulated")
-    )
+    line = ("simulate", "-t", TARGET, "-m", model, "--poses", poses, "-o", tmp_path / "simulated")
+    (one,) = records(run, line)
+    assert one["corners"] > 50
     files = [*one["photos"], one["true_corners"], one["true_poses"], one["true_camera"]]
     assert set(files) == {str(path) for path in (tmp_path / "simulated").iterdir()}
 

@@ -71,7 +71,7 @@ def scheduler_options(function: Decorated) -> Decorated:
         click.option(
             "--wait",
             "wait_s",
-            type=click.FloatRange(min=0, max=1e6),
+            type=click.FloatRange(min=0, max=1_000_000),
             metavar="SECONDS",
             help="How long to wait while the scheduler has no worker. [default: 60]",
         ),

@@ -231,7 +231,7 @@ def view_options(function: Decorated) -> Decorated:
         ),
         click.option(
             "--focal",
-            type=click.FloatRange(0, 1e6, min_open=True),
+            type=click.FloatRange(0, 1_000_000, min_open=True),
             metavar="PX",
             help="Focal length: pixels a radian in the middle.",
         ),
