@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from cubicfish_cli.cli.options import verbosity
@@ -28,8 +28,9 @@ _MOST_ROWS = 30
 _FEW_LOST, _FEW_ROWS = 6, 14
 _RANK: Mapping[Level, int] = {"bad": 0, "care": 1, "good": 2}
 _STYLE: Mapping[Level, Style] = {"bad": "bad", "care": "care", "good": "good"}
-# Below so many columns a word of judgement is cut shorter.
-_NARROW = 60
+# Below so many columns words of judgement are said, and cut, shorter.
+_ROOMY, _NARROW = 100, 60
+_LONG, _SHORT = " times the others' error: look at it", "× the others"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,6 +143,8 @@ def print_photo_table(
     if room is not None and len(rows) > _MOST_ROWS and verbosity() <= 0:
         chosen = _few(rows)
         result(f"The worst and the odd ones of {len(rows):,} photos:\n")
+    if room is not None and room < _ROOMY:
+        chosen = [replace(row, words=row.words.replace(_LONG, _SHORT)) for row in chosen]
     with_errors = any(row.rms_px is not None for row in rows)
     some_dropped = any(row.dropped for row in rows)
     for each in (True, False):
@@ -173,7 +176,7 @@ def _columns(
     narrow = room is not None and room < _NARROW
     columns = [Column(title="photo", least=12 if narrow else 16, most=40)]
     columns.append(Column(title="corners", drop=3 if with_errors else 0))
-    columns += [Column(title=board, least=4, most=10, drop=5) for board in boards]
+    columns += [Column(title=board, least=8, most=10, drop=5) for board in boards]
     if counted:
         columns.append(Column(title="boards", drop=5))
     if some_dropped:
@@ -185,7 +188,7 @@ def _columns(
             Column(title="95 %", drop=7),
             Column(title="largest", drop=2),
         ]
-    columns.append(Column(title="verdict", least=14 if narrow else 25, most=60, cut="end"))
+    columns.append(Column(title="verdict", least=14 if narrow else 20, most=60, cut="end"))
     return columns
 
 
@@ -242,8 +245,8 @@ def _rest(rows: Sequence[PhotoRow], chosen: Sequence[PhotoRow]) -> str:
     """What the photos that are not shown are like."""
     from cubicfish_cli.cli.figures import px
 
-    shown = {id(row) for row in chosen}
-    rest = [row for row in rows if id(row) not in shown]
+    shown = {row.name for row in chosen}
+    rest = [row for row in rows if row.name not in shown]
     lost = sum(row.corners is None for row in rest)
     odd = sum(row.level != "good" for row in rest) - lost
     good = len(rest) - lost - odd

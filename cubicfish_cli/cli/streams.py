@@ -17,7 +17,7 @@ Style = Literal["good", "care", "bad", "strong", "faint"]
 _STYLES: Mapping[Style, Mapping[str, Any]] = {
     "good": {"fg": "green"},
     "care": {"fg": "yellow"},
-    "bad": {"fg": "red", "bold": True},
+    "bad": {"fg": "red"},
     "strong": {"bold": True},
     "faint": {"dim": True},
 }

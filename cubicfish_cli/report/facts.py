@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.advice.summary import summary
 from cubicfish_cli.correspondences import MAX_COORDINATE, Correspondences
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.statistics import rms_px
@@ -105,6 +106,8 @@ class Facts:
         files: where each photo is, as far as that is known.
         digests: SHA-256 that a photo's file must have to be shown, where that is known.
         absent: what the page lacks and why, a line each.
+        advice: what to photograph next, in a line; None where the corners are not at hand or the
+            camera has no rays.
 
     """
 
@@ -120,6 +123,7 @@ class Facts:
     files: Mapping[str, Path]
     digests: Mapping[str, str]
     absent: tuple[str, ...]
+    advice: str | None
 
     def number(self, key: str) -> float | None:
         """A finite number of the fit's record; None where there is none."""
@@ -189,6 +193,9 @@ def gather(
         files=files,
         digests=digests or {},
         absent=tuple(lines),
+        advice=summary(camera, fit, errors.pairs)
+        if errors is not None and isinstance(camera, CubicCamera)
+        else None,
     )
 
 
