@@ -16,6 +16,7 @@ from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.printing import extra
+from cubicfish_cli.printing.canvas import Canvas, write_pdf
 from cubicfish_cli.printing.layout import lay_out
 from cubicfish_cli.printing.objects import Wanted, design
 from cubicfish_cli.printing.paper import paper
@@ -362,6 +363,14 @@ def test_boards_much_smaller_than_the_paper_print(run: Run, tmp_path: Path) -> N
     run("target", "print", "--object", "corner", "--corners", "9x6", "--square", "10mm",
         "--paper", "A5", "-o", tmp_path)  # fmt: skip
     assert (tmp_path / "boards.pdf").read_bytes().startswith(b"%PDF")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="stands for a full disk")
+def test_a_full_disk_is_said_to_be_one() -> None:
+    canvas = Canvas(100, 100)
+    canvas.lines(np.random.default_rng(0).uniform(0, 100, (20_000, 2, 2)))
+    with pytest.raises(OSError, match="No space left"):
+        write_pdf(Path("/dev/full"), "a page", [canvas], date=None)
 
 
 def test_help_is_quick_and_has_an_example(run: Run) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import logging
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
@@ -211,6 +212,9 @@ def write_pdf(path: Path, title: str, pages: Iterable[Canvas], *, date: datetime
         "Producer": f"matplotlib {mpl.__version__}",
         "CreationDate": date,
     }
-    with PdfPages(path, metadata=about) as document:
+    # In memory: the library cannot close a file that a full disk has cut short.
+    memory = io.BytesIO()
+    with PdfPages(memory, metadata=about) as document:
         for page in pages:
             document.savefig(page.figure)
+    path.write_bytes(memory.getvalue())
