@@ -7,7 +7,7 @@ import os
 import platform
 import re
 import secrets
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
@@ -230,6 +230,15 @@ def write_text(path: Path, text: str, *, overwrite: bool) -> None:
     """Write ``text`` as UTF-8 to ``path``, whole or not at all."""
     with whole_file(path, overwrite=overwrite) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def write_texts(texts: Mapping[Path, str], *, overwrite: bool) -> list[Path]:
+    """Write texts (path -> text) as UTF-8, all or none; return the paths."""
+    if texts:
+        with whole_files(list(texts), overwrite=overwrite) as temporaries:
+            for temporary, text in zip(temporaries, texts.values(), strict=True):
+                temporary.write_text(text, encoding="utf-8", newline="\n")
+    return list(texts)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -111,7 +111,7 @@ def command(
     from cubicfish_cli.advice.advise import advise
     from cubicfish_cli.advice.picture import advice_svg
     from cubicfish_cli.errors import CubicfishError, OutputError
-    from cubicfish_cli.files import refuse_existing, write_text
+    from cubicfish_cli.files import refuse_existing, write_texts
     from cubicfish_cli.model.cubic import CubicCamera
     from cubicfish_cli.rendering.pose_table import pose_table_text
 
@@ -137,12 +137,13 @@ def command(
     advice = advise(
         facts.camera, facts.fit, facts.errors.pairs, facts.target, goal_px=goal, seed=seed
     )
+    texts = {}
     if output is not None:
-        write_text(output, advice_svg(advice), overwrite=overwrite)
+        texts[output] = advice_svg(advice)
     if poses is not None:
         named = {f"next_{i}.jpg": one.view.pose for i, one in enumerate(advice.proposals, start=1)}
-        write_text(poses, pose_table_text(named), overwrite=overwrite)
-    written = [path for path in (output, poses) if path is not None]
+        texts[poses] = pose_table_text(named)
+    written = write_texts(texts, overwrite=overwrite)
     if as_json:
         print_json(
             {
