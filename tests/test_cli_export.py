@@ -219,7 +219,18 @@ def test_a_lens_that_is_not_near_enough_is_refused(run, calibrated, tmp_path):
     ).stderr  # fmt: skip
     assert "the lens of opencv misses the camera by up to" in said
     assert "--max-error 0.01" in said
+    assert "or export to mrcal or maps" in said
     assert not path.exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "other"),
+    [("colmap", "colmap-rad-tan-thin-prism-fisheye"), ("kalibr-ds", "kalibr-omni")],
+)
+def test_a_nearer_format_of_the_same_tool_is_named(run, calibrated, tmp_path, name, other):
+    args = ["export", "-m", calibrated / "camera.yaml", "-o", tmp_path / "c", "--max-error", 0.01]
+    assert f"export to {other}, which" in run(*args, "--to", name, code=1).stderr
+    assert "which comes nearer" not in run(*args, "--to", other, code=1).stderr
 
 
 @pytest.fixture(scope="module")

@@ -136,6 +136,16 @@ def test_beyond_its_fold_a_lens_sees_nothing(model):
     np.testing.assert_array_equal(np.isfinite(pixel[:, 0]), [True, True, False, False, False])
 
 
+def test_a_term_of_next_to_nothing_is_none(tmp_path):
+    path = tmp_path / "cameras.txt"
+    values = "200 200 320 240 -0.05 0.002 1e-5"
+    pixel = []
+    for term in ("0", "1e-310"):
+        path.write_text(f"1 OPENCV_FISHEYE 640 480 {values} {term}\n")
+        pixel.append(LENSES["kannala_brandt"].project(read_colmap(path), points()))
+    np.testing.assert_array_equal(*pixel)
+
+
 def test_without_its_remarks_the_file_is_known_too(tmp_path):
     path = tmp_path / "cameras.txt"
     path.write_text("2 SIMPLE_PINHOLE 640 480 200 320 240\n")

@@ -33,6 +33,8 @@ FORMATS = (
     "colmap-rad-tan-thin-prism-fisheye", "colmap-eucm", "nerfstudio", "mrcal", "maps",
 )  # fmt: skip
 
+# Of formats of one tool, the one that follows decentred lenses best.
+_NEAREST = {"colmap": "colmap-rad-tan-thin-prism-fisheye", "kalibr": "kalibr-omni"}
 _BEHIND_DEG = 90.0
 
 
@@ -211,9 +213,9 @@ def _too_far(conversion: Conversion, name: str, max_error: float) -> str:
     if good and bad and max(r["to_deg"] for r in good) <= min(r["from_deg"] for r in bad):
         hint = f"try --max-angle {max(r['to_deg'] for r in good):.0f}, "
     others = "mrcal or maps, which hold any lens"
-    nearer = "colmap-rad-tan-thin-prism-fisheye"
-    if name.startswith("colmap") and name != nearer:
-        others = f"{nearer}, which comes nearer, or to {others}"
+    nearest = _NEAREST.get(name.split("-")[0], name)
+    if nearest != name:
+        others = f"{nearest}, which comes nearer to most, or to {others}"
     return (
         f"the lens of {name} misses the camera by up to {largest} (RMS {error.rms_px:.2f} px up "
         f"to {error.max_angle_deg:.0f}°), more than --max-error {max_error:g}: {hint}raise it, or "

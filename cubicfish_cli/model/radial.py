@@ -16,6 +16,7 @@ FloatArray = npt.NDArray[np.float64]
 
 # Below this ratio of ρ to |X| the profile's series replaces its quotient, which is 0/0 on the axis.
 _NEAR_AXIS = 1e-6
+_NO_TERM = 1e-20
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,7 +69,10 @@ class RadialCamera:
     def max_angle(self) -> float:
         """Largest angle to which r(θ) grows, radians, at most π."""
         k1, k2, k3, k4 = self.k
-        roots = np.roots([9 * k4, 7 * k3, 5 * k2, 3 * k1, 1.0])
+        slope = np.array([9 * k4, 7 * k3, 5 * k2, 3 * k1, 1.0])
+        # Nothing against 1 up to π; np.roots would divide by it.
+        slope[np.abs(slope) < _NO_TERM] = 0
+        roots = np.roots(slope)
         squares = roots[np.abs(roots.imag) < 1e-9 * np.maximum(1, np.abs(roots.real))].real
         squares = squares[squares > 0]
         return float(min(np.pi, np.sqrt(squares.min()))) if squares.size else float(np.pi)
