@@ -201,22 +201,40 @@ def test_arrays_give_the_camera_that_named_corners_give(
     assert compare(calibration.camera, fitted.camera).statistics.max_px < 1e-6
 
 
+@pytest.mark.parametrize("distance", [1e4, 1e7])
+def test_a_world_counted_from_far_away_gives_the_same_camera(
+    fitted: Calibration, corners: Corners, target: Target, distance: float
+) -> None:
+    origin = distance * np.array([1, 2, -0.5])
+    world, pixel = (arrays[:3] for arrays in as_arrays(corners, target))
+    near = calibrate(Correspondences.from_arrays(world, pixel, (960, 720)), hold_out=False)
+    moved = Correspondences.from_arrays([w + origin for w in world], pixel, (960, 720))
+    far = calibrate(moved, hold_out=False)
+    assert compare(near.camera, far.camera).statistics.max_px < 1e-5
+    np.testing.assert_allclose(far.pairs.world, moved.world)
+    seen = far.camera.project(far.poses.apply(far.pairs.image, far.pairs.world))
+    np.testing.assert_allclose(seen - far.pairs.pixel, far.residual, atol=1e-5)
+    evaluation = evaluate(fitted.camera, moved)
+    assert evaluation.errors.rms_px < 0.01
+    seen = fitted.camera.project(evaluation.poses.apply(moved.image, moved.world))
+    np.testing.assert_allclose(seen - moved.pixel, evaluation.residual, atol=1e-5)
+
+
 def test_photos_in_memory_give_the_corners_of_their_files(tmp_path: Path, target: Target) -> None:
     run_cli(
         "detect", *PHOTOS, "--target", SAMPLE / "target.yaml", "-o", tmp_path / "corners.csv",
         "--jobs", 1,
     )  # fmt: skip
     of_files = load_corners(tmp_path / "corners.csv", target)
-    steps: list[tuple[str, int, int]] = []
+    steps: list[tuple[str, float]] = []
     colours = [np.dstack([grey] * 3)[:, :, ::-1] for grey in map(read_picture, PHOTOS)]
     detection = detect(
         dict(zip([path.name for path in PHOTOS], colours, strict=True)),
         target,
-        progress=lambda step, done, total: steps.append((step, done, total)),
+        progress=lambda words, share: steps.append((words, round(share, 2))),
     )
-    assert steps == [
-        (step, done, 2) for step in ("Finding corners", "Looking again") for done in (1, 2)
-    ]
+    first, again = "finding corners", "looking again"
+    assert steps == [(first, 0.33), (first, 0.67), (again, 0.83), (again, 1)]
     assert detection.corners.images == of_files.images
     for field in ("image", "board", "column", "row"):
         np.testing.assert_array_equal(
@@ -225,8 +243,12 @@ def test_photos_in_memory_give_the_corners_of_their_files(tmp_path: Path, target
     np.testing.assert_allclose(detection.corners.pixel, of_files.pixel, atol=2e-3)
     assert [photo.corners for photo in detection.photos] == [144, 126]
     # The corners as they are found go straight into the fit, with what detection knows.
-    calibration = calibrate(detection, target, hold_out=False)
+    steps.clear()
+    calibration = calibrate(
+        detection, target, hold_out=False, progress=lambda *now: steps.append(now)
+    )
     assert calibration.errors.rms_px < 0.1
+    assert 0.3 < steps[-1][1] <= 1
 
 
 def test_what_a_photo_was_placed_by_says_nothing_of_the_object(

@@ -35,7 +35,7 @@ from cubicfish_cli.fitting.statistics import (
     photo_records,
     rms_px,
 )
-from cubicfish_cli.fitting.subset import flatness, select, select_photos, world_scale
+from cubicfish_cli.fitting.subset import far_origin, flatness, select, select_photos, world_scale
 from cubicfish_cli.fitting.uncertainty import camera_uncertainty, uncertainty_record
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lift import lift
@@ -211,6 +211,17 @@ def calibrate(
 
     """
     _refuse_too_little(pairs)
+    origin = far_origin(pairs)
+    if target is None and origin.any():
+        near = calibrate(
+            replace(pairs, world=pairs.world - origin),
+            refine_target=refine_target,
+            hold_out=hold_out,
+            known=known,
+            progress=progress,
+        )
+        used = replace(near.pairs, world=near.pairs.world + origin)
+        return replace(near, pairs=used, poses=near.poses.of_world(origin))
     refined = target is not None and (hold_out or refine_target != "auto")
     stages = Stages(progress, refined=refined and refine_target != "off", hold_out=hold_out)
     try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from cubicfish_cli.fitting.held_out import pose_only_residual
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.statistics import ErrorStatistics, error_statistics, photo_records
-from cubicfish_cli.fitting.subset import select
+from cubicfish_cli.fitting.subset import far_origin, select
 from cubicfish_cli.model.cubic import CubicCamera
 
 FloatArray = npt.NDArray[np.float64]
@@ -67,6 +67,8 @@ def evaluate(camera: CubicCamera, pairs: Correspondences) -> Evaluation:
             "the corners are of photos of {}x{} pixels and the camera is for {}x{}: "
             "use photos of the camera's own size".format(*pairs.image_size, *camera.image_size)
         )
+    origin = far_origin(pairs)
+    pairs = replace(pairs, world=pairs.world - origin)
     placed, own, photos = fit_poses(camera.radial, pairs)
     if placed is None:
         raise FitError(
@@ -82,9 +84,9 @@ def evaluate(camera: CubicCamera, pairs: Correspondences) -> Evaluation:
     counted, kept = select(own, np.isin(np.arange(len(own.image)), index))
     return Evaluation(
         errors=error_statistics(residual),
-        pairs=counted,
+        pairs=replace(counted, world=counted.world + origin),
         residual=residual,
-        poses=poses[kept],
+        poses=poses[kept].of_world(origin),
         outside=len(own.image) - len(index),
         unplaced=tuple(
             name for photo, name in enumerate(pairs.images) if photo not in set(photos.tolist())

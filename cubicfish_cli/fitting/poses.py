@@ -48,6 +48,10 @@ class Poses:
             translation=self.translation + step[:, 3:],
         )
 
+    def of_world(self, origin: FloatArray) -> Poses:
+        """The same poses for a world in which their own world's origin is at ``origin`` (3,)."""
+        return Poses(rotation=self.rotation, translation=self.translation - self.rotation @ origin)
+
     @property
     def rotation_vector(self) -> FloatArray:
         """(M, 3) rotation vectors, radians."""

@@ -11,6 +11,10 @@ from cubicfish_cli.correspondences import Correspondences
 
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.intp]
+FloatArray = npt.NDArray[np.float64]
+
+# Rounding takes as many digits from a fit as the points are times their extent from the origin.
+_FAR = 100.0
 
 
 def select(pairs: Correspondences, keep: BoolArray) -> tuple[Correspondences, IntArray]:
@@ -43,6 +47,17 @@ def select_photos(pairs: Correspondences, photos: IntArray) -> Correspondences:
 def world_scale(pairs: Correspondences) -> float:
     """Typical distance of the world points from their middle, in the target's units."""
     return float(np.sqrt(np.mean(np.var(pairs.world, axis=0).sum()))) or 1.0
+
+
+def far_origin(pairs: Correspondences) -> FloatArray:
+    """Middle of the world points (3,) where that is far from the origin, else zeros.
+
+    Surveyors count from an origin that may be a million times farther away than the object is
+    wide.
+    """
+    middle = pairs.world.mean(axis=0)
+    far = np.linalg.norm(middle) > _FAR * world_scale(pairs)
+    return np.asarray(middle if far else np.zeros(3))
 
 
 def flatness(world: npt.NDArray[np.float64]) -> float:

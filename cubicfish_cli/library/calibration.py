@@ -13,6 +13,7 @@ from cubicfish_cli.fitting import calibrate as fitting
 from cubicfish_cli.fitting import evaluate as evaluation
 from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
 from cubicfish_cli.fitting.evaluate import Evaluation
+from cubicfish_cli.fitting.stages import Progress
 from cubicfish_cli.fitting.uncertainty import sigma_at
 from cubicfish_cli.fitting.verdict import Verdict, verdict
 from cubicfish_cli.formats.camera_yaml import CameraFile
@@ -31,6 +32,7 @@ def calibrate(
     *,
     refine_target: RefineTarget = "auto",
     hold_out: bool = True,
+    progress: Progress | None = None,
 ) -> Calibration:
     """Fit a camera, the pose of every photo and, where photos gain by it, the object.
 
@@ -47,6 +49,7 @@ def calibrate(
             well), or ``auto``: the richest of these that lowers the held-out error.
         hold_out: also measure the error on photos left out of the fit (five more fits a level);
             ``auto`` needs it.
+        progress: called with what is done now, in words, and the share done, 0 to 1.
 
     Raises:
         CorrespondenceError: corners come without their target, or do not fit it.
@@ -64,7 +67,12 @@ def calibrate(
     if refine_target == "auto" and isinstance(corners, Detection) and corners.by_convention:
         refine_target = "off"
     return fitting.calibrate(
-        pairs, target=target, refine_target=refine_target, hold_out=hold_out, known=known
+        pairs,
+        target=target,
+        refine_target=refine_target,
+        hold_out=hold_out,
+        known=known,
+        progress=progress,
     )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ StrPath = str | os.PathLike[str]
 Image = npt.NDArray[Any]
 
 _CHANNELS = (1, 2, 3, 4)
+_FIRST_SHARE = 2 / 3  # of the time that both passes take, roughly
 
 
 def detect(
@@ -31,7 +31,7 @@ def detect(
     *,
     jobs: int | None = 1,
     cache: StrPath | None = None,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Callable[[str, float], None] | None = None,
 ) -> Detection:
     """Find the corners of ``target`` in photos and name them, as ``cubicfish detect`` does.
 
@@ -47,7 +47,7 @@ def detect(
         jobs: processes to use; None for one a processor. With more than one, a script must
             start its work below ``if __name__ == "__main__":``.
         cache: a folder in which what is found in files is kept; by default nothing is.
-        progress: called with what is being done, the photos done and all photos.
+        progress: called with what is done now, in words, and the share done, 0 to 1.
 
     Returns:
         Corners with pixels (N, 2), and what became of each photo.
@@ -59,8 +59,15 @@ def detect(
 
     """
     found = _photos(photos)
-    first = None if progress is None else partial(progress, "Finding corners")
-    again = None if progress is None else partial(progress, "Looking again")
+
+    def first(done: int, photos: int) -> None:
+        if progress is not None:
+            progress("finding corners", _FIRST_SHARE * done / photos)
+
+    def again(done: int, photos: int) -> None:
+        if progress is not None:
+            progress("looking again", _FIRST_SHARE + (1 - _FIRST_SHARE) * done / photos)
+
     grids = None if cache is None else GridCache(folder=Path(cache).absolute())
     detection = detect_corners(found, target, jobs=jobs, progress=first, cache=grids)
     return second_pass(found, detection, target, jobs=jobs, progress=again)

@@ -138,7 +138,7 @@ def _filler(
 
 
 def save_map(path: Path | str, undistort_map: UndistortMap, *, overwrite: bool = False) -> None:
-    """Write ``undistort_map.npz``: map_x, map_y and valid (H, W), view as JSON, format, image_size.
+    """Write ``undistort_map.npz``: maps (H, W) of pixels, valid, view as JSON, format, image_size.
 
     Raises:
         OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
