@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cubicfish_cli.fitting.calibrate import Calibration
-from cubicfish_cli.fitting.verdict import photo_verdicts, verdict
+from cubicfish_cli.fitting.verdict import evaluation_verdict, photo_verdicts, verdict
 
 SIZE = (1280, 800)
 GOOD: dict[str, Any] = {
@@ -144,3 +144,24 @@ PLAIN = st.recursive(
 def test_no_record_breaks_it(record: dict[str, Any]) -> None:
     verdict({**GOOD, **record}, SIZE)
     photo_verdicts(record, SIZE)
+
+
+@pytest.mark.parametrize(
+    ("rms", "p95", "before", "level", "words"),
+    [
+        (0.15, 0.3, 0.12, "good", "off by 0.150 px on these photos, against 0.120 px"),
+        (0.50, 1.0, 0.12, "care", "4.2 times as much"),
+        (0.90, 1.8, 0.12, "bad", "cubicfish compare"),
+        (0.90, 0.2, 0.12, "care", "a few are far off"),
+        (0.04, 0.1, 0.01, "good", "off by 0.040 px"),
+        (1.50, 3.0, None, "care", "check that camera, object and photos belong together"),
+        (5.00, 9.0, 4.0, "bad", "off by 5.00 px"),
+    ],
+)
+def test_other_photos_are_judged_beside_the_fit(
+    rms: float, p95: float, before: float | None, level: str, words: str
+) -> None:
+    fit = {} if before is None else {"held_out_rms_px": before, "rms_px": 0.9 * before}
+    judged = evaluation_verdict({"rms_px": rms, "p95_px": p95}, fit, (960, 720))
+    assert judged.level == level
+    assert words in judged.line

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TextIO
 
 from cubicfish_cli.cli.characters import as_shown, cells, cut_end, cut_middle, safe
@@ -78,14 +78,14 @@ def print_columns(columns: Sequence[Column], rows: Sequence[Row]) -> None:
     """
     stream = sys.stdout
     room = columns_of(stream)
-    if room is None:
-        rows = [row for row in rows if not row.total]
+    rows = [
+        replace(row, cells=[_shown(cell, stream) for cell in row.cells])
+        for row in rows
+        if room is not None or not row.total
+    ]
     kept = fitting(columns, rows, room)
     columns = [columns[i] for i in kept]
-    rows = [
-        Row(cells=[_shown(row.cells[i], stream) for i in kept], style=row.style, total=row.total)
-        for row in rows
-    ]
+    rows = [replace(row, cells=[row.cells[i] for i in kept]) for row in rows]
     widths = _widths(columns, rows, room)
     if room is not None and _taken(widths) > room:
         _print_cards(columns, rows, room, stream)
