@@ -22,8 +22,8 @@ _STEP_S = 0.0005
 # a third right after a file appears.
 _LAST_PART = 0.3
 _AFTER_FILE_S = 0.02
-# A run that left nothing at all is run again less often: that is the undisturbed run once more.
-_EMPTY_AGAIN = 0.1
+# A run that left nothing at all, or all, is run again less often: nothing is new about that.
+_PLAIN_AGAIN = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +56,7 @@ class Tally:
         between: runs that left some files of several, temporary or final.
         reruns: second runs.
         close: results that were equal to a billionth, not to the byte.
+        seconds: how long a run takes at present, as the machine does other work too.
 
     """
 
@@ -64,6 +65,11 @@ class Tally:
     between: int = 0
     reruns: int = 0
     close: int = 0
+    seconds: float = 0.0
+
+    def took(self, seconds: float) -> None:
+        """A run took so long."""
+        self.seconds += 0.3 * (seconds - self.seconds)
 
 
 def run_undisturbed(scenario: Scenario, folder: Path) -> Undisturbed:
@@ -100,15 +106,17 @@ def kill_once(
 
     """
     tally = tally or Tally()
+    tally.seconds = tally.seconds or usual.seconds
     clear(folder)
+    begin = time.monotonic()
     process = start(scenario, folder)
     kind = random_.random()
     if kind < 1 / 3:
-        _wait(process, random_.uniform(0, usual.seconds))
+        _wait(process, random_.uniform(0, tally.seconds))
     elif kind < 2 / 3:
-        _wait(process, random_.uniform(1 - _LAST_PART, 1) * usual.seconds)
+        _wait(process, random_.uniform(1 - _LAST_PART, 1) * tally.seconds)
     else:
-        _wait_for_change(process, folder, usual, 2 * usual.seconds)
+        _wait_for_change(process, folder, usual, 3 * tally.seconds)
         _wait(process, random_.uniform(0, _AFTER_FILE_S))
     if process.poll() is None:
         # A terminal sends Ctrl-C to every process, a shell job's kill to one.
@@ -127,6 +135,7 @@ def kill_once(
         wrong.append(f"exit code {code}")
     if code == 0:
         tally.late += 1
+        tally.took(time.monotonic() - begin)
     else:
         tally.ended[number.name] += 1
     wrong += left_alone(process.pid)
@@ -139,7 +148,8 @@ def kill_once(
     if after not in (usual.before, usual.files):
         tally.between += 1
     empty = after == usual.before and not (folder / "cache").exists()
-    if not wrong and empty and random_.random() > _EMPTY_AGAIN:
+    plain = empty or after == usual.files
+    if not wrong and plain and random_.random() > _PLAIN_AGAIN:
         return []
     return wrong + run_again(scenario, folder, usual, tally)
 
@@ -180,7 +190,10 @@ def run_again(
     tally = tally or Tally()
     tally.reruns += 1
     wrong = []
+    begin = time.monotonic()
     code = start(scenario, folder, *scenario.again).wait(LONGEST_S)
+    if not scenario.skips:
+        tally.took(time.monotonic() - begin)
     if code != 0:
         wrong.append(f"the second run ends with {code}: {said(folder)}")
     if scenario.prints and printed(folder) != usual.printed:
