@@ -19,7 +19,6 @@ from cubicfish_cli.cli.figures import (
     px,
 )
 from cubicfish_cli.cli.inputs import Pairs, load_pairs, photo_problems
-from cubicfish_cli.cli.kept import keep_fonts
 from cubicfish_cli.cli.made_by import made_at, made_by_record
 from cubicfish_cli.cli.options import (
     FILE,
@@ -155,7 +154,6 @@ def command(
     outputs = _outputs(output, inputs)
     if not (report and report_step.is_possible()):
         outputs.pop("report")
-    keep_fonts(not no_cache)
     for path in outputs.values():
         refuse_existing(path, overwrite=overwrite)
     given = (*inputs, target, correspondences)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli.inputs import Pairs
-from cubicfish_cli.cli.terminal import detail, say
+from cubicfish_cli.cli.kept import keep_fonts
+from cubicfish_cli.cli.terminal import detail, say, working
 
 if TYPE_CHECKING:
     from cubicfish_cli.fitting.verdict import Verdict
@@ -63,7 +64,8 @@ def make_page(
 
     start = perf_counter()
     try:
-        page = _page(camera, fit, made_by, loaded, target)
+        with working("Making the report"):
+            page = _page(camera, fit, made_by, loaded, target)
     except Exception as problem:  # matplotlib may be broken in ways of its own
         path = outputs.pop("report")
         what = f"{type(problem).__name__}: {problem}".splitlines()[0]
@@ -84,6 +86,8 @@ def _page(
 
     from cubicfish_cli.report.extra import quiet
 
+    context = click.get_current_context(silent=True)
+    keep_fonts(context is None or not context.params.get("no_cache"))
     with quiet():
         from cubicfish_cli.report.facts import gather
         from cubicfish_cli.report.page import report_html

@@ -6,6 +6,7 @@ import multiprocessing
 import multiprocessing.context
 import os
 import signal
+import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -38,6 +39,8 @@ _ITEMS_FOR_POOL = 4
 # Positions are rounded to this many digits of a pixel, far below any noise: their last bits
 # depend on how memory happens to be aligned, and no result may depend on the processes used.
 _DIGITS = 5
+# The longest name that a socket can have on every system; Linux has a few bytes more.
+_SOCKET_BYTES = 103
 
 
 def settled(pixel: FloatArray) -> FloatArray:
@@ -116,7 +119,7 @@ def _context() -> multiprocessing.context.BaseContext:
     A forked copy of a process whose OpenCV has threads may hang. Copies of a server that has the
     libraries loaded and has run nothing do not, and start at once.
     """
-    if "forkserver" not in multiprocessing.get_all_start_methods():
+    if "forkserver" not in multiprocessing.get_all_start_methods() or _too_long_for_a_server():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["cubicfish_cli.naming.second_pass"])
@@ -133,6 +136,12 @@ def _start_server() -> None:
         ensure_running()
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _too_long_for_a_server() -> bool:
+    """Whether a server's socket has no place: it stands where temporary files do."""
+    socket = os.path.join(tempfile.gettempdir(), "pymp-12345678", "listener-12345678")
+    return len(os.fsencode(socket)) > _SOCKET_BYTES
 
 
 def _start_worker() -> None:
