@@ -186,6 +186,7 @@ def calibrate(
     refine_target: RefineTarget = "auto",
     hold_out: bool = True,
     known: Sequence[Finding] = (),
+    diagnose: bool = True,
     progress: Progress | None = None,
 ) -> Calibration:
     """Fit the cubic camera (``ray`` lift) and the pose of every photo to 2D-3D pairs.
@@ -202,6 +203,7 @@ def calibrate(
             well), or ``auto``: the richest of these that lowers the held-out error.
         hold_out: also measure the held-out error (five more fits a level); ``auto`` needs it.
         known: what is known to be wrong already, from how corners were named.
+        diagnose: also look for what is likely wrong with the set-up.
         progress: called with what is done now, in words, and the share done, 0 to 1.
 
     Raises:
@@ -218,20 +220,22 @@ def calibrate(
             refine_target=refine_target,
             hold_out=hold_out,
             known=known,
+            diagnose=diagnose,
             progress=progress,
         )
         used = replace(near.pairs, world=near.pairs.world + origin)
         return replace(near, pairs=used, poses=near.poses.of_world(origin))
     refined = target is not None and (hold_out or refine_target != "auto")
     stages = Stages(progress, refined=refined and refine_target != "off", hold_out=hold_out)
+    sought = known if diagnose else None
     try:
-        return _calibrated(pairs, target, refine_target, hold_out, known, stages)
-    except _UndeterminedError as error:
-        raise explained(error, pairs, target, known, fits=True) from error
-    except FitError as error:
-        raise explained(error, pairs, target, known) from error
-    except np.linalg.LinAlgError as error:
-        raise explained(FitError(_NO_CONVERGENCE), pairs, target, known) from error
+        return _calibrated(pairs, target, refine_target, hold_out, sought, stages)
+    except (FitError, np.linalg.LinAlgError) as failure:
+        fits = isinstance(failure, _UndeterminedError)
+        error = failure if isinstance(failure, FitError) else FitError(_NO_CONVERGENCE)
+        if sought is not None:
+            error = explained(error, pairs, target, sought, fits=fits)
+        raise error from failure
 
 
 def _calibrated(
@@ -239,7 +243,7 @@ def _calibrated(
     target: Target | None,
     refine_target: RefineTarget,
     hold_out: bool,
-    known: Sequence[Finding],
+    known: Sequence[Finding] | None,
     stages: Stages,
 ) -> Calibration:
     stages.begin("start")
@@ -269,14 +273,16 @@ def _calibrated(
     camera, poses = in_companions_frame(camera, poses, companion.covered)
     share = coverage(used.pixel, camera.outline(), pairs.image_size)
     notes = dropped_groups(pairs, [(c.image, c.board, c.error_px) for c in dropped])
-    findings = find_faults(
-        pairs,
-        drawn=drawn,
-        fit=fit,
-        drawing=drawing,
-        dropped=[(corner.image, corner.board) for corner in dropped],
-        known=known,
-    )
+    findings: list[Finding] = []
+    if known is not None:
+        findings = find_faults(
+            pairs,
+            drawn=drawn,
+            fit=fit,
+            drawing=drawing,
+            dropped=[(corner.image, corner.board) for corner in dropped],
+            known=known,
+        )
     # What is put down to one board, or to the lens, is not doubted of every board.
     wrong = any(finding.cause in _INSTEAD_OF_DOUBTS for finding in findings)
     notes += coverage_notes(share, len(used.images), not hold_out or fit.level in held_out_by_level)

@@ -1,7 +1,8 @@
 """Why grids fit no place on the target: the photos or the drawing with one thing put right.
 
-If many grids fit nowhere, the same grids are named again as they would be were the photos mirrored,
-or the drawing wrong in one of the ways in which drawings are. What explains nearly all is told.
+If many grids fit nowhere, in all photos or in some, they are named again as they would be were the
+photos mirrored, or the drawing wrong in one of the ways in which drawings are. What explains
+nearly all is told.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ IntArray = npt.NDArray[np.intp]
 # So much of the corners must fit nowhere before anything is tried, and so much must fit after it.
 _LOST = 0.15
 _FITS = 0.9
+# What is tried later must explain so much more of the corners.
+_CLEARLY = 0.02
 # A grid of fewer corners may be anything.
 _FEWEST_CORNERS = 12
 # Photos that take part: those that show most.
@@ -35,10 +38,11 @@ _NO_PLACE = (Verdict.NO_FIT, Verdict.NOT_PLANE, Verdict.TOO_LARGE)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Trial:
-    """One thing put right: the target to name with, and which photos to take as mirrored."""
+    """One thing put right: the target to name with, the photos, and which are taken as mirrored."""
 
     finding: Finding
     target: Target
+    photos: IntArray
     mirrored: IntArray
 
 
@@ -59,30 +63,58 @@ def misdrawn(
     """
     boards = [board for board in target.boards if board.points is None]
     named, lost = _counts(naming.grids)
-    if lost.sum() <= _LOST * (named + lost).sum() or not 2 <= len(boards) <= _MOST_BOARDS:
+    odd = np.flatnonzero(lost > _LOST * (named + lost))
+    if not len(odd) or not 2 <= len(boards) <= _MOST_BOARDS:
         return None
-    chosen = np.sort(np.argsort(-(named + lost), kind="stable")[:_PHOTOS])
+    large = [_large(own) for own in grids]
+
+    def named_by(trial: _Trial) -> IntArray:
+        """Corners of each photo of the trial that have a place, with that put right."""
+        own = [
+            tuple(_mirror(grid, image_size[0]) for grid in large[photo])
+            if photo in trial.mirrored
+            else large[photo]
+            for photo in trial.photos
+        ]
+        again = name_grids(own, trial.target, image_size, [images[i] for i in trial.photos])
+        return _counts(again.grids)[0]
+
+    fullest = np.argsort(-(named + lost), kind="stable")
+    some = _some_mirrored(target, odd, fullest, images)
+    if some is not None:
+        total = _sizes(large, some.photos)
+        again = named_by(some)
+        # Each of them by itself: one that shows something else does not speak for the others.
+        right = np.where(np.isin(some.photos, odd), total, named[some.photos])
+        if (again > _FITS * right).all():
+            return _with_evidence(some, named, again.sum(), total.sum())
+    if lost.sum() <= _LOST * (named + lost).sum():
+        return None
+    chosen = np.sort(fullest[:_PHOTOS])
     if not lost[chosen].any():
         chosen = np.flatnonzero(lost)[:_PHOTOS]
-    few = [_large(grids[photo]) for photo in chosen]
-    total = max(sum(len(grid) for own in few for grid in own), 1)
+    total = _sizes(large, chosen)
     best: tuple[float, _Trial] | None = None
-    for trial in _trials(target, chosen, named, lost, images):
-        own = [
-            tuple(_mirror(grid, image_size[0]) for grid in one) if photo in trial.mirrored else one
-            for photo, one in zip(chosen, few, strict=True)
-        ]
-        again = name_grids(own, trial.target, image_size, [images[int(photo)] for photo in chosen])
-        share = _counts(again.grids)[0].sum() / total
-        if share > _FITS and (best is None or share > best[0] + 0.02):
+    for trial in _trials(target, chosen):
+        share = named_by(trial).sum() / total.sum()
+        if share > _FITS and (best is None or share > best[0] + _CLEARLY):
             best = (share, trial)
+        if best is not None and best[0] >= 1 - _CLEARLY:
+            break
     if best is None:
         return None
-    share, trial = best
-    before = named[chosen].sum() / total
+    return _with_evidence(best[1], named, best[0] * total.sum(), total.sum())
+
+
+def _sizes(grids: Sequence[Sequence[Grid]], photos: IntArray) -> IntArray:
+    """Corners of each of some photos."""
+    return np.array([sum(len(grid) for grid in grids[photo]) for photo in photos], np.intp)
+
+
+def _with_evidence(trial: _Trial, named: IntArray, again: float, total: float) -> Finding:
     evidence = (
-        f"{100 * before:.0f} % of the corners have a place on the target as it is, and "
-        f"{100 * share:.0f} % with that put right"
+        f"{100 * named[trial.photos].sum() / total:.0f} % of the corners have a place on the "
+        f"target as it is, and {100 * again / total:.0f} % with that put right"
     )
     return replace(trial.finding, evidence=evidence)
 
@@ -112,20 +144,31 @@ def _mirror(grid: Grid, width: int) -> Grid:
     )
 
 
-def _trials(
-    target: Target, chosen: IntArray, named: IntArray, lost: IntArray, images: Sequence[str]
-) -> Iterator[_Trial]:
+def _some_mirrored(
+    target: Target, odd: IntArray, fullest: IntArray, images: Sequence[str]
+) -> _Trial | None:
+    """That photos with lost grids are mirrored, where most photos have none."""
+    if 2 * len(odd) >= len(fullest):
+        return None
+    names = tuple(images[photo] for photo in odd)
+    others = fullest[~np.isin(fullest, odd)][:_PHOTOS]
+    tried = fullest[np.isin(fullest, odd)][:_PHOTOS]
+    finding = _finding(
+        "mirrored",
+        f"{listed(names, 'photos')}: mirrored",
+        "use photos as the sensor made them",
+        images=names,
+    )
+    return _Trial(
+        finding=finding,
+        target=target,
+        photos=np.sort(np.concatenate([tried, others])),
+        mirrored=odd,
+    )
+
+
+def _trials(target: Target, chosen: IntArray) -> Iterator[_Trial]:
     none = np.zeros(0, np.intp)
-    bad = np.flatnonzero(lost > named)
-    if len(bad) and 2 * len(bad) < len(named):
-        names = tuple(images[int(photo)] for photo in bad)
-        finding = _finding(
-            "mirrored",
-            f"{listed(names, 'photos')}: mirrored",
-            "use photos as the sensor made them",
-            images=names,
-        )
-        yield _Trial(finding=finding, target=target, mirrored=bad)
     yield _Trial(
         finding=_finding(
             "mirrored",
@@ -133,13 +176,14 @@ def _trials(
             "use photos as the sensor made them, not as a video call shows them",
         ),
         target=target,
+        photos=chosen,
         mirrored=chosen,
     )
     for what, cause, changed, boards in _drawings(target):
         finding = replace(
             _finding(cause, what, "correct target.yaml and run it again"), boards=boards
         )
-        yield _Trial(finding=finding, target=changed, mirrored=none)
+        yield _Trial(finding=finding, target=changed, photos=chosen, mirrored=none)
 
 
 def _finding(cause: Cause, what: str, do: str, images: tuple[str, ...] = ()) -> Finding:

@@ -99,7 +99,11 @@ def second_pass(
         return detection
     try:
         fit = calibrate(
-            pair(detection.corners, target), target=target, refine_target="off", hold_out=False
+            pair(detection.corners, target),
+            target=target,
+            refine_target="off",
+            hold_out=False,
+            diagnose=False,
         )
     except FitError:
         return detection
