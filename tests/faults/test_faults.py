@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from fault_kills import SIGNALS, Undisturbed, kill_once, run_undisturbed
+from fault_equal import same_files
+from fault_kills import SIGNALS, Undisturbed, kill_once, not_right, run_undisturbed
 from fault_places import PROBLEMS
 from fault_scenarios import SCENARIOS, Scenario, prepared
 
@@ -30,7 +31,7 @@ def test_a_run_that_is_ended_can_be_finished(
     assert kill_once(*work, number, random.Random(number.name)) == []
 
 
-@pytest.mark.parametrize("what", ["full disk", "read-only folder", "results exist"])
+@pytest.mark.parametrize("what", ["full disk", "read-only folder"])
 def test_places_that_take_no_results(work: tuple[Scenario, Path, Undisturbed], what: str) -> None:
     wrong = PROBLEMS[what](*work)
     if wrong is None:
@@ -54,3 +55,46 @@ class _Late(random.Random):
 
     def uniform(self, a: float, b: float) -> float:
         return 0.8
+
+
+@pytest.mark.parametrize(
+    ("there", "killed", "right"),
+    [
+        ({"camera.yaml": "new", "map": "new"}, True, True),
+        ({"camera.yaml": "old", "map": "old", "page": "old"}, True, True),
+        ({"map": "new", "page": "old"}, True, True),
+        ({"map": "new", "page": "old"}, False, False),
+        ({"camera.yaml": "old", "map": "new", "page": "old"}, True, False),
+        ({"camera.yaml": "new", "map": "new", "page": "old"}, True, False),
+        ({"camera.yaml": "half", "map": "new"}, True, False),
+    ],
+)
+def test_a_mixture_of_old_and_new_is_noticed(
+    tmp_path: Path, there: dict[str, str], killed: bool, right: bool
+) -> None:
+    usual = Undisturbed(
+        files={"camera.yaml": "new", "map": "new"},
+        before={"camera.yaml": "old", "map": "old", "page": "old"},
+        inputs={},
+        seconds=1.0,
+    )
+    wrong = not_right(SCENARIOS["calibrate again"], tmp_path, usual, there, killed=killed)
+    assert (wrong == []) is right
+
+
+@pytest.mark.parametrize(
+    ("one", "two", "same"),
+    [
+        ("a: 1.25, b", "a: 1.25, b", True),
+        ("rms: 0.12345678901", "rms: 0.12345678909", True),
+        ("rms: 0.1234567", "rms: 0.1234568", False),
+        ("rms: 0.5", "max: 0.5", False),
+        ("- 1.0\n", "- 1.0\n- 1.0\n", False),
+    ],
+)
+def test_results_are_the_same_to_a_billionth(
+    tmp_path: Path, one: str, two: str, same: bool
+) -> None:
+    (tmp_path / "one.yaml").write_text(one)
+    (tmp_path / "two.yaml").write_text(two)
+    assert same_files(tmp_path / "one.yaml", tmp_path / "two.yaml") is same
