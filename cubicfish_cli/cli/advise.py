@@ -21,7 +21,7 @@ from cubicfish_cli.cli.options import (
     overwrite_option,
     target_option,
 )
-from cubicfish_cli.cli.terminal import print_json, result, say
+from cubicfish_cli.cli.terminal import print_json, result, say, working
 
 if TYPE_CHECKING:
     from cubicfish_cli.advice.advise import Advice, Proposal
@@ -134,9 +134,10 @@ def command(
             f"{camera_file}: the corners that it was calibrated from are not at hand, or are not "
             "those of the fit: name them with --corners, and the object with --target"
         )
-    advice = advise(
-        facts.camera, facts.fit, facts.errors.pairs, facts.target, goal_px=goal, seed=seed
-    )
+    with working("Looking for photos that would help"):
+        advice = advise(
+            facts.camera, facts.fit, facts.errors.pairs, facts.target, goal_px=goal, seed=seed
+        )
     texts = {}
     if output is not None:
         texts[output] = advice_svg(advice)

@@ -26,7 +26,7 @@ from cubicfish_cli.cli.options import (
     target_option,
 )
 from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table
-from cubicfish_cli.cli.terminal import print_json, result, say
+from cubicfish_cli.cli.terminal import print_json, result, say, working
 
 if TYPE_CHECKING:
     from cubicfish_cli.cli.inputs import Pairs
@@ -87,7 +87,8 @@ def command(
         jobs=jobs,
         no_cache=no_cache,
     )
-    evaluation = evaluate(camera, loaded.pairs)
+    with working("Fitting poses"):
+        evaluation = evaluate(camera, loaded.pairs)
     record = evaluation.as_record()
     record["uncertainty"] = _uncertainty(file.fit, evaluation.pairs.pixel)
     problems = None if loaded.detection is None else photo_problems(loaded.detection)

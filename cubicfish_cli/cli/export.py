@@ -19,7 +19,7 @@ from cubicfish_cli.cli.options import (
     model_path,
     overwrite_option,
 )
-from cubicfish_cli.cli.terminal import print_json, result, say
+from cubicfish_cli.cli.terminal import print_json, result, say, working
 from cubicfish_cli.errors import FitError
 
 if TYPE_CHECKING:
@@ -115,12 +115,13 @@ def command(
     if name == "maps":
         _write_map(path, loaded.camera, overwrite=overwrite, as_json=as_json)
         return
-    conversion = to_lens(
-        loaded.camera,
-        LENS_OF[name],
-        max_angle_deg=max_angle,
-        covered_deg=_covered_deg(loaded.fit),
-    )
+    with working("Fitting the other lens"):
+        conversion = to_lens(
+            loaded.camera,
+            LENS_OF[name],
+            max_angle_deg=max_angle,
+            covered_deg=_covered_deg(loaded.fit),
+        )
     error = conversion.error
     if not error.max_px <= max_error:
         raise FitError(_too_far(conversion, name, max_error))

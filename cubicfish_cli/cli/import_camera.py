@@ -18,7 +18,7 @@ from cubicfish_cli.cli.options import (
     json_option,
     overwrite_option,
 )
-from cubicfish_cli.cli.terminal import print_json, result
+from cubicfish_cli.cli.terminal import print_json, result, working
 
 if TYPE_CHECKING:
     from cubicfish_cli.fitting.conversion.from_lens import ImportedCamera
@@ -101,7 +101,8 @@ def command(
     refuse_existing(output, overwrite=overwrite)
     source = fingerprint(file)
     record, found = read_foreign(file, name=name, camera=camera, image_size=size)
-    imported = from_lens(record, max_angle_deg=max_angle or LARGEST_FIELD_DEG)
+    with working("Fitting the cubic camera to the lens"):
+        imported = from_lens(record, max_angle_deg=max_angle or LARGEST_FIELD_DEG)
     made, error = imported.camera, imported.error
     made_by = made_by_record({"imported_from": found, "lens": record.model}, None, [source])
     conversion = {

@@ -176,4 +176,4 @@ def command(
     for path in written[1:]:
         result(f"wrote {path}")
     for line in ffmpeg:
-        result(f"apply it with: {line}")
+        result(f"apply it with: {line}", whole=True)

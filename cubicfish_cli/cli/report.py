@@ -19,7 +19,7 @@ from cubicfish_cli.cli.options import (
     overwrite_option,
     target_option,
 )
-from cubicfish_cli.cli.terminal import print_json, result, say
+from cubicfish_cli.cli.terminal import print_json, result, say, working
 
 
 @click.command(
@@ -92,8 +92,9 @@ def command(
         from cubicfish_cli.report.from_files import facts_of_files
         from cubicfish_cli.report.page import report_html
 
-    facts = facts_of_files(camera, target=target, photos=photos)
-    text = report_html(facts)
+    with working("Making the report"):
+        facts = facts_of_files(camera, target=target, photos=photos)
+        text = report_html(facts)
     write_text(page, text, overwrite=overwrite)
     for line in facts.absent:
         say(f"left out: {line}")
@@ -107,4 +108,5 @@ def command(
             }
         )
         return
-    result(f"{facts.verdict.line}\n\nwrote {page}")
+    result(facts.verdict.line, mark=(facts.verdict.words, facts.verdict.level))
+    result(f"\nwrote {page}")

@@ -20,7 +20,7 @@ from cubicfish_cli.cli.options import (
     overwrite_option,
     target_option,
 )
-from cubicfish_cli.cli.terminal import print_json, progress, result, say
+from cubicfish_cli.cli.terminal import print_json, progress, result, say, working
 
 if TYPE_CHECKING:
     from cubicfish_cli.rendering.pose import Pose
@@ -148,7 +148,8 @@ def command(
         raise click.UsageError("--poses says how many photos there are: leave -n out")
     thing = load_target(target)
     lens, image_size, lens_words = _lens(model_path(model))
-    poses = _poses(thing, lens, image_size, pose_file, number or 12, seed, form)
+    with working("Choosing where to take photos from"):
+        poses = _poses(thing, lens, image_size, pose_file, number or 12, seed, form)
     flat = as_flat(thing)
     if any(board.shape is not None for board in thing.boards):
         say(f"Boards are rendered flat: bends and offsets in {target} are left out.")
@@ -189,7 +190,7 @@ def command(
     result(f"wrote {count(len(poses), 'photo')} with {count(seen, 'corner')} to {output}")
     for name in texts:
         result(f"wrote {paths[name]}")
-    result(f"\nNext: cubicfish calibrate {output} --target {target}")
+    result(f"\nNext: cubicfish calibrate {output} --target {target}", whole=True)
 
 
 def _lens(path: Path) -> tuple[WholeLens, tuple[int, int], str]:

@@ -20,7 +20,7 @@ from cubicfish_cli.cli.options import (
     overwrite_option,
 )
 from cubicfish_cli.cli.target_words import advice
-from cubicfish_cli.cli.terminal import print_json, print_table, result
+from cubicfish_cli.cli.terminal import print_json, print_table, result, working
 
 if TYPE_CHECKING:
     from cubicfish_cli.naming.object_check import ObjectFacts, Turn
@@ -68,7 +68,8 @@ def command(target: Path, draw: Path | None, overwrite: bool, as_json: bool) -> 
             raise OutputError(f"{draw}: drawings are SVG: end the name in .svg")
         refuse_existing(draw, overwrite=overwrite)
     loaded = load_target(target)
-    facts = check_object(loaded)
+    with working("Looking at the object from all sides"):
+        facts = check_object(loaded)
     if draw is not None:
         write_text(draw, object_svg(loaded), overwrite=overwrite)
     if as_json:

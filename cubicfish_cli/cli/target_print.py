@@ -23,7 +23,7 @@ from cubicfish_cli.cli.options import (
     json_option,
     overwrite_option,
 )
-from cubicfish_cli.cli.terminal import print_json, print_table, result, say
+from cubicfish_cli.cli.terminal import print_json, print_table, result, say, working
 
 if TYPE_CHECKING:
     from cubicfish_cli.printing.layout import Page
@@ -194,7 +194,8 @@ def command(
     with quiet():
         from cubicfish_cli.printing.documents import words_for, write_assembly, write_boards
 
-    with whole_files(list(outputs.values()), overwrite=overwrite) as temporaries:
+    drawing = f"Drawing {count(len(pages), 'page')}"
+    with whole_files(list(outputs.values()), overwrite=overwrite) as temporaries, working(drawing):
         places = dict(zip(outputs, temporaries, strict=True))
         write_boards(places["boards"], pages, date=date)
         if "assembly" in places:
