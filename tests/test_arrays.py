@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cubicfish_cli.arrays import Refusal
 from cubicfish_cli.correspondences import Corners, Correspondences, pair
 from cubicfish_cli.errors import CorrespondenceError, TargetError
 from cubicfish_cli.model.cubic import CubicCamera
@@ -62,6 +63,12 @@ def test_pairs_are_copies_and_may_come_as_lists_or_smaller_numbers() -> None:
     other = pairs(world=iter([WORLD.astype(np.float32), WORLD[:2].tolist()]))
     np.testing.assert_array_equal(made.world, other.world)
     assert other.world.dtype == np.float64
+
+
+def test_what_is_checked_is_a_copy() -> None:
+    checked = Refusal(error=CorrespondenceError).numbers(WORLD, "world", 3, limit=100)
+    assert not np.shares_memory(checked, WORLD)
+    np.testing.assert_array_equal(checked, WORLD)
 
 
 def test_corners_are_named_and_find_their_world_points() -> None:

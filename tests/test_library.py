@@ -97,7 +97,6 @@ def heavy_after(code: str) -> set[str]:
         ("from cubicfish_cli import CubicCamera", {"numpy"}),
         ("from cubicfish_cli import Target, load_camera, load_corners", {"numpy", "yaml"}),
         ("from cubicfish_cli import calibrate", {"numpy", "yaml", "cv2", "scipy"}),
-        ("from cubicfish_cli import *", {"numpy", "yaml", "cv2", "scipy"}),
     ],
 )
 def test_a_name_loads_what_it_needs_when_it_is_asked_for(code: str, loaded: set[str]) -> None:
@@ -301,7 +300,7 @@ def test_nothing_is_printed_or_written(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("CUBICFISH_CACHE", str(tmp_path / "cache"))
-    calibration = calibrate(detect([picture], target), target)
+    calibration = calibrate(detect(PHOTOS[0], target), target, hold_out=False)
     camera = calibration.camera
     evaluate(camera, calibration.pairs)
     judge(calibration)
@@ -383,6 +382,8 @@ def test_corners_that_cannot_be_fitted_to_are_refused(
     )
     few = Correspondences.from_arrays([pairs.world[:9]], [pairs.pixel[:9]], (960, 720))
     assert "9 corners are too few" in refusal(FitError, lambda: calibrate(few))
+    middle = Correspondences.from_arrays([pairs.world[:99]], [np.zeros((99, 2))], (1, 1))
+    assert "enough corners to be placed" in refusal(FitError, lambda: calibrate(middle))
     small = Correspondences.from_arrays([pairs.world[:9]], [pairs.pixel[:9] / 10], (96, 72))
     assert "photos of 96x72" in refusal(FitError, lambda: evaluate(fitted.camera, small))
 
@@ -477,7 +478,9 @@ def test_numbers_of_numpy_are_as_good_as_pythons(fitted: Calibration) -> None:
         camera, size=np.array([90, 60]), hfov_deg=np.float32(90), rotate_deg=np.array([5, 0, 0])
     )
     assert plain == given
-    assert build_view(camera, fit="inner") == build_view(camera, fit=0)
+    inner, outer = (build_view(camera, "equidistant", fit=end) for end in ("inner", "outer"))
+    assert inner == build_view(camera, "equidistant", fit=0)
+    assert inner.focal > 1.2 * outer.focal
     assert build_view(camera, hfov_deg=90, vfov_deg=90).size == (960, 960)
 
 
@@ -514,7 +517,7 @@ def test_threads_do_not_disturb_each_other(
     corners: Corners, target: Target, picture: np.ndarray, fitted: Calibration
 ) -> None:
     world, pixel = as_arrays(corners, target)
-    views = [build_view(fitted.camera, hfov_deg=angle) for angle in (60, 90, 120, 150)]
+    views = [build_view(fitted.camera, hfov_deg=angle) for angle in (60, 120)]
 
     def work(number: int) -> tuple[np.ndarray, ...]:
         own = slice(number, number + 2)
@@ -523,9 +526,9 @@ def test_threads_do_not_disturb_each_other(
         rays = fitted.camera.unproject(pixel[number])
         return calibrate(pairs, hold_out=False).camera.P, flat, rays
 
-    alone = [work(number) for number in range(4)]
+    alone = [work(number) for number in range(2)]
     with ThreadPoolExecutor(4) as threads:
-        together = list(threads.map(work, range(4)))
-    for one, other in zip(alone, together, strict=True):
+        together = list(threads.map(work, [0, 1, 0, 1]))
+    for one, other in zip(alone * 2, together, strict=True):
         for a, b in zip(one, other, strict=True):
             np.testing.assert_array_equal(a, b)

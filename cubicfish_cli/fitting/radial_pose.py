@@ -45,7 +45,7 @@ def radial_poses(world: FloatArray, offset: FloatArray) -> list[RadialPose]:
         return []
     middle = world.mean(axis=0)
     _, extent, axes = np.linalg.svd(world - middle, full_matrices=False)
-    if extent[0] == 0 or extent[1] < _FLAT * extent[0]:
+    if extent[0] == 0 or extent[1] < _FLAT * extent[0] or not offset.any():
         return []
     # Lengths of order 1 and pixels of order 1 keep the linear system well conditioned.
     scale = np.sqrt(len(world)) / extent[0]
