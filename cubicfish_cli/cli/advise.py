@@ -21,6 +21,7 @@ from cubicfish_cli.cli.options import (
     overwrite_option,
     target_option,
 )
+from cubicfish_cli.cli.streams import text_width
 from cubicfish_cli.cli.terminal import print_json, result, say, working
 
 if TYPE_CHECKING:
@@ -245,5 +246,7 @@ def _print_proposal(number: int, proposal: Proposal) -> None:
 
 
 def _paragraph(text: str, first: str = "", rest: str = "") -> None:
-    for line in textwrap.wrap(text, _LINE, initial_indent=first, subsequent_indent=rest):
+    for line in textwrap.wrap(
+        text, text_width(_LINE), initial_indent=first, subsequent_indent=rest
+    ):
         result(line)

@@ -56,20 +56,15 @@ class Row:
 
 
 def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table to stdout whose columns all matter alike.
-
-    Columns whose cells are all numbers (or empty, or a dash) are aligned to the right.
-    """
-    numbers = _numbers([*map(tuple, rows)], len(header))
-    columns = [
-        Column(title=title, least=0 if is_number else 12)
-        for title, is_number in zip(header, numbers, strict=True)
-    ]
+    """Print a table to stdout whose columns all matter alike; names in the first may be cut."""
+    columns = [Column(title=title, least=0 if i else 12) for i, title in enumerate(header)]
     print_columns(columns, [Row(cells=row) for row in rows])
 
 
 def print_columns(columns: Sequence[Column], rows: Sequence[Row]) -> None:
     """Print a table to stdout.
+
+    Columns whose cells are all numbers (or empty, or a dash) are aligned to the right.
 
     Args:
         columns: its columns.
@@ -83,12 +78,13 @@ def print_columns(columns: Sequence[Column], rows: Sequence[Row]) -> None:
         for row in rows
         if room is not None or not row.total
     ]
+    every, whole = columns, rows
     kept = fitting(columns, rows, room)
     columns = [columns[i] for i in kept]
     rows = [replace(row, cells=[row.cells[i] for i in kept]) for row in rows]
     widths = _widths(columns, rows, room)
     if room is not None and _taken(widths) > room:
-        _print_cards(columns, rows, room, stream)
+        _print_cards(every, whole, room, stream)
         return
     right = _numbers([row.cells for row in rows], len(columns))
     titles = Row(cells=[_shown(column.title, stream) for column in columns])

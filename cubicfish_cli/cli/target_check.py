@@ -19,8 +19,10 @@ from cubicfish_cli.cli.options import (
     json_option,
     overwrite_option,
 )
+from cubicfish_cli.cli.streams import text_width
+from cubicfish_cli.cli.table import Column, Row, print_columns
 from cubicfish_cli.cli.target_words import advice
-from cubicfish_cli.cli.terminal import print_json, print_table, result, working
+from cubicfish_cli.cli.terminal import print_json, result, working
 
 if TYPE_CHECKING:
     from cubicfish_cli.naming.object_check import ObjectFacts, Turn
@@ -82,19 +84,19 @@ def command(target: Path, draw: Path | None, overwrite: bool, as_json: bool) -> 
 
 
 def _print(target: Target, facts: ObjectFacts) -> None:
-    print_table(
-        (
-            "board",
-            "type",
-            "corners",
-            "square",
-            "print",
-            "corner (0, 0)",
-            "columns",
-            "rows",
-            "faces",
-        ),
-        [_row(board) for board in target.boards],
+    print_columns(
+        [
+            Column(title="board", least=8),
+            Column(title="type", least=5, cut="end"),
+            Column(title="corners"),
+            Column(title="square"),
+            Column(title="print", drop=1),
+            Column(title="corner (0, 0)"),
+            Column(title="columns"),
+            Column(title="rows"),
+            Column(title="faces", drop=2),
+        ],
+        [Row(cells=_row(board)) for board in target.boards],
     )
     result(f"\nlengths in {target.units}; the print includes the outer squares\n")
     planes = count(facts.planes, "plane")
@@ -106,7 +108,8 @@ def _print(target: Target, facts: ObjectFacts) -> None:
 
 
 def _paragraph(label: str, text: str) -> None:
-    lines = textwrap.wrap(text, _LINE - _LABEL, break_on_hyphens=False)
+    width = text_width(_LINE) - _LABEL
+    lines = textwrap.wrap(text, width, break_on_hyphens=False, break_long_words=False)
     for number, line in enumerate(lines):
         result(f"{label if number == 0 else '':<{_LABEL}}{line}")
 
