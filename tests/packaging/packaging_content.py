@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import shutil
+import subprocess
 import tarfile
 import tomllib
 import zipfile
@@ -24,7 +26,14 @@ _REPOSITORY_ONLY = re.compile(r"^(\.ci/|\.git)")
 
 def project_files(root: Path) -> list[str]:
     """The files of a checkout or of an unpacked source distribution, by their path in it."""
-    names = (path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file())
+    if (root / ".git").exists() and shutil.which("git"):
+        listed = subprocess.run(
+            ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+            cwd=root, capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        names = {name for name in listed.stdout.split("\0") if (root / name).is_file()}
+    else:
+        names = {path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file()}
     return sorted(name for name in names if not _LEFT_OUT.search(name))
 
 
