@@ -78,13 +78,12 @@ def print_columns(columns: Sequence[Column], rows: Sequence[Row]) -> None:
         for row in rows
         if room is not None or not row.total
     ]
-    every, whole = columns, rows
     kept = fitting(columns, rows, room)
     columns = [columns[i] for i in kept]
     rows = [replace(row, cells=[row.cells[i] for i in kept]) for row in rows]
     widths = _widths(columns, rows, room)
     if room is not None and _taken(widths) > room:
-        _print_cards(every, whole, room, stream)
+        _print_cards(columns, rows, room, stream)
         return
     right = _numbers([row.cells for row in rows], len(columns))
     titles = Row(cells=[_shown(column.title, stream) for column in columns])

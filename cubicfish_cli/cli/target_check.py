@@ -90,11 +90,11 @@ def _print(target: Target, facts: ObjectFacts) -> None:
             Column(title="type", least=5, cut="end"),
             Column(title="corners"),
             Column(title="square"),
-            Column(title="print", drop=1),
+            Column(title="print"),
             Column(title="corner (0, 0)"),
             Column(title="columns"),
             Column(title="rows"),
-            Column(title="faces", drop=2),
+            Column(title="faces"),
         ],
         [Row(cells=_row(board)) for board in target.boards],
     )
