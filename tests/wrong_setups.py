@@ -18,7 +18,7 @@ from cubicfish_cli.correspondences import Corners, save_corners
 from cubicfish_cli.formats.target_yaml import target_text
 from cubicfish_cli.rendering.lens import TrueLens
 from cubicfish_cli.rendering.pose import Pose
-from cubicfish_cli.target import Target
+from cubicfish_cli.target import BoardShape, Target
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -564,6 +564,71 @@ def good(rng: np.random.Generator, kind: int) -> SetUp:
                 drawn = turned(shifted(drawn, index, 0.2, rng), index, 0.03, rng)
     return SetUp(target=drawn, corners=corners)
 
+
+def bent(rng: np.random.Generator) -> SetUp:
+    """Boards on cardboard, bent and twisted by up to 3 mm where the drawing has them flat."""
+    target = corner_of_half_a_metre()
+    shapes = [
+        BoardShape(
+            bend=rng.uniform(-3, 3, 2),
+            twist=float(rng.uniform(-2, 2)),
+            stretch=rng.normal(0, 0.001, 2),
+            offsets=np.zeros((board.rows, board.columns, 3)),
+        )
+        for board in target.boards
+    ]
+    real = target
+    for index, shape in enumerate(shapes):
+        real = with_board(real, index, shape=shape)
+    return SetUp(target=target, corners=photos(rng, real))
+
+
+def noisy(rng: np.random.Generator) -> SetUp:
+    """Corners that are all off by a pixel."""
+    target = corner_of_half_a_metre()
+    return SetUp(target=target, corners=photos(rng, target, noise=1.0))
+
+
+def wide(rng: np.random.Generator) -> SetUp:
+    """A lens of 230°."""
+    target = corner_of_half_a_metre()
+    return SetUp(target=target, corners=photos(rng, target, lens=lens_of(rng, field_deg=230)))
+
+
+def few(rng: np.random.Generator, count: int) -> SetUp:
+    """One to four photos."""
+    target = corner_of_half_a_metre()
+    return SetUp(target=target, corners=photos(rng, target, count=count))
+
+
+def hidden(rng: np.random.Generator) -> SetUp:
+    """Most corners hidden: hands, reflections, a small part of each board."""
+    target = corner_of_half_a_metre()
+    corners = photos(rng, target, count=14)
+    where = corners.pixel @ rng.normal(size=(2, 2))
+    return SetUp(target=target, corners=only(corners, (where > np.median(where, axis=0)).any(1)))
+
+
+def uneven(rng: np.random.Generator) -> SetUp:
+    """Some photos four times as noisy as the others: dim light."""
+    target = corner_of_half_a_metre()
+    corners = photos(rng, target, count=14)
+    dim = own(corners, some_photos(rng, corners, 0.3))
+    pixel = corners.pixel + 0.4 * rng.standard_normal(corners.pixel.shape) * dim[:, None]
+    return SetUp(target=target, corners=replace(corners, pixel=pixel))
+
+
+# Right set-ups of which nothing may be claimed, hard as they are.
+HARD: tuple[Case, ...] = (
+    Case(name="bent boards", make=bent, says=()),
+    Case(name="noise of a pixel", make=noisy, says=()),
+    Case(name="a lens of 230°", make=wide, says=()),
+    Case(name="one photo", make=lambda rng: few(rng, 1), says=()),
+    Case(name="two photos", make=lambda rng: few(rng, 2), says=()),
+    Case(name="four photos", make=lambda rng: few(rng, 4), says=()),
+    Case(name="a third of the corners hidden", make=hidden, says=()),
+    Case(name="some photos noisier", make=uneven, says=()),
+)
 
 CASES: tuple[Case, ...] = (
     Case(
