@@ -124,6 +124,8 @@ def _expand(argument: str) -> list[Path]:
         if os.path.lexists(path):
             return [path]
         matches = [Path(match) for match in glob.glob(argument, recursive=True)]
+    except PhotoError:  # an OSError too
+        raise
     except (OSError, ValueError) as problem:  # no permission; a name that no file can have
         what = getattr(problem, "strerror", None) or problem
         raise PhotoError(f"{shown(argument)} cannot be read: {what}") from problem

@@ -20,6 +20,8 @@ from cubicfish_cli.reading import read_text
 from cubicfish_cli.wording import quoted
 
 MAX_DEPTH = 12
+MAX_VALUES = 500_000
+_MAX_DIRECTIVES = 10  # the parser compares each with all before it
 
 _Base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -76,9 +78,13 @@ def parse_plain_yaml(path: Path, text: str, *, error: type[CubicfishError]) -> A
 
 
 def _refuse_more_than_plain_data(path: Path, text: str, error: type[CubicfishError]) -> None:
+    if text.startswith("%") + text.count("\n%") + text.count("\r%") > _MAX_DIRECTIVES:
+        raise error(f"{path}: directives (%) are not allowed: plain data only")
     depth = documents = 0
     events: Iterator[Any] = yaml.parse(text, Loader=_PlainLoader)
-    for event in events:
+    for count, event in enumerate(events):
+        if count > MAX_VALUES:
+            raise error(f"{path} holds more than {MAX_VALUES:,} values: is it the right file?")
         where = f"{path}, line {event.start_mark.line + 1}"
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None) is not None:
             raise error(f"{where}: anchors and aliases (& and *) are not allowed: write values out")

@@ -40,7 +40,7 @@ def read_bytes(path: Path, *, max_bytes: int, error: type[CubicfishError]) -> by
         what = getattr(problem, "strerror", None) or problem
         raise error(f"{path} cannot be read: {what}") from problem
     if len(raw) > max_bytes:
-        raise error(f"{path} is larger than {max_bytes / 1e6:g} MB: is it the right file?")
+        raise error(f"{path} is larger than {max_bytes / 1e6:.3g} MB: is it the right file?")
     return raw
 
 

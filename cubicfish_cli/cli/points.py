@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-MAX_BYTES = 200_000_000
+MAX_BYTES = 100_000_000
 LONGEST_LINE = 10_000
 
 

@@ -40,6 +40,7 @@ from cubicfish_cli.tables import Table, csv_text, parse_table
 from cubicfish_cli.wording import quoted
 
 MAX_BYTES = 200_000_000
+MAX_LINES = 5_000_000
 _COLUMNS = ("filename", "x", "y")
 _OPTIONAL = ("level", "weight")
 _MAX_LEVEL = 12
@@ -94,7 +95,12 @@ def read_vnlog(path: Path, *, corners: int) -> Detections:
 
 def _table(path: Path) -> Table:
     """The rows as a table whose lines are the file's own."""
-    lines = read_text(path, max_bytes=MAX_BYTES).splitlines()
+    text = read_text(path, max_bytes=MAX_BYTES)
+    if text.count("\n") + text.count("\r") > MAX_LINES:
+        raise CorrespondenceError(
+            f"{path} has more than {MAX_LINES:,} lines: is it the right file?"
+        )
+    lines = text.splitlines()
     legend = next((i for i, line in enumerate(lines) if re.match(r"\s*#(?![#!])", line)), None)
     if legend is None or any(line.strip()[:1] not in ("", "#") for line in lines[:legend]):
         raise CorrespondenceError(

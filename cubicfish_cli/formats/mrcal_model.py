@@ -30,6 +30,7 @@ FloatArray = npt.NDArray[np.float64]
 # optimization_inputs holds all corners of a calibration, packed; it is skipped.
 MAX_BYTES = 64_000_000
 MAX_PLAIN_BYTES = 4_000_000
+MAX_VALUES = 400_000
 MAX_DEPTH = 4
 MAX_CONTROL_POINTS = 40_000
 MAX_REGION = 100_000
@@ -215,6 +216,8 @@ def _dictionary(path: Path, text: str) -> dict[str, Any]:
     if len(plain) > MAX_PLAIN_BYTES:
         raise CameraFileError(f"{path}: too much in it for a lens: is it the right file?")
     skeleton = _TOKEN.sub('""', plain)
+    if skeleton.count(",") > MAX_VALUES:
+        raise CameraFileError(f"{path}: too much in it for a lens: is it the right file?")
     end = _PLAIN.match(skeleton)
     where = end.end() if end else 0
     if where < len(skeleton):

@@ -10,14 +10,21 @@ from typing import Any, NoReturn
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.wording import quoted
 
+MAX_VALUES = 2_000_000
+
 
 def parse_plain_json(path: Path, text: str) -> Any:
     """What the text of a file holds; ``path`` is for messages.
 
     Raises:
-        CameraFileError: it is not JSON, a key is there twice, or a number is not one; one line.
+        CameraFileError: it is not JSON, a key is there twice, a number is not one, or there are
+            more than :data:`MAX_VALUES`; one line.
 
     """
+    if sum(map(text.count, ",[{")) > MAX_VALUES:
+        raise CameraFileError(
+            f"{path} holds more than {MAX_VALUES:,} values: is it the right file?"
+        )
 
     def refuse_constant(name: str) -> NoReturn:
         raise CameraFileError(f"{path}: {name} is not a finite number")

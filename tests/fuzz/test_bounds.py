@@ -1,0 +1,61 @@
+"""Files of the right size that hold too much: what they would unfold to is refused before."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import fuzz_foreign as foreign
+import pytest
+from fuzz_readers import READERS
+
+from cubicfish_cli import plain_yaml, tables
+from cubicfish_cli.corner_files import vnlog
+from cubicfish_cli.errors import CubicfishError
+from cubicfish_cli.formats import mrcal_model, plain_json
+from cubicfish_cli.formats.nerfstudio_json import read_nerfstudio
+
+MOST = 1000
+
+
+@pytest.mark.parametrize(
+    ("module", "bound", "read", "suffix", "text"),
+    [
+        (plain_yaml, "MAX_VALUES", READERS["camera.yaml"].read, ".yaml", "a: [{}1]".format("1," * MOST)),
+        (tables, "MAX_VALUES", READERS["corners.csv"].read, ".csv", "image,board\n" + ",\n" * MOST),
+        (tables, "MAX_VALUES", READERS["corners.csv"].read, ".csv", "," * (MOST + 1)),
+        (vnlog, "MAX_LINES", foreign.read_corners, ".vnl", "# filename x y\n" + "\n" * MOST),
+        (vnlog, "MAX_LINES", foreign.read_corners, ".vnl", "# filename x y" + "\r" * (MOST + 1)),
+        (plain_json, "MAX_VALUES", read_nerfstudio, ".json", '{{"a": [{}1]}}'.format("[]," * MOST)),
+        (mrcal_model, "MAX_VALUES", foreign.look_through_mrcal, ".cameramodel",
+         "{{'a': [{}]}}".format("1," * (MOST + 1))),
+    ],
+)  # fmt: skip
+def test_more_values_than_a_bound_are_refused(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    module: Any,
+    bound: str,
+    read: Callable[[Path], object],
+    suffix: str,
+    text: str,
+) -> None:
+    path = tmp_path / f"input{suffix}"
+    path.write_text(text, newline="")
+    monkeypatch.setattr(module, bound, MOST)
+    with pytest.raises(CubicfishError, match="more than 1,000|too much in it"):
+        read(path)
+    monkeypatch.setattr(module, bound, 5 * MOST)
+    try:
+        read(path)
+    except CubicfishError as problem:
+        assert "more than" not in str(problem)
+        assert "too much" not in str(problem)
+
+
+def test_directives_that_take_the_parser_hours_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text("%YAML 1.2\n--- [1]\n")
+    assert plain_yaml.load_plain_yaml(path, error=CubicfishError) == [1]
+    path.write_text("".join(f"%TAG !{number}! b\n" for number in range(11)) + "--- [1]\n")
+    with pytest.raises(CubicfishError, match="directives"):
+        plain_yaml.load_plain_yaml(path, error=CubicfishError)
