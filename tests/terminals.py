@@ -107,3 +107,22 @@ def on_terminal(
             process.stdout.close()
         os.close(leader)
     return Ended(code, seen.decode("utf-8", "replace").replace("\r\n", "\n"), stdout)
+
+
+def visible(text: str) -> list[str]:
+    """The lines that a terminal shows in the end, where all that is redrawn is whole lines."""
+    lines, at, column = [""], 0, 0
+    for part in re.findall(r"\x1b\[[0-9;?]*[A-Za-z]|\r|\n|[^\x1b\r\n]+", text):
+        if part == "\n":
+            at, column = at + 1, 0
+            lines += [""] * (at >= len(lines))
+        elif part == "\r":
+            column = 0
+        elif part == "\x1b[2K":
+            lines[at] = ""
+        elif part.endswith("A"):
+            at = max(0, at - int(part[2:-1] or 1))
+        elif not part.startswith("\x1b"):
+            lines[at] = lines[at][:column].ljust(column) + part + lines[at][column + len(part) :]
+            column += len(part)
+    return [line.rstrip() for line in lines if line.strip()]
