@@ -15,12 +15,14 @@ from cubicfish_cli.formats import mrcal_model, plain_json
 from cubicfish_cli.formats.nerfstudio_json import read_nerfstudio
 
 MOST = 1000
+_TOO_MUCH = r"more than [15],000|too much in it"
 
 
 @pytest.mark.parametrize(
     ("module", "bound", "read", "suffix", "text"),
     [
-        (plain_yaml, "MAX_VALUES", READERS["camera.yaml"].read, ".yaml", "a: [{}1]".format("1," * MOST)),
+        (plain_yaml, "MAX_VALUES", READERS["camera.yaml"].read, ".yaml",
+         "a: [{}1]".format("1," * MOST)),
         (tables, "MAX_VALUES", READERS["corners.csv"].read, ".csv", "image,board\n" + ",\n" * MOST),
         (tables, "MAX_VALUES", READERS["corners.csv"].read, ".csv", "," * (MOST + 1)),
         (vnlog, "MAX_LINES", foreign.read_corners, ".vnl", "# filename x y\n" + "\n" * MOST),
@@ -42,14 +44,11 @@ def test_more_values_than_a_bound_are_refused(
     path = tmp_path / f"input{suffix}"
     path.write_text(text, newline="")
     monkeypatch.setattr(module, bound, MOST)
-    with pytest.raises(CubicfishError, match="more than 1,000|too much in it"):
+    with pytest.raises(CubicfishError, match=_TOO_MUCH):
         read(path)
     monkeypatch.setattr(module, bound, 5 * MOST)
-    try:
+    with pytest.raises(CubicfishError, match=rf"^(?!.*({_TOO_MUCH}))"):
         read(path)
-    except CubicfishError as problem:
-        assert "more than" not in str(problem)
-        assert "too much" not in str(problem)
 
 
 def test_directives_that_take_the_parser_hours_are_refused(tmp_path: Path) -> None:
