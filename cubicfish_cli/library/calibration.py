@@ -36,7 +36,7 @@ def calibrate(
 ) -> Calibration:
     """Fit a camera, the pose of every photo and, where photos gain by it, the object.
 
-    The same as ``cubicfish calibrate``, to the last digit. Poses are ``camera_from_world``,
+    The fit of ``cubicfish calibrate``. Poses are ``camera_from_world``,
     rotation matrices (M, 3, 3) and translations (M, 3) in the unit of the world points; errors are
     in pixels.
 
