@@ -16,7 +16,7 @@ from terminals import Screen, on_terminal, unstyled, visible, widest
 
 from cubicfish_cli.cli import characters
 from cubicfish_cli.cli.characters import cells, cut_end, cut_middle, safe
-from cubicfish_cli.cli.photo_table import PhotoRow, print_photo_table
+from cubicfish_cli.cli.photo_table import PhotoRow, fitted_rows, print_photo_table
 from cubicfish_cli.cli.streams import wrapped
 from cubicfish_cli.cli.table import Column, Row, print_columns, print_table
 from cubicfish_cli.cli.terminal import print_json, result
@@ -206,6 +206,20 @@ def test_of_many_photos_the_worst_and_the_odd_are_shown(show) -> None:  # type: 
     assert f"and {len(rest)} more: {len(rest)} good" in flat
     assert f"within {max(row.rms_px or 0 for row in rest):.3f} px RMS" in flat
     assert "all of them: -v, or camera.yaml" in flat
+
+
+def test_a_photo_that_takes_no_part_has_its_row(show) -> None:  # type: ignore[no-untyped-def]
+    record = {
+        "per_image": [{"image": "a.jpg", "corners": 100, "rms_px": 0.1}],
+        "dropped_corners": [{"image": "a.jpg"}, {"image": "b.jpg"}, {"image": "b.jpg"}],
+    }
+    rows = fitted_rows(record, (960, 720), {"a.jpg": {"left": 100}}, {"b.jpg": "left out"})
+    assert [(row.name, row.words, row.level) for row in rows] == [
+        ("a.jpg", "1 dropped", "care"),
+        ("b.jpg", "left out", "bad"),
+    ]
+    last = show(rows, 120).splitlines()[-1]
+    assert last.split()[:7] == ["all", "2", "100", "-", "100", "-", "3"]
 
 
 def test_what_does_not_fit_is_printed_row_by_row(monkeypatch: pytest.MonkeyPatch) -> None:

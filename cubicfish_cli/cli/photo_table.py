@@ -107,7 +107,7 @@ def fitted_rows(
     ]
     known = {row.name for row in rows}
     rows += [
-        PhotoRow(name=name, words=why, level="bad")
+        PhotoRow(name=name, words=why, level="bad", dropped=dropped[name])
         for name, why in lost.items()
         if name not in known
     ]
