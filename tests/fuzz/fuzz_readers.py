@@ -9,6 +9,7 @@ from pathlib import Path
 
 import cv2
 import fuzz_foreign as foreign
+import fuzz_imported as imported
 import fuzz_lenses as lenses
 import numpy as np
 
@@ -242,6 +243,28 @@ READERS = {
     ),
     "any camera": Reader(
         read=lenses.look_through(None), seeds=lenses.all_seeds, suffix="", words=lenses.KEYS
+    ),
+    "OpenCV FileStorage": Reader(
+        read=imported.look_through("opencv"), seeds=imported.opencv_seeds, suffix=".yml"
+    ),
+    "ROS CameraInfo": Reader(
+        read=imported.look_through("ros"), seeds=lambda: imported.seeds("ros"), suffix=".yaml"
+    ),
+    "Kalibr camchain": Reader(
+        read=imported.look_through("kalibr"),
+        seeds=lambda: imported.seeds("kalibr-pinhole-equi"),
+        suffix=".yaml",
+    ),
+    "COLMAP cameras.txt": Reader(
+        read=imported.look_through("colmap"), seeds=imported.colmap_text_seeds, suffix=".txt"
+    ),
+    "COLMAP cameras.bin": Reader(
+        read=imported.look_through(None), seeds=imported.colmap_binary_seeds, suffix=".bin"
+    ),
+    "nerfstudio": Reader(
+        read=imported.look_through("nerfstudio"),
+        seeds=lambda: imported.seeds("nerfstudio"),
+        suffix=".json",
     ),
     ".orpc": Reader(read=foreign.read_corners, seeds=foreign.orpc_seeds, suffix=".orpc"),
     "corners.vnl": Reader(read=foreign.read_corners, seeds=foreign.vnlog_seeds, suffix=".vnl"),
