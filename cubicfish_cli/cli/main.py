@@ -9,11 +9,14 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import click
 
 from cubicfish_cli import __version__
+from cubicfish_cli.cli.characters import safe
 from cubicfish_cli.cli.ending import EXIT_INTERRUPTED, EXIT_SIGNAL, Terminated
 from cubicfish_cli.cli.options import DEBUG_KEY, common_options, examples
 from cubicfish_cli.cli.terminal import Failure, say_interrupted
@@ -44,6 +47,16 @@ COMMANDS = (
 _MODULES = {"import": "import_camera"}
 
 
+@contextmanager
+def _harmless() -> Iterator[None]:
+    """What click says of a command line may repeat a file's name, which may steer a terminal."""
+    try:
+        yield
+    except click.ClickException as error:
+        error.message = safe(error.message)
+        raise
+
+
 class LazyGroup(click.Group):
     """Commands by name, each in the module of the same name, imported when it is asked for."""
 
@@ -70,6 +83,12 @@ class LazyGroup(click.Group):
             ctx.fail(f"No such command {args[0]!r}: {did_you_mean(args[0], COMMANDS)}")
         return super().resolve_command(ctx, args)
 
+    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
+        """As click does, with what is wrong said harmlessly."""
+        with _harmless():
+            return super().make_context(*args, **kwargs)
+
+    @_harmless()
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; what a user can cause ends in one line and an exit code."""
         try:

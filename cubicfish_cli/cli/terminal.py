@@ -84,14 +84,14 @@ class Failure(click.ClickException):
 
     def show(self, file: Any = None) -> None:
         """Print it, as all that is said."""
-        tell(f"Error: {self.format_message()}")
+        tell(f"Error: {safe(self.format_message())}")
 
 
 def print_json(value: Mapping[str, Any]) -> None:
     """Print one JSON object; what is not finite becomes null, since JSON has no NaN."""
     plain = _jsonable(value)
     text = json.dumps(plain, allow_nan=False, ensure_ascii=False)
-    if as_shown(text, sys.stdout) != text:  # JSON has escapes of its own
+    if safe(as_shown(text, sys.stdout)) != text:  # JSON has escapes of its own
         text = json.dumps(plain, allow_nan=False)
     click.echo(text)
 
