@@ -53,7 +53,7 @@ def _harmless() -> Iterator[None]:
     try:
         yield
     except click.ClickException as error:
-        error.message = safe(error.message)
+        vars(error)["message"] = safe(error.message)
         raise
 
 
