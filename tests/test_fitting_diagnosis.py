@@ -155,6 +155,12 @@ def test_copies_and_photos_from_one_place_are_told(exact):
     assert repeated_groups(apart, exact, LENS.fx).max() == 5
     assert repeated_groups(apart, exact, LENS.fx, NEAR_SHARE).max() == 0
     assert repeated_groups(as_poses(POSES), exact, LENS.fx, NEAR_SHARE).max() == 7
+    # From one place, but turned about the line of sight: the object lies elsewhere in the picture.
+    rolls = Rotation.from_rotvec([[0, 0, angle] for angle in (0, 0.4, 0.8)]).as_matrix()
+    turned = Poses(rotation=rolls @ rotation[0], translation=rolls @ translation[0])
+    assert repeated_groups(turned, exact, LENS.fx, NEAR_SHARE).max() == 2
+    spun = Poses(rotation=rolls @ rotation[0], translation=translation[[0] * 3])
+    assert repeated_groups(spun, exact, LENS.fx).max() == 2
 
 
 # The drawing beside the object as measured
@@ -345,6 +351,13 @@ def test_what_a_photo_has_of_its_own_is_measured_beside_its_pose(pairs):
     # The cost of being elsewhere is that of the least squares themselves.
     assert found.cost(found.own) == pytest.approx(found.squares)
     assert (found.cost(np.zeros(5)) > found.squares).all()
+    # What a wrong pose leaves is no noise.
+    poses = as_poses(POSES)
+    tilted = Rotation.from_rotvec([0.001, 0.001, 0]).as_matrix() @ poses.rotation
+    off = photo_lenses.photo_lenses(
+        FixedLens(camera=LENS), replace(poses, rotation=tilted), pairs, pairs.world
+    )
+    assert off.squares / off.numbers == pytest.approx(np.full(8, 0.01), rel=0.5)
     few = select(pairs, (pairs.image != 1) | (np.cumsum(pairs.image == 1) <= 10))[0]
     found = photo_lenses.photo_lenses(FixedLens(camera=LENS), as_poses(POSES), few, few.world)
     assert 1 not in found.photos
