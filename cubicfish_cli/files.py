@@ -94,7 +94,7 @@ def whole_files(
     except CubicfishError:  # says what went wrong already, and some are OSErrors too
         raise
     except OSError as error:
-        at_fault = {str(error.filename), str(error.filename2)}
+        at_fault = {str(name) for name in (error.filename, error.filename2) if name is not None}
         path = next((path for path in (*paths, *obsolete) if str(path) in at_fault), path)
         raise OutputError(
             f"{path} cannot be written{on_host()} ({error.strerror or error}): "

@@ -1,11 +1,21 @@
 """Worker processes, wherever temporary files are."""
 
+import gc
+import multiprocessing
 import os
+import signal
+import struct
 import subprocess
 import sys
+import threading
+from collections.abc import Callable
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import pytest
+
+from cubicfish_cli.errors import DetectionError, PhotoError
+from cubicfish_cli.naming.pool import map_photos
 
 
 @pytest.mark.parametrize("letters", [0, 90])
@@ -22,3 +32,82 @@ def test_workers_start_however_long_the_name_of_the_temporary_folder_is(
     )  # fmt: skip
     assert (done.stdout.strip(), done.stderr) == ("1 2", "")
     assert list(folder.iterdir()) == []
+
+
+def dies_in_a_word(fate: str) -> str:
+    """Begin to send an answer, and die."""
+    if fate == "dies":
+        for pipe in gc.get_objects():
+            if isinstance(pipe, Connection) and pipe.writable:
+                os.write(pipe.fileno(), struct.pack("!i", 1000) + b"half")
+        os.kill(os.getpid(), signal.SIGKILL)
+    return fate
+
+
+def dies(fate: str) -> str:
+    if fate == "dies":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return fate
+
+
+def refuses(name: str) -> str:
+    if name == "bad":
+        raise PhotoError("bad is no photo")
+    if name == "odd":
+        raise KeyError("odd")
+    return name
+
+
+def cannot_travel(name: str) -> Callable[[], str]:
+    return lambda: name
+
+
+def outcome(work: Callable[[str], object], items: list[str]) -> BaseException | list[object]:
+    """What becomes of the work, by two processes; that it ends at all."""
+    outcomes: list[BaseException | list[object]] = []
+
+    def run() -> None:
+        try:
+            outcomes.append(list(map_photos(work, items, 2)))
+        except BaseException as problem:
+            outcomes.append(problem)
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    thread.join(120)
+    assert outcomes, "it hangs"
+    assert multiprocessing.active_children() == []
+    return outcomes[0]
+
+
+def test_answers_come_in_order() -> None:
+    assert outcome(refuses, list("abcdefgh")) == list("abcdefgh")
+
+
+@pytest.mark.parametrize("work", [dies, dies_in_a_word])
+@pytest.mark.parametrize("place", [0, 3])
+def test_a_process_that_is_killed_is_an_error_and_no_hang(
+    work: Callable[[str], str], place: int
+) -> None:
+    items = list("abcd")
+    items[place] = "dies"
+    problem = outcome(work, items)
+    assert isinstance(problem, DetectionError)
+    assert "ended from outside" in str(problem)
+
+
+def test_what_the_work_raises_is_raised() -> None:
+    problem = outcome(refuses, ["a", "bad", "c"])
+    assert isinstance(problem, PhotoError)
+    assert str(problem) == "bad is no photo"
+    problem = outcome(refuses, ["a", "odd", "c"])
+    assert isinstance(problem, KeyError)
+    assert "in refuses" in problem.__notes__[0]
+    assert isinstance(outcome(cannot_travel, ["a", "b"]), RuntimeError)
+
+
+def test_leaving_early_ends_the_processes() -> None:
+    answers = map_photos(refuses, list("abcdefgh"), 2)
+    assert next(answers) == "a"
+    answers.close()
+    assert multiprocessing.active_children() == []

@@ -92,6 +92,12 @@ def test_the_origin_turns_y_over():
     assert up.flat[row] > 0.8 > 0.2 > down.flat[row]
 
 
+def test_an_exr_that_cannot_be_written_is_said_to_be_so(tmp_path):
+    pytest.importorskip("OpenEXR")
+    with pytest.raises(OSError, match=r"^No such file or directory$"):
+        written(tmp_path / "none" / "m.exr")
+
+
 def test_without_openexr_the_extra_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "OpenEXR", None)
     with pytest.raises(OutputError, match=r"pip install 'cubicfish\[exr\]'"):

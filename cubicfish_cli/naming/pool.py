@@ -7,18 +7,15 @@ import multiprocessing.context
 import os
 import signal
 import tempfile
-import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from typing import Protocol, TypeVar
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.errors import ClusterError, CubicfishError, DetectionError
+from cubicfish_cli.errors import ClusterError, CubicfishError
 from cubicfish_cli.machines import Machines
+from cubicfish_cli.naming.processes import each_by_processes
 from cubicfish_cli.photos import one_opencv_thread
 
 FloatArray = npt.NDArray[np.float64]
@@ -85,28 +82,27 @@ def map_photos(
         with one_opencv_thread():
             yield from map(work, items)
         return
-    pool = ProcessPoolExecutor(workers, mp_context=_context(), initializer=_start_worker)
-    try:
-        yield from pool.map(work, items)
-    except BrokenProcessPool as error:
-        raise DetectionError(
-            "a process that looked for corners was ended from outside, as happens when memory "
-            "runs out: try again with --jobs 1"
-        ) from error
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+    yield from _in_order(each_by_processes(work, items, workers, _context()))
 
 
 def _by_machines(
     work: Callable[[Item], Answer], items: Sequence[Item], machines: Machines
 ) -> Iterator[Answer]:
+    def good() -> Iterator[tuple[int, Answer]]:
+        for number, answer in machines.each(work, items):
+            if isinstance(answer, ClusterError):
+                raise ClusterError(f"{items[number].name}: {answer}") from answer
+            if isinstance(answer, CubicfishError):
+                raise answer
+            yield number, answer
+
+    yield from _in_order(good())
+
+
+def _in_order(answers: Iterator[tuple[int, Answer]]) -> Iterator[Answer]:
     early: dict[int, Answer] = {}
     wanted = 0
-    for number, answer in machines.each(work, items):
-        if isinstance(answer, ClusterError):
-            raise ClusterError(f"{items[number].name}: {answer}") from answer
-        if isinstance(answer, CubicfishError):
-            raise answer
+    for number, answer in answers:
         early[number] = answer
         while wanted in early:
             yield early.pop(wanted)
@@ -142,18 +138,3 @@ def _too_long_for_a_server() -> bool:
     """Whether a server's socket has no place: it stands where temporary files do."""
     socket = os.path.join(tempfile.gettempdir(), "pymp-12345678", "listener-12345678")
     return len(os.fsencode(socket)) > _SOCKET_BYTES
-
-
-def _start_worker() -> None:
-    # The parent alone answers Ctrl-C, and the workers together use one thread a processor.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    cv2.setNumThreads(1)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    """A parent that is killed cannot tell its workers to end: they would wait for ever."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)

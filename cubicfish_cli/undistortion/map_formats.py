@@ -143,6 +143,7 @@ def write_exr(path: Path, pixel_map: PixelMap, origin: Origin) -> None:
 
     Raises:
         OutputError: the extra ``exr`` is not installed.
+        OSError: the file cannot be written.
 
     """
     try:
@@ -155,7 +156,10 @@ def write_exr(path: Path, pixel_map: PixelMap, origin: Origin) -> None:
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     channels = {"R": u, "G": v, "B": np.zeros_like(u)}
     with OpenEXR.File(header, channels) as file:
-        file.write(str(path))
+        try:
+            file.write(str(path))
+        except RuntimeError as problem:  # '... image file "NAME". No space left on device.'
+            raise OSError(str(problem).rpartition('". ')[2].rstrip(".")) from problem
 
 
 def png_values(pixel_map: PixelMap, origin: Origin, axis: int) -> npt.NDArray[np.uint16]:
