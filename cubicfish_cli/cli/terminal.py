@@ -84,7 +84,7 @@ class Failure(click.ClickException):
 
     def show(self, file: Any = None) -> None:
         """Print it, as all that is said."""
-        tell(f"Error: {safe(self.format_message())}")
+        tell(f"Error: {self.format_message()}")
 
 
 def print_json(value: Mapping[str, Any]) -> None:

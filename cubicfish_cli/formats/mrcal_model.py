@@ -216,7 +216,7 @@ def _dictionary(path: Path, text: str) -> dict[str, Any]:
     if len(plain) > MAX_PLAIN_BYTES:
         raise CameraFileError(f"{path}: too much in it for a lens: is it the right file?")
     skeleton = _TOKEN.sub('""', plain)
-    if skeleton.count(",") > MAX_VALUES:
+    if skeleton.count(",") + skeleton.count(":") > MAX_VALUES:
         raise CameraFileError(f"{path}: too much in it for a lens: is it the right file?")
     end = _PLAIN.match(skeleton)
     where = end.end() if end else 0
