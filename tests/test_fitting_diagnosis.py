@@ -169,7 +169,7 @@ def test_copies_and_photos_from_one_place_are_told(exact):
 def measured(target=TARGET, *, seed=None, noise=0.0):
     """All corners of an object, in any frame and unit."""
     rng = np.random.default_rng(seed)
-    turn = Rotation.random(rng=rng).as_matrix() if seed is not None else np.eye(3)
+    turn = Rotation.random(random_state=rng).as_matrix() if seed is not None else np.eye(3)
     scale, shift = (1.0, 0.0) if seed is None else (np.exp(rng.normal()), rng.normal(0, 100, 3))
     found = {}
     for index, board in enumerate(target.boards):
@@ -183,7 +183,7 @@ def measured(target=TARGET, *, seed=None, noise=0.0):
 def test_the_similarity_between_points_is_found_and_never_a_mirror():
     rng = np.random.default_rng(1)
     points = rng.normal(size=(20, 3))
-    turn = 2.5 * Rotation.random(rng=rng).as_matrix()
+    turn = 2.5 * Rotation.random(random_state=rng).as_matrix()
     linear, shift = similarity(points, points @ turn.T + [1, 2, 3])
     np.testing.assert_allclose(linear, turn, atol=1e-12)
     np.testing.assert_allclose(shift, [1, 2, 3], atol=1e-12)

@@ -27,7 +27,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("photos")
     for path in sorted((SAMPLE / "photos").iterdir())[:3]:
         shutil.copy(path, folder / path.name)
-    (folder / "zz_broken.png").write_bytes(b"\x89PNG and no more")
+    (folder / "zz_broken.png").write_bytes(path.read_bytes()[:40])
     picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     cv2.imwrite(str(folder / "zz_small.png"), picture[:-20])
     cv2.imwrite(str(folder / "zz_black.png"), np.zeros_like(picture))
