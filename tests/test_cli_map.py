@@ -1,5 +1,6 @@
 """``cubicfish map``: which files it writes, for which photos, and what it says."""
 
+import sys
 from pathlib import Path
 
 import cv2
@@ -45,6 +46,17 @@ def test_each_kind_is_written_with_its_camera(
     assert "exists already" in again
     run("map", out / name, "-m", model, "--size", "40x30", "--overwrite")
     assert yaml.safe_load((out / "m.view.yaml").read_text())["image_size"] == [40, 30]
+
+
+def test_without_openexr_the_error_names_the_file_that_was_asked_for(
+    run: Run, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "OpenEXR", None)
+    out = tmp_path / "m.exr"
+    said = run("map", out, "-m", model, "--size", "96x72", code=1).stderr
+    needs = "EXR files need one more package: pip install 'cubicfish[exr]'"
+    assert said == f"Error: {out}: {needs}\n"
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_nothing_is_left_when_one_file_exists(run: Run, model: Path, tmp_path: Path) -> None:

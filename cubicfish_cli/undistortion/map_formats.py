@@ -10,7 +10,7 @@ import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -146,20 +146,26 @@ def write_exr(path: Path, pixel_map: PixelMap, origin: Origin) -> None:
         OSError: the file cannot be written.
 
     """
+    library = _openexr(path)
+    u, v = stmap(pixel_map, origin)
+    header = {"compression": library.ZIP_COMPRESSION, "type": library.scanlineimage}
+    channels = {"R": u, "G": v, "B": np.zeros_like(u)}
+    with library.File(header, channels) as file:
+        try:
+            file.write(str(path))
+        except RuntimeError as problem:  # '... image file "NAME". No space left on device.'
+            raise OSError(str(problem).rpartition('". ')[2].rstrip(".")) from problem
+
+
+def _openexr(path: Path) -> Any:
+    """The library, for a file that the user named."""
     try:
         import OpenEXR
     except ImportError as problem:
         raise OutputError(
             f"{path}: EXR files need one more package: pip install 'cubicfish[exr]'"
         ) from problem
-    u, v = stmap(pixel_map, origin)
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    channels = {"R": u, "G": v, "B": np.zeros_like(u)}
-    with OpenEXR.File(header, channels) as file:
-        try:
-            file.write(str(path))
-        except RuntimeError as problem:  # '... image file "NAME". No space left on device.'
-            raise OSError(str(problem).rpartition('". ')[2].rstrip(".")) from problem
+    return OpenEXR
 
 
 def png_values(pixel_map: PixelMap, origin: Origin, axis: int) -> npt.NDArray[np.uint16]:
@@ -200,7 +206,8 @@ def map_writer(
     """The files that a map named ``output`` consists of, and what writes each.
 
     Raises:
-        OutputError: the name's suffix is none of .npz, .exr, .png and .pgm.
+        OutputError: the name's suffix is none of .npz, .exr, .png and .pgm, or it is .exr and
+            the extra ``exr`` is not installed.
 
     """
     suffix = output.suffix.lower()
@@ -209,6 +216,7 @@ def map_writer(
         write = write_fixed_point if fixed_point else write_npz
         return (output,), lambda _, made, path: write(path, made)
     if suffix == ".exr":
+        _openexr(output)  # before the work, and by the name that the user knows
         return (output,), lambda _, made, path: write_exr(path, made, origin)
     if suffix == ".png":
         return pair, lambda axis, made, path: _write(path, png_values(made, origin, axis))
