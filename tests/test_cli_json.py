@@ -227,8 +227,8 @@ def test_undistort_names_what_failed_and_why(run: Run, model: Path, tmp_path: Pa
     assert 0 < outlook["groups"][0]["kept_share"] < 1
     said = run(*line, "--overwrite", "--json", code=1).stderr
     assert said == (
-        "Error: 1 of 2 photos could not be undistorted (bad.jpg): the reasons are in the JSON, "
-        "the others are done\n"
+        "Error: 1 of 2 photos could not be undistorted: the reason is in the JSON, the other is "
+        "done\n"
     )
     alone = record(run, "undistort", photos / "bad.jpg", tmp_path / "x.png", "-m", model, code=1)
     assert alone["images"] == 0

@@ -13,6 +13,7 @@ import pytest
 import yaml
 from conftest import SAMPLE, Run
 
+from cubicfish_cli.cli import streams, terminal
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.undistortion.maps import load_map
 
@@ -162,8 +163,75 @@ def test_a_bad_photo_is_named_and_the_rest_done(
     assert sorted(path.name for path in out.iterdir()) == ["a.jpg", "c.jpg"]
     first, last = done.stderr.splitlines()
     assert first.startswith(f"failed: {photos / 'b.jpg'} is cut short")
-    assert last.startswith("Error: 1 of 3 photos could not be undistorted (b.jpg)")
+    assert last.endswith(": the reason is above, the other 2 are done")
     assert done.stdout.startswith(f"wrote 2 pictures to {out}: ")
+
+
+def write_bad_photos(folder: Path) -> None:
+    """Three photos of another size and two empty files."""
+    for name in ("s1.png", "s2.png", "s3.png"):
+        cv2.imwrite(str(folder / name), np.zeros((200, 300, 3), np.uint8))
+    for name in ("e1.png", "e2.png"):
+        (folder / name).touch()
+
+
+def test_a_reason_that_photos_share_is_said_once(run: Run, model: Path, tmp_path: Path) -> None:
+    write_bad_photos(tmp_path)
+    small = [tmp_path / f"s{number}.png" for number in (1, 2, 3)]
+    empty = [tmp_path / f"e{number}.png" for number in (1, 2)]
+    (tmp_path / "a.jpg").write_bytes(PHOTO.read_bytes())
+    end = [tmp_path / "out", "-m", model, "--size", "96x72"]
+    error = run("undistort", *small, *end, code=1).stderr
+    why = "the photo has 300x200 pixels, the camera was calibrated for 960x720: "
+    assert error.startswith(f"Error: none of 3 photos could be undistorted: {why}")
+    assert error.count("\n") == 1
+    each = "each is empty: copy it again or leave it out"
+    error = run("undistort", *empty, *end, code=1).stderr
+    assert error == f"Error: none of 2 photos could be undistorted: {each}\n"
+    lines = run("undistort", *small, *empty, *end, code=1).stderr.splitlines()
+    assert lines[0] == f"failed: 2 photos (e1.png, e2.png): {each}"
+    assert lines[1].startswith(f"failed: 3 photos (s1.png, s2.png, s3.png): {why}")
+    assert lines[2:] == ["Error: none of 5 photos could be undistorted: the reasons are above"]
+    lines = run("undistort", tmp_path / "a.jpg", *small, *end, code=1).stderr.splitlines()
+    assert lines[0].startswith("failed: 3 photos (s1.png, s2.png, s3.png): ")
+    assert lines[1:] == [
+        "Error: 3 of 4 photos could not be undistorted: the reasons are above, the other is done"
+    ]
+
+
+def test_results_that_cannot_be_written_share_their_reason(
+    run: Run, model: Path, tmp_path: Path
+) -> None:
+    photos = [tmp_path / "a.jpg", tmp_path / "b.jpg"]
+    for photo in photos:
+        photo.write_bytes(PHOTO.read_bytes())
+    (tmp_path / "out").touch()
+    end = [tmp_path / "out", "-m", model, "--size", "96x72"]
+    error = run("undistort", *photos, *end, code=1).stderr
+    assert error.startswith("Error: none of 2 photos could be undistorted: each result cannot be ")
+    assert error.count("\n") == 1
+
+
+def test_failures_fit_the_terminal(
+    run: Run, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_bad_photos(tmp_path)
+    monkeypatch.setattr(streams, "columns_of", lambda stream: 80)
+    monkeypatch.setattr(terminal, "columns_of", lambda stream: 80)
+    args = ["undistort", tmp_path, tmp_path / "out", "-m", model, "--size", "96x72"]
+    lines = run(*args, code=1).stderr.splitlines()
+    assert len(lines) > 4
+    assert max(map(len, lines)) <= 80
+
+
+def test_a_dry_run_counts_what_can_be_done(run: Run, model: Path, tmp_path: Path) -> None:
+    write_bad_photos(tmp_path)
+    (tmp_path / "a.jpg").write_bytes(PHOTO.read_bytes())
+    said = run("undistort", tmp_path, tmp_path / "out", "-m", model, "--dry-run")
+    assert said.stdout.startswith("would write 1 file from 1 of 6 photos\n")
+    assert said.stdout.count("cannot be done: the photo has 300x200 pixels") == 1
+    each = "each is empty: copy it again or leave it out"
+    assert said.stderr == f"would fail: 2 photos (e1.png, e2.png): {each}\n"
 
 
 def test_existing_results_are_skipped_when_asked(
@@ -231,7 +299,7 @@ def test_a_dry_run_says_what_would_be_kept_and_writes_nothing(
     out = tmp_path / "out"
     args = ["undistort", photos, out, "-m", model, "--view", "equidistant", "--dry-run"]
     said = run(*args).stdout
-    assert "would write 3 files from 3 photos" in said
+    assert "would write 2 files from 2 of 3 photos" in said
     assert "100.0 % of what the camera sees" in said
     empty = float(said.split("empty pixels")[1].split("%")[0])
     assert 10 < empty < 60
@@ -371,7 +439,8 @@ def test_a_bad_video_is_named_and_the_rest_done(run: Run, model: Path, tmp_path:
     (tmp_path / "b.mp4").write_bytes(b"nothing")
     args = ["-m", model, "--size", "96x72"]
     done = run("undistort", str(tmp_path / "*.mp4"), tmp_path / "out", *args, code=1)
-    assert "1 of 2 videos could not be undistorted (b.mp4)" in done.stderr
+    end = "Error: 1 of 2 videos could not be undistorted: the reason is above, the other is done"
+    assert done.stderr.splitlines()[-1] == end
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["a.mp4"]
     cube = ["--view", "cube"]
     said = run("undistort", tmp_path / "a.mp4", "o.mp4", "-m", model, *cube, code=2).stderr

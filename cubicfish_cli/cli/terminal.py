@@ -39,6 +39,7 @@ _TALK: Mapping[str, Style] = {
     "warning:": "care",
     "note:": "strong",
     "left out:": "care",
+    "failed:": "bad",
     "Error:": "bad",
 }
 

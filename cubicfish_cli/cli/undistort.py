@@ -44,7 +44,8 @@ from cubicfish_cli.cli.rendering_options import (
     rendering_options,
 )
 from cubicfish_cli.cli.scheduler_options import SchedulerOptions, scheduler_options
-from cubicfish_cli.cli.terminal import print_json, progress, result, say
+from cubicfish_cli.cli.terminal import print_json, progress, result, say, tell
+from cubicfish_cli.cli.undistort_failures import ending, failure_lines, share_a_reason
 from cubicfish_cli.cli.undistort_outlook import outlook_of, print_outlook, warn_of_limit
 from cubicfish_cli.cli.undistort_plan import Plan, plan_of
 from cubicfish_cli.cli.video_options import EncodingOptions, encoding_options
@@ -194,7 +195,7 @@ def command(
         if not failures:
             for path in extras:
                 result(f"wrote {path}")
-    _end_with(planned, failures, told=as_json)
+    _end_with(planned, failures, as_json=as_json)
 
 
 def _views(
@@ -323,10 +324,9 @@ def _record(planned: Plan, failures: Sequence[Failure], chosen: Views) -> dict[s
 def _print(planned: Plan, failures: Sequence[Failure], chosen: Views) -> None:
     """Say what was written."""
     done = _done(planned, failures)
-    if len(planned.jobs) == 1 and failures:
-        return
-    for failure in failures:
-        click.echo(f"failed: {failure.error}", err=True)
+    if done or not share_a_reason(failures):  # else the error at the end says it
+        for line in failure_lines(failures, planned.kind):
+            tell(f"failed: {line}")
     if planned.skipped:
         say(f"skipped {count(len(planned.skipped), planned.kind)} whose result exists")
     if done:
@@ -346,13 +346,13 @@ def _print(planned: Plan, failures: Sequence[Failure], chosen: Views) -> None:
         result("nothing to do")
 
 
-def _end_with(planned: Plan, failures: Sequence[Failure], *, told: bool) -> None:
+def _end_with(planned: Plan, failures: Sequence[Failure], *, as_json: bool) -> None:
     """End with an error when a photo failed.
 
     Args:
         planned: what was to be done.
         failures: what was not.
-        told: whether the reasons went to stdout.
+        as_json: whether the reasons went to stdout.
 
     """
     from cubicfish_cli.errors import PhotoError
@@ -361,10 +361,7 @@ def _end_with(planned: Plan, failures: Sequence[Failure], *, told: bool) -> None
         return
     if len(planned.jobs) == 1:
         raise failures[0].error
-    names = ", ".join(failure.job.name for failure in failures[:10])
-    more = f" and {len(failures) - 10} more" * (len(failures) > 10)
-    where = "in the JSON" if told else "above"
-    raise PhotoError(
-        f"{len(failures)} of {count(len(planned.jobs), planned.kind)} could not be undistorted "
-        f"({names}{more}): the reasons are {where}, the others are done"
-    )
+    told_in: str | None = "in the JSON" if as_json else "above"
+    if not as_json and len(failures) == len(planned.jobs) and share_a_reason(failures):
+        told_in = None
+    raise PhotoError(ending(failures, len(planned.jobs), planned.kind, told_in=told_in))

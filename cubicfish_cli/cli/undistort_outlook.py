@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.cli.chosen_views import Views
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.terminal import result, say
+from cubicfish_cli.cli.undistort_failures import failure_lines
 from cubicfish_cli.cli.undistort_plan import Plan
 from cubicfish_cli.cli.view_options import ChosenView
 
 if TYPE_CHECKING:
-    from cubicfish_cli.undistortion.batch import PhotoJob
+    from cubicfish_cli.undistortion.batch import Failure, PhotoJob
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +23,6 @@ class Group:
 
     Attributes:
         images: their names.
-        first: the file of the first.
         size: (width, height) of each, pixels.
         view: what would be rendered of the first; None where that cannot be done.
         kept_share: of what the camera sees; None where nobody asks.
@@ -33,7 +32,6 @@ class Group:
     """
 
     images: Sequence[str]
-    first: Path
     size: tuple[int, int]
     view: ChosenView | None = None
     kept_share: float | None = None
@@ -47,20 +45,27 @@ class Outlook:
 
     Attributes:
         groups: which views.
-        bad: photos that cannot be read: name, why.
+        bad: photos that cannot be read.
 
     """
 
     groups: Sequence[Group]
-    bad: Sequence[tuple[str, str]]
+    bad: Sequence[Failure]
+
+    def possible(self, planned: Plan) -> list[PhotoJob]:
+        """The photos of which something can be made."""
+        left_out = {failure.job.name for failure in self.bad}
+        for group in self.groups:
+            if group.problem is not None:
+                left_out.update(group.images)
+        return [job for job in planned.jobs if job.name not in left_out]
 
     def as_record(self, planned: Plan) -> dict[str, Any]:
         """Plain data for JSON."""
-        bad = [*self.bad]
+        bad = [(failure.job.name, str(failure.error)) for failure in self.bad]
         for group in self.groups:
             bad += [(name, group.problem) for name in group.images if group.problem is not None]
-        left_out = {name for name, _ in bad}
-        jobs = [job for job in planned.jobs if job.name not in left_out]
+        jobs = self.possible(planned)
         return {
             "dry_run": True,
             "images": len(jobs),
@@ -86,6 +91,7 @@ class Outlook:
 def outlook_of(planned: Plan, chosen: Views) -> Outlook:
     """Look at every photo's size, and at one photo of each group."""
     from cubicfish_cli.errors import CubicfishError
+    from cubicfish_cli.undistortion.batch import Failure
 
     members: dict[object, list[tuple[PhotoJob, tuple[int, int]]]] = {}
     bad = []
@@ -93,7 +99,7 @@ def outlook_of(planned: Plan, chosen: Views) -> Outlook:
         try:
             size = planned.size_of(job)
         except CubicfishError as error:
-            bad.append((job.name, str(error)))
+            bad.append(Failure(job=job, error=error))
             continue
         members.setdefault(chosen.group(job.source, size), []).append((job, size))
     groups = []
@@ -106,7 +112,6 @@ def outlook_of(planned: Plan, chosen: Views) -> Outlook:
             groups.append(
                 Group(
                     images=images,
-                    first=job.source,
                     size=size,
                     view=view,
                     kept_share=chosen.kept_share(job.source, size),
@@ -114,15 +119,18 @@ def outlook_of(planned: Plan, chosen: Views) -> Outlook:
                 )
             )
         except CubicfishError as error:
-            groups.append(Group(images=images, first=job.source, size=size, problem=str(error)))
+            groups.append(Group(images=images, size=size, problem=str(error)))
     return Outlook(groups=groups, bad=bad)
 
 
 def print_outlook(planned: Plan, outlook: Outlook) -> None:
     """Print how many files, which fields, and how much of them is empty."""
-    files = sum(len(job.wanted) for job in planned.jobs)
+    jobs = outlook.possible(planned)
+    files = sum(len(job.wanted) for job in jobs)
     skipped = f", {len(planned.skipped)} skipped" * bool(planned.skipped)
     given = count(len(planned.jobs), planned.kind)
+    if len(jobs) < len(planned.jobs):
+        given = f"{len(jobs):,} of {given}"
     result(f"would write {count(files, 'file')} from {given}{skipped}")
     for group in outlook.groups:
         width, height = group.size
@@ -136,11 +144,8 @@ def print_outlook(planned: Plan, outlook: Outlook) -> None:
             result(f"  kept field    {kept} of what the camera sees")
         result(f"  empty pixels  {100 * group.empty_share:.1f} %")
         warn_of_limit(group.view)
-    for _, problem in outlook.bad:
-        say(f"would fail: {problem}")
-    for group in outlook.groups:
-        if group.problem is not None:
-            say(f"would fail: {group.first}: {group.problem}")
+    for line in failure_lines(outlook.bad, planned.kind):
+        say(f"would fail: {line}")
 
 
 def _field(view: ChosenView) -> str:
