@@ -3,6 +3,7 @@
 import json
 import re
 import xml.etree.ElementTree as ET
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from conftest import SAMPLE, Run
 from synthetic import box_of_four
 from test_cli_main import heavy_modules_after
 
+from cubicfish_cli.cli import streams, target_check, terminal
 from cubicfish_cli.target import Target
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -69,9 +71,36 @@ def test_the_sample_as_a_table_and_in_words(run: Run) -> None:
     assert "Places" not in words
 
 
+def test_what_only_the_point_lift_asks_for_comes_last(run: Run) -> None:
+    last = run("target", "check", SAMPLE / "target.yaml").stdout.splitlines()[-1]
+    assert last.startswith("Point lift  Only 'calibrate --lift point' asks for this; the default")
+    assert last.endswith(
+        "rank 19 of 20: one cubic vanishes at every corner, so it would say nothing off the boards."
+    )
+
+
+@pytest.mark.parametrize("columns", [80, 60])
+def test_words_fill_the_lines_of_a_terminal_and_are_broken_once(
+    run: Run, monkeypatch: pytest.MonkeyPatch, columns: int
+) -> None:
+    plain = run("target", "check", SAMPLE / "target.yaml").stdout.partition("\nObject")[2]
+    assert max(map(len, plain.splitlines())) > 150  # elsewhere a line stays a line
+    for module in (streams, target_check, terminal):
+        monkeypatch.setattr(module, "columns_of", lambda stream: columns)
+    text = run("target", "check", SAMPLE / "target.yaml").stdout.partition("\nObject")[2]
+    assert text.split() == plain.split()
+    lines = text.splitlines()[1:]
+    assert max(map(len, lines)) <= columns
+    for line, following in pairwise(lines):
+        if following.startswith(" " * 12):
+            first = following.split()[0]
+            ends = line.endswith(".")  # another thing to say may begin a line of its own
+            assert ends or len(line) + 1 + len(first) > columns
+
+
 def test_the_box_and_its_half_turn(run: Run, tmp_path: Path) -> None:
     words = said(run, written(box_of_four(), tmp_path))
-    assert "rank 20 of 20: 'calibrate --lift point' determines its P" in words
+    assert "rank 20 of 20: enough to determine its P" in words
     assert "Turned by 180° about the axis (0, 0.71, 0.71)" in words
     assert "floor → back" in words
     assert "harmless for the lens" in words

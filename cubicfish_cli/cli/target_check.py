@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import textwrap
 from collections.abc import Iterable
 from pathlib import Path
@@ -19,7 +20,7 @@ from cubicfish_cli.cli.options import (
     json_option,
     overwrite_option,
 )
-from cubicfish_cli.cli.streams import text_width
+from cubicfish_cli.cli.streams import columns_of, text_width
 from cubicfish_cli.cli.table import Column, Row, print_columns
 from cubicfish_cli.cli.target_words import advice
 from cubicfish_cli.cli.terminal import print_json, result, working
@@ -108,8 +109,10 @@ def _print(target: Target, facts: ObjectFacts) -> None:
 
 
 def _paragraph(label: str, text: str) -> None:
-    width = text_width(_LINE) - _LABEL
-    lines = textwrap.wrap(text, width, break_on_hyphens=False, break_long_words=False)
+    lines = [text]  # what is no terminal gets a line as a line, as everywhere
+    if columns_of(sys.stdout) is not None:
+        width = text_width(_LINE) - _LABEL
+        lines = textwrap.wrap(text, width, break_on_hyphens=False, break_long_words=False)
     for number, line in enumerate(lines):
         result(f"{label if number == 0 else '':<{_LABEL}}{line}")
 

@@ -22,27 +22,24 @@ _FINEST_MM, _LARGEST_MM = 0.2, 2000.0
 def advice(target: Target, facts: ObjectFacts) -> list[tuple[str, str]]:
     """(what it is about, text) for each thing that is worth saying, in order."""
     return [
-        ("Point lift", _point_lift(facts)),
         ("Photos", _photos(target, facts)),
         *(("Names", text) for text in _names(facts)),
         *(("Places", text) for text in _places(facts)),
         *(("Sizes", text) for text in _sizes(target)),
+        ("Point lift", _point_lift(facts)),
     ]
 
 
 def _point_lift(facts: ObjectFacts) -> str:
-    left = _FULL_RANK - facts.rank
-    says = f"Φ has rank {facts.rank} of {_FULL_RANK}: "
-    if left == 0:
-        return says + (
-            "'calibrate --lift point' determines its P in the volume that the boards fill. The "
-            "default, --lift ray, does not need that."
-        )
-    cubics = "one cubic vanishes" if left == 1 else f"{left} cubics vanish"
-    return says + (
-        f"{cubics} at every corner, so 'calibrate --lift point' would say nothing off the boards. "
-        "The default, --lift ray, does not depend on this."
+    says = (
+        "Only 'calibrate --lift point' asks for this; the default, --lift ray, does not. Over the "
+        f"corners its cubics have rank {facts.rank} of {_FULL_RANK}: "
     )
+    left = _FULL_RANK - facts.rank
+    if left == 0:
+        return says + "enough to determine its P in the volume that the boards fill."
+    cubics = "one cubic vanishes" if left == 1 else f"{left} cubics vanish"
+    return f"{says}{cubics} at every corner, so its camera would say nothing off the boards."
 
 
 def _photos(target: Target, facts: ObjectFacts) -> str:
