@@ -75,7 +75,8 @@ def test_what_only_the_point_lift_asks_for_comes_last(run: Run) -> None:
     last = run("target", "check", SAMPLE / "target.yaml").stdout.splitlines()[-1]
     assert last.startswith("Point lift  Only 'calibrate --lift point' asks for this; the default")
     assert last.endswith(
-        "rank 19 of 20: one cubic vanishes at every corner, so it would say nothing off the boards."
+        "rank 19 of 20: one cubic vanishes at every corner, so its camera would say nothing off "
+        "the boards."
     )
 
 
