@@ -9,7 +9,7 @@ the same.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,8 @@ from cubicfish_cli.advice.gaps import Gaps, find_gaps
 from cubicfish_cli.advice.knowledge import Knowledge, know, recorded_poses
 from cubicfish_cli.advice.words import length_words, place_words, tilt_words
 from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.fitting.uncertainty import Information
+from cubicfish_cli.fitting.field_uncertainty import FieldUncertainty, recorded, summed
+from cubicfish_cli.fitting.uncertainty import Information, field_grid
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.rendering.views import View, WholeLens, as_flat, sample_views
@@ -37,9 +38,9 @@ MOST_PHOTOS = 12
 """Photos are counted up to this many; beyond it another object or camera is the better advice."""
 _VIEWS = 90
 _GRID = (21, 15)
-# "Over the field" leaves out the worst twentieth: single grid points at the very edge.
-_WORST = 95.0
 _FEWEST_PHOTOS = 3
+# A fit again whose uncertainty differs by more than this factor is another one.
+_SAME = 1.25
 _ENOUGH_COVERAGE = 0.85
 # A point of the grid belongs to a view when a corner is so near, as a share of the short side.
 _NEAR = 0.1
@@ -50,24 +51,6 @@ _WIDE_DEG = 85.0
 _BEYOND_DEG = 10.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Sigma:
-    """Uncertainty over the field, pixels.
-
-    Attributes:
-        mean_px: over the field.
-        worst_px: not exceeded over 95 % of it.
-
-    """
-
-    mean_px: float
-    worst_px: float
-
-    def as_record(self) -> dict[str, float]:
-        """Plain data for JSON."""
-        return {"mean_px": self.mean_px, "worst_px": self.worst_px}
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Proposal:
     """A photo to take.
@@ -76,21 +59,21 @@ class Proposal:
         view: from where, and what would be seen.
         words: that as an instruction.
         before, after: uncertainty over the field, with the proposals before this one.
-        here_before_px, here_after_px: mean uncertainty where the object would be.
+        here_before_px, here_after_px: median uncertainty where the object would be.
 
     """
 
     view: View
     words: str
-    before: Sigma
-    after: Sigma
+    before: FieldUncertainty
+    after: FieldUncertainty
     here_before_px: float
     here_after_px: float
 
     @property
     def gain(self) -> float:
-        """Share of the mean uncertainty over the field that it takes away."""
-        return 1 - self.after.mean_px / max(self.before.mean_px, 1e-300)
+        """Share of the median uncertainty over the field that it takes away."""
+        return 1 - self.after.median_px / max(self.before.median_px, 1e-300)
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -141,7 +124,7 @@ class Advice:
     photos: int
     noise_px: float | None
     goal_px: float
-    now: Sigma | None
+    now: FieldUncertainty | None
     grid: FloatArray
     sigma: FloatArray
     gaps: Gaps
@@ -214,9 +197,10 @@ def advise(
     grid, rays = _grid(own)
     sigma = np.full(len(grid), np.nan)
     now = None
+    noise = knowledge.information.noise_px if knowledge else None
     if knowledge is not None:
+        knowledge, now = _as_recorded(knowledge, fit)
         sigma = knowledge.information.uncertainty().sigma_px(rays)
-        now = summed(sigma)
     reasons = why_not_enough(now, goal, gaps, len(pairs.images), camera)
     notes += _beyond(camera)
     found: tuple[Proposal, ...] = ()
@@ -225,7 +209,7 @@ def advise(
         needed = None
         views = _views(knowledge, target, notes, seed)
         if knowledge is not None and views:
-            found, needed = _proposed(knowledge, views, gaps, grid, rays, goal, proposals)
+            found, needed = _proposed(knowledge, views, gaps, grid, goal, proposals)
         short = _FEWEST_PHOTOS - len(pairs.images)
         needed = None if needed is None else max(needed, short, 1)
     return Advice(
@@ -233,7 +217,7 @@ def advise(
         target=target,
         pixel=pairs.pixel,
         photos=len(pairs.images),
-        noise_px=knowledge.information.noise_px if knowledge else None,
+        noise_px=noise,
         goal_px=goal,
         now=now,
         grid=grid,
@@ -247,20 +231,34 @@ def advise(
     )
 
 
+def _as_recorded(
+    knowledge: Knowledge, fit: Mapping[str, Any]
+) -> tuple[Knowledge, FieldUncertainty]:
+    """The knowledge with the uncertainty that the record has, to the last digit, and that.
+
+    Where the object was fitted too, a fit that begins at its end differs by a few percent.
+    """
+    own, known = _over_field(knowledge.information, _field_rays(knowledge.camera)), recorded(fit)
+    if known is None or not 1 / _SAME < known.median_px / own.median_px < _SAME:
+        return knowledge, own
+    noise_px = knowledge.information.noise_px * known.median_px / own.median_px
+    scaled = replace(knowledge.information, noise_px=noise_px)
+    return replace(knowledge, information=scaled), known
+
+
 def why_not_enough(
-    now: Sigma | None, goal: float, gaps: Gaps, photos: int, camera: CubicCamera
+    now: FieldUncertainty | None, goal: float, gaps: Gaps, photos: int, camera: CubicCamera
 ) -> list[str]:
     """Why photos so far are not enough, a line each; none where they are."""
     reasons = []
     if photos < _FEWEST_PHOTOS:
         reasons.append("fewer than three photos cannot tell how right the camera is on others")
-    if now is not None and now.worst_px > goal:
+    if now is not None and now.p95_px > goal:
         reasons.append(
-            f"its pixels are uncertain by up to {now.worst_px:.2f} px over the field, and "
-            f"{goal:.2f} px are wanted"
+            f"95 % of the field is certain to {now.p95_px:.3f} px only, and {goal:g} px are wanted"
         )
     if gaps.coverage < _ENOUGH_COVERAGE:
-        reasons.append(f"corners cover {100 * gaps.coverage:.0f} % of the field")
+        reasons.append(f"corners cover only {100 * gaps.coverage:.0f} % of the field")
     if seen_share(camera) < _SEEN_SHARE:
         reasons.append(
             f"the camera is known up to {camera.max_angle_deg:.0f}° from its axis only, which is "
@@ -301,9 +299,14 @@ def _grid(camera: CubicCamera) -> tuple[FloatArray, FloatArray]:
     return pixel[seen], rays[seen]
 
 
-def summed(sigma: FloatArray) -> Sigma:
-    """Uncertainty at many places (N,), N above 0, in two figures."""
-    return Sigma(mean_px=float(sigma.mean()), worst_px=float(np.percentile(sigma, _WORST)))
+def _field_rays(camera: CubicCamera) -> FloatArray:
+    """(N, 3) rays over the field: those that camera.yaml's figures are of."""
+    rays = field_grid(camera)[2].reshape(-1, 3)
+    return rays[np.isfinite(rays[:, 0])]
+
+
+def _over_field(known: Information, rays: FloatArray) -> FieldUncertainty:
+    return summed(known.uncertainty().sigma_px(rays))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -364,7 +367,6 @@ def _proposed(
     views: Sequence[View],
     gaps: Gaps,
     grid: FloatArray,
-    rays: FloatArray,
     goal: float,
     proposals: int,
 ) -> tuple[tuple[Proposal, ...], int | None]:
@@ -373,25 +375,29 @@ def _proposed(
     filled = np.array([_filled(view, gaps) for view in views])
     empty = gaps.empty.copy()
     field = empty.sum() / max(1 - gaps.coverage, 1e-9) if empty.any() else 1.0
+    rays = _field_rays(knowledge.camera)
     chosen: list[View] = []
+    # The same photo twice would say little that is new of a real lens and a real object.
+    taken = np.zeros(len(views), bool)
     state = knowledge.information
-    level = summed(state.uncertainty().sigma_px(rays))
+    level = _over_field(state, rays)
     needed = None
-    while len(chosen) < MOST_PHOTOS:
+    while len(chosen) < MOST_PHOTOS and not taken.all():
         tried = [state.with_photo(own) for own in points]
-        sums = [summed(one.uncertainty().sigma_px(rays)) for one in tried]
+        sums = [_over_field(one, rays) for one in tried]
         fill = (filled & empty).sum(axis=(1, 2)) / field
         left = np.array([_left(after, level) for after in sums])
-        best = int(np.argmin(left - fill))
+        best = int(np.argmin(np.where(taken, np.inf, left - fill)))
         state, level = tried[best], sums[best]
         empty &= ~filled[best]
+        taken[best] = True
         chosen.append(views[best])
         covered = 1 - empty.sum() / field >= _ENOUGH_COVERAGE
-        if needed is None and level.worst_px <= goal and covered:
+        if needed is None and level.p95_px <= goal and covered:
             needed = len(chosen)
         if len(chosen) >= proposals and needed is not None:
             break
-    return _told(knowledge, chosen[:proposals], grid, rays), needed
+    return _told(knowledge, chosen[:proposals], grid), needed
 
 
 def _filled(view: View, gaps: Gaps) -> BoolArray:
@@ -404,23 +410,22 @@ def _filled(view: View, gaps: Gaps) -> BoolArray:
     return filled
 
 
-def _left(after: Sigma, before: Sigma) -> float:
+def _left(after: FieldUncertainty, before: FieldUncertainty) -> float:
     """How much of the uncertainty is left, on the whole and where it is worst."""
-    return (after.mean_px / before.mean_px + after.worst_px / before.worst_px) / 2
+    return (after.median_px / before.median_px + after.p95_px / before.p95_px) / 2
 
 
-def _told(
-    knowledge: Knowledge, chosen: Sequence[View], grid: FloatArray, rays: FloatArray
-) -> tuple[Proposal, ...]:
+def _told(knowledge: Knowledge, chosen: Sequence[View], grid: FloatArray) -> tuple[Proposal, ...]:
     """The chosen views in words, with what they bring, the object being as free as in the fit."""
     units = knowledge.target.units if knowledge.target else ""
     near = _NEAR * min(knowledge.camera.image_size)
     state: Information = knowledge.information
-    before = state.uncertainty().sigma_px(rays)
+    rays, whole = knowledge.camera.unproject(grid), _field_rays(knowledge.camera)
+    before, level = state.uncertainty().sigma_px(rays), _over_field(state, whole)
     told = []
     for number, view in enumerate(chosen, start=1):
         state = knowledge.with_views(chosen[:number])
-        after = state.uncertainty().sigma_px(rays)
+        after, next_level = state.uncertainty().sigma_px(rays), _over_field(state, whole)
         apart = np.linalg.norm(grid[:, None] - view.pixel, axis=-1).min(axis=1)
         here = apart <= near if (apart <= near).any() else apart <= apart.min()
         told.append(
@@ -429,11 +434,11 @@ def _told(
                 words=f"the object {place_words(view.direction)}, about "
                 f"{length_words(view.distance, units)} away, "
                 f"{tilt_words(view.front, view.direction)}",
-                before=summed(before),
-                after=summed(after),
-                here_before_px=float(before[here].mean()),
-                here_after_px=float(after[here].mean()),
+                before=level,
+                after=next_level,
+                here_before_px=float(np.median(before[here])),
+                here_after_px=float(np.median(after[here])),
             )
         )
-        before = after
+        before, level = after, next_level
     return tuple(told)

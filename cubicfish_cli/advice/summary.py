@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
-from cubicfish_cli.advice.advise import Sigma, default_goal, summed, why_not_enough
+from cubicfish_cli.advice.advise import default_goal, why_not_enough
 from cubicfish_cli.advice.gaps import find_gaps
 from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.fitting.field_uncertainty import recorded
 from cubicfish_cli.model.cubic import CubicCamera
 
 _PARTS = 2
@@ -25,24 +24,15 @@ def summary(camera: CubicCamera, fit: Mapping[str, Any], pairs: Correspondences)
 
     """
     gaps = find_gaps(camera, pairs, None, None)
-    now = _recorded(fit)
+    now = recorded(fit)
     goal = default_goal(camera.image_size)
     reasons = why_not_enough(now, goal, gaps, len(pairs.images), camera)
     if not reasons:
-        known = f", its pixels are certain to {now.worst_px:.2f} px" if now else ""
-        return f"enough photos: corners cover {100 * gaps.coverage:.0f} % of the field{known}"
+        known = f", and 95 % of it is certain to {now.p95_px:.3f} px" if now else ""
+        wanted = f" ({goal:g} px are wanted)" if now else ""
+        return (
+            f"enough photos: corners cover {100 * gaps.coverage:.0f} % of the field{known}{wanted}"
+        )
     where = "; ".join(part.words for part in gaps.parts[:_PARTS])
     next_ones = f"next, put the object there: {where}" if where else f"more photos: {reasons[0]}"
     return f"{next_ones} ('cubicfish advise' says from where)"
-
-
-def _recorded(fit: Mapping[str, Any]) -> Sigma | None:
-    record = fit.get("uncertainty")
-    rows = record.get("sigma_px") if isinstance(record, Mapping) else None
-    values = [
-        value
-        for row in (rows if isinstance(rows, list) else [])
-        for value in (row if isinstance(row, list) else [])
-        if isinstance(value, int | float) and not isinstance(value, bool)
-    ]
-    return summed(np.array(values, float)) if values else None

@@ -181,13 +181,15 @@ def _facts(camera_file: Path, target: Path | None, corners: Path | None) -> Fact
 
 
 def _print(advice: Advice) -> None:
+    from cubicfish_cli.fitting.findings import COVERED
+
     result(f"{count(advice.photos, 'photo')}, {count(len(advice.pixel), 'corner')}")
     if advice.now is not None:
         result(
-            f"{'uncertainty':<12}{advice.now.mean_px:.3f} px mean over the field, at most "
-            f"{advice.now.worst_px:.3f} px over 95 % of it; wanted: {advice.goal_px:g} px"
+            f"{'uncertainty':<12}{advice.now.median_px:.3f} px  {advice.now.meaning} "
+            f"({advice.goal_px:g} px are wanted)"
         )
-    result(f"{'coverage':<12}{100 * advice.gaps.coverage:.0f} % of the field holds corners\n")
+    result(f"{'coverage':<12}{100 * advice.gaps.coverage:>5.0f} %   {COVERED}\n")
     if advice.enough:
         result("Enough: more photos are not needed.")
         result("Smaller uncertainty can be asked for with --goal.\n")
@@ -238,8 +240,8 @@ def _print_proposal(number: int, proposal: Proposal) -> None:
     _paragraph(f"Put {proposal.words}.", first=f"  {number}  ", rest="     ")
     _paragraph(
         f"Lowers the uncertainty there from {proposal.here_before_px:.3f} to "
-        f"{proposal.here_after_px:.3f} px, over the field by {100 * proposal.gain:.0f} % "
-        f"({proposal.before.mean_px:.3f} to {proposal.after.mean_px:.3f} px).",
+        f"{proposal.here_after_px:.3f} px, over the field from {proposal.before.median_px:.3f} to "
+        f"{proposal.after.median_px:.3f} px, by {100 * proposal.gain:.0f} % (medians).",
         first="     ",
         rest="     ",
     )

@@ -311,6 +311,9 @@ def _print(
     outputs: Mapping[str, Path],
     lost: Mapping[str, str],
 ) -> None:
+    from cubicfish_cli.fitting.field_uncertainty import recorded
+    from cubicfish_cli.fitting.findings import COVERED
+
     camera, pairs = calibration.camera, calibration.pairs
     rows = fitted_rows(record, camera.image_size, corners_by_board(pairs), lost)
     print_photo_table(rows, pairs.boards, record, everything=str(outputs["camera"]))
@@ -337,15 +340,14 @@ def _print(
         ]
     print_errors(record, more)
     result(
-        f"{'field':<24}{calibration.covered_deg:>7.1f}°   from the axis covered by corners; "
-        f"trusted to {camera.max_angle_deg:.1f}°"
+        f"{'field':<24}{camera.max_angle_deg:>7.1f}°   from the axis, where the camera may be "
+        f"trusted; corners reach {calibration.covered_deg:.1f}°"
     )
-    result(f"{'coverage':<24}{100 * calibration.coverage:>7.0f} %   of that field holds corners")
-    uncertainty = calibration.uncertainty
-    result(
-        f"{'uncertainty':<24}{px(uncertainty['median_px']):>7} px  of a distant point's pixel, "
-        f"median over the field; at most {px(uncertainty['max_px'])}\n"
-    )
+    result(f"{'coverage':<24}{100 * calibration.coverage:>7.0f} %   {COVERED}")
+    uncertainty = recorded(record)
+    if uncertainty is not None:
+        result(f"{'uncertainty':<24}{px(uncertainty.median_px):>7} px  {uncertainty.meaning}")
+    result()
     print_verdict(judged)
     result(f"advice: {advice}\n")
     for path in outputs.values():

@@ -122,8 +122,9 @@ def _print(
     print_errors(record, [])
     if record["uncertainty"] is not None:
         result(
-            f"{'uncertainty':<24}{px(record['uncertainty']['median_px']):>7} px  of the "
-            f"camera itself at these corners; at most {px(record['uncertainty']['max_px'])}"
+            f"{'uncertainty':<24}{px(record['uncertainty']['median_px']):>7} px  of the camera "
+            "itself: 1σ, median over these corners; 95 % of them within "
+            f"{px(record['uncertainty']['p95_px'])} px"
         )
     result()
     print_verdict(judged)
@@ -133,6 +134,7 @@ def _uncertainty(fit: Mapping[str, Any], pixel: FloatArray) -> dict[str, float] 
     """How far the camera itself may be off at these pixels; None where its file does not say."""
     import numpy as np
 
+    from cubicfish_cli.fitting.field_uncertainty import summed
     from cubicfish_cli.fitting.uncertainty import sigma_at
 
     record = fit.get("uncertainty")
@@ -145,4 +147,4 @@ def _uncertainty(fit: Mapping[str, Any], pixel: FloatArray) -> dict[str, float] 
     sigma = sigma[np.isfinite(sigma)]
     if not len(sigma):
         return None
-    return {"median_px": float(np.median(sigma)), "max_px": float(sigma.max())}
+    return {**summed(sigma).as_record(), "max_px": float(sigma.max())}

@@ -58,10 +58,11 @@ CALIBRATE = {
     "departures": "how each board departs from its drawing",
     "rank": "of the 20 monomials over the corners",
     "covered_deg": "how far from the axis corners reach",
-    "coverage": "share of that field which holds corners",
+    "coverage": "share of the field that corners cover: of where the camera may be trusted",
     "prior_weight": "how much the radial prior counts",
-    "uncertainty": "of a distant point's pixel: noise_px, median_px, max_px, and a grid over the "
-    "photo (x, y, sigma_px)",
+    "uncertainty": "one standard deviation of a distant point's pixel: median_px over the field, "
+    "p95_px (95 % of it is within this), max_px, noise_px of the corners, a grid over the photo "
+    "(x, y, sigma_px)",
     "dropped": "how many corners were dropped as grossly wrong",
     "dropped_corners": "a record each: image, board, column, row, error_px",
     "unfit_images": "photos that were left out of the fit, and why",
@@ -103,8 +104,8 @@ EVALUATE = {
     "outside_field": "corners that were not counted, beyond where the camera may be trusted",
     "unplaced": "photos with too few corners to place them",
     **_PHOTO_PROBLEMS,
-    "uncertainty": "of the camera itself at these corners: median_px, max_px; null where its file "
-    "does not say",
+    "uncertainty": "of the camera itself at these corners: median_px, p95_px, max_px; null where "
+    "its file does not say",
     "per_image": "a record a photo: image, its errors, corners, camera_from_world",
 }
 COMPARE = {
@@ -130,10 +131,10 @@ ADVISE = {
     "reasons": "why not",
     "photos": "how many there are",
     "photos_needed": "about how many more it takes; null where too many, or it cannot be said",
-    "goal_px": "the uncertainty wanted",
+    "goal_px": "the uncertainty wanted over 95 % of the field",
     "noise_px": "of the corners",
-    "now": "the uncertainty: mean_px over the field, worst_px over 95 % of it",
-    "coverage": "share of the field that holds corners",
+    "now": "the uncertainty: median_px over the field, p95_px (95 % of it is within this)",
+    "coverage": "share of the field that corners cover: of where the camera may be trusted",
     "empty": "parts of the picture without corners",
     "tilts": "tilts that are missing",
     "distances": "distances that are missing",

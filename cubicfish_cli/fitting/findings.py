@@ -13,6 +13,9 @@ from cubicfish_cli.fitting.robust import noise_px
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
+COVERED = "of the field covered by corners"
+"""What a coverage is a share of, wherever it is told: the field is where the camera may be trusted,
+in squares of an eighth of the photo's shorter side."""
 # Cells along the photo's shorter side in which coverage is counted.
 _CELLS = 8
 _POOR_COVERAGE = 0.5
@@ -127,8 +130,8 @@ def coverage_notes(share: float, photos: int, held_out: bool) -> list[str]:
     notes = []
     if share < _POOR_COVERAGE:
         notes.append(
-            f"corners cover only {100 * share:.0f} % of the valid field: a low RMS says little "
-            "about the rest, so take photos with the object in the empty parts"
+            f"corners cover only {100 * share:.0f} % of the field: a low RMS says little about "
+            "the rest, so take photos with the object in the empty parts"
         )
     if not held_out:
         notes.append(

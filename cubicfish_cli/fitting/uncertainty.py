@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.fitting.cubic_fit import CubicResult
+from cubicfish_cli.fitting.field_uncertainty import summed
 from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.model.cubic import CubicCamera
 
@@ -155,22 +156,35 @@ def camera_uncertainty(result: CubicResult) -> Uncertainty:
     return information(result).uncertainty()
 
 
-def uncertainty_record(uncertainty: Uncertainty, camera: CubicCamera) -> dict[str, Any]:
-    """Uncertainty on a grid over the photo, plain data for camera.yaml and JSON.
+def field_grid(camera: CubicCamera) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Where uncertainty over the field is counted.
 
-    ``sigma_px`` holds a row for each of ``y`` with a number for each of ``x``, null outside the
-    valid field.
+    Returns:
+        x (C,) and y (R,) of a grid over the photo, and its rays (R, C, 3), NaN outside the valid
+        field.
+
     """
     width, height = camera.image_size
     x = np.linspace(0, width - 1, GRID[0])
     y = np.linspace(0, height - 1, GRID[1])
-    rays = camera.unproject(np.stack(np.meshgrid(x, y), axis=-1))
+    return x, y, camera.unproject(np.stack(np.meshgrid(x, y), axis=-1))
+
+
+def uncertainty_record(uncertainty: Uncertainty, camera: CubicCamera) -> dict[str, Any]:
+    """Uncertainty on a grid over the photo, plain data for camera.yaml and JSON.
+
+    ``sigma_px`` holds a row for each of ``y`` with a number for each of ``x``, null outside the
+    valid field. ``median_px``, ``p95_px`` and ``max_px`` are of these numbers.
+    """
+    x, y, rays = field_grid(camera)
     seen = np.isfinite(rays[..., 0])
     sigma = np.full(seen.shape, np.nan)
     sigma[seen] = uncertainty.sigma_px(rays[seen])
+    whole = summed(sigma[seen]) if seen.any() else None
     return {
         "noise_px": uncertainty.noise_px,
-        "median_px": float(np.median(sigma[seen])) if seen.any() else None,
+        "median_px": whole.median_px if whole else None,
+        "p95_px": whole.p95_px if whole else None,
         "max_px": float(np.max(sigma[seen])) if seen.any() else None,
         "x": x.tolist(),
         "y": y.tolist(),

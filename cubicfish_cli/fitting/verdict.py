@@ -334,13 +334,14 @@ def _of_uncertainty(fit: Mapping[str, Any], scale: float) -> Iterator[Reason]:
     if level is not None:
         yield Reason(
             level=level,
-            why=f"the corners' noise leaves its pixels uncertain by {typical:.2f} px in the median",
+            why=f"the corners' noise leaves its pixels uncertain by {typical:.2f} px (median over "
+            "the field)",
             do="take more photos, sharper ones, or boards with more squares",
         )
     elif most is not None and most / scale > _RIM_UNCERTAINTY_PX:
         yield Reason(
             level="care",
-            why=f"its pixels are uncertain by up to {most:.2f} px where corners are few",
+            why=f"its pixels are uncertain by up to {most:.2f} px at the worst place of the field",
             do="take photos with corners there (the map of uncertainty shows where), or leave it "
             "out with --mask-limit",
         )

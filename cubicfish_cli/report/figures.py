@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from cubicfish_cli.fitting.alignment import aligned_difference
+from cubicfish_cli.fitting.field_uncertainty import recorded
 from cubicfish_cli.fitting.findings import field_cells
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.uncertainty import sigma_at
@@ -433,7 +434,7 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
     edge = axes.fill(*facts.outline.T, facecolor="none", edgecolor=INK, linewidth=0.9)[0]
     bands.set_clip_path(edge)
     _scale_bar(figure, colours, [f"{level:g}" for level in levels], "px")
-    middle, most = finite(record.get("median_px")), finite(record.get("max_px"))
+    told = recorded(facts.fit)
     return Drawn(
         name="uncertainty",
         title="How certain the camera is",
@@ -445,8 +446,7 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
         ),
         caption="How far the pixel of a distant point would move, were the same photos taken again "
         "with other noise"
-        + (f": {middle:.3f} px in the median" if middle is not None else "")
-        + (f", {most:.3f} px at most" if most is not None else "")
+        + (f": {told.words}" if told else "")
         + ". Errors of the object or of the model are not in it.",
     )
 

@@ -10,6 +10,8 @@ from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 
+from cubicfish_cli.fitting.field_uncertainty import recorded
+from cubicfish_cli.fitting.findings import COVERED
 from cubicfish_cli.fitting.verdict import WORDS
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.report.facts import Facts, finite, mappings
@@ -121,17 +123,18 @@ def _tiles(facts: Facts) -> list[tuple[str, str, str]]:
     add("RMS error", "rms_px", "on the photos of the fit")
     add("Held-out RMS", "held_out_rms_px", "on photos that a fit never saw")
     add("Radial companion, held out", "companion_held_out_rms_px", "a Kannala–Brandt lens")
-    record = facts.fit.get("uncertainty")
-    median = finite(record.get("median_px")) if isinstance(record, Mapping) else None
-    if median is not None:
-        tiles.append(("Uncertainty", f"{median:.3f} px", "of a distant point, in the median"))
+    covered = facts.number("covered_deg")
+    if isinstance(facts.camera, CubicCamera):
+        reach = "" if covered is None else f"; corners reach {covered:.1f}°"
+        trusted = f"{facts.camera.max_angle_deg:.1f}°"
+        tiles.append(("Field", trusted, f"from the axis, where it may be trusted{reach}"))
     share = facts.number("coverage")
     if share is not None:
-        tiles.append(("Coverage", f"{100 * share:.0f} %", "of the field holds corners"))
-    covered = facts.number("covered_deg")
-    if covered is not None and isinstance(facts.camera, CubicCamera):
-        trusted = facts.camera.max_angle_deg
-        tiles.append(("Field", f"{covered:.1f}°", f"from the axis; trusted to {trusted:.1f}°"))
+        tiles.append(("Coverage", f"{100 * share:.0f} %", COVERED))
+    uncertainty = recorded(facts.fit)
+    if uncertainty is not None:
+        median = f"{uncertainty.median_px:.3f} px"
+        tiles.append(("Uncertainty", median, uncertainty.meaning))
     rank = facts.number("rank")
     if rank is not None and not isinstance(facts.camera, CubicCamera):
         tiles.append(("Rank", f"{rank:.0f} of 20", "what the corners determine of P"))

@@ -1,0 +1,84 @@
+"""Uncertainty over a camera's field in two figures, and their words: the same wherever it is told.
+
+The field is where the camera may be trusted, as far as the photo shows it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+PERCENT = 95.0
+"""Single places at the very edge, where no corner is near, say little of the rest: the second
+figure is what so much of the field is within."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FieldUncertainty:
+    """One standard deviation of a distant point's pixel, sqrt(var x + var y), over many places.
+
+    Attributes:
+        median_px: the median.
+        p95_px: not exceeded at 95 % of the places.
+
+    """
+
+    median_px: float
+    p95_px: float
+
+    def as_record(self) -> dict[str, float]:
+        """Plain data for JSON."""
+        return {"median_px": self.median_px, "p95_px": self.p95_px}
+
+    @property
+    def words(self) -> str:
+        """``0.009 px (1σ, median over the field; 95 % of it within 0.013 px)``."""
+        return f"{self.median_px:.3f} px ({self.meaning})"
+
+    @property
+    def meaning(self) -> str:
+        """What the median is of, and the other figure: to stand behind the median."""
+        return f"1σ, median over the field; 95 % of it within {self.p95_px:.3f} px"
+
+
+def summed(sigma: FloatArray) -> FieldUncertainty:
+    """Uncertainty at many places (N,), N above 0, in two figures."""
+    return FieldUncertainty(
+        median_px=float(np.median(sigma)), p95_px=float(np.percentile(sigma, PERCENT))
+    )
+
+
+def recorded(fit: Mapping[str, Any]) -> FieldUncertainty | None:
+    """That of a fit's record, as camera.yaml keeps it; None where it does not say."""
+    record = fit.get("uncertainty")
+    if not isinstance(record, Mapping):
+        return None
+    rows = record.get("sigma_px")
+    grid = [
+        _number(value)
+        for row in (rows if isinstance(rows, list) else [])
+        for value in (row if isinstance(row, list) else [])
+    ]
+    known = [value for value in grid if value is not None]
+    counted = summed(np.array(known)) if known else None
+    # Older files have no figure of 95 %: the grid does.
+    median, p95 = _number(record.get("median_px")), _number(record.get("p95_px"))
+    if median is None or p95 is None:
+        if counted is None:
+            return None
+        median = counted.median_px if median is None else median
+        p95 = counted.p95_px if p95 is None else p95
+    return FieldUncertainty(median_px=median, p95_px=p95)
+
+
+def _number(value: object) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if math.isfinite(value) else None
