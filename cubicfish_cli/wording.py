@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 LONGEST_QUOTE = 60
 
@@ -26,3 +26,9 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     shown = ", ".join(quoted(name)[1:-1] for name in known[:12])
     more = f", and {len(known) - 12} more" if len(known) > 12 else ""
     return f"known: {shown}{more}"
+
+
+def either(words: Sequence[str]) -> str:
+    """``a``, ``a or b``, ``a, b or c``."""
+    *others, last = words
+    return f"{', '.join(others)} or {last}" if others else last

@@ -14,8 +14,10 @@ import yaml
 from conftest import SAMPLE, Run
 
 from cubicfish_cli.cli import streams, terminal
+from cubicfish_cli.cli.view_options import WIDEST
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.undistortion.maps import load_map
+from cubicfish_cli.undistortion.views import CENTRAL_KINDS
 
 PHOTO = SAMPLE / "photos" / "corner_01.jpg"
 
@@ -100,7 +102,28 @@ def test_another_size_keeps_the_default_field(run: Run, model: Path, tmp_path: P
     [
         (["undistort", PHOTO, "out.xyz"], 1, "out.xyz"),
         (["undistort", "no.png", "out.png"], 1, "no.png"),
-        (["undistort", PHOTO, "out.png", "--hfov", "180"], 1, "between 0° and 180°"),
+        (
+            ["undistort", PHOTO, "out.png", "--hfov", "180"],
+            2,
+            "--hfov 180 is too wide: a perspective view shows less than 180° across: choose about "
+            "120 or less, or --view cylindrical, equirectangular, stereographic or equidistant\n",
+        ),
+        (
+            ["map", "out.npz", "--view", "cylindrical", "--vfov", "181"],
+            2,
+            "--vfov 181 is too wide: a cylindrical view shows less than 180° down: choose --view "
+            "stereographic or equidistant\n",
+        ),
+        (
+            ["undistort", PHOTO, "out.png", "--view", "equirectangular", "--vfov", "360"],
+            2,
+            "an equirectangular view shows 180° at most down: choose --view equidistant\n",
+        ),
+        (
+            ["undistort", PHOTO, "out.png", "--hfov", "abc"],
+            2,
+            "'abc' is not a number of degrees above 0 and up to 360\n",
+        ),
         (["undistort", PHOTO, "out.png", "--hfov", "90", "--focal", "9"], 2, "the same thing"),
         (["undistort", PHOTO, "out.png", "--hfov=9", "--vfov=9", "--size=9x9"], 2, "twice"),
         (["undistort", PHOTO, "out.png", "--fit", "1.5"], 2, "a share from 0 to 1"),
@@ -134,6 +157,13 @@ def test_what_cannot_be_done_is_said_and_leaves_nothing(
     assert message in result.stderr
     assert result.stdout == ""
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("kind", list(WIDEST))
+def test_what_is_too_wide_is_what_the_views_say(kind: str) -> None:
+    view = CENTRAL_KINDS[kind]
+    limits = zip((view.max_hfov_deg, view.max_vfov_deg), view.closed, strict=True)
+    assert WIDEST[kind] == tuple(limits)
 
 
 def test_a_photo_of_another_size_is_refused(run: Run, model: Path, tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 import pytest
 
-from cubicfish_cli.wording import did_you_mean, quoted
+from cubicfish_cli.wording import did_you_mean, either, quoted
 
 
 def test_quotes_are_one_short_printable_line() -> None:
@@ -25,3 +25,7 @@ def test_the_nearest_known_word_is_named(word: str, said: str) -> None:
 def test_a_long_list_is_cut() -> None:
     said = did_you_mean("zzz", [f"k{n}" for n in range(30)])
     assert said.endswith("k11, and 18 more")
+
+
+def test_choices_are_listed_as_one_says_them():
+    assert [either(words) for words in ("a", "ab", "abc")] == ["a", "a or b", "a, b or c"]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import click
 
 from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.numbers import FloatRange
 from cubicfish_cli.cli.options import FILE, Decorated
 from cubicfish_cli.cli.view_options import ChosenView, ViewOptions
 
@@ -285,14 +286,14 @@ def plane_options(function: Decorated) -> Decorated:
     decorators: tuple[Callable[[Any], Any], ...] = (
         click.option(
             "--margin",
-            type=click.FloatRange(min=0),
+            type=FloatRange(min=0),
             metavar="UNITS",
             help="Of a plane: how far it goes on beyond the outer corners. [default: a square]",
         ),
         click.option(
             "--pixels-per-unit",
             "pixels_a_unit",
-            type=click.FloatRange(min=0, min_open=True),
+            type=FloatRange(min=0, min_open=True),
             metavar="N",
             help="Scale of a plane. [default: the largest that the photo has there]",
         ),

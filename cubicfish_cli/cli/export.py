@@ -10,6 +10,7 @@ import click
 
 from cubicfish_cli import __version__
 from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli.numbers import FloatRange
 from cubicfish_cli.cli.options import (
     FILE,
     common_options,
@@ -64,7 +65,7 @@ _BEHIND_DEG = 90.0
 @model_option
 @click.option(
     "--max-error",
-    type=click.FloatRange(min=0, min_open=True),
+    type=FloatRange(min=0, min_open=True),
     default=0.5,
     show_default=True,
     metavar="PX",
@@ -73,7 +74,7 @@ _BEHIND_DEG = 90.0
 )
 @click.option(
     "--max-angle",
-    type=click.FloatRange(min=0, max=180, min_open=True),
+    type=FloatRange(min=0, max=180, min_open=True),
     metavar="DEG",
     help="Leave out of the conversion what is farther from the axis, so that the rest is met more "
     "nearly. [default: the whole field]",

@@ -9,6 +9,7 @@ import click
 
 from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.made_by import made_at, made_by_record
+from cubicfish_cli.cli.numbers import FloatRange
 from cubicfish_cli.cli.options import (
     FILE,
     Argument,
@@ -58,7 +59,7 @@ FORMATS = ("opencv", "ros", "kalibr", "ocamcalib", "pyocamcalib", "colmap", "ner
 @click.option("--size", type=SizeType(), help="Size of the photos, where the file does not say.")
 @click.option(
     "--max-angle",
-    type=click.FloatRange(min=0, max=175, min_open=True),
+    type=FloatRange(min=0, max=175, min_open=True),
     metavar="DEG",
     help="Trust the lens up to this angle from its axis: files do not say how far it was "
     "calibrated. [default: what it shows in the photo, at most 110]",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cubicfish_cli.cli.numbers import FloatRange
 from cubicfish_cli.cli.options import FILE
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ mask_option = click.option(
 
 mask_limit_option = click.option(
     "--mask-limit",
-    type=click.FloatRange(0, min_open=True),
+    type=FloatRange(0, min_open=True),
     metavar="PX",
     help="With --mask: 0 also where the camera's own uncertainty is above this, in pixels of the "
     "photo as calibrated.",

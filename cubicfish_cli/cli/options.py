@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from cubicfish_cli.cli.numbers import FloatRange, IntRange
 from cubicfish_cli.errors import CameraFileError
 
 if TYPE_CHECKING:
@@ -142,7 +143,7 @@ overwrite_option = click.option("--overwrite", is_flag=True, help="Replace files
 jobs_option = click.option(
     "-j",
     "--jobs",
-    type=click.IntRange(min=1),
+    type=IntRange(min=1),
     metavar="N",
     help="Photos to work on at a time. [default: the number of processors]",
 )
@@ -156,7 +157,7 @@ no_cache_option = click.option(
 
 max_rms_option = click.option(
     "--max-rms",
-    type=click.FloatRange(min=0, min_open=True),
+    type=FloatRange(min=0, min_open=True),
     metavar="PX",
     help="Exit with 3 when the RMS is above this; outputs are written all the same.",
 )

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cubicfish_cli.cli.numbers import IntRange
 from cubicfish_cli.cli.options import Decorated
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ def rendering_options(function: Decorated) -> Decorated:
     decorators: tuple[Callable[[Any], Any], ...] = (
         click.option(
             "--quality",
-            type=click.IntRange(1, 100),
+            type=IntRange(1, 100),
             metavar="1-100",
             help="Of JPEG and lossy WebP files. [default: the photo's own]",
         ),

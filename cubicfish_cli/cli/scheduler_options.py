@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.numbers import FloatRange
 from cubicfish_cli.cli.options import Decorated
 from cubicfish_cli.cli.terminal import say
 
@@ -71,7 +72,7 @@ def scheduler_options(function: Decorated) -> Decorated:
         click.option(
             "--wait",
             "wait_s",
-            type=click.FloatRange(min=0, max=1_000_000),
+            type=FloatRange(min=0, max=1_000_000),
             metavar="SECONDS",
             help="How long to wait while the scheduler has no worker. [default: 60]",
         ),

@@ -9,6 +9,7 @@ import click
 
 from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.numbers import FloatRange, IntRange
 from cubicfish_cli.cli.options import (
     FILE,
     FOLDER,
@@ -45,7 +46,7 @@ FORMATS = ("jpg", "png")
 @click.option(
     "-n",
     "--number",
-    type=click.IntRange(1, 10_000),
+    type=IntRange(1, 10_000),
     metavar="N",
     help="How many photos. [default: 12]",
 )
@@ -68,7 +69,7 @@ FORMATS = ("jpg", "png")
 )
 @click.option(
     "--noise",
-    type=click.FloatRange(0, 100),
+    type=FloatRange(0, 100),
     default=2.0,
     show_default=True,
     metavar="LEVELS",
@@ -76,7 +77,7 @@ FORMATS = ("jpg", "png")
 )
 @click.option(
     "--blur",
-    type=click.FloatRange(0, 50),
+    type=FloatRange(0, 50),
     default=0.7,
     show_default=True,
     metavar="PX",
@@ -84,7 +85,7 @@ FORMATS = ("jpg", "png")
 )
 @click.option(
     "--vignetting",
-    type=click.FloatRange(0, 0.8),
+    type=FloatRange(0, 0.8),
     default=0.4,
     show_default=True,
     metavar="SHARE",
@@ -92,13 +93,13 @@ FORMATS = ("jpg", "png")
 )
 @click.option(
     "--light",
-    type=click.FloatRange(0.02, 3),
+    type=FloatRange(0.02, 3),
     default=1.0,
     show_default=True,
     metavar="FACTOR",
     help="1 is a well-lit photo, 0.2 a dark one.",
 )
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, metavar="N",
+@click.option("--seed", type=IntRange(0), default=0, show_default=True, metavar="N",
               help="Other poses and other noise; the same seed gives the same photos.")  # fmt: skip
 @click.option(
     "--format",

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from cubicfish_cli.printing.paper import MILLIMETRES
+from cubicfish_cli.wording import either
 
 if TYPE_CHECKING:
     from cubicfish_cli.naming.object_check import ObjectFacts, Turn
@@ -126,7 +127,7 @@ def _telling_apart(facts: ObjectFacts) -> Iterator[str]:
     if len(alone) == 1:
         alike.append(_alone(alone[0]))
     elif alone:
-        names = _or([turn.boards[0] for turn in alone])
+        names = either([turn.boards[0] for turn in alone])
         alike.append(f"{names} could be another board, or itself the other way round")
     yield (
         f"Seen without the rest, {'; '.join(alike)}. Such photos are left out, and nothing is "
@@ -140,10 +141,6 @@ def _alone(turn: Turn) -> str:
     if turn.boards == turn.onto:
         return f"{turn.boards[0]} could be itself turned by {turn.angle_deg:.0f}°"
     return f"{turn.boards[0]} could be {turn.onto[0]}"
-
-
-def _or(words: Sequence[str]) -> str:
-    return f"{', '.join(words[:-1])} or {words[-1]}"
 
 
 def _places(facts: ObjectFacts) -> Iterator[str]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cubicfish_cli.cli.numbers import IntRange
 from cubicfish_cli.cli.options import Decorated
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def encoding_options(function: Decorated) -> Decorated:
         ),
         click.option(
             "--crf",
-            type=click.IntRange(0, 63),
+            type=IntRange(0, 63),
             metavar="0-63",
             help="Of videos: lower is better and larger. [default: 18]",
         ),

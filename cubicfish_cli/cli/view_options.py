@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import functools
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from cubicfish_cli.cli.numbers import FloatRange
 from cubicfish_cli.cli.options import Decorated, SizeType
+from cubicfish_cli.wording import either
 
 if TYPE_CHECKING:
     from cubicfish_cli.model.cubic import CubicCamera
@@ -24,6 +26,16 @@ KINDS = (
     "equidistant",
     "cube",
 )
+
+# The widest --hfov and --vfov of each, and whether it may be as wide as that or must stay below.
+# Known to the views too, which need numpy: a test holds them together.
+WIDEST: Mapping[str, tuple[tuple[float, bool], tuple[float, bool]]] = {
+    "perspective": ((180, False), (180, False)),
+    "cylindrical": ((360, True), (180, False)),
+    "equirectangular": ((360, True), (180, True)),
+    "stereographic": ((360, False), (360, False)),
+    "equidistant": ((360, True), (360, True)),
+}
 
 
 class RotationType(click.ParamType):
@@ -140,6 +152,10 @@ class ViewOptions:
                 f"{' and '.join(names)}{' and --size' * (set(names) == {'--hfov', '--vfov'})} "
                 "say the same thing twice: leave one out"
             )
+        for axis, name in enumerate(("--hfov", "--vfov")):
+            angle = given[name]
+            if angle is not None and not _shows(self.kind, axis, angle):
+                raise click.UsageError(_too_wide(self.kind, axis, f"{name} {angle:g}", angle))
 
     @property
     def is_asked(self) -> bool:
@@ -196,6 +212,23 @@ class ViewOptions:
         return ChosenView(views=dict(face_views(side, rotation)))
 
 
+def _shows(kind: str, axis: int, angle_deg: float) -> bool:
+    limit, closed = WIDEST[kind][axis]
+    return angle_deg < limit or (closed and angle_deg == limit)
+
+
+def _too_wide(kind: str, axis: int, option: str, angle_deg: float) -> str:
+    limit, closed = WIDEST[kind][axis]
+    most = f"{limit:g}° at most" if closed else f"less than {limit:g}°"
+    flat = "about 120 or less, or " * (kind == "perspective")
+    view = f"{'an' if kind.startswith('e') else 'a'} {kind} view"
+    way = ("across", "down")[axis]
+    others = [name for name in WIDEST if _shows(name, axis, angle_deg)]
+    return (
+        f"{option} is too wide: {view} shows {most} {way}: choose {flat}--view {either(others)}"
+    )
+
+
 def _one(view: View) -> ChosenView:
     return ChosenView(views={"": view})
 
@@ -231,14 +264,14 @@ def view_options(function: Decorated) -> Decorated:
         ),
         click.option(
             "--focal",
-            type=click.FloatRange(0, 1_000_000, min_open=True),
+            type=FloatRange(0, 1_000_000, min_open=True),
             metavar="PX",
             help="Focal length: pixels a radian in the middle.",
         ),
         click.option(
             "--vfov",
             "vfov_deg",
-            type=click.FloatRange(0, 360, min_open=True),
+            type=FloatRange(0, 360, min_open=True, unit="degrees"),
             metavar="DEG",
             help="Field of view down the height; with --hfov it sets the height.",
         ),
@@ -246,7 +279,7 @@ def view_options(function: Decorated) -> Decorated:
             "--hfov",
             "--fov",
             "hfov_deg",
-            type=click.FloatRange(0, 360, min_open=True),
+            type=FloatRange(0, 360, min_open=True, unit="degrees"),
             metavar="DEG",
             help="Field of view across the width. [default: perspective keeps the photo's scale "
             "in its middle, up to 120 along the longer side; others take --fit outer]",
