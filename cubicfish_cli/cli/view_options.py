@@ -224,9 +224,7 @@ def _too_wide(kind: str, axis: int, option: str, angle_deg: float) -> str:
     view = f"{'an' if kind.startswith('e') else 'a'} {kind} view"
     way = ("across", "down")[axis]
     others = [name for name in WIDEST if _shows(name, axis, angle_deg)]
-    return (
-        f"{option} is too wide: {view} shows {most} {way}: choose {flat}--view {either(others)}"
-    )
+    return f"{option} is too wide: {view} shows {most} {way}: choose {flat}--view {either(others)}"
 
 
 def _one(view: View) -> ChosenView:
