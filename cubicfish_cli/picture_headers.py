@@ -47,7 +47,7 @@ def claimed(data: bytes) -> Claim | None:
         if data.startswith(magic):
             try:
                 claim = read(data)
-            except (struct.error, IndexError, KeyError):
+            except (struct.error, IndexError, KeyError, OverflowError):  # a place of 64 bits
                 return None
             return claim if claim and claim.width > 0 and claim.height > 0 else None
     return None

@@ -181,3 +181,12 @@ def test_any_damage_is_none_or_a_claim(kind, data):
         hurt[data.draw(st.integers(0, len(hurt) - 1))] = data.draw(st.integers(0, 255))
     claim = claimed(bytes(hurt[: data.draw(st.integers(0, len(hurt)))]))
     assert claim is None or min(claim.width, claim.height, claim.memory + 1) > 0
+
+
+@pytest.mark.parametrize("far", [2**31, 2**63 - 1, 2**64 - 1])
+def test_places_beyond_any_memory_are_damage(far):
+    jpeg_2000 = b"\0\0\0\x0cjP  \r\n\x87\n" + struct.pack(">I4sQ", 1, b"free", far)
+    big_tiff = b"II" + struct.pack("<HHHQ", 43, 8, 0, far)
+    for data in (jpeg_2000, big_tiff):
+        assert is_picture(data)
+        assert claimed(data + bytes(64)) is None

@@ -273,6 +273,17 @@ def test_an_interrupt_leaves_no_file_and_no_thread(tmp_path):
     assert threading.active_count() == before
 
 
+def test_ffmpegs_threads_never_wait_for_python(tmp_path):
+    import av
+
+    write_video(tmp_path / "in.mp4")
+    av.logging.set_level(av.logging.PANIC)
+    video_size(tmp_path / "in.mp4")
+    # PyAV takes Python's lock for a message at any other level; an encoder that is freed, by who
+    # holds the lock, waits for its threads, and for ever where one has something to say.
+    assert av.logging.get_level() is None
+
+
 def test_without_pyav_the_extra_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "av", None)
     with pytest.raises(OutputError, match=r"pip install 'cubicfish\[video\]'"):

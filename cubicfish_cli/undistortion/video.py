@@ -254,7 +254,9 @@ class _opened:
 
     def __enter__(self) -> tuple[Any, Any]:
         av = _library()
-        av.logging.set_level(av.logging.PANIC)  # what matters comes back as an error
+        # What matters comes back as an error. At any other level FFmpeg's threads wait for Python's
+        # lock to say something, while Python, which holds it, waits for them to end.
+        av.logging.set_level(None)
         if not Path(self._path).is_file():
             raise PhotoError(f"{shown(self._path)} does not exist or is no file")
         try:
