@@ -21,10 +21,18 @@ MAX_BYTES = 2_000_000_000
 """Of any one file that is read; most kinds have bounds far below."""
 
 
-def refuse_existing(path: Path, *, overwrite: bool) -> None:
-    """Raise :class:`OutputError` when ``path`` exists and may not be replaced."""
+def refuse_existing(path: Path, *, overwrite: bool, can_skip: bool = False) -> None:
+    """Raise :class:`OutputError` when ``path`` exists and may not be replaced.
+
+    Args:
+        path: what is to be written.
+        overwrite: whether it may be replaced.
+        can_skip: whether the command that asks can leave out what exists.
+
+    """
     if not overwrite and os.path.lexists(path):
-        raise OutputError(f"{path} exists already: choose another name or add --overwrite")
+        ways = "--overwrite or --skip-existing" if can_skip else "--overwrite"
+        raise OutputError(f"{path} exists already: choose another name or add {ways}")
 
 
 @contextmanager

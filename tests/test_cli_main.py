@@ -116,6 +116,24 @@ def test_what_a_user_can_cause_has_an_exit_code(
     assert result.stdout == ""
 
 
+@pytest.mark.parametrize(
+    ("args", "shown"),
+    [
+        (["compare"], "cubicfish compare a.yaml b.yaml"),
+        (["compare", "a.yaml"], "cubicfish compare a.yaml b.yaml"),
+        (["import"], "cubicfish import camchain.yaml"),
+        (["target", "check"], "cubicfish target check target.yaml"),
+        (["corners"], "cubicfish corners run1/ --target target.yaml"),
+    ],
+)
+def test_what_is_missing_is_shown_in_its_place(run: Run, args: list[str], shown: str) -> None:
+    said = run(*args, code=2).stderr
+    assert said.startswith(
+        f"Usage: cubicfish {' '.join(args[:2] if 'check' in args else args[:1])}"
+    )
+    assert said.endswith(f": '{shown}'\n")
+
+
 def test_a_bug_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(path: Path) -> Any:
         raise ZeroDivisionError

@@ -66,8 +66,13 @@ def test_nothing_is_replaced_unasked_and_nothing_done_by_half(
     (out / "b.jpg").write_text("old")
     args = ["undistort", photos, out, "-m", model, "--size", "96x72"]
     assert "b.jpg exists already" in run(*args, code=1).stderr
-    assert "b.jpg exists already" in run(*args, "--dry-run", code=1).stderr
+    said = run(*args, "--dry-run", code=1).stderr
+    assert "b.jpg exists already: choose another name or add --overwrite or --skip-e" in said
     assert [path.name for path in out.iterdir()] == ["b.jpg"]
+    said = run(
+        "undistort", PHOTO, tmp_path / "new.png", "-m", model, "--mask", out / "b.jpg", code=1
+    )
+    assert "b.jpg exists already: choose another name or add --overwrite or --skip-e" in said.stderr
     run(*args, "--overwrite")
     assert picture(out / "b.jpg").shape == (72, 96)
 
@@ -138,7 +143,14 @@ def test_another_size_keeps_the_default_field(run: Run, model: Path, tmp_path: P
         (["undistort", PHOTO, "o.png", "--skip-existing", "--overwrite"], 2, "exclude"),
         (["undistort", PHOTO, "o.png", "--fit=inner", "--rotate=180,0,0"], 1, "does not see"),
         (["undistort", PHOTO, "out.png", "--size", "99999x10"], 1, "size"),
-        (["undistort", PHOTO], 2, "Missing argument"),
+        (
+            ["undistort", PHOTO],
+            2,
+            "\nError: IN and OUT are both needed: 'cubicfish undistort in.png out.png', or for a "
+            "folder 'cubicfish undistort photos/ flat/'\n",
+        ),
+        (["undistort"], 2, "\nError: IN and OUT are both needed: "),
+        (["map"], 2, "\nError: OUT is needed: 'cubicfish map undistort.npz'"),
         (["map", "out.tif"], 2, "out.tif: maps are written as .npz, .exr, .png, .pgm"),
         (["map", "out.png", "--fixed-point"], 2, ".npz"),
     ],

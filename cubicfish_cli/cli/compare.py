@@ -21,6 +21,7 @@ from cubicfish_cli.cli.options import (
 from cubicfish_cli.cli.terminal import print_json, print_table, result
 
 _DRAWN_PIXELS = 150_000
+_BOTH = "two cameras are needed: 'cubicfish compare a.yaml b.yaml'"
 
 if TYPE_CHECKING:
     from cubicfish_cli.fitting.comparison import Comparison
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     metavar="A",
     cls=Argument,
     meaning="The camera.yaml in whose pixels differences are.",
+    missing=_BOTH,
 )
 @click.argument(
     "second",
@@ -47,6 +49,7 @@ if TYPE_CHECKING:
     metavar="B",
     cls=Argument,
     meaning="The camera.yaml that is compared with it.",
+    missing=_BOTH,
 )
 @click.option(
     "--picture",

@@ -65,6 +65,7 @@ seen from behind are refused.
     metavar="FILES...",
     cls=Argument,
     meaning="What the detector wrote: files, or folders of .orpc files.",
+    missing="name what the detector wrote: 'cubicfish corners run1/ --target target.yaml'",
 )
 @target_option
 @click.option(

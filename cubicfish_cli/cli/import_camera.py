@@ -44,6 +44,7 @@ FORMATS = ("opencv", "ros", "kalibr", "ocamcalib", "pyocamcalib", "colmap", "ner
     metavar="FILE",
     cls=Argument,
     meaning="The other tool's camera file.",
+    missing="name the other tool's camera file: 'cubicfish import camchain.yaml'",
 )
 @click.option(
     "--from",

@@ -55,6 +55,7 @@ SUFFIXES = (".npz", ".exr", ".png", ".pgm")
     metavar="OUT",
     cls=Argument,
     meaning="Where the map goes: a name that ends in .npz, .exr, .png or .pgm.",
+    missing="OUT is needed: 'cubicfish map undistort.npz', or a name in .exr, .png or .pgm",
 )
 @model_option
 @view_options

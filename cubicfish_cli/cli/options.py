@@ -44,12 +44,23 @@ NAME = click.Path(readable=False)
 class Argument(click.Argument):
     """An argument with a meaning, in a few words, for the reference page docs/cli.md.
 
-    ``--help`` says it in the command's description.
+    ``--help`` says it in the command's description. What is said when it is missing may be given,
+    where more than its name is needed to understand it.
     """
 
-    def __init__(self, *args: Any, meaning: str, **kwargs: Any) -> None:
+    def __init__(self, *args: Any, meaning: str, missing: str | None = None, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.meaning = meaning
+        self.missing = missing
+
+    def process_value(self, ctx: click.Context, value: Any) -> Any:
+        """As click does, but for what is said of a missing value."""
+        try:
+            return super().process_value(ctx, value)
+        except click.MissingParameter:
+            if self.missing is None:
+                raise
+            raise click.UsageError(self.missing, ctx) from None
 
 
 def examples(*lines: str) -> str:

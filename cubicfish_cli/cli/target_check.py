@@ -46,6 +46,7 @@ _LABEL, _LINE = 12, 96
     metavar="TARGET",
     cls=Argument,
     meaning="The target.yaml.",
+    missing="name the object: 'cubicfish target check target.yaml'",
 )
 @click.option(
     "--draw", type=FILE, metavar="FILE.svg", help="Also draw the object: does it look like yours?"

@@ -81,6 +81,8 @@ if TYPE_CHECKING:
     metavar="IN...",
     cls=Argument,
     meaning="Photos or videos: files, folders or globs; '-' reads their names from stdin.",
+    missing="IN and OUT are both needed: 'cubicfish undistort in.png out.png', or for a folder "
+    "'cubicfish undistort photos/ flat/'",
 )
 @click.argument(
     "destination",

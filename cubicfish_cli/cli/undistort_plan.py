@@ -71,7 +71,7 @@ class Plan:
                     continue
                 job = replace(job, kept=there)
             for path in job.wanted:
-                refuse_existing(path, overwrite=overwrite)
+                refuse_existing(path, overwrite=overwrite, can_skip=not skip_existing)
             jobs.append(job)
         return replace(self, jobs=jobs, skipped=skipped)
 

@@ -79,9 +79,13 @@ def write_view_outputs(
     trusted: Trusted | None = None,
 ) -> list[Path]:
     """Write the mask and the virtual camera, those that are asked for; return the files."""
+    from cubicfish_cli.files import refuse_existing
+
     writers = view_writers(maps, mask=mask, beside=beside, trusted=trusted)
     if skip_existing:
         writers = {path: write for path, write in writers.items() if not path.is_file()}
+    for path in writers:
+        refuse_existing(path, overwrite=overwrite, can_skip=not skip_existing)
     return write_all(writers, overwrite=overwrite)
 
 
