@@ -1,6 +1,7 @@
 """Advice: what it predicts comes true, and what it says is what is missing."""
 
 from dataclasses import replace
+from itertools import pairwise
 from xml.etree import ElementTree
 
 import numpy as np
@@ -15,8 +16,8 @@ from synthetic import (
     synthetic_correspondences,
 )
 
-from cubicfish_cli.advice.advise import advise, why_not_enough
-from cubicfish_cli.advice.gaps import find_gaps
+from cubicfish_cli.advice.advise import advise, reach_of, rim_of, why_not_enough
+from cubicfish_cli.advice.gaps import find_gaps, photo_distances
 from cubicfish_cli.advice.knowledge import know, recorded_poses
 from cubicfish_cli.advice.picture import advice_svg
 from cubicfish_cli.advice.summary import summary
@@ -24,10 +25,11 @@ from cubicfish_cli.advice.words import across, length_words, place_words, side_o
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.field_uncertainty import FieldUncertainty, recorded, summed
+from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.fitting.uncertainty import camera_uncertainty, field_grid, sigma_at
 from cubicfish_cli.rendering.pose import look_at
-from cubicfish_cli.rendering.views import sample_views, view_from
+from cubicfish_cli.rendering.views import Distances, sample_views, view_from
 from cubicfish_cli.target import Target
 
 TARGET = corner_of_three()
@@ -147,6 +149,45 @@ def test_empty_parts_are_named_and_photos_go_there(poor, advice):
     assert 1 <= advice.photos_needed <= 12
 
 
+def test_photos_are_proposed_from_where_they_can_be_taken():
+    """Half as near as photos so far and twice as far: nobody knows whether others are sharp."""
+    poses = poses_around(TARGET, 4, distance=(1.2, 1.5), seed=3)
+    fit = fit_of(poses)
+    said = advise(fit.camera, fit.as_record(), fit.pairs, TARGET, goal_px=0.01)
+    away = np.linalg.norm(fit.poses.apply(fit.pairs.image, fit.pairs.world), axis=1)
+    typical = [np.median(away[fit.pairs.image == photo]) for photo in range(4)]
+    near, far = 0.5 * min(typical), 2 * max(typical)
+    assert (said.distances.near, said.distances.far) == pytest.approx((near, far))
+    assert said.as_record()["proposed_distances"] == pytest.approx([near, far])
+    # Without that there would be nearer ones.
+    free = sample_views(TARGET, reach_of(fit.camera), IMAGE_SIZE, 90)
+    assert min(np.median(view.away) for view in free) < 0.8 * near
+    assert len(said.proposals) == 3
+    for proposal in said.proposals:
+        own = proposal.view.away
+        assert near <= np.median(own) <= far
+        assert own.min() >= 0.5 * away.min()
+        assert f"its corners about {length_words(np.median(own), 'mm')} away" in proposal.words
+    assert not sample_views(
+        TARGET, reach_of(fit.camera), IMAGE_SIZE, 9,
+        within=Distances(near=1e5, far=2e5, nearest=0.0),
+    )  # fmt: skip
+    inside = photo_distances(
+        replace(
+            fit.pairs, world=np.tile([[200.0, 0, 0], [-200.0, 0, 0]], (len(away), 1))[: len(away)]
+        ),
+        Poses(rotation=np.tile(np.eye(3), (4, 1, 1)), translation=np.zeros((4, 3))),
+    )
+    np.testing.assert_allclose(inside, 200)  # and not 0, though the middle is there
+
+
+def test_no_photo_is_proposed_twice(poor):
+    said = advise(poor.camera, poor.as_record(), poor.pairs, TARGET, goal_px=1e-3, proposals=12)
+    poses = [np.concatenate(proposal.view.pose) for proposal in said.proposals]
+    assert len(poses) == 12
+    assert len(np.unique(np.round(poses, 9), axis=0)) == 12
+
+
 def test_parts_are_named_by_the_squares_that_are_empty():
     fit = fit_of(poses_around(TARGET, 12, seed=3))
     camera, x = fit.camera, fit.pairs.pixel[:, 0]
@@ -221,6 +262,38 @@ def test_the_picture_shows_each_proposal(advice):
     ElementTree.fromstring(advice_svg(replace(advice, target=hostile)))
 
 
+@pytest.mark.parametrize("goal", [0.09, 0.26257])
+def test_words_stay_within_their_panels(advice, goal):
+    root = ElementTree.fromstring(advice_svg(replace(advice, goal_px=goal)))
+    panel, second = 468, 512
+    for node in root.iter("{http://www.w3.org/2000/svg}text"):
+        if node.get("class") != "mark":
+            x = float(node.get("x"))
+            # A wide letter of the usual sans-serif fonts, at 15 px.
+            end = x + (9.0 if node.get("class") == "head" else 8.2) * len(node.text)
+            assert end <= (second if x < second else second + panel), node.text
+    entries = [node for node in root.iter("{http://www.w3.org/2000/svg}text")
+               if node.get("class") is None]  # fmt: skip
+    rows = {}
+    for node in entries:
+        rows.setdefault(node.get("y"), []).append((float(node.get("x")), node.text))
+    for row in rows.values():
+        for (x, text), (right, _) in pairwise(row):
+            assert x + 8.2 * len(text) <= right - 26, text
+
+
+def test_boards_are_cut_smoothly_where_the_lens_is_not_known(advice):
+    camera = advice.camera
+    rim = rim_of(camera)
+    assert np.isfinite(rim).all()
+    # What is drawn reaches over the rim that it is cut off at.
+    rays = camera.radial.unproject(rim)
+    beyond = rays + np.array([0, 0, -0.05])
+    assert np.isnan(reach_of(camera).project(beyond)).all()
+    assert np.isfinite(reach_of(camera, 8.0).project(beyond)).all()
+    assert 'clip-path="url(#reach)"' in advice_svg(advice)
+
+
 def test_pairs_without_a_target_get_regions_only(poor):
     pairs = replace(poor.pairs, boards=(), board=np.full(len(poor.pairs.image), -1))
     said = advise(poor.camera, poor.as_record(), pairs, None, goal_px=0.06)
@@ -268,7 +341,7 @@ def test_tilts_and_distances_that_are_missing():
     )  # fmt: skip
     gaps = find_gaps(fit.camera, pairs, placed, target)
     assert gaps.tilts[0].startswith("hardly any board has its face turned down and up")
-    assert "all photos are from 26 cm to 30 cm away" in gaps.distances[0]
+    assert "all photos are from 27 cm to 31 cm away" in gaps.distances[0]
     everything = find_gaps(fit.camera, fit.pairs, fit.poses, target)
     assert everything.distances == ()
 

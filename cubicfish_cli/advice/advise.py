@@ -15,15 +15,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.advice.gaps import Gaps, find_gaps
+from cubicfish_cli.advice.gaps import Gaps, find_gaps, photo_distances
 from cubicfish_cli.advice.knowledge import Knowledge, know, recorded_poses
 from cubicfish_cli.advice.words import length_words, place_words, tilt_words
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.field_uncertainty import FieldUncertainty, recorded, summed
+from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.uncertainty import Information, field_grid
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.radial import RadialCamera
-from cubicfish_cli.rendering.views import View, WholeLens, as_flat, sample_views
+from cubicfish_cli.rendering.views import Distances, View, WholeLens, as_flat, sample_views
 from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
@@ -36,8 +37,12 @@ GOAL_SIDE = 2000.0
 PROPOSALS = 3
 MOST_PHOTOS = 12
 """Photos are counted up to this many; beyond it another object or camera is the better advice."""
+# Photos so far show where this camera is in focus and the object is in view: proposals go to half
+# their nearest distance and to twice their farthest, and no farther.
+_NEARER, _FARTHER = 0.5, 2.0
 _VIEWS = 90
-_GRID = (21, 15)
+GRID = (21, 15)
+"""Columns and rows over the photo of the uncertainty that pictures show."""
 _FEWEST_PHOTOS = 3
 # A fit again whose uncertainty differs by more than this factor is another one.
 _SAME = 1.25
@@ -85,7 +90,7 @@ class Proposal:
                 "translation": np.asarray(translation).tolist(),
             },
             "corners": int(self.view.seen.visible.sum()),
-            "distance": self.view.distance,
+            "distance": float(np.median(self.view.away)),
             "before": self.before.as_record(),
             "after": self.after.as_record(),
             "here_before_px": self.here_before_px,
@@ -114,6 +119,8 @@ class Advice:
         photos_needed: how many more photos, as proposed here, reach the goal; None where more than
             :data:`MOST_PHOTOS` would not, or where that cannot be worked out.
         proposals: the next photos, in order.
+        distances: how near and far they may be: half as near as photos so far, and twice as far;
+            None where poses or the object are not known.
         notes: what cannot be said, or is to be kept in mind, a line each.
 
     """
@@ -132,6 +139,7 @@ class Advice:
     reasons: tuple[str, ...]
     photos_needed: int | None
     proposals: tuple[Proposal, ...]
+    distances: Distances | None
     notes: tuple[str, ...]
 
     def as_record(self) -> dict[str, Any]:
@@ -149,6 +157,9 @@ class Advice:
             "tilts": list(self.gaps.tilts),
             "distances": list(self.gaps.distances),
             "proposals": [proposal.as_record() for proposal in self.proposals],
+            "proposed_distances": [self.distances.near, self.distances.far]
+            if self.distances
+            else None,
             "notes": list(self.notes),
         }
 
@@ -203,11 +214,12 @@ def advise(
         sigma = knowledge.information.uncertainty().sigma_px(rays)
     reasons = why_not_enough(now, goal, gaps, len(pairs.images), camera)
     notes += _beyond(camera)
+    within = None if poses is None or target is None else distances_within(pairs, poses)
     found: tuple[Proposal, ...] = ()
     needed: int | None = 0
     if reasons:
         needed = None
-        views = _views(knowledge, target, notes, seed)
+        views = _views(knowledge, target, within, notes, seed)
         if knowledge is not None and views:
             found, needed = _proposed(knowledge, views, gaps, grid, goal, proposals)
         short = _FEWEST_PHOTOS - len(pairs.images)
@@ -227,7 +239,18 @@ def advise(
         reasons=tuple(reasons),
         photos_needed=needed,
         proposals=found,
+        distances=within,
         notes=tuple(notes),
+    )
+
+
+def distances_within(pairs: Correspondences, poses: Poses) -> Distances:
+    """From how near to how far photos may be proposed, by what photos so far show."""
+    typical, nearest = photo_distances(pairs, poses)
+    return Distances(
+        near=_NEARER * float(typical.min()),
+        far=_FARTHER * float(typical.max()),
+        nearest=_NEARER * float(nearest.min()),
     )
 
 
@@ -292,7 +315,7 @@ def _beyond(camera: CubicCamera) -> list[str]:
 def _grid(camera: CubicCamera) -> tuple[FloatArray, FloatArray]:
     """Pixels (G, 2) over the trusted field, and their rays (G, 3)."""
     width, height = camera.image_size
-    x, y = ((np.arange(n) + 0.5) / n for n in _GRID)
+    x, y = ((np.arange(n) + 0.5) / n for n in GRID)
     pixel = np.stack(np.meshgrid(x * width - 0.5, y * height - 0.5), axis=-1).reshape(-1, 2)
     rays = camera.unproject(pixel)
     seen = np.isfinite(rays[:, 0])
@@ -328,14 +351,28 @@ class _Reach:
         return np.where(inside[..., None], rays, np.nan)
 
 
-def reach_of(camera: CubicCamera) -> WholeLens:
+def reach_of(camera: CubicCamera, more_deg: float = 0.0) -> WholeLens:
     """A lens for where an object would be seen, somewhat beyond the trusted field too."""
-    limit = float(np.deg2rad(camera.max_angle_deg + _BEYOND_DEG))
+    limit = float(np.deg2rad(camera.max_angle_deg + _BEYOND_DEG + more_deg))
     return _Reach(camera=camera.radial, limit=min(limit, camera.radial.max_angle))
 
 
+def rim_of(camera: CubicCamera, count: int = 180) -> FloatArray:
+    """(count, 2) the rim of what :func:`reach_of` sees, within the photo or not, pixels."""
+    limit = float(np.deg2rad(camera.max_angle_deg + _BEYOND_DEG))
+    angle = min(limit, camera.radial.max_angle) - 1e-6
+    turn = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    sine = np.sin(angle)
+    rays = np.stack([sine * np.cos(turn), sine * np.sin(turn), np.full(count, np.cos(angle))], -1)
+    return camera.radial.project(rays)
+
+
 def _views(
-    knowledge: Knowledge | None, target: Target | None, notes: list[str], seed: int
+    knowledge: Knowledge | None,
+    target: Target | None,
+    within: Distances | None,
+    notes: list[str],
+    seed: int,
 ) -> list[View]:
     """Poses to choose from; where there can be none, ``notes`` says why."""
     if target is None:
@@ -353,11 +390,14 @@ def _views(
     if knowledge is None:
         return []
     camera = knowledge.camera
-    views = sample_views(as_flat(target), reach_of(camera), camera.image_size, _VIEWS, seed=seed)
+    views = sample_views(
+        as_flat(target), reach_of(camera), camera.image_size, _VIEWS, seed=seed, within=within
+    )
     if not views:
+        where = f", {distances_words(within, target.units)}" if within else ""
         notes.append(
             "no pose was found from which this camera would see a whole board with squares large "
-            "enough to be found"
+            f"enough to be found{where}"
         )
     return views
 
@@ -410,6 +450,14 @@ def _filled(view: View, gaps: Gaps) -> BoolArray:
     return filled
 
 
+def distances_words(within: Distances, units: str) -> str:
+    """``8.0 cm to 60 cm away (...)``, with why."""
+    return (
+        f"{length_words(within.near, units)} to {length_words(within.far, units)} away (from half "
+        "the nearest to twice the farthest of the photos so far)"
+    )
+
+
 def _left(after: FieldUncertainty, before: FieldUncertainty) -> float:
     """How much of the uncertainty is left, on the whole and where it is worst."""
     return (after.median_px / before.median_px + after.p95_px / before.p95_px) / 2
@@ -431,8 +479,8 @@ def _told(knowledge: Knowledge, chosen: Sequence[View], grid: FloatArray) -> tup
         told.append(
             Proposal(
                 view=view,
-                words=f"the object {place_words(view.direction)}, about "
-                f"{length_words(view.distance, units)} away, "
+                words=f"the object {place_words(view.direction)}, its corners about "
+                f"{length_words(float(np.median(view.away)), units)} away, "
                 f"{tilt_words(view.front, view.direction)}",
                 before=level,
                 after=next_level,

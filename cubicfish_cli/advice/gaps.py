@@ -252,16 +252,26 @@ def _missing_tilts(pairs: Correspondences, poses: Poses | None, target: Target |
     return lines
 
 
+def photo_distances(pairs: Correspondences, poses: Poses) -> tuple[FloatArray, FloatArray]:
+    """How far each photo was from its corners in the median, and from the nearest: (M,) each.
+
+    The middle of the corners would not do: inside a box it is where the camera is.
+    """
+    away = np.linalg.norm(poses.apply(pairs.image, pairs.world), axis=-1)
+    of_photo = np.split(
+        away[np.argsort(pairs.image, kind="stable")],
+        np.cumsum(np.bincount(pairs.image, minlength=len(poses)))[:-1],
+    )
+    known = [own for own in of_photo if len(own)]
+    return np.array([np.median(own) for own in known]), np.array([own.min() for own in known])
+
+
 def _missing_distances(
     pairs: Correspondences, poses: Poses | None, target: Target | None
 ) -> list[str]:
     if poses is None or target is None or len(poses) < 2:
         return []
-    points = poses.apply(pairs.image, pairs.world)
-    middle = np.zeros((len(poses), 3))
-    np.add.at(middle, pairs.image, points)
-    counts = np.maximum(np.bincount(pairs.image, minlength=len(poses)), 1)
-    distance = np.linalg.norm(middle / counts[:, None], axis=-1)
+    distance, _ = photo_distances(pairs, poses)
     near, far = float(distance.min()), float(distance.max())
     if far > _SPREAD * near:
         return []

@@ -9,7 +9,7 @@ from html import escape
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.advice.advise import Advice, Proposal, reach_of
+from cubicfish_cli.advice.advise import GRID, Advice, Proposal, reach_of, rim_of
 from cubicfish_cli.rendering.object_drawing import board_rim, dark_squares
 from cubicfish_cli.rendering.pose import camera_points
 from cubicfish_cli.rendering.views import WholeLens, as_flat
@@ -24,7 +24,12 @@ _COLOURS = ("#c2255c", "#1864ab", "#d9480f")
 _MOST_DOTS, _MOST_SQUARES = 6000, 3000
 # Uncertainty over the goal, and what a square with at most so much is filled with.
 _LEVELS = ((0.5, "#c3e9cf"), (1.0, "#eef0b4"), (2.0, "#fad192"), (np.inf, "#f1958c"))
-_EDGE_STEPS = 12
+_EDGE_STEPS, _PIECES = 40, 20
+# Boards are drawn this far beyond the rim at which they are cut off.
+_CUT_DEG = 8.0
+# Edges of squares are drawn bent where there are few squares, which are large then.
+_SQUARE_STEPS, _FEW_SQUARES = 5, 200
+_DOT, _DENSE = 1.8, 1500
 _STYLE = """\
   text { font: 15px system-ui, sans-serif; fill: #222; }
   .page { fill: #fff; }
@@ -81,6 +86,7 @@ def advice_svg(advice: Advice) -> str:
             'stroke-opacity="0.6"/></pattern>'
             f'<clipPath id="frame"><rect x="-0.5" y="-0.5" width="{width}" height="{height}"/>'
             f'</clipPath><clipPath id="field"><path d="{_path(advice.camera.outline())}"/>'
+            f'</clipPath><clipPath id="reach"><path d="{_path(rim_of(advice.camera))}"/>'
             "</clipPath></defs>",
             f'<rect class="page" width="{_WIDTH:.0f}" height="{top:.0f}"/>',
             *lines,
@@ -119,7 +125,7 @@ def _photos(advice: Advice, scale: float) -> Iterator[list[str]]:
     """The photos to take: the object as the camera would see it."""
     if advice.target is None:
         return
-    lens = reach_of(advice.camera)
+    lens = reach_of(advice.camera, _CUT_DEG)
     boards = as_flat(advice.target).boards
     outline = _path(advice.camera.outline())
     for number, proposal in enumerate(advice.proposals):
@@ -133,23 +139,29 @@ def _photos(advice: Advice, scale: float) -> Iterator[list[str]]:
             _rectangle(advice, "photo", scale),
             '<g clip-path="url(#frame)">',
             f'<path class="field" stroke-width="{1.5 / scale:.2f}" d="{outline}"/>',
+            '<g clip-path="url(#reach)">',
         ]
         for index in shown:
             lines += _board(boards[index], proposal, lens, _COLOURS[number % len(_COLOURS)], scale)
-        yield [*lines, "</g>", _rectangle(advice, "frame", scale)]
+        yield [*lines, "</g>", "</g>", _rectangle(advice, "frame", scale)]
 
 
 def _certainty(advice: Advice) -> Iterator[str]:
-    """The field in squares, coloured by the uncertainty there."""
-    grid, sigma = advice.grid, advice.sigma
-    known = np.isfinite(sigma)
+    """The photo in squares, coloured by the uncertainty there; the field is cut out of it."""
+    known = np.isfinite(advice.sigma)
     if not known.any():
         return
-    steps = [np.unique(np.round(grid[:, axis], 6)) for axis in (0, 1)]
-    side = [float(np.diff(step).min()) if len(step) > 1 else 40.0 for step in steps]
-    level = np.searchsorted([limit for limit, _ in _LEVELS], sigma / advice.goal_px)
+    grid, sigma = advice.grid[known], advice.sigma[known]
+    side = [size / count for size, count in zip(advice.camera.image_size, GRID, strict=True)]
+    x, y = ((np.arange(count) + 0.5) * step - 0.5 for count, step in zip(GRID, side, strict=True))
+    middle = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    # Squares at the rim whose middle is outside: as the nearest inside.
+    apart = np.linalg.norm(middle[:, None] - grid, axis=-1)
+    nearest = apart.argmin(axis=1)
+    drawn = apart.min(axis=1) <= 2 * max(side)
+    level = np.searchsorted([limit for limit, _ in _LEVELS], sigma[nearest] / advice.goal_px)
     for number, (_, colour) in enumerate(_LEVELS):
-        own = grid[known & (level == number)]
+        own = middle[drawn & (level == number)]
         if len(own):
             parts = "".join(
                 f"M{x - side[0] / 2:.1f} {y - side[1] / 2:.1f}h{side[0]:.1f}v{side[1]:.1f}"
@@ -172,7 +184,8 @@ def _empty(advice: Advice, scale: float) -> Iterator[str]:
 
 def _dots(advice: Advice, scale: float) -> Iterator[str]:
     step = -(-len(advice.pixel) // _MOST_DOTS)
-    radius = 1.8 / scale
+    shown = len(advice.pixel) / max(step, 1)
+    radius = _DOT * min(1.0, (_DENSE / max(shown, 1)) ** 0.5) / scale
     parts = "".join(
         f"M{x - radius:.1f} {y:.1f}a{radius:.2f} {radius:.2f} 0 1 0 {2 * radius:.2f} 0"
         f"a{radius:.2f} {radius:.2f} 0 1 0 {-2 * radius:.2f} 0"
@@ -190,24 +203,36 @@ def _board(
 
     rim = board_rim(board)
     share = np.arange(_EDGE_STEPS) / _EDGE_STEPS
-    # The plate in small pieces, since straight edges are bent, and parts may be out of reach.
-    x, y = (part.ravel()[:, None, None] for part in np.meshgrid(share, share))
-    step = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) / _EDGE_STEPS
-    pieces = rim[0] + (x + step[:, :1]) * (rim[1] - rim[0]) + (y + step[:, 1:]) * (rim[3] - rim[0])
-    paper = "".join(_path(piece) for piece in seen(pieces))
-    yield f'<path class="paper" stroke="#fff" stroke-width="1" d="{paper}"/>'
-    squares = dark_squares(board)
-    if len(squares) <= _MOST_SQUARES:
-        ink = "".join(_path(four) for four in seen(board.origin + squares @ board.axes[:2]))
-        yield f'<path class="print" d="{ink}"/>'
     edges = [
         start + share[:, None] * (end - start)
         for start, end in zip(rim, np.roll(rim, -1, 0), strict=True)
     ]
+    border = seen(np.concatenate(edges))
+    paper = _path(border)
+    if not np.isfinite(border).all():
+        # Parts are out of reach: the plate in small pieces.
+        share = np.arange(_PIECES) / _PIECES
+        x, y = (part.ravel()[:, None, None] for part in np.meshgrid(share, share))
+        step = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) / _PIECES
+        right, down = rim[1] - rim[0], rim[3] - rim[0]
+        pieces = rim[0] + (x + step[:, :1]) * right + (y + step[:, 1:]) * down
+        paper = "".join(_path(piece) for piece in seen(pieces))
+    yield f'<path class="paper" stroke="#fff" stroke-width="1" d="{paper}"/>'
+    squares = dark_squares(board)
+    if len(squares) <= _MOST_SQUARES:
+        bent = _with_points_between(squares, _SQUARE_STEPS if len(squares) <= _FEW_SQUARES else 1)
+        ink = "".join(_path(one) for one in seen(board.origin + bent @ board.axes[:2]))
+        yield f'<path class="print" d="{ink}"/>'
     yield (
-        f'<path fill="none" stroke="{colour}" stroke-width="{2 / scale:.2f}" '
-        f'd="{_path(seen(np.concatenate(edges)))}"/>'
+        f'<path fill="none" stroke="{colour}" stroke-width="{2 / scale:.2f}" d="{_path(border)}"/>'
     )
+
+
+def _with_points_between(polygons: FloatArray, steps: int) -> FloatArray:
+    """(N, K, 2) -> (N, K steps, 2), every edge in so many parts."""
+    share = np.arange(steps)[:, None] / steps
+    start, end = polygons[:, :, None], np.roll(polygons, -1, 1)[:, :, None]
+    return (start + share * (end - start)).reshape(len(polygons), -1, 2)
 
 
 def _path(polygon: FloatArray) -> str:
@@ -236,36 +261,44 @@ def _badge(number: int, x: float, y: float, colour: str) -> list[str]:
 
 
 def _legend(advice: Advice, left: float, y: float) -> list[str]:
-    """What the colours mean, in two rows."""
+    """What the map's colours and marks mean, in two rows."""
     goal = advice.goal_px
-    entries = [
-        (_LEVELS[0][1], f"to {goal / 2:.2g} px"),
-        (_LEVELS[1][1], f"to {goal:.2g} px (wanted)"),
-        (_LEVELS[2][1], f"to {2 * goal:.2g} px"),
-        (_LEVELS[3][1], "more"),
-    ]
-    lines, x = [], left
-    for fill, words in entries:
-        lines.append(
-            f'<rect x="{x:.0f}" y="{y - 14:.0f}" width="20" height="16" fill="{fill}" '
-            f'stroke="#999"/><text x="{x + 26:.0f}" y="{y:.0f}">{escape(words)}</text>'
-        )
-        x += 40 + 7.4 * len(words)
+    words = [f"≤ {goal / 2:.2g}", f"≤ {goal:.2g}", f"≤ {2 * goal:.2g}", f"> {2 * goal:.2g} px"]
+    lines = []
+    for number, ((_, fill), text) in enumerate(zip(_LEVELS, words, strict=True)):
+        x = left + number * _PANEL / 4
+        lines.append(_swatch(x, y, fill) + _beside(x, y, text))
     y += _LINE
-    lines.append(
-        f'<rect x="{left:.0f}" y="{y - 14:.0f}" width="20" height="16" fill="url(#hatch)" '
-        f'stroke="#999"/><text x="{left + 26:.0f}" y="{y:.0f}">no corners yet; dots are the '
-        "corners so far</text>"
-    )
+    dash = f"M{{:.0f}} {y - 5:.0f}m-10 0h20"
+    marks = [
+        (f'<circle cx="{{:.0f}}" cy="{y - 5:.0f}" r="2.5" class="dot"/>', "a corner so far"),
+        (f'<path class="line" stroke-width="1.5" d="{dash}"/>', "the field"),
+    ]
+    if advice.gaps.empty.any():
+        marks.append(("", "no corner yet"))
+    for number, (mark, text) in enumerate(marks):
+        x = left + number * _PANEL / 3
+        drawn = mark.format(x + 10) if mark else _swatch(x, y, "url(#hatch)")
+        lines.append(drawn + _beside(x, y, text))
     return lines
+
+
+def _swatch(x: float, y: float, fill: str) -> str:
+    return (
+        f'<rect x="{x:.0f}" y="{y - 14:.0f}" width="20" height="16" fill="{fill}" stroke="#999"/>'
+    )
+
+
+def _beside(x: float, y: float, text: str) -> str:
+    return f'<text x="{x + 26:.0f}" y="{y:.0f}">{escape(text)}</text>'
 
 
 def _map_lines(advice: Advice) -> list[str]:
     if advice.now is None:
         return ["No corners in the hatched squares; dots are the corners so far"]
-    if advice.enough:
-        return ["Enough: no more photos are needed. The camera's pixels are uncertain by"]
-    return ["Now: the camera's pixels are uncertain by"]
+    begin = "Enough" if advice.enough else "Now"
+    told = f"{begin}: {advice.now.words}; wanted: {advice.goal_px:g} px"
+    return textwrap.wrap(told, _LETTERS)
 
 
 def _photo_lines(proposal: Proposal) -> list[str]:

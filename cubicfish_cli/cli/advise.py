@@ -198,7 +198,7 @@ def _print(advice: Advice) -> None:
         result(_how_many(advice))
         _print_gaps(advice)
         if advice.proposals:
-            result("Take these next; what each brings counts those before it:")
+            _paragraph(_take_these(advice))
         for number, proposal in enumerate(advice.proposals, start=1):
             _print_proposal(number, proposal)
         if advice.proposals:
@@ -219,6 +219,15 @@ def _how_many(advice: Advice) -> str:
             "squares, bring more.\n"
         )
     return ""
+
+
+def _take_these(advice: Advice) -> str:
+    from cubicfish_cli.advice.advise import distances_words
+
+    where = ""
+    if advice.distances is not None and advice.target is not None:
+        where = f", {distances_words(advice.distances, advice.target.units)}"
+    return f"Take these next{where}; what each brings counts those before it:"
 
 
 def _print_gaps(advice: Advice) -> None:

@@ -139,6 +139,8 @@ ADVISE = {
     "tilts": "tilts that are missing",
     "distances": "distances that are missing",
     "proposals": "photos to take next, a record each",
+    "proposed_distances": "[nearest, farthest] that they may be: half the nearest and twice the "
+    "farthest of the photos so far; null where that is not known",
     "notes": "remarks, a line each",
     "model": "the camera's file",
     "picture": "the file of --output; null where it was not asked for",

@@ -76,12 +76,38 @@ class View:
         return middle
 
     @property
+    def away(self) -> FloatArray:
+        """(N,) how far each visible corner is from the camera, in the target's units."""
+        away: FloatArray = np.linalg.norm(self.seen.camera[self.seen.visible], axis=1)
+        return away
+
+    @property
     def direction(self) -> FloatArray:
         """(3,) unit ray to where the object is in the picture: the mean of its corners' rays."""
         points = self.seen.camera[self.seen.visible]
         mean = (points / np.linalg.norm(points, axis=1, keepdims=True)).mean(axis=0)
         ray: FloatArray = mean / np.linalg.norm(mean)
         return ray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Distances:
+    """How near and how far to stand, in the target's units.
+
+    Attributes:
+        near, far: of the visible corners, in the median.
+        nearest: of the nearest visible corner.
+
+    """
+
+    near: float
+    far: float
+    nearest: float
+
+    def holds(self, view: View) -> bool:
+        """Whether a view is from there."""
+        away = view.away
+        return self.near <= float(np.median(away)) <= self.far and away.min() >= self.nearest
 
 
 def as_flat(target: Target) -> Target:
@@ -120,6 +146,7 @@ def sample_views(
     count: int,
     *,
     seed: int = 0,
+    within: Distances | None = None,
 ) -> list[View]:
     """Up to ``count`` views of the object, spread over the field, sides, distances and rolls.
 
@@ -133,6 +160,7 @@ def sample_views(
         image_size: (width, height), pixels.
         count: how many views to look for.
         seed: of the sequence; the same arguments give the same views.
+        within: how near and far to stand; None for all that the object and the camera allow.
 
     Raises:
         TargetError: a board of a kind that cannot be drawn.
@@ -142,6 +170,10 @@ def sample_views(
     rays = _field(lens, image_size)
     thing = _Thing.of(target)
     near, far = _distances(thing, rays, image_size)
+    if within is not None:
+        # No corner is farther from the middle of the object than this.
+        near = max(near, within.near - thing.diagonal / 2)
+        far = min(far, within.far + thing.diagonal / 2)
     if near > far:
         return []
     places = _sequence(_TRIES_A_VIEW * count, 6, seed)
@@ -160,7 +192,7 @@ def sample_views(
     most = 1
     for index, turn in zip(kept, turns, strict=True):
         view = view_from(target, lens, pose_of_matrix(turn, eyes[index]), image_size)
-        if view is None or not view.whole:
+        if view is None or not view.whole or not (within is None or within.holds(view)):
             continue
         most = max(most, view.whole)
         views.append(view)
