@@ -22,7 +22,14 @@ import numpy.typing as npt
 
 from cubicfish_cli.errors import PhotoError
 from cubicfish_cli.machines import on_host
-from cubicfish_cli.picture_headers import Claim, claimed, is_picture
+from cubicfish_cli.picture_headers import (
+    OTHER_SUFFIXES,
+    RAW_SUFFIXES,
+    Claim,
+    claimed,
+    is_picture,
+    other_kind,
+)
 from cubicfish_cli.wording import quoted
 
 Picture = npt.NDArray[np.integer[Any] | np.floating[Any]]
@@ -143,6 +150,11 @@ def _in_folder(folder: Path) -> list[Path]:
     if not photos:
         others = sorted({path.suffix.lower() for path in files if path.suffix})
         there = f", only {', '.join(others[:5])}" if others else ""
+        if not (OTHER_SUFFIXES | RAW_SUFFIXES).isdisjoint(others):
+            raise PhotoError(
+                f"{shown(folder)} holds no photos that can be read{there}: save photos as PNG or "
+                "JPEG, in full size and without lens correction"
+            )
         raise PhotoError(f"{shown(folder)} holds no photos{there}: photos are {_READABLE} files")
     return photos
 
@@ -268,6 +280,9 @@ def _claim_of(path: Path, data: bytes) -> Claim:
 
     A decoder is never asked before: it makes room for whatever is claimed.
     """
+    other = other_kind(data, path.suffix)
+    if other is not None:
+        raise PhotoError(f"{shown(path)} {other}")
     claim = claimed(data)
     if claim is None:
         if is_picture(data):

@@ -53,6 +53,64 @@ def claimed(data: bytes) -> Claim | None:
     return None
 
 
+def other_kind(data: bytes, suffix: str) -> str | None:
+    """What a file is that is known and not read here, and what to do about it; None otherwise.
+
+    Args:
+        data: the file's bytes, the first hundred at least.
+        suffix: of its name. Raw files of many cameras begin as TIFF files do, and hold a small
+            copy of the photo where those have the photo.
+
+    """
+    if data.startswith(_TIFFS) and (suffix.lower() in RAW_SUFFIXES or data[8:10] == b"CR"):
+        return _RAW
+    if data[4:8] == b"ftyp":  # a family of formats: the first brand, and those it is compatible to
+        brands = data[8 : min(len(data), 64, struct.unpack_from(">I", data)[0])]
+        for brand, kind in _BRANDS:
+            if brand in brands:
+                return kind
+        return _VIDEO
+    if data[4:8] in (b"moov", b"mdat") or (data.startswith(b"RIFF") and data[8:12] == b"AVI "):
+        return _VIDEO
+    return next((kind for magic, kind in _OTHERS if data.startswith(magic)), None)
+
+
+_RAW_NAMES = (
+    ".3fr .arw .cr2 .cr3 .crw .dcr .dng .erf .iiq .kdc .mef .mos .mrw .nef .nrw .orf .pef .raf "
+    ".raw .rw2 .rwl .sr2 .srf .srw .x3f"
+)
+_OTHER_NAMES = ".avif .exr .gif .heic .heif .hif .jxl .pdf .psd"
+RAW_SUFFIXES = frozenset(_RAW_NAMES.split())
+OTHER_SUFFIXES = frozenset(_OTHER_NAMES.split())
+"""Of other files that hold a photo, and are not read."""
+
+_TIFFS = (b"II*\0", b"MM\0*")
+_RAW = (
+    "is a camera's raw file: develop it and save it as PNG or JPEG, in full size and without lens "
+    "correction"
+)
+_VIDEO = "is a video: save frames of it as PNG or JPEG ('ffmpeg -i VIDEO frame_%04d.png')"
+_PICTURE = "is {} picture, a kind that is not read: save it as PNG or JPEG, in full size"
+_BRANDS = (
+    (b"avif", _PICTURE.format("an AVIF")),
+    (b"avis", _PICTURE.format("an AVIF")),
+    (b"crx ", _RAW),
+    *((b, _PICTURE.format("a HEIC")) for b in (b"heic", b"heix", b"heim", b"heis", b"mif1")),
+    *((b, _PICTURE.format("a HEIC")) for b in (b"hevc", b"hevx", b"msf1")),
+)
+_OTHERS = (
+    (b"GIF8", _PICTURE.format("a GIF")),
+    (b"8BPS", _PICTURE.format("a Photoshop")),
+    (b"\x76\x2f\x31\x01", _PICTURE.format("an OpenEXR")),
+    (b"\xff\x0a", _PICTURE.format("a JPEG XL")),
+    (b"\0\0\0\x0cJXL ", _PICTURE.format("a JPEG XL")),
+    (b"%PDF", "is a PDF document: save the photo in it as PNG or JPEG, in full size"),
+    *((magic, _RAW) for magic in (b"FUJIFILMCCD-RAW", b"IIRO", b"IIRS", b"MMOR", b"IIU\0")),
+    *((magic, _RAW) for magic in (b"FOVb", b"\0MRM", b"II\x1a\0\0\0HEAPCCDR")),
+    *((magic, _VIDEO) for magic in (b"\x1a\x45\xdf\xa3", b"\0\0\1\xba", b"\x30\x26\xb2\x75")),
+)
+
+
 def _png(data: bytes) -> Claim | None:
     """A PNG file: chunks whose lengths lie are what decoders make room for, so all are walked."""
     width, height, depth, colour = struct.unpack_from(">IIBB", data, 16)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from cubicfish_cli import photos
 from cubicfish_cli.errors import PhotoError
-from cubicfish_cli.picture_headers import claimed, is_picture
+from cubicfish_cli.picture_headers import claimed, is_picture, other_kind
 
 RNG = np.random.default_rng(0)
 COLOUR = cv2.GaussianBlur(RNG.integers(0, 255, (48, 64, 3)).astype(np.uint8), (0, 0), 3)
@@ -156,6 +156,47 @@ def test_kinds_whose_headers_are_not_read_never_reach_a_decoder(tmp_path, monkey
     (tmp_path / "photo").write_bytes(data + bytes(100))
     with pytest.raises(PhotoError, match="save it as PNG"):
         photos.read_picture(tmp_path / "photo")
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "kind"),
+    [
+        ("a.heic", b"\0\0\0\x18ftypheic\0\0\0\0mif1heic", "a HEIC picture"),
+        ("a.jpg", b"\0\0\0\x18ftypmif1\0\0\0\0mif1heic", "a HEIC picture"),
+        ("a.avif", b"\0\0\0\x1cftypmif1\0\0\0\0mif1avifmiaf", "an AVIF picture"),
+        ("a.mp4", b"\0\0\0\x20ftypisom\0\0\2\0isomiso2avc1mp41", "a video: save frames of it"),
+        ("a.mp4", b"\0\0\0\x10ftypisom\0\0\2\0heic", "a video"),  # beyond the brands
+        ("a.mov", b"\0\0\0\x08mdat", "a video"),
+        ("a.avi", b"RIFF\0\0\0\0AVI LIST", "a video"),
+        ("a.mkv", b"\x1a\x45\xdf\xa3", "a video"),
+        ("a.gif", b"GIF89a", "a GIF picture"),
+        ("a.jxl", b"\xff\x0a", "a JPEG XL picture"),
+        ("a.psd", b"8BPS", "a Photoshop picture"),
+        ("a.exr", b"v/1\x01", "an OpenEXR picture"),
+        ("a.pdf", b"%PDF-1.7", "a PDF document: save the photo in it"),
+        ("a.CR3", b"\0\0\0\x18ftypcrx \0\0\0\1crx isom", "a camera's raw file: develop it"),
+        ("a", b"II*\0\x10\0\0\0CR\2\0", "a camera's raw file"),
+        ("a.NEF", tiff([(256, 3, 160), (257, 3, 120)], order=">"), "a camera's raw file"),
+        ("a.raf", b"FUJIFILMCCD-RAW 0201", "a camera's raw file"),
+        ("a.rw2", b"IIU\0\x08\0\0\0", "a camera's raw file"),
+    ],
+)
+def test_what_is_known_and_not_read_is_named_with_what_to_do(tmp_path, name, data, kind):
+    (tmp_path / name).write_bytes(data + bytes(100))
+    with pytest.raises(PhotoError) as refused:
+        photos.read_picture(tmp_path / name)
+    assert str(refused.value).startswith(f"{tmp_path / name} is {kind}")
+    assert "as PNG or JPEG" in str(refused.value)
+
+
+@pytest.mark.parametrize("data", [b"", b"RIFF", b"\0\0\0\0ftyp", b"hello", b"\xff\xfe\x0a"])
+def test_what_says_little_is_no_puzzle(data):
+    assert other_kind(data, ".png") in (None, other_kind(b"\0\0\0\x08mdat", ""))
+
+
+@pytest.mark.parametrize("suffix", ["png", "jpg", "tif", "bmp", "webp", "jp2", "ppm"])
+def test_pictures_that_are_read_are_of_no_other_kind(suffix):
+    assert other_kind(cv2.imencode(f".{suffix}", COLOUR)[1].tobytes(), f".{suffix}") is None
 
 
 @pytest.mark.parametrize("suffix", ["png", "jpg", "tif", "bmp", "webp", "jp2", "ppm"])
