@@ -36,6 +36,10 @@ BoolArray = npt.NDArray[np.bool_]
 
 # A first look at a fit that one lens has bent to both sees less than there is: it is followed up.
 _WORTH_A_LOOK = 1e-4
+# So many photos tell as much as all, and are looked at first: of each group, and of the others
+# beside a few odd ones.
+_ENOUGH_OF_EACH = 30
+_ENOUGH = 100
 _ROUNDS = 12
 _SETTLED_PX = 0.05
 _ROUGH_DECREASE = 1e-5
@@ -76,7 +80,7 @@ def lens_findings(fit: ObjectFit, drawn: ObjectFit) -> list[Finding]:
     photos = _own(fit)
     for one, own in ((fit, photos), (drawn, photos if fit is drawn else _own(drawn))):
         split = two_lenses(own)
-        if split is None or split.chance > _WORTH_A_LOOK:
+        if split is None or split.chance > _WORTH_A_LOOK or split.share < WORTH / 2:
             continue
         found = _followed(one, own, split, rms_px(fit.cubic.residual))
         if found is not None:

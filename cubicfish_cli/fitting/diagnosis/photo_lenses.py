@@ -8,7 +8,6 @@ it is linear where the fit stopped, so it costs one pass over the corners.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from math import comb
 from typing import Literal
 
@@ -18,6 +17,7 @@ from scipy.special import fdtrc
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import FitLens, huber_weight
+from cubicfish_cli.fitting.normal_equations import runs_of_photos
 from cubicfish_cli.fitting.poses import Poses, cross_matrix
 from cubicfish_cli.fitting.robust import huber_px
 
@@ -77,6 +77,7 @@ class TwoLenses:
         kind: ``order`` where the lens changed once in the order of the photos, else ``mixed``.
         chance: how often so clear a split would be found among photos through one lens.
         own: (2, 3) scale, shift x, shift y of both groups, pixels.
+        share: of all photos' squared error that the two lenses explain, beside one for all.
 
     """
 
@@ -84,6 +85,7 @@ class TwoLenses:
     kind: Literal["order", "mixed"]
     chance: float
     own: FloatArray
+    share: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,45 +118,58 @@ def photo_lenses(
         world: (N, 3) their world points, as fitted.
 
     """
-    rotated = (poses.rotation[pairs.image] @ world[:, :, None])[:, :, 0]
-    pixel, d_point, _ = lens.project_jacobian(rotated + poses.translation[pairs.image])
-    miss = pairs.pixel - pixel
-    middle = (np.array(pairs.image_size, float) - 1) / 2
     reach = min(pairs.image_size) / 2
-    from_middle = (pixel - middle) / reach
-    jacobian = np.zeros((len(pixel), 2, 6 + TERMS))
-    jacobian[:, :, :3] = -d_point @ cross_matrix(rotated)
-    jacobian[:, :, 3:6] = d_point
-    jacobian[:, :, 6] = from_middle
-    jacobian[:, 0, 7] = jacobian[:, 1, 8] = 1
-    jacobian[:, 0, 9] = jacobian[:, 1, 10] = from_middle[:, 1]
+    rows = np.empty((len(pairs.pixel), 2, 7 + TERMS))
+    # In runs: the derivatives by the lens, that come with those by the point, are many.
+    for _, run in runs_of_photos(pairs.image, len(pairs.images)):
+        _linearise(rows[run], lens, poses, pairs, world, run)
     # The loss of the fit: grossly wrong corners must not speak for a photo.
-    weight = pairs.weight * huber_weight(np.hypot(miss[:, 0], miss[:, 1]), huber_px(-miss))
-    photos, found, information, squares, numbers = [], [], [], [], []
-    starts = np.searchsorted(pairs.image, np.arange(len(pairs.images) + 1))
-    for photo, (first, stop) in enumerate(pairwise(starts)):
-        if stop - first < _FEWEST_CORNERS:
-            continue
-        root = np.sqrt(weight[first:stop])
-        rows = (jacobian[first:stop] * root[:, None, None]).reshape(-1, 6 + TERMS)
-        right = (miss[first:stop] * root[:, None]).reshape(-1)
-        basis = np.linalg.qr(rows[:, :6])[0]
-        free = rows[:, 6:] - basis @ (basis.T @ rows[:, 6:])
-        right = right - basis @ (basis.T @ right)
-        own, _, _, _ = np.linalg.lstsq(free, right, rcond=1e-9)
-        photos.append(photo)
-        found.append(own)
-        information.append(free.T @ free)
-        squares.append(float(np.sum((right - free @ own) ** 2)))
-        numbers.append(2.0 * (stop - first) - 6 - TERMS)
+    miss = rows[:, :, -1]
+    weight = pairs.weight * huber_weight(np.hypot(miss[:, 0], miss[:, 1]), huber_px(miss))
+    rows *= np.sqrt(weight)[:, None, None]
+    counts = np.bincount(pairs.image, minlength=len(pairs.images))
+    stops = np.cumsum(counts)
+    photos = np.flatnonzero(counts >= _FEWEST_CORNERS)
+    # What the pose explains is taken out by the first columns of a triangle (QR), and what is
+    # left of the others is all that there is to know of them.
+    triangles = np.empty((len(photos), 7 + TERMS, 7 + TERMS))
+    for place, photo in enumerate(photos):
+        own_rows = rows[stops[photo] - counts[photo] : stops[photo]]
+        triangles[place] = np.linalg.qr(own_rows.reshape(-1, 7 + TERMS), mode="r")
+    free = triangles[:, 6:-1, 6:-1]
+    own = np.linalg.pinv(free, rcond=1e-9) @ triangles[:, 6:-1, -1:]
+    off = triangles[:, 6:, -1:] - np.pad(free, ((0, 0), (0, 1), (0, 0))) @ own
     return PhotoLenses(
-        photos=np.array(photos, np.intp),
-        own=np.array(found).reshape(-1, TERMS),
-        information=np.array(information).reshape(-1, TERMS, TERMS),
-        squares=np.array(squares),
-        numbers=np.array(numbers),
+        photos=photos.astype(np.intp),
+        own=own[:, :, 0],
+        information=free.transpose(0, 2, 1) @ free,
+        squares=np.sum(off[:, :, 0] ** 2, axis=1),
+        numbers=2.0 * counts[photos] - 6 - TERMS,
         reach=reach,
     )
+
+
+def _linearise(
+    rows: FloatArray,
+    lens: FitLens,
+    poses: Poses,
+    pairs: Correspondences,
+    world: FloatArray,
+    run: slice,
+) -> None:
+    """Fill rows (n, 2, 12): derivatives by pose and own terms, and the miss, all in pixels."""
+    image = pairs.image[run]
+    rotated = (poses.rotation[image] @ world[run, :, None])[:, :, 0]
+    pixel, d_point, _ = lens.project_jacobian(rotated + poses.translation[image])
+    middle = (np.array(pairs.image_size, float) - 1) / 2
+    from_middle = (pixel - middle) / (min(pairs.image_size) / 2)
+    rows[:, :, :3] = -d_point @ cross_matrix(rotated)
+    rows[:, :, 3:6] = d_point
+    rows[:, :, 6] = from_middle
+    rows[:, :, 7:11] = 0
+    rows[:, 0, 7] = rows[:, 1, 8] = 1
+    rows[:, 0, 9] = rows[:, 1, 10] = from_middle[:, 1]
+    rows[:, :, 11] = pairs.pixel[run] - pixel
 
 
 def two_lenses(photos: PhotoLenses) -> TwoLenses | None:
@@ -173,8 +188,8 @@ def two_lenses(photos: PhotoLenses) -> TwoLenses | None:
     if count < _LEAST_FOR_GROUPS:
         return None
     own, weight = photos.own[:, _LENS], _without_shear(photos.information)
-    in_order = _best([np.arange(count) >= cut for cut in range(1, count)], own, weight)
-    mixed = _best(_sorted_splits(own, weight), own, weight)
+    in_order = _best(np.arange(count)[None], own, weight)
+    mixed = _best(_sorted_along(own, weight), own, weight)
     trials = {"order": count - 1, "mixed": sum(comb(count - 1, k) for k in range(4))}
     chosen: tuple[float, Literal["order", "mixed"], BoolArray] | None = None
     kinds: tuple[Literal["order", "mixed"], ...] = ("order", "mixed")
@@ -186,11 +201,14 @@ def two_lenses(photos: PhotoLenses) -> TwoLenses | None:
     ratio, kind, second = chosen
     if kind == "mixed" and 2 * second.sum() > count:
         second = ~second
+    # The ratio is that of what is between to what is within, times the latter's freedom.
+    between = _scatter(own, weight) * ratio / (ratio + count - 2)
     return TwoLenses(
         second=second,
         kind=kind,
         chance=float(fdtrc(3, 3 * (count - 2), ratio)) * trials[kind],
         own=np.stack([_mean(own[part], weight[part]) for part in (~second, second)]),
+        share=between / (_scatter(own, weight) + float(photos.squares.sum()) + 1e-300),
     )
 
 
@@ -263,33 +281,52 @@ def _scatter(own: FloatArray, weight: FloatArray) -> float:
     return float(np.einsum("ki,kij,kj->", off, weight, off))
 
 
-def _best(
-    splits: list[BoolArray], own: FloatArray, weight: FloatArray
-) -> tuple[float, BoolArray] | None:
-    """The split with the largest ratio of what is between to what is within its groups."""
+def _best(orders: IntArray, own: FloatArray, weight: FloatArray) -> tuple[float, BoolArray] | None:
+    """The split with the largest ratio of what is between to what is within its groups.
+
+    Args:
+        orders: (S, K) photos in orders that are cut in two anywhere.
+        own: (K, 3) scale and shift of the photos.
+        weight: (K, 3, 3) information on them.
+
+    Returns:
+        The ratio, and which photos are behind the cut; None where there are too few.
+
+    """
     total, count = _scatter(own, weight), len(own)
+    off = own - _mean(own, weight)
+    pull = (weight @ off[:, :, None])[:, :, 0]
+    square = np.sum(off * pull, axis=1)
+    # Of the photos up to each cut, and of those behind it: sums suffice for their scatter.
+    cuts = np.arange(_FEWEST_IN_GROUP, count - _FEWEST_IN_GROUP + 1)
     best: tuple[float, BoolArray] | None = None
-    for second in splits:
-        if min(second.sum(), count - second.sum()) < _FEWEST_IN_GROUP:
-            continue
-        within = _scatter(own[second], weight[second]) + _scatter(own[~second], weight[~second])
-        within = max(within, 1e-12 * total, 1e-300)
-        ratio = (total - within) / within * (count - 2)
+    for order in orders if cuts.size else []:
+        weights, pulls, squares = (
+            np.cumsum(terms[order], axis=0) for terms in (weight, pull, square)
+        )
+        within = np.zeros(len(cuts))
+        for w, p, s in (
+            (weights[cuts - 1], pulls[cuts - 1], squares[cuts - 1]),
+            (weights[-1] - weights[cuts - 1], pulls[-1] - pulls[cuts - 1],
+             squares[-1] - squares[cuts - 1]),
+        ):  # fmt: skip
+            mean = np.linalg.solve(w, p[:, :, None])[:, :, 0]
+            within += np.maximum(s - np.sum(mean * p, axis=1), 0)
+        within = np.maximum(within, max(1e-12 * total, 1e-300))
+        cut = int(np.argmin(within))
+        ratio = float((total - within[cut]) / within[cut] * (count - 2))
         if best is None or ratio > best[0]:
+            second = np.zeros(count, bool)
+            second[order[cuts[cut] :]] = True
             best = (ratio, second)
     return best
 
 
-def _sorted_splits(own: FloatArray, weight: FloatArray) -> list[BoolArray]:
-    """Splits by planes across each axis of the photos' scatter."""
+def _sorted_along(own: FloatArray, weight: FloatArray) -> IntArray:
+    """(6, K) the photos sorted along the axes of their scatter: cuts are planes across them."""
     root = np.linalg.cholesky(np.median(weight, axis=0))
     white = own @ root
     white = white - np.median(white, axis=0)
     axes = np.linalg.svd(white, full_matrices=False)[2]
-    splits = []
-    for along in (*(white @ axes.T).T, *own.T):
-        order = np.argsort(along, kind="stable")
-        place = np.empty(len(order), np.intp)
-        place[order] = np.arange(len(order))
-        splits += [place >= cut for cut in range(1, len(order))]
-    return splits
+    along = np.concatenate([white @ axes.T, own], axis=1)
+    return np.argsort(along, axis=0, kind="stable").T
