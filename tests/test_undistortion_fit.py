@@ -10,7 +10,7 @@ from synthetic import TRUE_LENS
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.model.soundness import cone_rays
 from cubicfish_cli.rendering.lens import TrueLens
-from cubicfish_cli.undistortion.fit import Fitted, fit_view, kept_share, sees
+from cubicfish_cli.undistortion.fit import Fitted, fit_view, kept_share, seen_field_deg, sees
 from cubicfish_cli.undistortion.maps import build_map
 from cubicfish_cli.undistortion.view import CentralView, rotation_from_angles
 from cubicfish_cli.undistortion.views import CENTRAL_KINDS
@@ -133,3 +133,25 @@ def test_the_photos_corners_count_where_the_circle_is_cut():
     inner = fit_view(camera, CENTRAL_KINDS["perspective"], (480, 360), share=0.0)
     assert build_map(camera, inner.view).valid.all()
     assert not build_map(camera, narrower(inner, 0.99)).valid.all()
+
+
+@pytest.mark.parametrize("yaw", [0, 40, 180])
+@pytest.mark.parametrize("kind", sorted(CENTRAL_KINDS))
+def test_the_seen_field_is_what_rays_say(kind, yaw):
+    camera = cubic_camera(100.0)
+    rotation = rotation_from_angles(yaw_deg=yaw)
+    view = CENTRAL_KINDS[kind].with_field(150, (700, 500), rotation)
+    if view.closed[0]:  # the camera is beyond both ends of a full turn, and nothing between
+        view = replace(view, focal=700 / (2 * np.pi))
+    step = 0.01
+    angle = np.arange(-view.hfov_deg / 2, view.hfov_deg / 2, step)
+    across = np.radians(angle + yaw)
+    rays = np.stack([np.sin(across), 0 * across, np.cos(across)], axis=-1)
+    down = np.radians(np.arange(-view.vfov_deg / 2, view.vfov_deg / 2, step))
+    upright = np.stack([0 * down, np.sin(down), np.cos(down)], axis=-1)
+    upright = upright @ view.camera_from_view.T
+    expected = [sees(camera, way).sum() * step for way in (rays, upright)]
+    a_pixel = 1.5 * np.degrees(1 / view.focal)
+    assert seen_field_deg(camera, view) == pytest.approx(expected, abs=a_pixel)
+    if yaw == 40 and kind == "perspective":
+        assert 0.5 < expected[0] / view.hfov_deg < 0.9

@@ -13,7 +13,7 @@ import click
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange
 from cubicfish_cli.cli.options import FILE, Decorated
-from cubicfish_cli.cli.view_options import ChosenView, ViewOptions
+from cubicfish_cli.cli.view_options import ChosenView, SeenField, ViewOptions
 
 if TYPE_CHECKING:
     from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
@@ -39,6 +39,9 @@ class Views(Protocol):
 
     def kept_share(self, source: Path, size: tuple[int, int]) -> float | None:
         """Share of what the camera sees that the view keeps; None where nobody asks."""
+
+    def seen(self, source: Path, size: tuple[int, int]) -> SeenField | None:
+        """What the camera sees of the view's field; None where it has none."""
 
 
 class ViewsBySize:
@@ -83,6 +86,10 @@ class ViewsBySize:
 
         camera = self._camera_for(size)
         return min(1.0, sum(kept_share(camera, v) for v in self.view(source, size).views.values()))
+
+    def seen(self, source: Path, size: tuple[int, int]) -> SeenField | None:
+        """Of a single picture; None for those of a cube."""
+        return self.view(source, size).seen_by(self._camera_for(size))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,6 +251,10 @@ class PlanesOfPhotos:
 
     def kept_share(self, source: Path, size: tuple[int, int]) -> None:
         """A plane is not about directions."""
+        return
+
+    def seen(self, source: Path, size: tuple[int, int]) -> None:
+        """Nor has it a field."""
         return
 
 

@@ -30,6 +30,7 @@ from cubicfish_cli.cli.options import (
 )
 from cubicfish_cli.cli.rendering_options import crop_option
 from cubicfish_cli.cli.terminal import print_json, result
+from cubicfish_cli.cli.undistort_outlook import say_what_is_unseen
 from cubicfish_cli.cli.view_options import ViewOptions, view_options
 from cubicfish_cli.cli.view_outputs import part_name, view_writers, write_all
 
@@ -174,6 +175,8 @@ def command(
         )
         return
     result(f"wrote {written[0]}: {chosen.describe()}")
+    if not redistort:
+        say_what_is_unseen(chosen.seen_by(camera))
     for path in written[1:]:
         result(f"wrote {path}")
     for line in ffmpeg:

@@ -46,7 +46,12 @@ from cubicfish_cli.cli.rendering_options import (
 from cubicfish_cli.cli.scheduler_options import SchedulerOptions, scheduler_options
 from cubicfish_cli.cli.terminal import print_json, progress, result, say, tell
 from cubicfish_cli.cli.undistort_failures import ending, failure_lines, share_a_reason
-from cubicfish_cli.cli.undistort_outlook import outlook_of, print_outlook, warn_of_limit
+from cubicfish_cli.cli.undistort_outlook import (
+    outlook_of,
+    print_outlook,
+    say_what_is_unseen,
+    warn_of_limit,
+)
 from cubicfish_cli.cli.undistort_plan import Plan, plan_of
 from cubicfish_cli.cli.video_options import EncodingOptions, encoding_options
 from cubicfish_cli.cli.view_options import ViewOptions, view_options
@@ -343,6 +348,7 @@ def _print(planned: Plan, failures: Sequence[Failure], chosen: Views) -> None:
         folder = planned.destination.parent if planned.one else planned.destination
         where = "" if single else f" to {folder}"
         result(f"wrote {wrote}{where}: {view.describe()}")
+        say_what_is_unseen(chosen.seen(done[0].source, planned.size_of(done[0])))
         warn_of_limit(view)
     elif not failures:
         result("nothing to do")

@@ -11,7 +11,7 @@ from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.terminal import result, say
 from cubicfish_cli.cli.undistort_failures import failure_lines
 from cubicfish_cli.cli.undistort_plan import Plan
-from cubicfish_cli.cli.view_options import ChosenView
+from cubicfish_cli.cli.view_options import ChosenView, SeenField
 
 if TYPE_CHECKING:
     from cubicfish_cli.undistortion.batch import Failure, PhotoJob
@@ -25,6 +25,7 @@ class Group:
         images: their names.
         size: (width, height) of each, pixels.
         view: what would be rendered of the first; None where that cannot be done.
+        seen: what the camera sees of the view's field; None where it has none.
         kept_share: of what the camera sees; None where nobody asks.
         empty_share: of the pixels.
         problem: why it cannot be done.
@@ -34,6 +35,7 @@ class Group:
     images: Sequence[str]
     size: tuple[int, int]
     view: ChosenView | None = None
+    seen: SeenField | None = None
     kept_share: float | None = None
     empty_share: float | None = None
     problem: str | None = None
@@ -114,6 +116,7 @@ def outlook_of(planned: Plan, chosen: Views) -> Outlook:
                     images=images,
                     size=size,
                     view=view,
+                    seen=chosen.seen(job.source, size),
                     kept_share=chosen.kept_share(job.source, size),
                     empty_share=float(empty),
                 )
@@ -139,21 +142,20 @@ def print_outlook(planned: Plan, outlook: Outlook) -> None:
             result(f"  cannot be done: {group.problem}")
             continue
         result(f"  view          {group.view.describe()}")
+        if group.seen is not None:
+            result(f"  camera sees   {group.seen.describe()}")
         if group.kept_share is not None:
-            kept = f"{_field(group.view)}{100 * group.kept_share:.1f} %"
-            result(f"  kept field    {kept} of what the camera sees")
+            result(f"  kept field    {100 * group.kept_share:.1f} % of what the camera sees")
         result(f"  empty pixels  {100 * group.empty_share:.1f} %")
         warn_of_limit(group.view)
     for line in failure_lines(outlook.bad, planned.kind):
         say(f"would fail: {line}")
 
 
-def _field(view: ChosenView) -> str:
-    from cubicfish_cli.undistortion.view import CentralView
-
-    if len(view.views) == 1 and isinstance(view.first, CentralView):
-        return f"{view.first.hfov_deg:.1f}° x {view.first.vfov_deg:.1f}°, "
-    return ""
+def say_what_is_unseen(seen: SeenField | None) -> None:
+    """Tell the user where the camera's field ends before the view's does."""
+    if seen is not None and not seen.is_whole:
+        say(f"the camera sees {seen.describe()}: the rest is empty")
 
 
 def warn_of_limit(view: ChosenView) -> None:

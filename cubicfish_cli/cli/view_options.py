@@ -37,6 +37,8 @@ WIDEST: Mapping[str, tuple[tuple[float, bool], tuple[float, bool]]] = {
     "equidistant": ((360, True), (360, True)),
 }
 
+_LEAST_UNSEEN_DEG = 0.05  # what is printed is rounded to as much
+
 
 class RotationType(click.ParamType):
     """``YAW,PITCH,ROLL`` -> three angles in degrees; what is left out is 0."""
@@ -82,6 +84,39 @@ class FitType(click.ParamType):
 
 
 @dataclass(frozen=True, kw_only=True)
+class SeenField:
+    """What a camera sees of a view: a fisheye's round picture seldom fills it.
+
+    Attributes:
+        field_deg: of the view, across and down.
+        seen_deg: what the camera sees of it, along the view's middle row and column.
+
+    """
+
+    field_deg: tuple[float, float]
+    seen_deg: tuple[float, float]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the camera sees all of it."""
+        return all(
+            field - seen < _LEAST_UNSEEN_DEG
+            for field, seen in zip(self.field_deg, self.seen_deg, strict=True)
+        )
+
+    def describe(self) -> str:
+        """``191.2° of 231.7° across, all 173.7° down``."""
+        return ", ".join(
+            f"all {field:.1f}° {way}"
+            if field - seen < _LEAST_UNSEEN_DEG
+            else f"{seen:.1f}° of {field:.1f}° {way}"
+            for seen, field, way in zip(
+                self.seen_deg, self.field_deg, ("across", "down"), strict=True
+            )
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
 class ChosenView:
     """What is rendered.
 
@@ -105,6 +140,16 @@ class ChosenView:
         if len(self.views) > 1:
             return f"the six faces of a cube, {width}x{height} pixels each"
         return f"{width}x{height} pixels, {self.first.describe()}"
+
+    def seen_by(self, camera: CubicCamera) -> SeenField | None:
+        """What a camera sees of the view's field; None of a cube and of a plane."""
+        from cubicfish_cli.undistortion.fit import seen_field_deg
+        from cubicfish_cli.undistortion.view import CentralView
+
+        if len(self.views) > 1 or not isinstance(self.first, CentralView):
+            return None
+        field = (self.first.hfov_deg, self.first.vfov_deg)
+        return SeenField(field_deg=field, seen_deg=seen_field_deg(camera, self.first))
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON; of a cube in six pictures the first face, and all their names."""

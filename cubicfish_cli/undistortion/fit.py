@@ -97,6 +97,26 @@ def kept_share(camera: Camera, view: View) -> float:
     return float(_shows(view, rays).mean()) if len(rays) else 0.0
 
 
+def seen_field_deg(camera: Camera, view: CentralView) -> tuple[float, float]:
+    """How much of a view's field the camera sees: along its middle row, and its middle column.
+
+    Of what :attr:`~.view.CentralView.hfov_deg` and ``vfov_deg`` span, degrees.
+    """
+    across, down = (_seen_deg(camera, view, axis) for axis in (0, 1))
+    return across, down
+
+
+def _seen_deg(camera: Camera, view: CentralView, axis: int) -> float:
+    side = view.size[axis]
+    pixel = np.tile(np.array(view.middle), (side, 1))
+    pixel[:, axis] = np.arange(side)
+    seen = sees(camera, view.rays(pixel))
+    ends = np.flatnonzero(np.diff(seen, prepend=False, append=False))  # each second is beyond
+    offsets = (ends - side / 2) / view.focal
+    angles = [math.copysign(view.half_field(abs(end), axis), end) for end in offsets.tolist()]
+    return math.degrees(sum(angles[1::2]) - sum(angles[0::2]))
+
+
 def _region(camera: Camera) -> FloatArray:
     rays = cone_rays(math.radians(camera.max_angle_deg), _REGION_RAYS)
     return np.asarray(rays[sees(camera, rays)])
