@@ -124,7 +124,11 @@ def test_counted_squares_are_refused_with_both_counts(flat_photo):
 
 
 def test_a_board_larger_than_the_targets_says_so(flat_photo):
-    with pytest.raises(DetectionError, match=r"more than any board of the target has \(6x4\)"):
+    said = (
+        r"^2 photos show grids of up to 8x5 inner corners, but target\.yaml has one board of "
+        r"another size \(b 6x4\): give the target\.yaml of the object in the photos"
+    )
+    with pytest.raises(DetectionError, match=said):
         detect_corners(find_photos([flat_photo]), flat(6, 4))
 
 

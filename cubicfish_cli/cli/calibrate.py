@@ -18,7 +18,7 @@ from cubicfish_cli.cli.figures import (
     print_verdict,
     px,
 )
-from cubicfish_cli.cli.inputs import Pairs, load_pairs, photo_problems
+from cubicfish_cli.cli.inputs import Pairs, load_pairs, photo_problems, say_photo_problems, why_lost
 from cubicfish_cli.cli.made_by import made_at, made_by_record
 from cubicfish_cli.cli.options import (
     FILE,
@@ -168,8 +168,8 @@ def command(
         no_cache=no_cache,
     )
     problems = None if loaded.detection is None else photo_problems(loaded.detection)
-    for line in problems or ():
-        say(line)
+    if loaded.detection is not None:
+        say_photo_problems(loaded.detection)
     if loaded.corners is None:  # the input held pairs
         outputs.pop("corners", None)
     if refine_target == "auto" and loaded.detection is not None:
@@ -359,7 +359,7 @@ def _lost(calibration: Calibration, loaded: Pairs) -> dict[str, str]:
     """Photos that took no part, and a word for why; lines on stderr say more."""
     lost = dict.fromkeys(calibration.unfit, "left out")
     if loaded.detection is not None:
-        lost |= {photo.name: "nothing found" for photo in loaded.detection.photos if photo.problem}
+        lost |= why_lost(loaded.detection)
     return lost
 
 

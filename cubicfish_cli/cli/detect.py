@@ -11,7 +11,7 @@ import click
 
 from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.inputs import detect, photo_problems
+from cubicfish_cli.cli.inputs import detect, say_photo_problems
 from cubicfish_cli.cli.options import (
     FILE,
     FOLDER,
@@ -134,8 +134,7 @@ def command(
                 **({"drawings": drawn} if drawn is not None else {}),
             }
         )
-    for line in photo_problems(detection):
-        say(line)
+    say_photo_problems(detection)
     for finding in detection.findings:
         say(f"warning: {finding.line}")
     if not as_json:
@@ -149,7 +148,7 @@ def _rows(detection: Detection) -> list[PhotoRow]:
     for photo in detection.photos:
         said = []
         if photo.problem is not None:
-            said.append("nothing found")
+            said.append("another size" if photo.other_size else "nothing found")
         elif photo.corners < _FEW_CORNERS:
             said.append("few corners")
         if not photo.exact:

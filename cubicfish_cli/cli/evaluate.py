@@ -10,7 +10,7 @@ import click
 
 from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_verdict, px
-from cubicfish_cli.cli.inputs import load_pairs, photo_problems
+from cubicfish_cli.cli.inputs import load_pairs, photo_problems, say_photo_problems, why_lost
 from cubicfish_cli.cli.options import (
     FILE,
     Argument,
@@ -98,8 +98,10 @@ def command(
             f"{count(evaluation.outside, 'corner')} not counted: beyond the "
             f"{camera.max_angle_deg:.0f}° where the camera may be trusted."
         )
-    for line in problems or ():
-        say(line)
+    if loaded.detection is not None:
+        say_photo_problems(loaded.detection)
+        for finding in loaded.detection.findings:
+            say(f"warning: {finding.line}")
     for photo in evaluation.unplaced:
         say(f"{photo}: too few corners to place it; not counted.")
     if as_json:
@@ -115,7 +117,7 @@ def _print(
 ) -> None:
     lost = dict.fromkeys(evaluation.unplaced, "too few corners")
     if loaded.detection is not None:
-        lost |= {photo.name: "nothing found" for photo in loaded.detection.photos if photo.problem}
+        lost |= why_lost(loaded.detection)
     rows = fitted_rows(record, loaded.pairs.image_size, corners_by_board(evaluation.pairs), lost)
     print_photo_table(rows, loaded.pairs.boards, record)
     result(f"\n{count(record['images'], 'photo')}, {count(record['corners'], 'corner')}\n")

@@ -11,6 +11,7 @@ import click
 
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.kept import cache_folder
+from cubicfish_cli.cli.options import verbosity
 from cubicfish_cli.cli.terminal import progress, say
 from cubicfish_cli.wording import quoted
 
@@ -155,6 +156,27 @@ def photo_problems(detection: Detection) -> list[str]:
         for problem in photo.notes if photo.problem is None else (photo.problem,):
             lines.append(problem if photo.name in problem else f"{photo.name}: {problem}")
     return lines
+
+
+def say_photo_problems(detection: Detection) -> None:
+    """Say them, and once what several photos share, unless all is wanted (``--verbose``)."""
+    from cubicfish_cli.naming.remarks import remark_lines
+
+    if verbosity() > 0:
+        lines = photo_problems(detection)
+    else:
+        lines = remark_lines([one for photo in detection.photos for one in photo.remarks()])
+    for line in lines:
+        say(line)
+
+
+def why_lost(detection: Detection) -> dict[str, str]:
+    """Photos that gave nothing, and a word for why."""
+    return {
+        photo.name: "another size" if photo.other_size else "nothing found"
+        for photo in detection.photos
+        if photo.problem is not None
+    }
 
 
 def detect(

@@ -18,13 +18,15 @@ from cubicfish_cli.errors import DetectionError, PhotoError
 from cubicfish_cli.fitting.diagnosis.finding import Finding
 from cubicfish_cli.machines import Machines
 from cubicfish_cli.naming.cache import GridCache
-from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.marked import has_markers, marked_corners
+from cubicfish_cli.naming.miscounted import counted, miscounted
 from cubicfish_cli.naming.misdrawn import misdrawn
 from cubicfish_cli.naming.name_grids import GridReport, Naming, name_grids
 from cubicfish_cli.naming.pool import map_photos, settled, workers_for
+from cubicfish_cli.naming.refusals import counted_squares, nothing_named, wrong_object
+from cubicfish_cli.naming.remarks import Remark, remark_of
 from cubicfish_cli.photos import Photo, Picture, decode_picture, grey, read_file
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 
 # What to do about what the finder says, by a part of its phrase.
 _ADVICE = {
@@ -37,13 +39,6 @@ _ADVICE = {
 }
 _NOTHING_FOUND = "no checkerboard found: "
 _ADVICE_ELSE = "is a board in view, whole squares of it, and not covered?"
-_WHY = {
-    Verdict.AMBIGUOUS: "several places on the target fit nearly as well",
-    Verdict.SLIDE: "no end of a board is seen, so it could be anywhere along it",
-    Verdict.NO_FIT: "fits no place on the target",
-    Verdict.TOO_LARGE: "larger than every board of the target",
-    Verdict.NOT_PLANE: "its corners are no plane of squares",
-}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,6 +56,7 @@ class PhotoReport:
             :class:`cubicfish_cli.naming.name_grids.Naming`.
         found: everything that was found in it, named or not; None when it could not be used.
         grids: what became of each of ``found.grids``.
+        other_size: whether it was passed over since most photos have another size.
 
     """
 
@@ -73,6 +69,16 @@ class PhotoReport:
     exact: bool = True
     found: FoundGrids | None = None
     grids: tuple[GridReport, ...] = ()
+    other_size: bool = False
+
+    def remarks(self) -> tuple[Remark, ...]:
+        """What is to be said of it, thing by thing."""
+        of_grids = [remark_of(self.name, grid) for grid in self.grids]
+        said = tuple(remark for remark in of_grids if remark is not None)
+        if said:
+            return said
+        texts = self.notes if self.problem is None else (self.problem,)
+        return tuple(Remark(photo=self.name, text=text) for text in texts)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,6 +113,7 @@ class _Found:
     grids: FoundGrids | None
     problem: str | None
     marked: MarkedCorners | None = None
+    other_size: bool = False
 
 
 def detect_corners(
@@ -150,7 +157,7 @@ def detect_corners(
     usable = [index for index, one in enumerate(found) if one.grids is not None]
     names = [photos[index].name for index in usable]
     reports = [
-        PhotoReport(name=photo.name, problem=one.problem)
+        PhotoReport(name=photo.name, problem=one.problem, other_size=one.other_size)
         for photo, one in zip(photos, found, strict=True)
     ]
     findings: list[Finding] = []
@@ -165,8 +172,19 @@ def detect_corners(
         grids = [_grids(found[index]) for index in usable]
         naming = name_grids(grids, target, size, names)
         corners = naming.corners
-        _refuse_counted_squares(grids, naming, target)
-        finding = misdrawn(grids, naming, target, size, names)
+        refusal = counted_squares(grids, naming, target)
+        if refusal is not None:
+            raise DetectionError(refusal)
+
+        def picture(number: int) -> Picture | None:
+            return _brightness(photos[usable[number]])
+
+        counts = counted(grids, naming, target, size, names, picture)
+        refusal = wrong_object(naming, counts, target) if len(corners.pixel) else None
+        finding = None if counts else misdrawn(grids, naming, target, size, names)
+        if finding is None and refusal is not None:
+            raise DetectionError(refusal)
+        finding = finding or miscounted(counts, target, len(usable))
         findings += [] if finding is None else [finding]
         if finding is not None and not len(corners.pixel):
             raise DetectionError(f"no corner can be named: {finding.line}")
@@ -223,11 +241,23 @@ def _of_size(one: _Found, size: tuple[int, int]) -> _Found:
     width, height = one.grids.image_size
     return _Found(
         grids=None,
-        problem=(
-            f"is {width}x{height} pixels, most photos are {size[0]}x{size[1]}: "
-            "calibrate each size by itself"
+        other_size=True,
+        problem=f"{width}x{height} pixels, where most photos are {size[0]}x{size[1]}: "
+        + (
+            "the same size turned by 90° (portrait and landscape); photos are used as the sensor "
+            "made them: save it again without rotation, or calibrate such photos apart"
+            if (height, width) == size
+            else "calibrate each size by itself"
         ),
     )
+
+
+def _brightness(photo: Photo) -> Picture | None:
+    """What a photo shows, once more; None where it is there no longer."""
+    try:
+        return photo.read_grey()
+    except PhotoError:
+        return None
 
 
 def _grids(one: _Found) -> tuple[Grid, ...]:
@@ -238,7 +268,8 @@ def _report(name: str, one: _Found, naming: Naming, number: int, target: Target)
     grids = naming.grids[number]
     named = [grid for grid in grids if grid.place is not None]
     boards = sorted({grid.place.board for grid in grids if grid.place is not None})
-    notes = tuple(note for note in map(_note, grids) if note)
+    remarks = [remark_of(name, grid) for grid in grids]
+    notes = tuple(remark.line for remark in remarks if remark is not None)
     problem = one.problem
     if problem is None and not named and notes:
         problem = "; ".join(notes)
@@ -294,18 +325,6 @@ def _no_markers(photos: int, target: Target) -> str:
     )
 
 
-def _note(grid: GridReport) -> str | None:
-    what = f"a grid of {grid.size[0]}x{grid.size[1]} with {grid.corners} corners"
-    if grid.verdict is Verdict.NAMED:
-        return None
-    if grid.verdict is Verdict.CONVENTION:
-        return (
-            f"{what}: part of the board, placed in its middle; a lens does not depend on where, "
-            "measuring the board would"
-        )
-    return f"{what} is left out: {_WHY[grid.verdict]}"
-
-
 def _only_seen(corners: Corners) -> Corners:
     """The same corners, without the photos that have none."""
     seen, image = np.unique(corners.image, return_inverse=True)
@@ -324,63 +343,9 @@ def _nothing_read(found: Sequence[_Found]) -> str:
     return f"no photo can be used: {first}{more}"
 
 
-def _refuse_counted_squares(
-    grids: Sequence[Sequence[Grid]], naming: Naming, target: Target
-) -> None:
-    """Raise when photo after photo shows one board whole, one corner smaller both ways."""
-    boards = _grid_boards(target)
-    if len(boards) != 1:
-        return
-    columns, rows = sorted((boards[0].columns, boards[0].rows))
-    largest = [max(own, key=len) for own in grids if own]
-    sizes = [tuple(sorted((np.ptp(grid.cells, axis=0) + 1).tolist())) for grid in largest]
-    counted = (columns - 1, rows - 1)
-    whole = sum(
-        size == counted and len(grid) == size[0] * size[1]
-        for grid, size in zip(largest, sizes, strict=True)
-    )
-    larger = any(size[0] > counted[0] or size[1] > counted[1] for size in sizes)
-    if whole and 2 * whole >= len(largest) and not larger:
-        raise DetectionError(_counted_squares(boards[0], whole))
-
-
-def _counted_squares(board: Board, photos: int) -> str:
-    return (
-        f"found {board.columns - 1}x{board.rows - 1} inner corners in {photos} "
-        f"photo{'s' * (photos != 1)}, but the target says {board.columns}x{board.rows}: were "
-        "squares counted? The target's corners are those where four squares meet"
-    )
-
-
-def _grid_boards(target: Target) -> list[Board]:
-    return [board for board in target.boards if board.kind in ("checkerboard", "charuco")]
-
-
 def _nothing_named(found: Sequence[_Found], naming: Naming, target: Target) -> str:
-    photos = f"{len(found)} photo{'s' * (len(found) != 1)}"
-    grids = [grid for own in naming.grids for grid in own]
-    if not grids:
-        problems = Counter(one.problem for one in found if one.problem)
-        problem = problems.most_common(1)[0][0].removeprefix(_NOTHING_FOUND)
-        return f"{photos}, no checkerboard: {problem}"
-    says = ", ".join(f"{board.columns}x{board.rows}" for board in _grid_boards(target)[:6])
-    largest = max(grids, key=lambda grid: grid.corners)
-    size = f"{largest.size[0]}x{largest.size[1]}"
-    if all(grid.verdict is Verdict.TOO_LARGE for grid in grids):
-        return (
-            f"found {size} inner corners, more than any board of the target has ({says}): count "
-            "the inner corners along both sides of the board again"
-        )
-    for board in _grid_boards(target):
-        if sorted(largest.size) == sorted((board.columns - 1, board.rows - 1)):
-            return _counted_squares(board, 1)
-    why = Counter(grid.verdict for grid in grids).most_common(1)[0][0]
-    advice = (
-        "check corners, square, origin and axes of the boards in the target file"
-        if why in (Verdict.NO_FIT, Verdict.NOT_PLANE)
-        else "take photos that show two boards, or a board with its ends"
-    )
-    return (
-        f"found {len(grids)} grid{'s' * (len(grids) != 1)} of up to {size} inner corners in "
-        f"{photos}, but none can be placed on the target ({says}): {_WHY[why]}; {advice}"
-    )
+    if any(naming.grids):
+        return nothing_named(naming, target)
+    problems = Counter(one.problem for one in found if one.problem)
+    problem = problems.most_common(1)[0][0].removeprefix(_NOTHING_FOUND)
+    return f"{len(found)} photo{'s' * (len(found) != 1)}, no checkerboard: {problem}"

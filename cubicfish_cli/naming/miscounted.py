@@ -1,0 +1,500 @@
+"""Whether boards have as many corners as the target says: photos count them too.
+
+A board that is drawn too large promises corners where its pattern has ended, in all photos. One
+that is drawn too small leaves grids that are larger than it.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.detection.grids import Grid
+from cubicfish_cli.fitting.diagnosis.finding import Finding
+from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.naming.ends import ends_of, farthest_radius
+from cubicfish_cli.naming.name_grids import GridReport, Naming, Place, name_grids
+from cubicfish_cli.naming.pattern_end import pattern_end
+from cubicfish_cli.naming.places import TURNS
+from cubicfish_cli.naming.views import grid_poses
+from cubicfish_cli.photos import Picture
+from cubicfish_cli.target import Board, Target
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+BoolArray = npt.NDArray[np.bool_]
+
+# A grid of fewer corners may be anything.
+_FEWEST_CORNERS = 12
+# So many photos must show it: in one, anything may cover a line of corners.
+_FEWEST_PHOTOS = 2
+# A line of corners should be in view where so much of it would be visible.
+_LINE_SHARE, _LINE_CORNERS = 0.6, 3
+# Photos that are looked at for the end of a pattern: those with the largest squares. So many of
+# them must show it, whatever the others leave open.
+_LOOKED_AT = 20
+_SHOWN_SHARE = 0.25
+# The outermost squares are whole to so much of a square. Cut ones are cut alike in all photos, of
+# which there must be more.
+_WHOLE_SQUARES, _CUT_ALIKE = 0.15, 0.1
+_FEWEST_PHOTOS_CUT = 4
+# A grid fills its box when it has so much of it.
+_FILLED = 0.9
+# Grids that are larger than drawn must have a place on the enlarged board, so many of them.
+_PLACED = 0.9
+_TRIAL_PHOTOS = 6
+
+_Look = Callable[["_Sight", "Side"], float | None]
+Side = tuple[int, int]  # axis of the board (columns, rows), and 0 for its start, 1 for its end
+
+
+@dataclass(frozen=True, kw_only=True)
+class Count:
+    """How many corners a board has, as photos show it.
+
+    Attributes:
+        board: index into the target's boards.
+        size: columns and rows that are seen.
+        photos: in how many photos.
+
+    """
+
+    board: int
+    size: tuple[int, int]
+    photos: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Sight:
+    """One grid on a board.
+
+    Attributes:
+        photo: its photo.
+        grid: the grid.
+        form: (3, 3) camera_from_grid, (i, j, 1) to the camera frame.
+        low, high: (2,) first and last column and row of the board that it has.
+        ended: (2, 2) by axis of the board and start or end: whether the next line of corners
+            should be in view, and none of it is found.
+        turn: quarter turns from grid to board.
+
+    """
+
+    photo: int
+    grid: Grid
+    form: FloatArray
+    low: IntArray
+    high: IntArray
+    ended: BoolArray
+    turn: int
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Columns and rows of the board that it spans."""
+        columns, rows = (self.high - self.low + 1).tolist()
+        return columns, rows
+
+    def own_side(self, side: Side) -> tuple[Literal[0, 1], bool]:
+        """The grid's axis, and whether after its last line, for a side of the board."""
+        row = TURNS[self.turn][side[0]]
+        axis: Literal[0, 1] = 0 if row[0] else 1
+        return axis, bool((row[axis] > 0) == (side[1] == 1))
+
+
+def counted(
+    grids: Sequence[Sequence[Grid]],
+    naming: Naming,
+    target: Target,
+    image_size: tuple[int, int],
+    images: Sequence[str],
+    picture: Callable[[int], Picture | None],
+) -> list[Count]:
+    """Boards that have another number of corners than the target says, as photos show it.
+
+    The first arguments are those of :func:`~cubicfish_cli.naming.name_grids.name_grids`, and its
+    answer.
+
+    Args:
+        grids: for each photo, its grids.
+        naming: what became of them.
+        target: the object.
+        image_size: (width, height) of all photos, pixels.
+        images: the photos' names.
+        picture: the brightness (H, W) of the photo of this number; None where it cannot be read.
+            Only asked for where boards seem to be smaller than drawn.
+
+    """
+    smaller = _smaller(grids, naming, target, image_size, picture)
+    larger = _larger(grids, naming, target, image_size, images)
+    known = {count.board for count in larger}
+    both = [*larger, *(count for count in smaller if count.board not in known)]
+    return sorted(both, key=lambda count: count.board)
+
+
+def miscounted(counts: Sequence[Count], target: Target, photos: int) -> Finding | None:
+    """What is to be said of boards of which photos show another number of corners.
+
+    Args:
+        counts: of :func:`counted`.
+        target: the object.
+        photos: how many photos there are.
+
+    """
+    if not counts:
+        return None
+    names = tuple(target.boards[count.board].name for count in counts)
+    parts = [
+        f"{_times(*count.size)} inner corners of board {name} (target.yaml says "
+        f"{_times(target.boards[count.board].columns, target.boards[count.board].rows)})"
+        for count, name in zip(counts, names, strict=True)
+    ]
+    several = len(counts) > 1
+    fewest, most = min(one.photos for one in counts), max(one.photos for one in counts)
+    which = f"{most}" if fewest == most else f"{fewest} to {most}"
+    return Finding(
+        cause="corner_count",
+        level="care",
+        what=f"photos show {' and '.join(parts)}",
+        evidence=f"{which} of {photos} photos show where {'they end' if several else 'it ends'}, "
+        "none shows otherwise",
+        do="correct corners in target.yaml (and origin, if it was of a corner that is not there) "
+        "and run it again",
+        boards=names,
+    )
+
+
+def _times(columns: int, rows: int) -> str:
+    return f"{columns}x{rows}"
+
+
+# Boards that are smaller than drawn
+
+
+def _smaller(
+    grids: Sequence[Sequence[Grid]],
+    naming: Naming,
+    target: Target,
+    image_size: tuple[int, int],
+    picture: Callable[[int], Picture | None],
+) -> list[Count]:
+    camera = naming.lens
+    doubtful = _doubtful(naming, target)
+    if camera is None or not doubtful:
+        return []
+    sights = _sights(grids, naming, camera, image_size, doubtful)
+    pictures: dict[int, Picture | None] = {}
+
+    def shows(sight: _Sight, side: Side) -> float | None:
+        if sight.photo not in pictures:
+            pictures[sight.photo] = picture(sight.photo)
+        seen = pictures[sight.photo]
+        if seen is None:
+            return None
+        axis, after = sight.own_side(side)
+        return pattern_end(
+            seen,
+            camera,
+            sight.form,
+            sight.grid,
+            axis,
+            after=after,
+            in_view=bool(sight.ended[side]),
+        )
+
+    alone = len(_grid_boards(target)) == 1
+    found = []
+    for board in sorted(doubtful):
+        own = sights[board]
+        count = (_alone if alone else _among_others)(board, target.boards[board], own, shows)
+        found += [] if count is None else [count]
+    return found
+
+
+def _doubtful(naming: Naming, target: Target) -> set[int]:
+    """Boards of which no photo has the first and last columns and rows that are drawn.
+
+    Where one board is the whole target, corners of one photo alone say how many there are.
+    """
+    corners = naming.corners
+    boards = _grid_boards(target)
+    if len(boards) == 1:
+        (board,) = boards
+        drawn = sorted((target.boards[board].columns, target.boards[board].rows))
+        sizes = [
+            sorted(report.size)
+            for own in naming.grids
+            for report in own
+            if report.named and report.corners >= _FEWEST_CORNERS
+        ]
+        whole = np.array(sizes or [[0, 0]]).max(axis=0)
+        return {board} if sizes and (whole < drawn).any() else set()
+    doubtful = set()
+    for board in boards:
+        own = corners.board == board
+        if not own.any():
+            continue
+        for index, last in (
+            (corners.column[own], target.boards[board].columns - 1),
+            (corners.row[own], target.boards[board].rows - 1),
+        ):
+            if index.min() > 0 or index.max() < last:
+                doubtful.add(board)
+    return doubtful
+
+
+def _sights(
+    grids: Sequence[Sequence[Grid]],
+    naming: Naming,
+    camera: RadialCamera,
+    image_size: tuple[int, int],
+    boards: set[int],
+) -> dict[int, list[_Sight]]:
+    """The named grids of some boards, with the ends that they show."""
+    chosen: list[tuple[int, int, Place]] = [
+        (photo, number, report.place)
+        for photo, own in enumerate(naming.grids)
+        for number, report in enumerate(own)
+        if report.place is not None
+        and report.place.board in boards
+        and report.corners >= _FEWEST_CORNERS
+    ]
+    sights: dict[int, list[_Sight]] = defaultdict(list)
+    if not chosen:
+        return sights
+    poses = grid_poses(camera, [grids[photo][n] for photo, n, _ in chosen], image_size)
+    farthest = farthest_radius(camera, np.concatenate([g.pixel for own in grids for g in own]))
+    for (photo, number, place), pose in zip(chosen, poses, strict=True):
+        if pose is None:
+            continue
+        grid = grids[photo][number]
+        others = [one.pixel for n, one in enumerate(grids[photo]) if n != number]
+        form = np.column_stack([pose.rotation[0][:, :2], pose.translation[0]])
+        other_pixel = np.concatenate([np.empty((0, 2)), *others])
+        table = ends_of(camera, grid, form, other_pixel, farthest).table
+        cells = grid.cells @ TURNS[place.turn].T + [place.column, place.row]
+        sight = _Sight(
+            photo=photo,
+            grid=grid,
+            form=form,
+            low=cells.min(axis=0),
+            high=cells.max(axis=0),
+            ended=np.zeros((2, 2), bool),
+            turn=place.turn,
+        )
+        lines = grid.cells.max(axis=0) + 1
+        for side in _sides():
+            axis, after = sight.own_side(side)
+            room = [0, 0, 0, 0]
+            room[2 * axis + after] = 1
+            least = max(_LINE_CORNERS, _LINE_SHARE * lines[1 - axis])
+            sight.ended[side] = table[tuple(room)] >= least
+        sights[place.board].append(sight)
+    return sights
+
+
+def _sides() -> Iterator[Side]:
+    return ((axis, end) for axis in (0, 1) for end in (0, 1))
+
+
+def _alone(index: int, board: Board, sights: Sequence[_Sight], shows: _Look) -> Count | None:
+    """The size of a target's only board, from photos that show all its ends."""
+    whole = [sight for sight in sights if _is_full(sight.grid)]
+    if not whole:
+        return None
+    size = max(_ordered(sight.size, board) for sight in whole)
+    larger = any(np.any(np.greater(_ordered(one.size, board), size)) for one in sights)
+    if size == (board.columns, board.rows) or larger:
+        return None
+    same = [sight for sight in whole if _ordered(sight.size, board) == size]
+    photos = _confirmed(same, list(_sides()), shows)
+    return Count(board=index, size=size, photos=photos) if photos else None
+
+
+def _among_others(index: int, board: Board, sights: Sequence[_Sight], shows: _Look) -> Count | None:
+    """The size of a board whose place is known from others: line by line from its ends."""
+    if not sights:
+        return None
+    drawn = np.array([[0, board.columns - 1], [0, board.rows - 1]])
+    first = np.min([sight.low for sight in sights], axis=0)
+    last = np.max([sight.high for sight in sights], axis=0)
+    seen = np.stack([first, last], axis=1)
+    photos = 0
+    for side in _sides():
+        if seen[side] == drawn[side]:
+            continue
+        at_end = [
+            sight
+            for sight in sights
+            if (sight.high if side[1] else sight.low)[side[0]] == seen[side]
+        ]
+        shown = _confirmed(at_end, [side], shows)
+        if shown:
+            drawn[side] = seen[side]
+            photos = max(photos, shown)
+    if not photos:
+        return None
+    columns, rows = (drawn[:, 1] - drawn[:, 0] + 1).tolist()
+    return Count(board=index, size=(columns, rows), photos=photos)
+
+
+def _confirmed(sights: Sequence[_Sight], sides: Sequence[Side], shows: _Look) -> int:
+    """How many photos show the pattern's ends, none of them otherwise; 0 where too few do."""
+    largest = sorted(sights, key=lambda sight: -sight.grid.step)[:_LOOKED_AT]
+    if len(largest) < _FEWEST_PHOTOS:
+        return 0
+    ends = np.array(
+        [[shows(sight, side) for side in sides] for sight in largest], float
+    )  # NaN where a photo does not tell
+    if np.isinf(ends).any():
+        return 0
+    shown = ends[np.isfinite(ends).all(axis=1)]
+    if len(shown) < max(_FEWEST_PHOTOS, _SHOWN_SHARE * len(largest)):
+        return 0
+    if (np.abs(shown - 1) < _WHOLE_SQUARES).all():
+        return len(shown)
+    alike = np.abs(shown - np.median(shown, axis=0)) < _CUT_ALIKE
+    return len(shown) if alike.all() and len(shown) >= _FEWEST_PHOTOS_CUT else 0
+
+
+def _ordered(size: tuple[int, int], board: Board) -> tuple[int, int]:
+    """A size with its longer side along the board's longer one."""
+    short, long = sorted(size)
+    return (short, long) if board.columns < board.rows else (long, short)
+
+
+def _is_full(grid: Grid) -> bool:
+    return bool(len(grid) >= _FILLED * (grid.cells.max(axis=0) + 1).prod())
+
+
+# Boards that are larger than drawn
+
+
+def _larger(
+    grids: Sequence[Sequence[Grid]],
+    naming: Naming,
+    target: Target,
+    image_size: tuple[int, int],
+    images: Sequence[str],
+) -> list[Count]:
+    lost = [
+        (photo, number, report)
+        for photo, own in enumerate(naming.grids)
+        for number, report in enumerate(own)
+        if not report.named and report.corners >= _FEWEST_CORNERS
+    ]
+    boards = _grid_boards(target)
+    found = []
+    for index in boards:
+        board = target.boards[index]
+        for axis in (0, 1):
+            size = (board.columns + (axis == 0), board.rows + (axis == 1))
+            if len(boards) == 1:
+                larger = [
+                    (photo, number)
+                    for photo, number, report in lost
+                    if sorted(report.size) == sorted(size) and _is_full(grids[photo][number])
+                ]
+                photos = _outnumbering(larger, naming, board)
+            else:
+                larger = [
+                    (photo, number)
+                    for photo, number, report in lost
+                    if _spans(report, size[axis], size[1 - axis])
+                ]
+                photos = _with_place(larger, grids, target, index, axis, image_size, images)
+            if photos:
+                found.append(Count(board=index, size=size, photos=photos))
+                break
+    return found
+
+
+def _spans(report: GridReport, length: int, most: int) -> bool:
+    """Whether a grid is so long, and at most so wide."""
+    return any(own == length and other <= most for own, other in (report.size, report.size[::-1]))
+
+
+def _outnumbering(larger: Sequence[tuple[int, int]], naming: Naming, board: Board) -> int:
+    """In how many photos larger grids are, if in more than show the board as it is drawn."""
+    photos = {photo for photo, _ in larger}
+    drawn = sorted((board.columns, board.rows))
+    as_drawn = {
+        photo
+        for photo, own in enumerate(naming.grids)
+        if any(report.named and sorted(report.size) == drawn for report in own)
+    }
+    enough = len(photos) >= max(_FEWEST_PHOTOS, len(as_drawn) + 1) and not photos & as_drawn
+    return len(photos) if enough else 0
+
+
+def _with_place(
+    larger: Sequence[tuple[int, int]],
+    grids: Sequence[Sequence[Grid]],
+    target: Target,
+    index: int,
+    axis: int,
+    image_size: tuple[int, int],
+    images: Sequence[str],
+) -> int:
+    """In how many photos larger grids lie where the board is, beside others, if it is so large."""
+    photos = sorted({photo for photo, _ in larger})
+    if len(photos) < _FEWEST_PHOTOS:
+        return 0
+    fullest = sorted(photos, key=lambda photo: -sum(len(grid) for grid in grids[photo]))
+    chosen = sorted(fullest[:_TRIAL_PHOTOS])
+    own = [grids[photo] for photo in chosen]
+    names = [images[photo] for photo in chosen]
+    for at_start in (False, True):
+        board = _longer(target.boards[index], axis, at_start=at_start)
+        again = name_grids(own, _with(target, index, board), image_size, names).grids
+        placed = {
+            photo
+            for photo, number in larger
+            if photo in chosen
+            and _fills(again[chosen.index(photo)][number], index, board, axis)
+            and sum(report.named for report in again[chosen.index(photo)]) > 1
+        }
+        if len(placed) >= max(_FEWEST_PHOTOS, _PLACED * len(chosen)):
+            return len(photos)
+    return 0
+
+
+def _fills(report: GridReport, index: int, board: Board, axis: int) -> bool:
+    """Whether a grid lies on a board, and from end to end along one of its axes."""
+    if report.place is None or report.place.board != index:
+        return False
+    length = (np.abs(TURNS[report.place.turn]) @ report.size)[axis]
+    return bool(length == (board.columns, board.rows)[axis])
+
+
+def _longer(board: Board, axis: int, *, at_start: bool) -> Board:
+    """The board with one more line of corners, at its end or at its start."""
+    origin, first_square = board.origin, board.first_square
+    if at_start:
+        origin = origin - board.square * board.axes[axis]
+        first_square = "dark" if first_square == "light" else "light"
+    return replace(
+        board,
+        columns=board.columns + (axis == 0),
+        rows=board.rows + (axis == 1),
+        origin=origin,
+        first_square=first_square,
+        shape=None,
+    )
+
+
+def _with(target: Target, index: int, board: Board) -> Target:
+    boards = list(target.boards)
+    boards[index] = board
+    return replace(target, boards=tuple(boards))
+
+
+def _grid_boards(target: Target) -> list[int]:
+    return [
+        index
+        for index, board in enumerate(target.boards)
+        if board.kind in ("checkerboard", "charuco")
+    ]
