@@ -1,5 +1,6 @@
 """``cubicfish report``, and the page that ``cubicfish calibrate`` writes."""
 
+import html
 import json
 import os
 import shutil
@@ -47,9 +48,26 @@ def test_calibrate_writes_the_page_that_report_writes(run: Run, tmp_path: Path) 
     assert b"<!DOCTYPE html>" in page
     said = run("report", folder, "-o", tmp_path / "again.html")
     assert (tmp_path / "again.html").read_bytes() == page
-    assert said.stdout.startswith("usable with care: ")
+    assert said.stdout.startswith("verdict: usable with care: ")
     assert "left out: Pictures of the photos" in said.stderr
     assert "exists already" in run("report", folder, code=1).stderr
+
+
+@pytest.mark.usefixtures("with_report", "quick_fit")
+def test_the_verdict_is_in_the_same_words_wherever_it_is_told(run: Run, tmp_path: Path) -> None:
+    args = ["calibrate", CORNERS, "-t", TARGET]
+    said = run(*args, "-o", tmp_path / "c").stdout
+    again = run("report", tmp_path / "c", "--overwrite").stdout
+    lines = [line for line in said.splitlines() if line.startswith(("verdict: ", "  also: "))]
+    assert lines
+    assert again.splitlines()[: len(lines)] == lines
+    record = json.loads(run("report", tmp_path / "c", "--overwrite", "--json").stdout)["verdict"]
+    page = (tmp_path / "c" / "report.html").read_text(encoding="utf-8")
+    assert f"</span>{record['words'].capitalize()}</h2>" in page
+    for reason in record["reasons"]:
+        assert any(reason["why"] in line and reason["do"] in line for line in lines)
+        assert html.escape(reason["why"], quote=False) in page
+        assert html.escape(reason["do"]).replace("&#x27;", "&#39;") in page
 
 
 @pytest.mark.usefixtures("with_report")

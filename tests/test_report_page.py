@@ -170,6 +170,68 @@ def test_nothing_comes_from_elsewhere_and_nothing_runs(page: Page, html: str) ->
     assert set(re.findall(r"https?://[^\"'\s<)]+", html)) == {"http://www.w3.org/2000/svg"}
 
 
+def test_what_is_wrong_comes_first_and_figures_after(fitted: Calibration) -> None:
+    note = {"level": "note", "what": "a note", "evidence": "12 px", "do": "sleep on it"}
+    fit = {"findings": [{**note, "level": "bad", "what": "a fault"}, note], "notes": ["a remark"]}
+    facts = facts_of(fitted, None, fit=fit)
+    text = Page(report_html(facts)).text
+    assert len(facts.verdict.reasons) > 1
+    told = [
+        "Not to be trusted",
+        "a fault (12 px)",
+        *(reason.why for reason in facts.verdict.reasons),
+    ]
+    told += ["a note (12 px); sleep on it", "a remark", facts.verdict.figures[1:], "RMS error"]
+    places = [text.index(words) for words in told]
+    assert places == sorted(places)
+    assert text.count("a remark") == text.count("a note (12 px)") == 1
+    # What to do is told in the words of the terminal, which has reasons in this order too.
+    assert all(reason.do in text for reason in facts.verdict.reasons)
+
+
+def drawing(html: str, name: str) -> str:
+    return html[html.index(f'aria-labelledby="{name}-title"') :].partition("</svg>")[0]
+
+
+def test_tables_become_blocks_on_small_pages(page: Page, html: str) -> None:
+    css = html[: html.index("</style>")]
+    assert ".stack tr {" in css[css.index("@media screen and (max-width: 800px)") :]
+    tables = re.findall(r'<table class="stack">.*?</table>', html, re.DOTALL)
+    assert tables
+    for table in tables:
+        cells = re.findall(r"<td([^>]*)>", table)
+        figures_of = [cell for cell in cells if 'class="number"' in cell]
+        assert figures_of
+        assert all("data-label=" in cell for cell in figures_of)
+        assert all(("picture" in cell) or ("boards" in cell) or ("words" in cell)
+                   for cell in cells if cell not in figures_of)  # fmt: skip
+    assert any("few" in (box.get("class") or "") for box in page.all("div"))
+
+
+def test_letters_have_room_on_small_pages_too(html: str) -> None:
+    css = html[: html.index("</style>")]
+    larger = float(re.findall(r"figure svg text \{ font-size: ([0-9.]+)px", css)[0])
+    assert larger > 12
+    for name in ("uncertainty", "places"):
+        labels = re.findall(
+            r'<text style="font-size: 9.5px; text-anchor: middle[^>]* x="([0-9.]+)"[^>]*>([^<]+)',
+            drawing(html, name),
+        )
+        assert len(labels) > 2, name
+        widest = 0.62 * larger * max(len(text) for _, text in labels)
+        assert min(np.diff([float(x) for x, _ in labels])) > widest, name
+    for name, most in (("angle", 1), ("histogram", 1), ("profile", 2)):
+        upright = re.findall(r"rotate\(-90 ([0-9.]+) [0-9.]+\)", drawing(html, name))
+        assert len(upright) == most
+        ticks = re.findall(r'text-anchor: end[^>]* x="([0-9.]+)"[^>]*>([^<]+)', drawing(html, name))
+        left = min(float(x) - 0.62 * larger * len(text) for x, text in ticks)
+        assert all(0.75 * larger <= float(x) <= left for x in upright), name
+
+
+def test_a_page_is_of_reasonable_size(html: str) -> None:
+    assert len(html) < 1_200_000  # ten photos large and small, and nine figures
+
+
 def test_it_can_be_read_without_eyes_and_without_a_mouse(page: Page, html: str) -> None:
     assert page.all("html") == [{"lang": "en"}]
     assert all(image.get("alt") for image in page.all("img"))

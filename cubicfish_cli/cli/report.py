@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli.figures import print_verdict
 from cubicfish_cli.cli.kept import keep_fonts
 from cubicfish_cli.cli.options import (
     FILE,
@@ -108,5 +109,5 @@ def command(
             }
         )
         return
-    result(facts.verdict.line, mark=(facts.verdict.words, facts.verdict.level))
+    print_verdict(facts.verdict)
     result(f"\nwrote {page}")

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.transforms import Transform, blended_transform_factory
 
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.field_uncertainty import recorded
@@ -57,6 +58,10 @@ _HEAVY_TAIL = 0.001
 # Steps of angle whose RMS is this many times the typical one are called a worse rim.
 _WORSE_RIM = 3.0
 _BANDS = 5
+# Room for the labels of a y axis, also where small pages have larger letters.
+_LEFT = 60.0
+# Width of a letter there.
+_LETTER = 8.0
 _MOST_BANDS = 7
 
 
@@ -257,17 +262,18 @@ def angle_figure(errors: ErrorFacts) -> Drawn | None:
     number = np.array([int((bins == index).sum()) for index in used])
     top = 1.15 * max(float(np.percentile(length, 99)), float(rms.max()), 1e-9)
     figure = new_figure(240)
-    axes = add_axes(figure, Box(left=50, top=8, width=300, height=194))
+    axes = add_axes(figure, Box(left=_LEFT, top=8, width=WIDTH - _LEFT - 10, height=194))
     axes.grid(True)
     shown = some(len(length), MOST_DOTS // 2)
     inside = shown[length[shown] <= top]
-    dots(axes, np.stack([angle[inside], length[inside]], axis=-1), BLUE, 1.6, 0.45)
+    dots(axes, np.stack([angle[inside], length[inside]], axis=-1), BLUE, 1.6, 0.6)
     steps = np.stack([used, used + 1], axis=-1) * _STEP_DEG
     strokes(axes, np.stack([steps, np.stack([rms, rms], axis=-1)], axis=-1), ORANGE, 2.4)
     axes.set_xlim(0, float(_STEP_DEG * (used.max() + 1)))
     axes.set_ylim(0, top)
     axes.set_xlabel("angle from the axis, degrees")
     axes.set_ylabel("error, px")
+    _beside_ticks(axes)
     beyond = int((length > top).sum())
     few = int(number.min())
     return Drawn(
@@ -314,7 +320,7 @@ def histogram_figure(errors: ErrorFacts) -> Drawn:
     x = np.linspace(-reach, reach, 121)
     normal = 100 * step * np.exp(-0.5 * (x / sigma) ** 2) / (sigma * np.sqrt(2 * np.pi))
     figure = new_figure(240)
-    axes = add_axes(figure, Box(left=50, top=8, width=300, height=194))
+    axes = add_axes(figure, Box(left=_LEFT, top=8, width=WIDTH - _LEFT - 10, height=194))
     axes.grid(True, axis="y")
     bars = np.concatenate([rectangles(edges[i : i + 1], np.zeros(1), 0.9 * step, float(share))
                            for i, share in enumerate(counts)])  # fmt: skip
@@ -324,6 +330,7 @@ def histogram_figure(errors: ErrorFacts) -> Drawn:
     axes.set_ylim(0, 1.08 * float(max(counts.max(), normal.max())))
     axes.set_xlabel("error along x or y, px")
     axes.set_ylabel("share, %")
+    _beside_ticks(axes)
     beyond = float(np.mean(np.abs(values) > reach))
     heavy = beyond > _HEAVY_TAIL
     return Drawn(
@@ -372,12 +379,12 @@ def profile_figure(facts: Facts, camera: CubicCamera) -> Drawn:
         ("equisolid, 2 f sin(θ/2)", RED, 2 * focal * np.sin(theta / 2)),
     )
     figure = new_figure(330)
-    axes = add_axes(figure, Box(left=58, top=8, width=294, height=170))
-    below = add_axes(figure, Box(left=58, top=200, width=294, height=88))
+    axes = add_axes(figure, Box(left=_LEFT, top=8, width=WIDTH - _LEFT - 10, height=170))
+    below = add_axes(figure, Box(left=_LEFT, top=200, width=WIDTH - _LEFT - 10, height=88))
     for part in (axes, below):
         part.grid(True)
         part.set_xlim(0, float(degrees[-1]))
-        part.yaxis.set_label_coords(-0.165, 0.5)
+        _beside_ticks(part)
     for _, colour, radius in ideals:
         axes.plot(degrees, radius, color=colour, linewidth=0.9, linestyle=(0, (4, 2)))
     axes.plot(degrees[known], other.mean(axis=1)[known], color=ORANGE, linewidth=3.2)
@@ -488,17 +495,32 @@ def _photo_axes(size: tuple[int, int], foot: float = 0.0) -> tuple[Figure, Axes]
     return figure, axes
 
 
+def _beside_ticks(axes: Axes) -> None:
+    """The label of the y axis at the figure's edge, clear of the ticks' labels."""
+    axes.yaxis.set_label_coords(16 / WIDTH, 0.5, transform=_across(axes))
+
+
+def _across(axes: Axes) -> Transform:
+    """X as a share of the figure, y as a share of the axes."""
+    return blended_transform_factory(axes.figure.transFigure, axes.transAxes)
+
+
 def _scale_bar(figure: Figure, colours: Sequence[str], edges: Sequence[str], unit: str) -> None:
     """Bands of colour with their edges' values at the foot of a figure."""
     height = figure.get_figheight() * 72
-    axes = add_axes(figure, Box(left=36, top=height - 28, width=215, height=9))
+    width = WIDTH - 100
+    axes = add_axes(figure, Box(left=36, top=height - 30, width=width, height=9))
     axes.set_axis_off()
     axes.set_xlim(0, len(colours))
     axes.set_ylim(0, 1)
     for index, colour in enumerate(colours):
         areas(axes, rectangles(np.array([float(index)]), np.zeros(1), 1, 1), colour)
+    # Not every edge is named where names would touch, with the larger letters of a small page too.
+    room = _LETTER * max(map(len, edges)) + 6
+    every = max(1, int(np.ceil(room * len(colours) / width)))
     for index, text in enumerate(edges):
-        axes.text(index, -0.35, text, ha="center", va="top", fontsize=9.5)
+        if index % every == 0:
+            axes.text(index, -0.6, text, ha="center", va="top", fontsize=9.5)
     axes.text(len(colours) + 0.03 * len(colours), 0.5, unit, ha="left", va="center", fontsize=9.5)
 
 

@@ -68,7 +68,7 @@ def report_html(facts: Facts) -> str:
         departures=_departures(facts.fit),
         empty=_without_corners(facts),
         unfit=_pairs(facts.fit.get("unfit_images")),
-        notes=_texts(facts.fit.get("notes")),
+        notes=_notes(facts.fit),
         dropped=sorted(facts.dropped, key=lambda corner: -(corner.error_px or 0))[:_MOST_DROPPED],
         made=_made(facts.made_by),
         day=date.replace("T", " ").replace("+00:00", " UTC") if date else None,
@@ -183,6 +183,16 @@ def _departures(fit: Mapping[str, Any]) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def _notes(fit: Mapping[str, Any]) -> list[str]:
+    """What speaks not against the camera and should be known all the same."""
+    findings = [
+        f"{record.get('what')} ({record.get('evidence')}); {record.get('do')}"
+        for record in mappings(fit.get("findings"))
+        if record.get("level") == "note"
+    ]
+    return [*findings, *_texts(fit.get("notes"))]
 
 
 def _made(made_by: Mapping[str, Any]) -> dict[str, Any]:
