@@ -44,23 +44,36 @@ for _tag, _pattern, _first in (
     _PlainLoader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(_pattern), _first)
 
 
-def load_plain_yaml(path: Path, *, error: type[CubicfishError], max_bytes: int = 1_000_000) -> Any:
+def load_plain_yaml(
+    path: Path,
+    *,
+    error: type[CubicfishError],
+    max_bytes: int = 1_000_000,
+    if_empty: str = "is it the right file?",
+) -> Any:
     """Read one YAML document of mappings, lists, text, numbers, booleans and nulls.
 
     Args:
         path: the file.
         error: the class to raise; its text is one line that names the file and the line.
         max_bytes: larger files are refused unread.
+        if_empty: what to do about a file that holds nothing.
 
     Raises:
         error: the file cannot be read, is too large, or holds more than plain data.
 
     """
     text = read_text(path, max_bytes=max_bytes, error=error)
-    return parse_plain_yaml(path, text, error=error)
+    return parse_plain_yaml(path, text, error=error, if_empty=if_empty)
 
 
-def parse_plain_yaml(path: Path, text: str, *, error: type[CubicfishError]) -> Any:
+def parse_plain_yaml(
+    path: Path,
+    text: str,
+    *,
+    error: type[CubicfishError],
+    if_empty: str = "is it the right file?",
+) -> Any:
     """Read the text of a file as :func:`load_plain_yaml` does; ``path`` is for messages."""
     try:
         _refuse_more_than_plain_data(path, text, error)
@@ -73,7 +86,7 @@ def parse_plain_yaml(path: Path, text: str, *, error: type[CubicfishError]) -> A
     except yaml.YAMLError as problem:  # characters that YAML does not allow
         raise error(f"{path}: not valid YAML: it holds characters that are not text") from problem
     if node is None:
-        raise error(f"{path} is empty")
+        raise error(f"{path} is empty: {if_empty}")
     return _plain(path, node, error)
 
 

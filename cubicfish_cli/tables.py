@@ -108,7 +108,9 @@ def parse_table(
     rows, lines = _rows(name, text, offset, error)
     wanted = ",".join(required)
     if not rows:
-        raise error(f"{name} is empty: its header must be {wanted}")
+        raise error(
+            f"{name} is empty: its header must be {wanted}: make it again, or name another file"
+        )
     header = [column.strip() for column in rows[0]]
     where = f"{name}, line {lines[0]}"
     for column in required:
@@ -121,7 +123,9 @@ def parse_table(
         if column in header[:index]:
             raise error(f"{where}: the column {quoted(column)} is there twice")
     if len(rows) == 1:
-        raise error(f"{name} has a header and no rows below it")
+        raise error(
+            f"{name} has a header and no rows below it: make it again, or name another file"
+        )
     if set(map(len, rows)) != {len(header)}:
         index = next(i for i, row in enumerate(rows) if len(row) != len(header))
         raise error(

@@ -267,6 +267,11 @@ class Target:
         return len(planes)
 
 
+_NO_TARGET = (
+    "name the target.yaml that says where the boards are, or make one with 'cubicfish target print'"
+)
+
+
 def load_target(path: Path) -> Target:
     """Read ``target.yaml``.
 
@@ -275,7 +280,11 @@ def load_target(path: Path) -> Target:
             names the file, the board and the key.
 
     """
-    data = load_plain_yaml(Path(path), error=TargetError, max_bytes=MAX_BYTES)
+    data = load_plain_yaml(Path(path), error=TargetError, max_bytes=MAX_BYTES, if_empty=_NO_TARGET)
+    if isinstance(data, dict) and "cubicfish" in data and "boards" not in data:
+        raise TargetError(f"{path} is a camera file, not a calibration object: {_NO_TARGET}")
+    if not isinstance(data, dict):
+        raise TargetError(f"{path} must hold the keys units and boards: {_NO_TARGET}")
     return _target(str(path), data)
 
 

@@ -351,6 +351,8 @@ def test_kalibrs_pinhole_becomes_the_same_cubic_camera(run, tmp_path):
     ("text", "message"),
     [
         ("hello", "no format that is known"),
+        (" \n", "is empty: name the file that the other tool wrote"),
+        ("cubicfish: 2\nP: []\n", "is a camera.yaml of cubicfish already: use it as it is"),
         (PINHOLE.replace("640", "-3"), "image_width and image_height must be"),
         (PINHOLE.replace("400.0", "0.0"), "was not calibrated"),
         (PINHOLE.replace("400.0", ".nan"), "camera_matrix.data must hold 9 finite numbers"),

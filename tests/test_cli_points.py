@@ -70,6 +70,23 @@ def test_bad_lines_are_named(run: Run, model: Path, text: str, message: str) -> 
     assert result.stdout == ""
 
 
+def test_nothing_to_read_is_said(run: Run, model: Path, tmp_path: Path) -> None:
+    path = tmp_path / "empty.csv"
+    for text in ("", "\n# only a comment\n"):
+        path.write_text(text)
+        said = run("project", path, "-m", model, code=1).stderr
+        assert said == f"Error: {path} holds no points: give X,Y,Z a line\n"
+        said = run("unproject", path, "-m", model, code=1).stderr
+        assert said == f"Error: {path} holds no points: give x,y a line\n"
+    piped = run("unproject", "-m", model, input="")
+    assert (piped.stdout, piped.stderr) == (
+        "",
+        "note: stdin holds no points: give x,y a line\n",
+    )
+    path.write_text("x,y\n")  # a table of no rows is one too
+    assert run("unproject", path, "-m", model).stdout == "X,Y,Z\n"
+
+
 def test_unreadable_files_are_named(run: Run, model: Path, tmp_path: Path) -> None:
     said = run("project", tmp_path / "no.csv", "-m", model, code=1).stderr
     assert "no.csv cannot be read: No such file or directory" in said

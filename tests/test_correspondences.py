@@ -190,8 +190,12 @@ ROW = "a.png,floor,0,0,10,20\n"
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "is empty: its header must be image,board,column,row,x,y"),
-        (HEADER, "has a header and no rows below it"),
+        (
+            "",
+            "is empty: its header must be image,board,column,row,x,y: make it again, or name "
+            "another file$",
+        ),
+        (HEADER, "has a header and no rows below it: make it again, or name another file$"),
         (
             "# cubicfish corners 1, image_size 1280x800\n" + ROW,
             "line 2: the header must .*'image'",

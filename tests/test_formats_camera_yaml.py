@@ -139,6 +139,24 @@ def test_what_is_no_camera_file_is_refused(tmp_path, text):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("", "is empty"),
+        ("units: mm\nboards: []\n", "is a calibration object, not a camera"),
+        ("camera_matrix: 1\n", "is not a camera file (it has no key 'cubicfish')"),
+    ],
+)
+def test_what_is_no_camera_file_says_what_to_name(tmp_path, text, what):
+    file = tmp_path / "camera.yaml"
+    file.write_text(text)
+    with pytest.raises(CameraFileError) as refused:
+        load_camera(file)
+    name = f"{file} {what}: name the camera.yaml that 'cubicfish calibrate' wrote"
+    other = ", or read another tool's with 'cubicfish import'" * ("no key" in what)
+    assert str(refused.value) == name + other
+
+
 def test_missing_file(tmp_path):
     with pytest.raises(CameraFileError, match="cannot be read"):
         load_camera(tmp_path / "none.yaml")

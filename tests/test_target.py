@@ -282,6 +282,26 @@ def test_a_malformed_file_is_refused_in_one_line(tmp_path: Path, text: str, mess
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("", "is empty"),
+        ("# to do\n", "is empty"),
+        ("cubicfish: 2\nlift: ray\n", "is a camera file, not a calibration object"),
+        ("image,board,column,row,x,y\n", "must hold the keys units and boards"),
+    ],
+)
+def test_what_is_no_target_says_what_to_name(tmp_path: Path, text: str, what: str) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text(text)
+    with pytest.raises(TargetError) as refused:
+        load_target(path)
+    assert str(refused.value) == (
+        f"{path} {what}: name the target.yaml that says where the boards are, or make one with "
+        "'cubicfish target print'"
+    )
+
+
 anything = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner),

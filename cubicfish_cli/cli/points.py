@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cubicfish_cli.cli.terminal import say
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.reading import read_bytes
 from cubicfish_cli.wording import quoted
@@ -40,8 +41,8 @@ def read_points(path: Path, columns: Sequence[str]) -> Points:
     another step could not compute.
 
     Raises:
-        CorrespondenceError: the file cannot be read or a line does not hold the numbers; the
-            text names the file and the line.
+        CorrespondenceError: the file cannot be read or holds nothing, or a line does not hold
+            the numbers; the text names the file and the line.
 
     """
     import numpy as np
@@ -80,6 +81,11 @@ def read_points(path: Path, columns: Sequence[str]) -> Points:
                 numbers.extend(row)
     except UnicodeDecodeError as error:
         raise CorrespondenceError(f"{name} is not UTF-8 text: is it the right file?") from error
+    if not numbers and not has_header:
+        nothing = f"{name} holds no points: give {','.join(columns)} a line"
+        if name != "stdin":
+            raise CorrespondenceError(nothing)
+        say(f"note: {nothing}")  # another step may have found none, and of nothing comes nothing
     values = np.array(numbers, float).reshape(-1, len(columns))
     return Points(values=values, has_header=has_header)
 

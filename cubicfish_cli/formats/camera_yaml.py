@@ -150,6 +150,9 @@ def load_camera(path: Path | str) -> CameraFile:
     return loaded
 
 
+_NO_CAMERA = "name the camera.yaml that 'cubicfish calibrate'"
+
+
 def load_any_camera(path: Path) -> CameraFile | PointCameraFile:
     """Read camera.yaml of either lift.
 
@@ -158,11 +161,17 @@ def load_any_camera(path: Path) -> CameraFile | PointCameraFile:
             known; one line that names the file and the key.
 
     """
-    record = load_plain_yaml(path, error=CameraFileError, max_bytes=MAX_BYTES)
+    record = load_plain_yaml(
+        path, error=CameraFileError, max_bytes=MAX_BYTES, if_empty=f"{_NO_CAMERA} wrote"
+    )
     if not isinstance(record, dict) or "cubicfish" not in record:
+        if isinstance(record, dict) and "boards" in record:
+            raise CameraFileError(
+                f"{path} is a calibration object, not a camera: {_NO_CAMERA} wrote"
+            )
         raise CameraFileError(
-            f"{path} is not a camera file (it has no key 'cubicfish'): "
-            "name the camera.yaml that cubicfish calibrate wrote"
+            f"{path} is not a camera file (it has no key 'cubicfish'): {_NO_CAMERA} wrote, or read "
+            "another tool's with 'cubicfish import'"
         )
     if record["cubicfish"] != FORMAT_VERSION or isinstance(record["cubicfish"], bool):
         raise CameraFileError(

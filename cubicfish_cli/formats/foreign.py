@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -191,6 +192,10 @@ def sniffed(path: Path) -> str:
         return "colmap"
     if looks_like_opencv(text):
         return "opencv"
+    if not text.strip():
+        raise CameraFileError(f"{path} is empty: name the file that the other tool wrote")
+    if re.search(r"^cubicfish:", text, re.MULTILINE):
+        raise CameraFileError(f"{path} is a camera.yaml of cubicfish already: use it as it is")
     raise CameraFileError(
         f"{path} is of no format that is known by its looks: name it with --from, one of "
         + ", ".join(READABLE)
