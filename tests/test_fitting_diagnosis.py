@@ -1,5 +1,6 @@
 """What tells wrong set-ups apart: each piece on exact truth, and on noise in which nothing is."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,9 @@ from scipy.spatial.transform import Rotation
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.diagnosis import diagnose, photo_lenses
+from cubicfish_cli.fitting.diagnosis import failed_lens as failed_lens_module
 from cubicfish_cli.fitting.diagnosis.board_faults import board_fault
+from cubicfish_cli.fitting.diagnosis.failed_lens import failed_lens, mirrored_object
 from cubicfish_cli.fitting.diagnosis.finding import Finding, listed, percent
 from cubicfish_cli.fitting.diagnosis.handedness import local_noise_px, neighbours, seen_sides
 from cubicfish_cli.fitting.diagnosis.lens_faults import LensChange, left_out_lens, lens_change
@@ -29,7 +32,7 @@ from cubicfish_cli.fitting.diagnosis.photo_lenses import (
 from cubicfish_cli.fitting.diagnosis.repeats import NEAR_SHARE, repeated_groups
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.subset import select, select_photos
+from cubicfish_cli.fitting.subset import select, select_photos, world_scale
 from cubicfish_cli.model.radial import RadialCamera
 
 TARGET = wrong.corner_of_half_a_metre()
@@ -479,6 +482,50 @@ def test_an_error_keeps_its_figures_and_gains_its_cause(pairs):
     assert diagnose.explained(error, select_photos(pairs, np.array([0])), TARGET) is error
 
 
+@pytest.fixture(scope="module")
+def points(pairs):
+    """The same corners as points with no board, rows and columns."""
+    return replace(pairs, board=np.full(len(pairs.board), -1), boards=())
+
+
+def test_points_that_fit_in_a_mirror_are_told(points):
+    points = select_photos(points, np.arange(4))
+    with pytest.raises(FitError, match=r"all photos are mirrored, or the points' coordinates"):
+        calibrate(mirrored(points, slice(None)))
+    assert mirrored_object(points) is None
+
+
+def test_points_that_are_paired_at_random_are_refused_quickly(points):
+    rng = np.random.default_rng(0)
+    start = time.process_time()
+    with pytest.raises(FitError, match=r"typical error \d+ px\): check the target's square sizes"):
+        calibrate(replace(points, pixel=rng.permutation(points.pixel)))
+    assert time.process_time() - start < 10
+
+
+def test_a_flat_object_is_the_same_in_a_mirror():
+    flat = synthetic.flat_board()
+    poses = synthetic.poses_around(flat, 5, seed=1)
+    pairs = synthetic.synthetic_correspondences(flat, poses, lens=LENS, noise=0.1)
+    assert mirrored_object(mirrored(pairs, slice(None))) is None
+
+
+def test_photos_that_do_not_go_with_the_others_are_named(points):
+    """An object that moved between photos: no lens explains them."""
+    rng = np.random.default_rng(3)
+    world = points.world / world_scale(points)
+    moved = np.isin(points.image, [1, 6])
+    world[moved] = rng.permutation(world[moved])
+    found = failed_lens(replace(points, world=world))
+    assert (found.cause, found.images) == ("photo_lens", ("01.png", "06.png"))
+    assert found.what.startswith("01.png and 06.png do not go with the other 6 photos")
+
+
+def test_few_of_many_photos_are_tried():
+    assert len(list(failed_lens_module._subsets(1000))) < 40
+    assert max(len(few) for few in failed_lens_module._subsets(1000)) <= 6
+
+
 def test_photos_that_only_say_too_little_are_not_taken_apart(pairs, monkeypatch):
     """One board, always square to the camera: nothing is wrong with the drawing or the lens."""
     flat = synthetic.flat_board()
@@ -488,6 +535,6 @@ def test_photos_that_only_say_too_little_are_not_taken_apart(pairs, monkeypatch)
         for turn in rng.uniform(-3, 3, 8)
     ]
     facing = synthetic.synthetic_correspondences(flat, poses, lens=LENS, noise=0.1)
-    monkeypatch.setattr(diagnose, "_failed_lens", lambda pairs: pytest.fail("must not be tried"))
+    monkeypatch.setattr(diagnose, "failed_lens", lambda pairs: pytest.fail("must not be tried"))
     with pytest.raises(FitError, match=r"do not determine the lens.*: add photos in which"):
         calibrate(facing, target=flat, hold_out=False)

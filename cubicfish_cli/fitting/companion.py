@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +29,11 @@ IntArray = npt.NDArray[np.intp]
 MARGIN_DEG = 5.0
 # A fit whose noise is above this share of the photo's longer side is not believed.
 _POOR_SHARE = 0.004
+# A start whose photos are off by more than this share of it in the median leads nowhere, and
+# neither does a first fit so many times as noisy as what is believed.
+_HOPELESS_SHARE = 0.1
+_HOPELESS = 4.0
+_FIRST_ITERATIONS = 30
 # Centres that are tried when the middle of the photo does not serve, as shares of its sides.
 _CENTRE_SHARES = (-0.24, -0.12, 0.0, 0.12, 0.24)
 _CENTRES_TO_FIT = 4
@@ -81,11 +87,15 @@ def angles(points: FloatArray) -> FloatArray:
     return np.arctan2(np.hypot(points[..., 0], points[..., 1]), points[..., 2])
 
 
-def fit_companion(pairs: Correspondences) -> Companion:
+def fit_companion(pairs: Correspondences, *, thorough: bool = True) -> Companion:
     """Fit a Kannala–Brandt lens and the pose of every photo, without any guess.
 
     Photos that do not fit the lens of the others are tried again with the lens that the others
     gave; those that still do not fit are left out and named.
+
+    Args:
+        pairs: 2D-3D pairs.
+        thorough: try other centres of the lens where the photo's middle does not serve.
 
     Raises:
         FitError: no photo can be placed, or the corners do not fit the target.
@@ -93,7 +103,7 @@ def fit_companion(pairs: Correspondences) -> Companion:
     """
     # Photos without any pair would shift the others' indices further on.
     pairs = select_photos(pairs, np.arange(len(pairs.images)))
-    fit, used = _first_fit(pairs)
+    fit, used = _first_fit(pairs, thorough)
     unfit: dict[str, str] = {}
     for _ in range(_ROUNDS):
         missing = np.setdiff1d(np.arange(len(pairs.images)), used)
@@ -150,17 +160,18 @@ def refit_companion(companion: Companion, pairs: Correspondences, poses: Poses) 
 
 
 def _does_not_fit(error: float) -> str:
+    size = f"{error:.0f}" if error >= 10 else f"{error:.2g}"
     return (
-        f"the corners do not fit the target (typical error {error:.2g} px): check the target's "
+        f"the corners do not fit the target (typical error {size} px): check the target's "
         "square sizes, axes and origins, that corners are counted and not squares, and that all "
         "photos show this one object through one lens at one zoom"
     )
 
 
-def _first_fit(pairs: Correspondences) -> tuple[Adjustment, IntArray]:
+def _first_fit(pairs: Correspondences, thorough: bool) -> tuple[Adjustment, IntArray]:
     poor = _POOR_SHARE * max(pairs.image_size)
     best: tuple[float, Adjustment, IntArray] | None = None
-    for centre in _centres(pairs):
+    for centre in islice(_centres(pairs), None if thorough else 1):
         found = _fit_from_centre(pairs, centre)
         if found is None:
             continue
@@ -204,7 +215,8 @@ def _fit_from_centre(
     placed = np.isfinite(start.error)
     if not placed.any():
         return None
-    limit = max(0.02 * max(pairs.image_size), _BAD_START * float(np.median(start.error[placed])))
+    size, typical = max(pairs.image_size), float(np.median(start.error[placed]))
+    limit = max(0.02 * size, _BAD_START * typical)
     used = np.flatnonzero(start.error <= limit)
     own = select_photos(pairs, used)
     values = np.array([start.focal, start.focal, *start.centre, 0, 0, 0, 0])
@@ -214,8 +226,10 @@ def _fit_from_centre(
         start.poses[used],
         own,
         huber_px=max(20.0, 2 * float(np.median(start.error[used]))),
-        max_iterations=30,
+        max_iterations=1 if typical > _HOPELESS_SHARE * size else _FIRST_ITERATIONS,
     )
+    if noise_px(fit.residual) > _HOPELESS * _POOR_SHARE * size:
+        return fit, used
     return _adjusted(_with_terms(fit, own, 4), own), used
 
 

@@ -6,7 +6,7 @@ worse than the corners' own noise explains, or where photos or boards do not fit
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,15 +14,15 @@ import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.companion import Companion, fit_companion
+from cubicfish_cli.fitting.companion import fit_companion
 from cubicfish_cli.fitting.diagnosis.board_faults import board_fault
+from cubicfish_cli.fitting.diagnosis.failed_lens import failed_lens, mirrored_object
 from cubicfish_cli.fitting.diagnosis.finding import Finding, listed, percent
 from cubicfish_cli.fitting.diagnosis.handedness import local_noise_px, seen_sides
 from cubicfish_cli.fitting.diagnosis.lens_faults import left_out_lens, lens_findings
 from cubicfish_cli.fitting.diagnosis.measured_object import measured_object, plane_in_squares
 from cubicfish_cli.fitting.diagnosis.object_faults import Fault, object_fault
 from cubicfish_cli.fitting.diagnosis.repeats import NEAR_SHARE, repeated_groups
-from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.refinement import Drawing, ObjectFit, refine_object
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.statistics import rms_px
@@ -42,7 +42,6 @@ _MOST_LEFT_OUT = 30
 _WHOLE_BOARDS = 3
 # Photos agree with a lens when their noise is within this many times the best ones'.
 _AGREES = 6.0
-_SURE_FOCAL = 0.03
 _SAID_RATIOS = {25.4: "inches and millimetres", 10.0: "centimetres and millimetres",
                 1000.0: "metres and millimetres", 2.54: "inches and centimetres"}  # fmt: skip
 
@@ -76,7 +75,7 @@ def find_faults(
     if not any(finding.level == "bad" for finding in lenses):
         findings += _of_object(drawn, fit, drawing)
     findings += _of_left_out(pairs, fit, drawing, dropped, findings)
-    if drawing.target is not None:
+    if drawing.target is not None and not any(one.cause == "corner_count" for one in known):
         findings += _counted_squares(pairs, drawing.target)
     return findings + _repeats(fit)
 
@@ -95,12 +94,13 @@ def explained(
         error: why there is no fit.
         pairs: all pairs, in the target's units.
         target: the drawing.
-        known: what was found before the fit; it is believed.
+        known: what was found before the fit; what is bad is believed.
         fits: whether the corners do fit one lens and the drawing, so that neither is to blame.
 
     """
     try:
-        finding = next(iter(known), None) or _of_failure(pairs, target, fits)
+        wrong = [finding for finding in known if finding.level == "bad"]
+        finding = next(iter(wrong), None) or _of_failure(pairs, target, fits)
     except (FitError, np.linalg.LinAlgError):
         return error
     if finding is None:
@@ -426,7 +426,7 @@ def _of_failure(pairs: Correspondences, target: Target | None, fits: bool) -> Fi
         found = _failed_object(pairs, target, scale)
         if found is not None:
             return found
-    return _failed_lens(pairs)
+    return mirrored_object(pairs) or failed_lens(pairs)
 
 
 def _failed_object(pairs: Correspondences, target: Target, scale: float) -> Finding | None:
@@ -459,76 +459,3 @@ def _failed_object(pairs: Correspondences, target: Target, scale: float) -> Find
         return None
     evidence = f"with that corrected the typical error falls to {noise_px(again.residual):.2g} px"
     return _object_finding(fault, target, evidence)
-
-
-def _failed_lens(pairs: Correspondences) -> Finding | None:
-    """Some photos that agree on a lens, and others that do not."""
-    count = len(pairs.images)
-    if count <= _FEWEST_PHOTOS:
-        return None
-    lenses = []
-    for few in _subsets(count):
-        try:
-            lens = fit_companion(select_photos(pairs, few))
-        except (FitError, np.linalg.LinAlgError):
-            continue
-        if lens.focal_uncertainty < _SURE_FOCAL:
-            lenses.append(lens)
-    if not lenses:
-        return None
-    noise = min(noise_px(lens.residual) for lens in lenses)
-    best: tuple[int, IntArray] | None = None
-    for lens in lenses:
-        if noise_px(lens.residual) > 2 * noise:
-            continue
-        agreeing = _agreeing(lens, pairs, noise)
-        if best is None or len(agreeing) > best[0]:
-            best = (len(agreeing), agreeing)
-    if best is None or not _FEWEST_PHOTOS <= best[0] < count:
-        return None
-    try:
-        lens = fit_companion(select_photos(pairs, best[1]))
-    except (FitError, np.linalg.LinAlgError):
-        return None
-    others = np.setdiff1d(np.arange(count), best[1])
-    found = left_out_lens(
-        lens.camera, select_photos(pairs, others), noise_px(lens.residual), order=pairs.images
-    )
-    if found is not None:
-        return found
-    names = [pairs.images[photo] for photo in others]
-    return Finding(
-        cause="photo_lens",
-        level="bad",
-        what=f"{listed(names, 'photos')} do not go with the other {best[0]} photos: another "
-        "zoom, another camera, cropped, or an object that moved",
-        evidence=f"the others fit to {noise_px(lens.residual):.2g} px without them",
-        do="calibrate without them",
-        images=tuple(names),
-    )
-
-
-def _subsets(count: int) -> Iterable[IntArray]:
-    """A few photos at a time: neighbours, every second or third one, and at random."""
-    size = max(_FEWEST_PHOTOS, min(6, count // 3))
-    for first in range(0, max(count - size, 0) + 1, max(1, size // 2)):
-        yield np.arange(first, min(first + size, count))
-    for step in (2, 3):
-        for first in range(step):
-            yield np.arange(first, count, step)[:size]
-    rng = np.random.default_rng(0)
-    for _ in range(12):
-        yield np.sort(rng.choice(count, min(_FEWEST_PHOTOS, count), replace=False))
-
-
-def _agreeing(lens: Companion, pairs: Correspondences, noise: float) -> IntArray:
-    fit, own, placed = fit_poses(lens.camera, pairs)
-    if fit is None:
-        return np.zeros(0, np.intp)
-    limit = _AGREES * max(noise, 1e-3)
-    good = [
-        photo
-        for number, photo in enumerate(placed)
-        if noise_px(fit.residual[own.image == number]) <= limit
-    ]
-    return np.array(good, np.intp)

@@ -144,7 +144,7 @@ def photo_lenses(
         own=own[:, :, 0],
         information=free.transpose(0, 2, 1) @ free,
         squares=np.sum(off[:, :, 0] ** 2, axis=1),
-        numbers=2.0 * counts[photos] - 6 - TERMS,
+        numbers=np.asarray(2.0 * counts[photos] - 6 - TERMS, float),
         reach=reach,
     )
 
