@@ -264,9 +264,12 @@ def _with_default(text: str) -> str:
 
 
 def _range(option: click.Option) -> str:
-    """The numbers that an option takes, or its choices where its metavar does not tell them."""
+    """The numbers that an option takes, or its choices where nothing else tells them."""
     kind = option.type
-    if isinstance(kind, click.Choice) and _metavar(option) == _LONG_CHOICE:
+    if isinstance(kind, click.Choice):
+        told_of = f"{_metavar(option)} {option.help}"
+        if all(choice in told_of for choice in kind.choices):
+            return ""
         return f"One of {', '.join(f'`{choice}`' for choice in kind.choices)}."
     told = option.metavar is not None and option.metavar[0].isdigit()
     if told or not isinstance(kind, click.IntRange | click.FloatRange):

@@ -1,6 +1,7 @@
 """Cameras for other tools and from them, read back by the tools or by their formulas."""
 
 import json
+import re
 from pathlib import Path
 
 import cv2
@@ -11,9 +12,11 @@ from conftest import Run
 
 from cubicfish_cli.cli import export as export_command
 from cubicfish_cli.cli import import_camera
+from cubicfish_cli.cli.export import FORMATS, _rounded_up
 from cubicfish_cli.fitting.conversion.outline import within
 from cubicfish_cli.formats import foreign
 from cubicfish_cli.formats.camera_yaml import load_camera
+from cubicfish_cli.formats.foreign import FILE_NAMES
 
 # The other lenses of COLMAP are in test_formats_colmap.
 LENS_FORMATS = sorted({*foreign.LENS_OF} - {"colmap-eucm", "colmap-thin-prism-fisheye"})
@@ -218,9 +221,41 @@ def test_a_lens_that_is_not_near_enough_is_refused(run, calibrated, tmp_path):
         "--max-error", 0.01, code=1,
     ).stderr  # fmt: skip
     assert "the lens of opencv misses the camera by up to" in said
-    assert "--max-error 0.01" in said
+    assert "more than the 0.01 px of --max-error: " in said
     assert "or export to mrcal or maps" in said
     assert not path.exists()
+    enough = said.partition("raise it to ")[2].split()[0]
+    assert len(enough.replace(".", "").lstrip("0")) <= 2
+    run("export", "--to", "opencv", "-m", calibrated / "camera.yaml", "-o", path,
+        "--max-error", enough)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("value", "written"),
+    [
+        (1.7672, "1.8"),
+        (0.50001, "0.51"),
+        (12.3, "13"),
+        (99.5, "100"),
+        (0.0123, "0.013"),
+        (2.0, "2"),
+    ],
+)
+def test_the_error_that_would_pass_is_short_and_no_less(value, written):
+    assert _rounded_up(value) == written
+    assert float(written) >= value
+
+
+def test_the_help_lists_every_format_and_fits_a_terminal(run):
+    lines = run("export", "--help").stdout.splitlines()
+    assert "  --to FORMAT" in run("export", "--help").stdout
+    assert max(map(len, lines)) <= 80
+    listed = [line.split()[0] for line in lines if re.match(r"  [a-z-]+  +[^ ]", line)]
+    assert [name for name in listed if name in FORMATS] == list(FORMATS)
+    kinds = {line.split()[0]: line for line in lines if line.strip()}
+    for name, file in FILE_NAMES.items():
+        suffix = Path(file).suffix
+        assert suffix.lstrip(".") in kinds[name].lower()
 
 
 @pytest.mark.parametrize(

@@ -134,6 +134,14 @@ def test_what_is_missing_is_shown_in_its_place(run: Run, args: list[str], shown:
     assert said.endswith(f": '{shown}'\n")
 
 
+def test_no_help_has_lost_its_lines(run: Run) -> None:
+    for name in (*COMMANDS, "target check", "target print"):
+        shown = run(*name.split(), "--help").stdout
+        assert "\\b" not in shown, name  # click's mark for lines that stay as they are
+        usage, _, _ = shown.partition("Examples:")
+        assert max(map(len, usage.splitlines())) <= 80, name
+
+
 def test_a_bug_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(path: Path) -> Any:
         raise ZeroDivisionError

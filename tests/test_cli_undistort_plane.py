@@ -46,7 +46,7 @@ def test_a_boards_plane_is_the_drawing_of_the_board(
 ) -> None:
     args = ["-m", model, "--plane", board, "--target", TARGET, "--pixels-per-unit", SCALE]
     said = run("undistort", PHOTO, tmp_path / "o.png", *args).stdout
-    assert "the plane at 3 pixels a unit" in said
+    assert "the plane at 3 pixels per mm" in said
     assert likeness(read_picture(tmp_path / "o.png"), drawn(board)) > 0.93
     said = run("undistort", PHOTO, tmp_path / "o.png", *args, "--dry-run", "--overwrite").stdout
     assert "empty pixels" in said

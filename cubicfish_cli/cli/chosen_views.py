@@ -241,7 +241,7 @@ class PlanesOfPhotos:
 
     def view(self, source: Path, size: tuple[int, int]) -> ChosenView:
         """The board's plane in this photo."""
-        return ChosenView(views={"": self._plane(source, size)[1]})
+        return ChosenView(views={"": self._plane(source, size)[1]}, unit=self._target.units)
 
     def maps(self, source: Path, size: tuple[int, int]) -> Sequence[UndistortMap]:
         """One map, made anew for each photo."""
@@ -306,7 +306,8 @@ def plane_options(function: Decorated) -> Decorated:
             "pixels_a_unit",
             type=FloatRange(min=0, min_open=True),
             metavar="N",
-            help="Scale of a plane. [default: the largest that the photo has there]",
+            help="Scale of a plane: pixels per mm, or whatever the target's units are. [default: "
+            "the largest that the photo has there]",
         ),
         click.option(
             "-t",

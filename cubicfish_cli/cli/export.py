@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from decimal import ROUND_UP, Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,9 +39,42 @@ FORMATS = (
 _NEAREST = {"colmap": "colmap-rad-tan-thin-prism-fisheye", "kalibr": "kalibr-omni"}
 _BEHIND_DEG = 90.0
 
+_HELP = """Write the camera for another tool, and say how near its lens model comes.
+
+\b
+opencv                             K and D of cv2.fisheye, YAML
+ros                                camera_info.yaml
+kalibr-pinhole-equi                camchain.yaml
+kalibr-omni                        camchain.yaml; the nearest of Kalibr's
+kalibr-eucm                        camchain.yaml
+kalibr-ds                          camchain.yaml
+ocamcalib                          calib_results.txt
+pyocamcalib                        calibration.json
+colmap                             cameras.txt; OPENCV_FISHEYE
+colmap-thin-prism-fisheye          cameras.txt
+colmap-rad-tan-thin-prism-fisheye  cameras.txt; the nearest of COLMAP's
+colmap-eucm                        cameras.txt
+nerfstudio                         transforms.json, with poses
+mrcal                              .cameramodel; holds any lens
+maps                               .npz for cv2.remap; holds any lens
+
+None of these formats holds a 3x20 matrix: each one's own lens is fitted to the camera over its
+field, in pixels. The RMS, the largest error and the angle up to which they hold are printed,
+and written into the file where it takes comments. They count up to where the calibration's
+corners reach; the last degrees of the field are a guess of the camera's own, and their error is
+stated apart. A camera that was imported has no corners: its whole field counts.
+
+Most programs read OPENCV_FISHEYE, which colmap writes; colmap-rad-tan-thin-prism-fisheye needs
+COLMAP 3.11 or newer.
+
+Symmetric lens models get the frame in which the camera looks most symmetric; the turn from
+camera.yaml's frame is printed, and poses that go into the file are turned along.
+"""
+
 
 @click.command(
     "export",
+    help=_HELP,
     short_help="The camera for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
     epilog=examples(
         "cubicfish export --to opencv",
@@ -53,7 +87,8 @@ _BEHIND_DEG = 90.0
     "name",
     type=click.Choice(FORMATS),
     required=True,
-    help="The format; maps writes undistort_map.npz for cv2.remap, exact for any lens.",
+    metavar="FORMAT",
+    help="What to write: a name of the list above.",
 )
 @click.option(
     "-o",
@@ -91,20 +126,7 @@ def command(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Write the camera for another tool, and say how near its lens model comes.
-
-    None of these formats holds a 3x20 matrix: each one's own lens is fitted to the camera over its
-    field, in pixels. The RMS, the largest error and the angle up to which they hold are printed,
-    and written into the file where it takes comments. They count up to where the calibration's
-    corners reach; the last degrees of the field are a guess of the camera's own, and their error is
-    stated apart. A camera that was imported has no corners: its whole field counts.
-
-    colmap writes OPENCV_FISHEYE, which most programs read; colmap-rad-tan-thin-prism-fisheye comes
-    nearest, but needs COLMAP 3.11 or newer.
-
-    Symmetric lens models get the frame in which the camera looks most symmetric; the turn from
-    camera.yaml's frame is printed, and poses that go into the file are turned along.
-    """
+    """See ``_HELP``."""
     from cubicfish_cli.files import refuse_existing, write_text
     from cubicfish_cli.fitting.conversion.to_lens import to_lens
     from cubicfish_cli.formats.camera_yaml import load_camera
@@ -211,18 +233,27 @@ def _too_far(conversion: Conversion, name: str, max_error: float) -> str:
     good = [ring for ring in error.by_angle if ring["max_px"] <= max_error]
     bad = [ring for ring in error.by_angle if ring["max_px"] > max_error]
     largest = "everything" if error.max_px == float("inf") else f"{error.max_px:.2f} px"
-    hint = ""
+    ways = []
     if good and bad and max(r["to_deg"] for r in good) <= min(r["from_deg"] for r in bad):
-        hint = f"try --max-angle {max(r['to_deg'] for r in good):.0f}, "
+        ways.append(f"try --max-angle {max(r['to_deg'] for r in good):.0f}")
+    if error.max_px < float("inf"):
+        ways.append(f"raise it to {_rounded_up(error.max_px)}")
     others = "mrcal or maps, which hold any lens"
     nearest = _NEAREST.get(name.split("-")[0], name)
     if nearest != name:
         others = f"{nearest}, which comes nearer to most, or to {others}"
+    ways.append(f"export to {others}")
     return (
         f"the lens of {name} misses the camera by up to {largest} (RMS {error.rms_px:.2f} px up "
-        f"to {error.max_angle_deg:.0f}°), more than --max-error {max_error:g}: {hint}raise it, or "
-        f"export to {others}"
+        f"to {error.max_angle_deg:.0f}°), more than the {max_error:g} px of --max-error: "
+        f"{' or '.join(ways)}"
     )
+
+
+def _rounded_up(value: float) -> str:
+    """To two digits, and no less: what ``--max-error`` takes is what is written here."""
+    step = Decimal(1).scaleb(Decimal(value).adjusted() - 1)
+    return f"{Decimal(value).quantize(step, ROUND_UP).normalize():f}"
 
 
 def _poses(fit: Mapping[str, Any], conversion: Conversion) -> Poses:

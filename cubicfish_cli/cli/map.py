@@ -39,9 +39,20 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".npz", ".exr", ".png", ".pgm")
 
+_HELP = """Write where each pixel of a view comes from in the photo, and the view's camera too.
+
+\b
+.npz  map_x and map_y (float32, -1 outside), valid, and the view as JSON text:
+      cv2.remap(photo, map_x, map_y, cv2.INTER_LINEAR) renders the picture
+.exr  STMap: x and y in R and G, 0 to 1 across the frame, 32-bit float
+.png  the same as two 16-bit grey pictures, OUT_x.png and OUT_y.png
+.pgm  the pair that ffmpeg's remap filter takes; the command is printed
+"""
+
 
 @click.command(
     "map",
+    help=_HELP,
     short_help="The undistortion map alone: for cv2.remap, as an STMap, for ffmpeg.",
     epilog=examples(
         "cubicfish map left.npz --rotate -60,0,0 --hfov 80 --size 800x600",
@@ -99,15 +110,7 @@ def command(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    r"""Write where each pixel of a view comes from in the photo, and the view's camera beside it.
-
-    \b
-    .npz  map_x and map_y (float32, -1 outside), valid, and the view as JSON text:
-          cv2.remap(photo, map_x, map_y, cv2.INTER_LINEAR) renders the picture
-    .exr  STMap: x and y in R and G, 0 to 1 across the frame, 32-bit float
-    .png  the same as two 16-bit grey pictures, OUT_x.png and OUT_y.png
-    .pgm  the pair that ffmpeg's remap filter takes; the command is printed
-    """
+    """See ``_HELP``."""
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.formats.camera_yaml import load_camera
     from cubicfish_cli.undistortion.frames import camera_for_photos

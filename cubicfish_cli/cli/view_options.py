@@ -123,11 +123,13 @@ class ChosenView:
     Attributes:
         views: name of the part -> view; one part named "" unless it is a cube in six pictures.
         at_limit: whether the camera sees more than the fitted view can show.
+        unit: of length, of a plane's picture.
 
     """
 
     views: dict[str, View]
     at_limit: bool = False
+    unit: str = "unit"
 
     @property
     def first(self) -> View:
@@ -136,10 +138,14 @@ class ChosenView:
 
     def describe(self) -> str:
         """A view in a few words."""
+        from cubicfish_cli.undistortion.plane import PlaneView
+
         width, height = self.first.size
         if len(self.views) > 1:
             return f"the six faces of a cube, {width}x{height} pixels each"
-        return f"{width}x{height} pixels, {self.first.describe()}"
+        first = self.first
+        words = first.scale_in(self.unit) if isinstance(first, PlaneView) else first.describe()
+        return f"{width}x{height} pixels, {words}"
 
     def seen_by(self, camera: CubicCamera) -> SeenField | None:
         """What a camera sees of the view's field; None of a cube and of a plane."""
@@ -309,7 +315,7 @@ def view_options(function: Decorated) -> Decorated:
             "--focal",
             type=FloatRange(0, 1_000_000, min_open=True),
             metavar="PX",
-            help="Focal length: pixels a radian in the middle.",
+            help="Focal length: pixels per radian in the middle.",
         ),
         click.option(
             "--vfov",
@@ -337,7 +343,9 @@ def view_options(function: Decorated) -> Decorated:
             "kind",
             type=click.Choice(KINDS),
             default="perspective",
-            help="What the result is. [default: perspective, in which straight lines are straight]",
+            metavar="KIND",
+            help=f"What the result is: {either(KINDS)}. [default: perspective, in which straight "
+            "lines are straight]",
         ),
     )
     decorated: Any = with_view

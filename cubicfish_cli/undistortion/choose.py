@@ -72,7 +72,7 @@ def build_view(
         size=None if size is None else _size(size),
         hfov_deg=_number(hfov_deg, "hfov_deg", "degrees"),
         vfov_deg=_number(vfov_deg, "vfov_deg", "degrees"),
-        focal=_number(focal, "focal", "pixels a radian"),
+        focal=_number(focal, "focal", "pixels per radian"),
         share=None if fit is None else _share(fit),
         rotation=rotation_from_angles(yaw_deg=angles[0], pitch_deg=angles[1], roll_deg=angles[2]),
     ).view

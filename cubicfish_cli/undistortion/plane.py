@@ -63,7 +63,7 @@ class PlaneView(View):
         if not all(is_numbers(v, 3) for v in (self.origin, self.x_axis, self.y_axis)):
             raise ViewError("a plane's origin and axes must be three finite numbers each")
         if not is_numbers((self.pixels_a_unit,), 1) or self.pixels_a_unit <= 0:
-            raise ViewError("a plane's picture must have a positive number of pixels a unit")
+            raise ViewError("a plane's picture must have a positive number of pixels per unit")
         axes = np.array([self.x_axis, self.y_axis])
         if not np.allclose(axes @ axes.T, np.eye(2), atol=_SQUARE_TOLERANCE):
             raise ViewError("a plane's axes must be unit vectors at a right angle")
@@ -90,7 +90,11 @@ class PlaneView(View):
 
     def describe(self) -> str:
         """The scale."""
-        return f"the plane at {self.pixels_a_unit:.4g} pixels a unit"
+        return self.scale_in("unit")
+
+    def scale_in(self, unit: str) -> str:
+        """The scale in words, where it is known which unit of length it is of."""
+        return f"the plane at {self.pixels_a_unit:.4g} pixels per {unit}"
 
     def parameters(self) -> dict[str, Any]:
         """Place and scale."""
