@@ -39,10 +39,9 @@ _LINE_SHARE, _LINE_CORNERS = 0.6, 3
 # them must show it, whatever the others leave open.
 _LOOKED_AT = 20
 _SHOWN_SHARE = 0.25
-# The outermost squares are whole to so much of a square. Cut ones are cut alike in all photos, of
-# which there must be more.
-_WHOLE_SQUARES, _CUT_ALIKE = 0.15, 0.1
-_FEWEST_PHOTOS_CUT = 4
+# Nearly all of them must agree, to so much of a square, on where the squares end: where a whole
+# one does, or where the board's other ends are too. A strip that covers a board has no such end.
+_AGREE_SHARE, _AGREE_SQUARES = 0.8, 0.15
 # A grid fills its box when it has so much of it.
 _FILLED = 0.9
 # Grids that are larger than drawn must have a place on the enlarged board, so many of them.
@@ -310,8 +309,10 @@ def _alone(index: int, board: Board, sights: Sequence[_Sight], shows: _Look) -> 
     if size == (board.columns, board.rows) or larger:
         return None
     same = [sight for sight in whole if _ordered(sight.size, board) == size]
-    photos = _confirmed(same, list(_sides()), shows)
-    return Count(board=index, size=size, photos=photos) if photos else None
+    ends = _ends(same, list(_sides()), shows)
+    if ends is None or not _agree(ends, np.ravel(ends)):
+        return None
+    return Count(board=index, size=size, photos=len(ends))
 
 
 def _among_others(index: int, board: Board, sights: Sequence[_Sight], shows: _Look) -> Count | None:
@@ -322,42 +323,50 @@ def _among_others(index: int, board: Board, sights: Sequence[_Sight], shows: _Lo
     first = np.min([sight.low for sight in sights], axis=0)
     last = np.max([sight.high for sight in sights], axis=0)
     seen = np.stack([first, last], axis=1)
+    short = [side for side in _sides() if seen[side] != drawn[side]]
+    at = {
+        side: [one for one in sights if (one.high if side[1] else one.low)[side[0]] == seen[side]]
+        for side in _sides()
+    }
+    ends = {side: _ends(at[side], [side], shows) for side in short}
     photos = 0
-    for side in _sides():
-        if seen[side] == drawn[side]:
+    for side, own in ends.items():
+        if own is None:
             continue
-        at_end = [
-            sight
-            for sight in sights
-            if (sight.high if side[1] else sight.low)[side[0]] == seen[side]
-        ]
-        shown = _confirmed(at_end, [side], shows)
-        if shown:
-            drawn[side] = seen[side]
-            photos = max(photos, shown)
+        if not _agree(own, np.ones(1)):
+            others = [_ends(at[other], [other], shows) for other in _sides() if other not in short]
+            others = [other for other in others if other is not None]
+            if not others or not _agree(own, np.concatenate(others)):
+                continue
+        drawn[side] = seen[side]
+        photos = max(photos, len(own))
     if not photos:
         return None
     columns, rows = (drawn[:, 1] - drawn[:, 0] + 1).tolist()
     return Count(board=index, size=(columns, rows), photos=photos)
 
 
-def _confirmed(sights: Sequence[_Sight], sides: Sequence[Side], shows: _Look) -> int:
-    """How many photos show the pattern's ends, none of them otherwise; 0 where too few do."""
+def _ends(sights: Sequence[_Sight], sides: Sequence[Side], shows: _Look) -> FloatArray | None:
+    """How far beyond the last corners squares end, in each photo (P) and side (S): (P, S).
+
+    None where too few photos show it, or any shows that squares go on.
+    """
     largest = sorted(sights, key=lambda sight: -sight.grid.step)[:_LOOKED_AT]
     if len(largest) < _FEWEST_PHOTOS:
-        return 0
-    ends = np.array(
-        [[shows(sight, side) for side in sides] for sight in largest], float
-    )  # NaN where a photo does not tell
+        return None
+    # NaN where a photo does not tell.
+    ends = np.array([[shows(sight, side) for side in sides] for sight in largest], float)
     if np.isinf(ends).any():
-        return 0
+        return None
     shown = ends[np.isfinite(ends).all(axis=1)]
-    if len(shown) < max(_FEWEST_PHOTOS, _SHOWN_SHARE * len(largest)):
-        return 0
-    if (np.abs(shown - 1) < _WHOLE_SQUARES).all():
-        return len(shown)
-    alike = np.abs(shown - np.median(shown, axis=0)) < _CUT_ALIKE
-    return len(shown) if alike.all() and len(shown) >= _FEWEST_PHOTOS_CUT else 0
+    enough = len(shown) >= max(_FEWEST_PHOTOS, _SHOWN_SHARE * len(largest))
+    return np.asarray(shown) if enough else None
+
+
+def _agree(ends: FloatArray, others: FloatArray) -> bool:
+    """Whether squares end where others do, as seen in nearly all photos."""
+    near = np.abs(ends - np.median(others)) < _AGREE_SQUARES
+    return bool(near.all(axis=1).mean() >= _AGREE_SHARE)
 
 
 def _ordered(size: tuple[int, int], board: Board) -> tuple[int, int]:
