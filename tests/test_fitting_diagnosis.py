@@ -13,10 +13,11 @@ from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.calibrate import calibrate
-from cubicfish_cli.fitting.diagnosis import diagnose, photo_lenses
+from cubicfish_cli.fitting.diagnosis import diagnose, lens_faults, photo_lenses
 from cubicfish_cli.fitting.diagnosis import failed_lens as failed_lens_module
 from cubicfish_cli.fitting.diagnosis.board_faults import board_fault
 from cubicfish_cli.fitting.diagnosis.failed_lens import failed_lens, mirrored_object
+from cubicfish_cli.fitting.diagnosis.few_photos import enough_photos, spread_out
 from cubicfish_cli.fitting.diagnosis.finding import Finding, listed, percent
 from cubicfish_cli.fitting.diagnosis.handedness import local_noise_px, neighbours, seen_sides
 from cubicfish_cli.fitting.diagnosis.lens_faults import LensChange, left_out_lens, lens_change
@@ -399,6 +400,78 @@ def test_photos_that_were_left_out_show_their_own_lens(pairs):
     assert (found.cause, found.images) == ("zoom", tuple(names))
     assert "+30 % from 0.png on" in found.what
     assert left_out_lens(LENS, pairs, 0.1, order=["x", *pairs.images]) is None
+
+
+# Many photos, of which a few are looked at first
+
+
+def test_few_photos_are_spread_over_all_of_them():
+    assert [enough_photos(count) for count in (3, 30, 100, 2000)] == [3, 30, 30, 100]
+    photos = np.arange(100, 200)
+    np.testing.assert_array_equal(spread_out(photos, 100), photos)
+    few = spread_out(photos, 7)
+    assert (few[0], few[-1], len(few)) == (100, 199, 7)
+    assert (np.diff(few) > 10).all()
+
+
+def test_few_of_each_group_are_looked_at():
+    photos = own_lenses(np.random.default_rng(1), 80)
+    own = photos.own.copy()
+    own[[3, 40, 41], :3] += [24.0, 6.0, -6.0]
+    photos = replace(photos, own=own)
+    split = two_lenses(photos)
+    assert {3, 40, 41} == set(np.flatnonzero(split.second))
+    few = lens_faults._of_each(photos, split)
+    assert len(few) == 30
+    assert {3, 40, 41} < set(few.tolist())
+
+
+@pytest.fixture(scope="module")
+def many():
+    """Forty photos through one lens, of which each shows some of the corners."""
+    poses = synthetic.poses_around(TARGET, 40, seed=9)
+    every = synthetic.synthetic_correspondences(TARGET, poses, lens=LENS, noise=0.1, seed=6)
+    return select(every, np.random.default_rng(0).random(len(every.pixel)) < 0.3)[0]
+
+
+def zoomed_from(pairs, photo, ratio):
+    middle = (np.array(pairs.image_size) - 1) / 2
+    pixel = np.where(
+        (pairs.image >= photo)[:, None], middle + ratio * (pairs.pixel - middle), pairs.pixel
+    )
+    return replace(pairs, pixel=pixel)
+
+
+def test_two_lenses_among_many_photos_are_named_with_all_of_them(many):
+    found = calibrate(zoomed_from(many, 25, 1.02), hold_out=False).findings
+    assert [one.cause for one in found] == ["zoom"]
+    assert found[0].images == many.images[25:]
+    assert "+2 % from 25.png on" in found[0].what
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1.0001])
+def test_many_right_photos_are_not_followed_up(many, monkeypatch, ratio):
+    """A change of no worth is certain among so many photos, and costs nothing."""
+    monkeypatch.setattr(lens_faults, "_followed", lambda *_: pytest.fail("must not be tried"))
+    assert not calibrate(zoomed_from(many, 20, ratio), hold_out=False).findings
+
+
+def test_a_wrong_square_among_many_photos_is_measured_with_all_of_them(many, monkeypatch):
+    drawn = wrong.with_board(TARGET, 1, square=36.36)
+    world = drawn.world_points(many.board, many.column, many.row)
+    used = []
+    refine = diagnose.refine_object
+
+    def counted(fit, *rest):
+        used.append(len(fit.cubic.poses))
+        return refine(fit, *rest)
+
+    monkeypatch.setattr(diagnose, "refine_object", counted)
+    found = calibrate(replace(many, world=world), target=drawn, refine_target="off",
+                      hold_out=False).findings  # fmt: skip
+    assert [one.cause for one in found] == ["board_square"]
+    assert "board wall are -0.99 % off" in found[0].what
+    assert used == [30, 40]
 
 
 # One photo that does not fit

@@ -17,6 +17,7 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.companion import fit_companion
 from cubicfish_cli.fitting.diagnosis.board_faults import board_fault
 from cubicfish_cli.fitting.diagnosis.failed_lens import failed_lens, mirrored_object
+from cubicfish_cli.fitting.diagnosis.few_photos import enough_photos, fit_of_few, spread_out
 from cubicfish_cli.fitting.diagnosis.finding import Finding, listed, percent
 from cubicfish_cli.fitting.diagnosis.handedness import local_noise_px, seen_sides
 from cubicfish_cli.fitting.diagnosis.lens_faults import left_out_lens, lens_findings
@@ -156,21 +157,35 @@ def _some_mirrored(sides: IntArray, pairs: Correspondences) -> Finding | None:
 
 def _of_object(drawn: ObjectFit, fit: ObjectFit, drawing: Drawing) -> list[Finding]:
     """What is wrong with the drawing, where the object as fitted shows it."""
-    target = drawing.target
-    if target is None or len(target.boards) < 2:
+    if drawing.target is None or len(drawing.target.boards) < 2:
         return []
-    refined = fit
-    if fit.level == "off":
-        pairs, residual = fit.companion.pairs, fit.cubic.residual
-        if not local_noise_px(pairs, residual) or within_noise(pairs, residual):
-            return []
+    if fit.level != "off":
+        found = _of_refined(drawn, fit, drawing)
+        return [replace(finding, level="care") for finding in found]
+    pairs, residual = fit.companion.pairs, fit.cubic.residual
+    if not local_noise_px(pairs, residual) or within_noise(pairs, residual):
+        return []
+    everyone = np.arange(len(pairs.images))
+    few = spread_out(everyone, enough_photos(len(everyone)))
+    found = []
+    for photos in (few, everyone)[: 1 + (len(few) < len(everyone))]:
+        part = fit_of_few(fit, photos)
+        own = drawing.of(part.companion.pairs)
         try:
-            refined = refine_object(fit, drawing, "shape")
+            refined = refine_object(part, own, "shape")
         except (FitError, np.linalg.LinAlgError):
             return []
+        found = _of_refined(part, refined, own)
+        if not found:
+            break
+    return found
+
+
+def _of_refined(drawn: ObjectFit, refined: ObjectFit, drawing: Drawing) -> list[Finding]:
+    """What is wrong with the drawing, where the object is free to be otherwise."""
+    target, real = drawing.target, refined.refined_target(drawing)
     before, after = rms_px(drawn.cubic.residual), rms_px(refined.cubic.residual)
-    real = refined.refined_target(drawing)
-    if before < _TIMES_WORSE * after or real is None:
+    if before < _TIMES_WORSE * after or target is None or real is None:
         return []
     measured = {}
     for index in np.unique(drawing.pairs.board):
@@ -183,8 +198,7 @@ def _of_object(drawn: ObjectFit, fit: ObjectFit, drawing: Drawing) -> list[Findi
     if fault is None:
         return []
     evidence = f"the RMS is {before:.2f} px as drawn and {after:.2f} px as it really is"
-    finding = _object_finding(fault, target, evidence)
-    return [finding if fit.level == "off" else replace(finding, level="care")]
+    return [_object_finding(fault, target, evidence)]
 
 
 def _object_finding(fault: Fault, target: Target, evidence: str) -> Finding:

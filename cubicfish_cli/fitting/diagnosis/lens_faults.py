@@ -13,6 +13,7 @@ from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.companion import fit_companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import fit_cubic
+from cubicfish_cli.fitting.diagnosis.few_photos import enough_photos, fit_of_few, spread_out
 from cubicfish_cli.fitting.diagnosis.finding import Cause, Finding, listed, percent
 from cubicfish_cli.fitting.diagnosis.photo_lenses import (
     BY_CHANCE,
@@ -33,13 +34,10 @@ from cubicfish_cli.model.radial import RadialCamera
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.intp]
 
 # A first look at a fit that one lens has bent to both sees less than there is: it is followed up.
 _WORTH_A_LOOK = 1e-4
-# So many photos tell as much as all, and are looked at first: of each group, and of the others
-# beside a few odd ones.
-_ENOUGH_OF_EACH = 30
-_ENOUGH = 100
 _ROUNDS = 12
 _SETTLED_PX = 0.05
 _ROUGH_DECREASE = 1e-5
@@ -82,6 +80,10 @@ def lens_findings(fit: ObjectFit, drawn: ObjectFit) -> list[Finding]:
         split = two_lenses(own)
         if split is None or split.chance > _WORTH_A_LOOK or split.share < WORTH / 2:
             continue
+        few = _of_each(own, split)
+        # A few of each group tell whether there are two lenses, all of them which photos are whose.
+        if len(few) < len(own.photos) and _followed(*_of_few(one, own, split, few)) is None:
+            continue
         found = _followed(one, own, split, rms_px(fit.cubic.residual))
         if found is not None:
             return [found]
@@ -93,6 +95,34 @@ def lens_findings(fit: ObjectFit, drawn: ObjectFit) -> list[Finding]:
 def _own(fit: ObjectFit) -> PhotoLenses:
     cubic = fit.cubic
     return photo_lenses(cubic.lens, cubic.poses, fit.companion.pairs, cubic.fit.world.points)
+
+
+def _of_each(photos: PhotoLenses, split: TwoLenses) -> IntArray:
+    """Places in ``photos`` of enough photos, half of them of each group where it has as many."""
+    enough = enough_photos(len(photos.photos))
+    groups = [np.flatnonzero(split.second == second) for second in (False, True)]
+    least = min(enough // 2, *map(len, groups))
+    return np.sort(np.concatenate([spread_out(group, enough - least) for group in groups]))
+
+
+def _of_few(
+    fit: ObjectFit, photos: PhotoLenses, split: TwoLenses, few: IntArray
+) -> tuple[ObjectFit, PhotoLenses, TwoLenses, float]:
+    """What ``_followed`` needs, for the photos at some places in ``photos`` only."""
+    part = fit_of_few(fit, photos.photos[few])
+    return (
+        part,
+        replace(
+            photos,
+            photos=np.arange(len(few)),
+            own=photos.own[few],
+            information=photos.information[few],
+            squares=photos.squares[few],
+            numbers=photos.numbers[few],
+        ),
+        replace(split, second=split.second[few]),
+        rms_px(part.cubic.residual),
+    )
 
 
 def _followed(
@@ -294,6 +324,7 @@ def _without(fit: ObjectFit, suspects: npt.NDArray[np.intp]) -> PhotoLenses | No
     """What each photo has of its own beside a lens that was fitted without some."""
     pairs = replace(fit.companion.pairs, world=fit.cubic.fit.world.points)
     good = np.setdiff1d(np.arange(len(pairs.images)), suspects)
+    good = spread_out(good, 2 * enough_photos(len(good)))
     try:
         companion = refit_companion(
             fit.companion, select_photos(pairs, good), fit.cubic.poses[good]
