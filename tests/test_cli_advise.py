@@ -72,7 +72,7 @@ def test_corners_may_be_named(run: Run, poor: Path, tmp_path: Path) -> None:
     # As on another machine: what the calibration was made from is not where it was.
     camera.write_text(text.replace("three.csv", "gone.csv"))
     said = run("advise", "--model", camera, code=1).stderr
-    assert "name them with --corners" in said
+    assert "name the corners with --corners" in said
     assert said.count("\n") == 1
     given = ("--corners", poor / "three.csv", "--target", TARGET)
     assert "Not enough" in run("advise", "--model", camera, *given).stdout

@@ -151,7 +151,7 @@ def test_files_that_went_or_changed_are_left_out(run: Run, own: Path, tmp_path: 
     assert facts(own).errors is not None
     moved.write_text(moved.read_text() + "# changed\n")
     said = run("report", own).stderr
-    assert "left out: Corners, errors and the object: the target is not where it was" in said
+    assert "left out: Corners and errors: the target is not where it was, or has changed" in said
     assert "Errors as arrows" not in (own / "report.html").read_text(encoding="utf-8")
     assert facts(own, TARGET).errors is not None
     (own / "corners.csv").unlink()  # then there is the table that it came from
@@ -230,7 +230,7 @@ def test_a_refined_object_is_told(run: Run, tmp_path: Path) -> None:
     run("report", folder, "-o", tmp_path / "again.html")
     assert (tmp_path / "again.html").read_text(encoding="utf-8") == page
     (folder / "target.refined.yaml").unlink()
-    assert "the target is not where it was" in facts(folder).absent[0]
+    assert "target.refined.yaml is not beside the camera" in facts(folder).absent[0]
 
 
 @pytest.mark.usefixtures("quick_fit")

@@ -28,6 +28,12 @@ if TYPE_CHECKING:
     from cubicfish_cli.advice.advise import Advice, Proposal
     from cubicfish_cli.report.facts import Facts
 
+# What to name, and how, where corners are lacking.
+_WHAT = {
+    "--corners": "the corners with --corners, and the object with --target",
+    "--target": "the object with --target",
+    "--corners and --target": "those of the fit with --corners and --target",
+}
 _LINE = 96
 _MOST_PARTS = 4
 
@@ -131,10 +137,10 @@ def command(
             "and what would lower it, cannot be worked out; calibrate with --lift ray for this"
         )
     if facts.errors is None:
-        raise CubicfishError(
-            f"{camera_file}: the corners that it was calibrated from are not at hand, or are not "
-            "those of the fit: name them with --corners, and the object with --target"
-        )
+        why, name_it = "the corners are not at hand", "--corners"
+        if facts.lack is not None:
+            why, name_it = facts.lack.why, facts.lack.name_it
+        raise CubicfishError(f"{camera_file}: {why}: name {_WHAT[name_it]}")
     with working("Looking for photos that would help"):
         advice = advise(
             facts.camera, facts.fit, facts.errors.pairs, facts.target, goal_px=goal, seed=seed

@@ -25,6 +25,9 @@ from cubicfish_cli.target import Target
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
+REFINED = ("shape", "points")
+"""What ``refine_target`` of a fit's record says where the object was fitted too."""
+_HINTS = {"--target": "; 'cubicfish report --target FILE' names it"}
 # Errors that are worked out again and differ by more than this share are of other corners.
 _SAME_RMS = 0.02
 _SAME_RMS_PX = 1e-3
@@ -90,6 +93,20 @@ class ErrorFacts:
         return np.hypot(self.residual[:, 0], self.residual[:, 1])
 
 
+@dataclass(frozen=True, kw_only=True)
+class Lack:
+    """Why there are no corners with their errors.
+
+    Attributes:
+        why: in words.
+        name_it: the options of commands that name what is missing.
+
+    """
+
+    why: str
+    name_it: str
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Facts:
     """All that a page is made from.
@@ -102,6 +119,7 @@ class Facts:
         dropped: corners that were left out; only counted where the lift is ``point``.
         dropped_pixels: photo and (2,) pixel of those of them that are at hand.
         errors: None where the corners or what they are of are not at hand.
+        lack: why ``errors`` is None; None where it is not.
         target: the object as fitted; None where it is not at hand.
         files: where each photo is, as far as that is known.
         digests: SHA-256 that a photo's file must have to be shown, where that is known.
@@ -119,6 +137,7 @@ class Facts:
     dropped: tuple[DroppedFacts, ...]
     dropped_pixels: tuple[tuple[str, FloatArray], ...]
     errors: ErrorFacts | None
+    lack: Lack | None
     target: Target | None
     files: Mapping[str, Path]
     digests: Mapping[str, str]
@@ -149,6 +168,7 @@ def gather(
     target: Target | None,
     files: Mapping[str, Path],
     digests: Mapping[str, str] | None = None,
+    lack: Lack | None = None,
     absent: Sequence[str] = (),
 ) -> Facts:
     """Put together what a page says.
@@ -163,17 +183,21 @@ def gather(
         target: the object as fitted.
         files: the photos' files by the photos' names.
         digests: SHA-256 that these files must have, by the photos' names; others are not shown.
-        absent: what is known to be missing and why, a line each.
+        lack: why there are no pairs.
+        absent: what else is known to be missing and why, a line each.
 
     """
     photos = _photos(fit, camera.image_size)
     dropped = _dropped(fit)
-    lines = list(absent)
+    lines = [f"Corners and errors: {lack.why}{_HINTS.get(lack.name_it, '')}."] if lack else []
+    lines += absent
     errors = None
     pixels: tuple[tuple[str, FloatArray], ...] = ()
     if pairs is not None:
         errors, problem = _errors(camera, fit, pairs, photos, dropped)
-        lines += [problem] if problem else []
+        if problem:
+            lines.append(f"Corners and errors: {problem}.")
+            lack = Lack(why=problem, name_it="--corners and --target")
         pixels = tuple(
             (pairs.images[pairs.image[index]], pairs.pixel[index])
             for index in np.flatnonzero(_among(pairs, dropped))
@@ -189,6 +213,7 @@ def gather(
         dropped=dropped,
         dropped_pixels=pixels,
         errors=errors,
+        lack=lack,
         target=target,
         files=files,
         digests=digests or {},
@@ -277,7 +302,7 @@ def _errors(
     ]
     used, _ = select(pairs, np.array(placed, bool)[pairs.image] & ~_among(pairs, dropped))
     if not len(used.pixel):
-        return None, "No corner at hand is of a photo of this fit: its errors are not drawn."
+        return None, "no corner at hand is of a photo of this fit"
     points = used.world
     if not in_world:
         own = [by_name[name] for name in used.images]
@@ -294,14 +319,19 @@ def _errors(
         # Which corners this fit dropped is not on record: they were the worst.
         kept[np.argsort(length, kind="stable")[int(count) :]] = False
     if not kept.any():
-        return None, "No corner at hand lies where this camera may be trusted."
+        return None, "no corner at hand lies where this camera may be trusted"
     used, _ = select(used, kept)
     residual, points = residual[kept], points[kept]
     before, now = finite(fit.get("rms_px")), rms_px(residual)
     if before is not None and abs(now - before) > max(_SAME_RMS * before, _SAME_RMS_PX):
         return None, (
-            f"The corners and the object at hand give an RMS of {now:.3f} px and the fit had "
-            f"{before:.3f} px: they are not those of the fit, and their errors are not drawn."
+            f"the corners and the object at hand give an RMS of {now:.3f} px and the fit had "
+            f"{before:.3f} px: they are not those of the fit"
+            + (
+                " (the object was fitted too, and target.refined.yaml holds it)"
+                if fit.get("refine_target") in REFINED
+                else ""
+            )
         )
     angle = None
     if isinstance(camera, CubicCamera):

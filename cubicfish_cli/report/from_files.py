@@ -15,12 +15,15 @@ from cubicfish_cli.correspondences import (
 from cubicfish_cli.files import sha256_of
 from cubicfish_cli.formats.camera_yaml import load_any_camera
 from cubicfish_cli.photos import find_photos
-from cubicfish_cli.report.facts import Facts, gather, mappings
+from cubicfish_cli.report.facts import REFINED, Facts, Lack, gather, mappings
 from cubicfish_cli.report.pictures import matched
 from cubicfish_cli.target import Target, load_target
+from cubicfish_cli.wording import quoted
 
 _REFINED = "target.refined.yaml"
 _CORNERS = "corners.csv"
+# Programs that save a calibration may put the object there; its place is not on record then.
+_TARGET = "target.yaml"
 
 
 def facts_of_files(camera_file: Path, *, target: Path | None, photos: Sequence[Path]) -> Facts:
@@ -29,7 +32,8 @@ def facts_of_files(camera_file: Path, *, target: Path | None, photos: Sequence[P
     A file that the camera file names is read only if it still has the SHA-256 that stands there.
 
     Args:
-        camera_file: camera.yaml; corners.csv and target.refined.yaml are looked for beside it.
+        camera_file: camera.yaml; corners.csv, target.refined.yaml and, where the object's place is
+            not on record, target.yaml are looked for beside it.
         target: the object as drawn, where it is not at its recorded place.
         photos: files, folders or patterns of the photos, where they are not at theirs.
 
@@ -40,14 +44,13 @@ def facts_of_files(camera_file: Path, *, target: Path | None, photos: Sequence[P
     loaded = load_any_camera(camera_file)
     folder = camera_file.parent
     absent: list[str] = []
-    drawn = target or _recorded(loaded.made_by.get("target"), folder)
-    if loaded.fit.get("refine_target") in ("shape", "points"):
-        beside = folder / _REFINED
-        drawn = beside if beside.is_file() else target
+    refined = loaded.fit.get("refine_target") in REFINED
+    drawn = target or _recorded(loaded.made_by.get("target"), folder) or _beside(folder, _TARGET)
+    if refined:
+        drawn = _beside(folder, _REFINED) or target
     thing = None if drawn is None else load_target(drawn)
     pairs = _pairs(folder, loaded.made_by, thing, loaded.camera.image_size)
-    if pairs is None:
-        absent.append(_missing(loaded.made_by, thing))
+    lack = _lack(folder, loaded.made_by, thing, refined=refined) if pairs is None else None
     inputs = mappings(loaded.made_by.get("inputs"))
     names = [str(record.get("image")) for record in mappings(loaded.fit.get("per_image"))]
     known = [Path(str(record.get("file"))) for record in inputs]
@@ -71,6 +74,7 @@ def facts_of_files(camera_file: Path, *, target: Path | None, photos: Sequence[P
         target=thing,
         files=files,
         digests={name: digests[path] for name, path in recorded.items()},
+        lack=lack,
         absent=absent,
     )
 
@@ -90,16 +94,32 @@ def _pairs(
     return None if target is None else pair(load_corners(table, target, image_size=size), target)
 
 
-def _missing(made_by: Mapping[str, Any], target: Target | None) -> str:
-    if made_by.get("target") is not None and target is None:
-        return (
-            "Corners, errors and the object: the target is not where it was, or has changed. "
-            "'cubicfish report --target FILE' names it."
-        )
-    return (
-        "Corners and errors: there is no corners.csv beside the camera, and the table that it was "
-        "calibrated from is not where it was, or has changed."
-    )
+def _lack(
+    folder: Path, made_by: Mapping[str, Any], target: Target | None, *, refined: bool
+) -> Lack:
+    """What is missing of the corners, or of what they are of."""
+    on_record = made_by.get("target")
+    has_table = (folder / _CORNERS).is_file() or bool(mappings(made_by.get("inputs")))
+    if target is None and has_table and (on_record is not None or (folder / _CORNERS).is_file()):
+        if refined:
+            why = f"the object was fitted too, and {_REFINED} is not beside the camera"
+        elif isinstance(on_record, Mapping):
+            name = quoted(str(on_record.get("file")))
+            why = f"the target is not where it was, or has changed ({name})"
+        else:
+            why = f"the target is not on record, and no {_TARGET} is beside the camera"
+        return Lack(why=why, name_it="--target")
+    why = f"there is no {_CORNERS} beside the camera, and "
+    if mappings(made_by.get("inputs")):
+        why += "the table that it was calibrated from is not where it was, or has changed"
+    else:
+        why += "what it was calibrated from is not on record"
+    return Lack(why=why, name_it="--corners")
+
+
+def _beside(folder: Path, name: str) -> Path | None:
+    path = folder / name
+    return path if path.is_file() else None
 
 
 def _recorded(record: object, folder: Path) -> Path | None:
