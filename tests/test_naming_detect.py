@@ -10,6 +10,7 @@ from cubicfish_cli.correspondences import load_corners
 from cubicfish_cli.errors import DetectionError
 from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.detect import detect_corners
+from cubicfish_cli.naming.remarks import remark_lines
 from cubicfish_cli.photos import find_photos
 from cubicfish_cli.target import Target, load_target
 
@@ -77,6 +78,25 @@ def test_every_photo_is_accounted_for(detection, folder):
         named = sum(grid.verdict is Verdict.NAMED for grid in report.grids)
         assert len(report.boards) <= named
         assert len(report.notes) == len(report.grids) - named
+
+
+def test_photos_that_are_turned_are_told_from_photos_of_another_size(folder, target, tmp_path):
+    for path in sorted(folder.glob("*.jpg")):
+        shutil.copy(path, tmp_path / path.name)
+    picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    for name in ("y.png", "z.png"):
+        cv2.imwrite(str(tmp_path / name), cv2.rotate(picture, cv2.ROTATE_90_CLOCKWISE))
+    cv2.imwrite(str(tmp_path / "x.png"), picture[::2, ::2])
+    photos = detect_corners(find_photos([tmp_path]), target, jobs=1).photos
+    height, width = picture.shape
+    assert [photo.name for photo in photos if photo.other_size] == ["x.png", "y.png", "z.png"]
+    assert remark_lines([one for photo in photos for one in photo.remarks()]) == [
+        f"x.png: {width // 2}x{height // 2} pixels, where most photos are {width}x{height}: "
+        "calibrate each size by itself",
+        f"2 photos (y.png and z.png): {height}x{width} pixels, where most photos are "
+        f"{width}x{height}: the same size turned by 90° (portrait and landscape); photos are used "
+        "as the sensor made them: save without rotation, or calibrate such photos by themselves",
+    ]
 
 
 def test_jobs_change_nothing_but_the_time(detection, folder, target):

@@ -245,7 +245,7 @@ def _of_size(one: _Found, size: tuple[int, int]) -> _Found:
         problem=f"{width}x{height} pixels, where most photos are {size[0]}x{size[1]}: "
         + (
             "the same size turned by 90° (portrait and landscape); photos are used as the sensor "
-            "made them: save it again without rotation, or calibrate such photos apart"
+            "made them: save without rotation, or calibrate such photos by themselves"
             if (height, width) == size
             else "calibrate each size by itself"
         ),

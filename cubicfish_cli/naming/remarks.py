@@ -68,7 +68,7 @@ class _Group:
         if not sizes:
             return [f"{names}: {first}"]
         columns, rows = max((max(size), min(size)) for size in sizes)
-        what = first.replace(" is left out", " are left out")
+        what = first.replace(" is left out", " are left out").replace(": fits no", ": they fit no")
         return [f"{names}: {len(sizes)} grids of up to {columns}x{rows} corners{what}"]
 
 

@@ -1,0 +1,95 @@
+"""One line when target.yaml is of another object: what photos show, what it has, what to do."""
+
+import numpy as np
+import pytest
+from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
+
+from cubicfish_cli.correspondences import Corners
+from cubicfish_cli.naming.decide import Verdict
+from cubicfish_cli.naming.miscounted import Count
+from cubicfish_cli.naming.name_grids import GridReport, Naming, Place
+from cubicfish_cli.naming.refusals import nothing_named, wrong_object
+from cubicfish_cli.target import Target
+
+LARGE = Target(
+    units="mm",
+    boards=(
+        checkerboard("floor", 9, 7, 30.0),
+        checkerboard("wall", 8, 6, 30.0, (0, 0, 300), (0, 1, 0), (0, 0, 1)),
+    ),
+)
+ONE = Target(units="mm", boards=(checkerboard("b", 9, 7, 30.0),))
+OTHER = "give the target.yaml of the object in the photos, or correct its corners"
+
+
+def report(size, verdict, corners=None):
+    place = Place(board=0, turn=0, column=0, row=0) if verdict is Verdict.NAMED else None
+    return GridReport(
+        verdict=verdict,
+        place=place,
+        corners=corners or size[0] * size[1],
+        size=size,
+        ratio=np.inf,
+        rms_px=0.1,
+    )
+
+
+def naming(*photos):
+    none = np.zeros(0, np.intp)
+    corners = Corners(
+        image_size=IMAGE_SIZE, images=(), boards=(), image=none, board=none, column=none,
+        row=none, pixel=np.zeros((0, 2)), weight=np.zeros(0),
+    )  # fmt: skip
+    return Naming(corners=corners, grids=photos, lens=None, exact=np.ones(len(photos), bool))
+
+
+@pytest.mark.parametrize("size", [(6, 4), (4, 6), (8, 7), (12, 10)])
+def test_one_grid_in_all_photos_that_is_no_board(size):
+    verdict = Verdict.TOO_LARGE if max(size) > 9 else Verdict.SLIDE
+    said = nothing_named(naming(*[(report(size, verdict),)] * 5), LARGE)
+    assert said == (
+        f"5 photos show grids of up to {max(size)}x{min(size)} inner corners, but target.yaml has "
+        f"boards of another size (floor 9x7, wall 8x6): {OTHER}, which are counted where four "
+        "squares meet"
+    )
+
+
+def test_parts_of_boards_are_not_another_object():
+    """Each photo shows another part: what is missing is an end."""
+    photos = [(report((6, number), Verdict.SLIDE),) for number in (3, 4, 5, 6)]
+    said = nothing_named(naming(*photos), LARGE)
+    assert "take photos that show two boards, or a board with its ends" in said
+    assert OTHER not in said
+
+
+def test_whole_boards_that_fit_nowhere_are_not_another_object():
+    photos = [(report((9, 7), Verdict.NO_FIT), report((8, 6), Verdict.NO_FIT))] * 4
+    said = nothing_named(naming(*photos), LARGE)
+    assert "check corners, square, origin and axes" in said
+
+
+@pytest.mark.parametrize(
+    ("size", "wrong"), [((9, 6), False), ((8, 7), False), ((7, 7), True), ((6, 4), True)]
+)
+def test_a_lone_board_that_is_off_by_more_than_a_line_is_another_one(size, wrong):
+    seen = naming(*[(report(size, Verdict.NAMED),)] * 3)
+    said = wrong_object(seen, [Count(board=0, size=size, photos=3)], ONE)
+    assert (said is not None) == wrong
+    if said:
+        assert said.startswith(
+            f"3 photos show grids of up to {size[0]}x{size[1]} inner corners, but target.yaml has "
+            "one board of another size (b 9x7): "
+        )
+
+
+def test_few_names_among_grids_that_are_too_large():
+    large, small = report((14, 12), Verdict.TOO_LARGE), report((5, 3), Verdict.NAMED)
+    photos = [(large, small)] * 4
+    assert "grids of up to 14x12" in wrong_object(naming(*photos), [], corner_of_three())
+
+
+def test_a_larger_board_in_the_background_is_no_other_object():
+    large, own = report((14, 12), Verdict.TOO_LARGE), report((7, 5), Verdict.NAMED)
+    photos = [(large, own, own)] * 4
+    assert wrong_object(naming(*photos), [], corner_of_three()) is None
+    assert wrong_object(naming(*photos), [], ONE) is None
