@@ -204,8 +204,11 @@ def test_wrong_usage_exits_with_2(
 @pytest.mark.parametrize(
     ("args", "message"),
     [
-        (["no.csv", "-t", TARGET], "no.csv cannot be read"),
-        ([CORNERS, "-t", "no.yaml"], "no.yaml cannot be read"),
+        (["no.csv", "-t", TARGET], "no.csv does not exist: check the name"),
+        (["--correspondences", "no.csv"], "no.csv does not exist: check the name"),
+        ([CORNERS, "-t", "no.yaml"], "no.yaml does not exist: check the name"),
+        ([SAMPLE / "photos", "-t", "no.yaml"], "no.yaml does not exist: check the name"),
+        ([SAMPLE / "photos", "no.jpg", "-t", TARGET], "no.jpg does not exist: check the name"),
         (["nowhere/", "-t", TARGET], "nowhere"),
         ([CORNERS, "-t", CORNERS], "true_corners.csv"),
         ([CORNERS, "-t", TARGET, "--size", "96x72"], "960x720 here, but 96x72 is expected"),

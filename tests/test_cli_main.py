@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
-from conftest import Run
+from conftest import SAMPLE, Run
 
 from cubicfish_cli import __version__
 from cubicfish_cli.cli.main import COMMANDS, cli
@@ -41,6 +41,27 @@ def test_help_is_quick() -> None:
 @pytest.mark.parametrize("args", [["--help"], ["calibrate", "-h"], ["project", "--help"]])
 def test_help_loads_no_heavy_library(args: list[str]) -> None:
     assert heavy_modules_after(*args) == "loaded:"
+
+
+@pytest.mark.parametrize(
+    "args",
+    [
+        ["calibrate"],
+        ["calibrate", "--correspondences", "no.csv"],
+        ["calibrate", "no.csv", "-t", "no.yaml"],
+        ["calibrate", str(SAMPLE / "photos"), "-t", "no.yaml"],
+        ["evaluate", "no.jpg", "-t", str(SAMPLE / "target.yaml")],
+    ],
+)
+def test_missing_files_are_told_before_anything_is_loaded(args: list[str]) -> None:
+    code = (
+        "import sys; from cubicfish_cli.cli.main import cli\n"
+        f"try: cli({args!r})\n"
+        f"except SystemExit: print('loaded:', *({set(HEAVY)!r} & sys.modules.keys()))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "name photos" in done.stderr or "does not exist" in done.stderr
+    assert done.stdout == "loaded:\n"
 
 
 def test_the_check_for_heavy_libraries_sees_them(calibrated: Path, tmp_path: Path) -> None:

@@ -18,7 +18,14 @@ from cubicfish_cli.cli.figures import (
     print_verdict,
     px,
 )
-from cubicfish_cli.cli.inputs import Pairs, load_pairs, photo_problems, say_photo_problems, why_lost
+from cubicfish_cli.cli.inputs import (
+    Pairs,
+    check_inputs,
+    load_pairs,
+    photo_problems,
+    say_photo_problems,
+    why_lost,
+)
 from cubicfish_cli.cli.made_by import made_at, made_by_record
 from cubicfish_cli.cli.options import (
     FILE,
@@ -143,13 +150,14 @@ def command(
     Everything is written together at the end, or nothing is. With --overwrite, what an earlier
     calibration left in the folder goes.
     """
+    if lift == "point" and compare:
+        raise click.UsageError("--compare is of cameras with rays: it goes with --lift ray")
+    check_inputs(inputs, correspondences=correspondences, target=target)
     from cubicfish_cli.advice.summary import summary
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.fitting.calibrate import calibrate
     from cubicfish_cli.fitting.verdict import verdict
 
-    if lift == "point" and compare:
-        raise click.UsageError("--compare is of cameras with rays: it goes with --lift ray")
     made_at()  # said before the work if it cannot be
     outputs = _outputs(output, inputs)
     if not (report and report_step.is_possible()):

@@ -10,7 +10,13 @@ import click
 
 from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_verdict, px
-from cubicfish_cli.cli.inputs import load_pairs, photo_problems, say_photo_problems, why_lost
+from cubicfish_cli.cli.inputs import (
+    check_inputs,
+    load_pairs,
+    photo_problems,
+    say_photo_problems,
+    why_lost,
+)
 from cubicfish_cli.cli.options import (
     FILE,
     Argument,
@@ -73,6 +79,7 @@ def command(
 
     The camera stays as it is; only the pose of each photo is fitted. No corner is dropped.
     """
+    check_inputs(inputs, correspondences=None, target=target)
     from cubicfish_cli.fitting.evaluate import evaluate
     from cubicfish_cli.fitting.verdict import evaluation_verdict
     from cubicfish_cli.formats.camera_yaml import load_camera

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from glob import has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +15,7 @@ from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.kept import cache_folder
 from cubicfish_cli.cli.options import verbosity
 from cubicfish_cli.cli.terminal import progress, say
+from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.wording import quoted
 
 if TYPE_CHECKING:
@@ -62,20 +65,50 @@ def load_pairs(
         CubicfishError: an input cannot be used.
 
     """
+    check_inputs(inputs, correspondences=correspondences, target=target)
     if correspondences is not None:
-        if inputs:
-            raise click.UsageError("give photos (or corners.csv) or --correspondences, not both")
         return _from_correspondences(correspondences, size)
-    if not inputs:
-        raise click.UsageError("name photos, a folder of photos, or a corners.csv")
-    tables = [path for path in inputs if path.suffix.lower() == ".csv"]
+    tables = _tables(inputs)
     if not tables:
         return _from_photos(inputs, _needed(target), jobs, no_cache)
-    if len(inputs) > 1:
-        raise click.UsageError(f"{quoted(str(tables[0]))} must be the only input, as all CSV files")
     if _holds_world_points(tables[0]):
         return _from_correspondences(tables[0], size)
     return _from_corners(tables[0], _needed(target), size)
+
+
+def check_inputs(
+    inputs: Sequence[Path], *, correspondences: Path | None, target: Path | None
+) -> None:
+    """Refuse at once, before anything is loaded or done, what cannot be read as pairs.
+
+    Raises:
+        click.UsageError: the inputs do not go together.
+        CubicfishError: one is not there.
+
+    """
+    if correspondences is not None:
+        if inputs:
+            raise click.UsageError("give photos (or corners.csv) or --correspondences, not both")
+        _refuse_missing([correspondences])
+        return
+    if not inputs:
+        raise click.UsageError("name photos, a folder of photos, or a corners.csv")
+    tables = _tables(inputs)
+    if tables and len(inputs) > 1:
+        raise click.UsageError(f"{quoted(str(tables[0]))} must be the only input, as all CSV files")
+    _refuse_missing(inputs)
+    if not (tables and _holds_world_points(tables[0])):
+        _refuse_missing([_needed(target)])
+
+
+def _tables(inputs: Sequence[Path]) -> list[Path]:
+    return [path for path in inputs if path.suffix.lower() == ".csv"]
+
+
+def _refuse_missing(paths: Sequence[Path]) -> None:
+    for path in paths:
+        if not os.path.lexists(path) and not has_magic(str(path)):
+            raise CubicfishError(f"{path} does not exist: check the name and the current folder")
 
 
 def _needed(target: Path | None) -> Path:
