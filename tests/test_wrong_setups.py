@@ -134,6 +134,35 @@ def test_rows_and_columns_exchanged_in_the_drawing(
     assert "board floor: rows and columns are exchanged: corners: [6, 9] for [9, 6]" in said
 
 
+@pytest.mark.parametrize("drawn", ["[10, 6]", "[9, 7]", "[8, 6]"])
+def test_a_line_of_corners_too_many_or_too_few_in_the_drawing(
+    run: Run,
+    tmp_path: Path,
+    photos: dict[str, np.ndarray],
+    drawn: str,
+) -> None:
+    said, record = from_photos(run, tmp_path, photos, 0, **{"[9, 6]": drawn})
+    (finding,) = record["findings"]
+    assert (finding["cause"], finding["boards"]) == ("corner_count", ["floor"])
+    columns, rows = drawn[1:-1].split(", ")
+    assert re.search(
+        "warning: photos show 9x6 inner corners of board floor "
+        rf"\(target.yaml says {columns}x{rows}\) \([234] of 4 photos show where it ends",
+        said,
+    ), said
+    assert record["verdict"]["level"] == "care"
+
+
+def test_the_target_of_another_object(
+    run: Run, tmp_path: Path, photos: dict[str, np.ndarray]
+) -> None:
+    changed = {"[9, 6]": "[12, 9]", "[8, 7]": "[13, 10]", "[7, 5]": "[12, 11]"}
+    changed |= {"[0, 37.5, 187.5]": "[-90, 0, 250]", "[187.5, 0, 137.5]": "[300, 120, 300]"}
+    said, _ = from_photos(run, tmp_path, photos, 1, **changed)
+    assert said.startswith("Error: 4 photos show grids of up to ")
+    assert "boards of another size (floor 12x9, left 13x10, right 12x11): give the target" in said
+
+
 def test_one_photo_under_several_names(
     run: Run, tmp_path: Path, photos: dict[str, np.ndarray]
 ) -> None:
