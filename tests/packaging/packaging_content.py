@@ -18,7 +18,7 @@ PROJECT = Path(__file__).parents[2]
 # What a checkout may hold besides: environments, caches, what was built before.
 _LEFT_OUT = re.compile(
     r"(^|/)(\.git|\.?venv[^/]*|build|dist|[^/]*\.egg-info|__pycache__|\.[a-z]+_cache|\.hypothesis"
-    r"|\.benchmarks|calibration)(/|$)|\.py[cod]$"
+    r"|\.benchmarks|(sample_)?calibration)(/|$)|\.py[cod]$"
 )
 # Only of use in the repository.
 _REPOSITORY_ONLY = re.compile(r"^(\.ci/|\.git)")
