@@ -207,5 +207,8 @@ def test_several_boards_are_said_in_one_line():
     counts = [Count(board=0, size=(9, 6), photos=8), Count(board=2, size=(7, 5), photos=5)]
     finding = miscounted(counts, target, 10)
     assert finding.boards == ("floor", "right")
-    assert "9x6 inner corners of board floor (target.yaml says 10x7) and 7x5" in finding.what
+    assert (
+        "9x6 inner corners of board floor (target.yaml says 10x7) and 7x5 of board right"
+        in finding.what
+    )
     assert finding.evidence.startswith("5 to 8 of 10 photos show where they end")

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.detection.grids import Grid
-from cubicfish_cli.fitting.diagnosis.finding import Finding
+from cubicfish_cli.fitting.diagnosis.finding import Finding, listed
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.naming.ends import ends_of, farthest_radius
 from cubicfish_cli.naming.name_grids import GridReport, Naming, Place, name_grids
@@ -147,9 +147,9 @@ def miscounted(counts: Sequence[Count], target: Target, photos: int) -> Finding 
         return None
     names = tuple(target.boards[count.board].name for count in counts)
     parts = [
-        f"{_times(*count.size)} inner corners of board {name} (target.yaml says "
-        f"{_times(target.boards[count.board].columns, target.boards[count.board].rows)})"
-        for count, name in zip(counts, names, strict=True)
+        f"{_times(*count.size)}{' inner corners' * (number == 0)} of board {name} (target.yaml "
+        f"says {_times(target.boards[count.board].columns, target.boards[count.board].rows)})"
+        for number, (count, name) in enumerate(zip(counts, names, strict=True))
     ]
     several = len(counts) > 1
     fewest, most = min(one.photos for one in counts), max(one.photos for one in counts)
@@ -157,7 +157,7 @@ def miscounted(counts: Sequence[Count], target: Target, photos: int) -> Finding 
     return Finding(
         cause="corner_count",
         level="care",
-        what=f"photos show {' and '.join(parts)}",
+        what=f"photos show {listed(parts, 'boards')}",
         evidence=f"{which} of {photos} photos show where {'they end' if several else 'it ends'}, "
         "none shows otherwise",
         do="correct corners in target.yaml (and origin, if it was of a corner that is not there) "
