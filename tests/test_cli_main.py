@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from conftest import SAMPLE, Run
 
 from cubicfish_cli import __version__
+from cubicfish_cli.cli import terminal
 from cubicfish_cli.cli.main import COMMANDS, cli
 from cubicfish_cli.errors import CameraFileError, FitError
 from cubicfish_cli.formats import camera_yaml
@@ -153,6 +154,16 @@ def test_what_is_missing_is_shown_in_its_place(run: Run, args: list[str], shown:
         f"Usage: cubicfish {' '.join(args[:2] if 'check' in args else args[:1])}"
     )
     assert said.endswith(f": '{shown}'\n")
+
+
+def test_wrong_usage_fits_the_terminal(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    args = ["undistort", "a.png", "b.png", "--hfov", "200"]
+    plain = run(*args, code=2).stderr
+    assert max(map(len, plain.splitlines())) > 100
+    monkeypatch.setattr(terminal, "columns_of", lambda stream: 60)
+    lines = run(*args, code=2).stderr.splitlines()
+    assert max(map(len, lines)) <= 60
+    assert " ".join(lines).split() == plain.split()
 
 
 def test_no_help_has_lost_its_lines(run: Run) -> None:

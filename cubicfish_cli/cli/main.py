@@ -7,10 +7,12 @@ work inside their bodies: help and usage errors answer at once.
 from __future__ import annotations
 
 import importlib
+import io
 import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import click
@@ -19,7 +21,7 @@ from cubicfish_cli import __version__
 from cubicfish_cli.cli.characters import safe
 from cubicfish_cli.cli.ending import EXIT_INTERRUPTED, EXIT_SIGNAL, Terminated
 from cubicfish_cli.cli.options import DEBUG_KEY, common_options, examples
-from cubicfish_cli.cli.terminal import Failure, say_interrupted
+from cubicfish_cli.cli.terminal import Failure, say_interrupted, tell
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.wording import did_you_mean
 
@@ -54,7 +56,18 @@ def _harmless() -> Iterator[None]:
         yield
     except click.ClickException as error:
         vars(error)["message"] = safe(error.message)
+        if isinstance(error, click.UsageError):
+            vars(error)["show"] = partial(_show_usage_error, error)
         raise
+
+
+def _show_usage_error(error: click.UsageError, file: Any = None) -> None:
+    """As click does, but with lines that fit the terminal."""
+    shown = io.StringIO()
+    type(error).show(error, shown)
+    usage, word, what = shown.getvalue().rstrip("\n").partition("Error: ")
+    click.echo(usage, file=file, err=True, nl=False)
+    tell(word + what)
 
 
 class LazyGroup(click.Group):
