@@ -240,6 +240,10 @@ def test_a_good_calibration_is_enough(fitted):
     assert said.enough
     assert (said.proposals, said.reasons, said.photos_needed) == ((), (), 0)
     assert summary(fitted.camera, record, fitted.pairs).startswith("enough photos: corners cover")
+    # Where the verdict asks for photos, nothing says that there are enough.
+    overfit = {**record, "held_out_rms_px": 9 * record["rms_px"] + 1}
+    line = summary(fitted.camera, overfit, fitted.pairs)
+    assert line.startswith("heed the verdict first; by the corners' noise alone photos are enough")
     assert "Enough" in advice_svg(said)
 
 

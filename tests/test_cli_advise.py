@@ -66,6 +66,20 @@ def test_the_goal_and_the_seed_are_asked_for(run: Run, calibrated: Path) -> None
     )
 
 
+def test_a_verdict_that_asks_for_photos_is_not_contradicted(
+    run: Run, calibrated: Path, tmp_path: Path
+) -> None:
+    camera = tmp_path / "camera.yaml"
+    text = (calibrated / "camera.yaml").read_text()
+    changed = text.replace("\n  held_out_rms_px: null\n", "\n  held_out_rms_px: 1.4\n")
+    assert changed != text
+    camera.write_text(changed)
+    given = ("--corners", SAMPLE / "true_corners.csv", "--target", TARGET)
+    said = " ".join(run("advise", camera, *given).stdout.split())
+    assert "Heed the verdict first: not to be trusted: on photos left out" in said
+    assert "Enough" not in said
+
+
 def test_corners_may_be_named(run: Run, poor: Path, tmp_path: Path) -> None:
     camera = tmp_path / "camera.yaml"
     text = (poor / "calibration" / "camera.yaml").read_text()

@@ -14,10 +14,10 @@ from cubicfish_cli.formats.camera_yaml import load_camera
 
 
 def test_the_two_figures() -> None:
-    whole = summed(np.arange(101.0))
-    assert whole == FieldUncertainty(median_px=50.0, p95_px=95.0)
-    assert whole.words == "50.000 px (1σ, median over the field; 95 % of it within 95.000 px)"
-    assert whole.as_record() == {"median_px": 50.0, "p95_px": 95.0}
+    whole = summed(np.arange(101.0) ** 2)
+    assert whole == FieldUncertainty(median_px=2500.0, p95_px=9025.0)
+    assert whole.words == "2500.000 px (1σ, median over the field; 95 % of it within 9025.000 px)"
+    assert whole.as_record() == {"median_px": 2500.0, "p95_px": 9025.0}
 
 
 def test_what_records_say() -> None:

@@ -212,10 +212,18 @@ def test_letters_have_room_on_small_pages_too(html: str) -> None:
     css = html[: html.index("</style>")]
     larger = float(re.findall(r"figure svg text \{ font-size: ([0-9.]+)px", css)[0])
     assert larger > 12
-    for name in ("uncertainty", "places"):
+    with svg.drawing():
+        figure = svg.new_figure(100)
+        figures._scale_bar(figure, ["#123456"] * 7, [f"0.01{i}5" for i in range(8)], "px")
+        long = svg.svg_text(figure, "long", "long labels")
+    for name, bar in (
+        ("uncertainty", drawing(html, "uncertainty")),
+        ("places", drawing(html, "places")),
+        ("long", long),
+    ):
         labels = re.findall(
             r'<text style="font-size: 9.5px; text-anchor: middle[^>]* x="([0-9.]+)"[^>]*>([^<]+)',
-            drawing(html, name),
+            bar,
         )
         assert len(labels) > 2, name
         widest = 0.62 * larger * max(len(text) for _, text in labels)

@@ -9,8 +9,10 @@ from cubicfish_cli.advice.advise import default_goal, why_not_enough
 from cubicfish_cli.advice.gaps import find_gaps
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.field_uncertainty import recorded
+from cubicfish_cli.fitting.verdict import verdict
 from cubicfish_cli.model.cubic import CubicCamera
 
+NOISE_ALONE = "heed the verdict first; by the corners' noise alone"
 _PARTS = 2
 
 
@@ -30,9 +32,10 @@ def summary(camera: CubicCamera, fit: Mapping[str, Any], pairs: Correspondences)
     if not reasons:
         known = f", and 95 % of it is certain to {now.p95_px:.3f} px" if now else ""
         wanted = f" ({goal:g} px are wanted)" if now else ""
-        return (
-            f"enough photos: corners cover {100 * gaps.coverage:.0f} % of the field{known}{wanted}"
-        )
+        # The corners' noise may ask for no more photos, and held-out errors for some all the same.
+        judged = verdict(fit, camera.image_size, camera.outline())
+        begin = f"{NOISE_ALONE} photos are enough" if judged.asks_for_photos else "enough photos"
+        return f"{begin}: corners cover {100 * gaps.coverage:.0f} % of the field{known}{wanted}"
     where = "; ".join(part.words for part in gaps.parts[:_PARTS])
     next_ones = f"next, put the object there: {where}" if where else f"more photos: {reasons[0]}"
     return f"{next_ones} ('cubicfish advise' says from where)"

@@ -10,6 +10,7 @@ import click
 
 from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.numbers import FloatRange, IntRange
 from cubicfish_cli.cli.options import (
     FILE,
     Argument,
@@ -26,6 +27,7 @@ from cubicfish_cli.cli.terminal import print_json, result, say, working
 
 if TYPE_CHECKING:
     from cubicfish_cli.advice.advise import Advice, Proposal
+    from cubicfish_cli.fitting.verdict import Verdict
     from cubicfish_cli.report.facts import Facts
 
 # What to name, and how, where corners are lacking.
@@ -79,14 +81,14 @@ _MOST_PARTS = 4
 )
 @click.option(
     "--goal",
-    type=click.FloatRange(min=0, min_open=True),
+    type=FloatRange(min=0, min_open=True),
     metavar="PX",
     help="The uncertainty wanted over the field. [default: 0.2, more for photos of more than 2000 "
     "pixels a side]",
 )
 @click.option(
     "--seed",
-    type=click.IntRange(0),
+    type=IntRange(0),
     default=0,
     show_default=True,
     metavar="N",
@@ -162,7 +164,7 @@ def command(
             }
         )
         return
-    _print(advice)
+    _print(advice, facts.verdict)
     for path in written:
         result(f"wrote {path}")
 
@@ -186,7 +188,7 @@ def _facts(camera_file: Path, target: Path | None, corners: Path | None) -> Fact
     )
 
 
-def _print(advice: Advice) -> None:
+def _print(advice: Advice, judged: Verdict) -> None:
     from cubicfish_cli.fitting.findings import COVERED
 
     result(f"{count(advice.photos, 'photo')}, {count(len(advice.pixel), 'corner')}")
@@ -197,7 +199,11 @@ def _print(advice: Advice) -> None:
         )
     result(f"{'coverage':<12}{100 * advice.gaps.coverage:>5.0f} %   {COVERED}\n")
     if advice.enough:
-        result("Enough: more photos are not needed.")
+        if judged.asks_for_photos:
+            _paragraph(f"Heed the verdict first: {judged.line}.")
+            result("By the corners' noise alone more photos are not needed.")
+        else:
+            result("Enough: more photos are not needed.")
         result("Smaller uncertainty can be asked for with --goal.\n")
     else:
         _paragraph("Not enough: " + "; ".join(advice.reasons) + ".")

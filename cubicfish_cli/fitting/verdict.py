@@ -83,6 +83,11 @@ class Verdict:
         return WORDS[self.level]
 
     @property
+    def asks_for_photos(self) -> bool:
+        """Whether a reason says to take photos, more or others."""
+        return any(reason.do.startswith("take ") for reason in self.reasons)
+
+    @property
     def line(self) -> str:
         """All in one line: the word, and the figures or the first reason."""
         if not self.reasons:
