@@ -4,7 +4,8 @@
 
 Each case is run through the command line on corners of projected synthetic truth. ``named``:
 what is said names the cause; ``noticed``: something is said, or the verdict is not good, but not
-for the right cause; ``silent``: nothing. For right set-ups ``alarms`` counts findings of any kind.
+for the right cause; ``silent``: nothing. Of right set-ups all findings are false alarms; those of
+the level ``note`` say nothing against the camera.
 """
 
 from __future__ import annotations
@@ -70,7 +71,9 @@ def _nth(number: int, seed: int) -> tuple[str, str]:
 
 def _good(kind: int) -> tuple[list[str], str]:
     words, record = said(wrong_setups.good(np.random.default_rng([99, kind]), kind))
-    return [finding["cause"] for finding in record.get("findings", [{"cause": "stopped"}])], words
+    stopped = [{"cause": "stopped", "level": "bad"}]
+    found = record.get("findings", stopped)
+    return [f"{finding['cause']} ({finding['level']})" for finding in found], words
 
 
 def main() -> None:
@@ -100,7 +103,8 @@ def main() -> None:
         alarms = list(pool.map(_good, range(options.good)))
         if options.good:
             loud = [alarm for alarm, _ in alarms if alarm]
-            print(f"\n{options.good} right set-ups: {len(loud)} with findings")
+            warned = sum(any("note" not in one for one in alarm) for alarm in loud)
+            print(f"\n{options.good} right set-ups: {len(loud)} with findings, {warned} warnings")
             for kind, (alarm, words) in enumerate(alarms):
                 if alarm or options.show:
                     print(f"  {kind}: {alarm}: " + words.replace("\n", "\n    "))

@@ -545,7 +545,11 @@ def sheared(rng: np.random.Generator, shear: float) -> SetUp:
 
 
 def good(rng: np.random.Generator, kind: int) -> SetUp:
-    """Right set-ups of varied kinds: objects, lenses, noise, slightly uneven prints and walls."""
+    """Right set-ups of varied kinds: objects, lenses of 60° to 220°, noise, few and many photos.
+
+    Of some the prints, boards and walls are a little off, some photos are dim, or photos are
+    taken from near a few places.
+    """
     kinds: list[Callable[[], Target]] = [
         corner_of_half_a_metre,
         synthetic.box_of_four,
@@ -554,33 +558,57 @@ def good(rng: np.random.Generator, kind: int) -> SetUp:
         synthetic.corner_of_three,
     ]
     target = kinds[kind % len(kinds)]()
-    noise = (0.05, 0.1, 0.3)[kind // len(kinds) % 3]
-    corners = photos(rng, target, noise=noise)
-    drawn = target
-    if kind // 15 % 2:  # measured by hand: prints and walls are a little off
+    lens = lens_of(rng, field_deg=rng.uniform(60, 220))
+    shift = rng.normal(0, 20, 2)
+    lens = replace(lens, cx=lens.cx + shift[0], cy=lens.cy + shift[1])
+    count = int(rng.choice([5, 8, 12, 20, 40]))
+    poses = poses_of(rng, target, count, lens)
+    if kind // 5 % 4 == 1:
+        poses = near_a_few(rng, poses)
+    real = drawn = target
+    if kind // 5 % 2:  # measured by hand: prints, boards and walls are a little off
+        real = bent_by(rng, target, 0.3)
         for index, board in enumerate(target.boards):
             drawn = with_board(drawn, index, square=board.square * (1 + rng.normal(0, 0.0005)))
             if len(target.boards) > 1:
                 drawn = turned(shifted(drawn, index, 0.2, rng), index, 0.03, rng)
+    noise = float(np.exp(rng.uniform(np.log(0.05), np.log(0.5))))
+    corners = photos(rng, real, noise=noise, lens=lens, poses=poses)
+    if kind % 3 == 0:
+        dim = own(corners, some_photos(rng, corners, 0.3))
+        extra = 3 * noise * rng.standard_normal(corners.pixel.shape)
+        corners = moved(corners, dim, lambda pixel: pixel + extra[dim])
     return SetUp(target=drawn, corners=corners)
+
+
+def near_a_few(rng: np.random.Generator, poses: list[Pose]) -> list[Pose]:
+    """As many poses, all near the first few."""
+    return [
+        (
+            poses[number % 4][0] + 0.05 * rng.standard_normal(3),
+            poses[number % 4][1] * (1 + 0.05 * rng.standard_normal(3)),
+        )
+        for number in range(len(poses))
+    ]
+
+
+def bent_by(rng: np.random.Generator, target: Target, size: float) -> Target:
+    """The object with boards bent by up to ``size`` mm, and twisted by two thirds of it."""
+    for index, board in enumerate(target.boards):
+        shape = BoardShape(
+            bend=rng.uniform(-size, size, 2),
+            twist=float(rng.uniform(-2, 2) * size / 3),
+            stretch=rng.normal(0, size * 0.001 / 3, 2),
+            offsets=np.zeros((board.rows, board.columns, 3)),
+        )
+        target = with_board(target, index, shape=shape)
+    return target
 
 
 def bent(rng: np.random.Generator) -> SetUp:
     """Boards on cardboard, bent and twisted by up to 3 mm where the drawing has them flat."""
     target = corner_of_half_a_metre()
-    shapes = [
-        BoardShape(
-            bend=rng.uniform(-3, 3, 2),
-            twist=float(rng.uniform(-2, 2)),
-            stretch=rng.normal(0, 0.001, 2),
-            offsets=np.zeros((board.rows, board.columns, 3)),
-        )
-        for board in target.boards
-    ]
-    real = target
-    for index, shape in enumerate(shapes):
-        real = with_board(real, index, shape=shape)
-    return SetUp(target=target, corners=photos(rng, real))
+    return SetUp(target=target, corners=photos(rng, bent_by(rng, target, 3.0)))
 
 
 def noisy(rng: np.random.Generator) -> SetUp:
