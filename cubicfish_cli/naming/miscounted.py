@@ -39,9 +39,10 @@ _LINE_SHARE, _LINE_CORNERS = 0.6, 3
 # them must show it, whatever the others leave open.
 _LOOKED_AT = 20
 _SHOWN_SHARE = 0.25
-# Nearly all of them must agree, to so much of a square, on where the squares end: where a whole
-# one does, or where the board's other ends are too. A strip that covers a board has no such end.
+# Nearly all of them must agree, to so much of a square, on where the squares end; and so near must
+# that be to the board's other ends. A strip that covers a board has its own end.
 _AGREE_SHARE, _AGREE_SQUARES = 0.8, 0.15
+_OTHERS_SQUARES = 0.08
 # A grid fills its box when it has so much of it.
 _FILLED = 0.9
 # Grids that are larger than drawn must have a place on the enlarged board, so many of them.
@@ -60,12 +61,15 @@ class Count:
         board: index into the target's boards.
         size: columns and rows that are seen.
         photos: in how many photos.
+        sure: whether the columns are surely so many, and the rows; else they are as drawn, and
+            photos do not tell.
 
     """
 
     board: int
     size: tuple[int, int]
     photos: int
+    sure: tuple[bool, bool] = (True, True)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -146,11 +150,7 @@ def miscounted(counts: Sequence[Count], target: Target, photos: int) -> Finding 
     if not counts:
         return None
     names = tuple(target.boards[count.board].name for count in counts)
-    parts = [
-        f"{_times(*count.size)}{' inner corners' * (number == 0)} of board {name} (target.yaml "
-        f"says {_times(target.boards[count.board].columns, target.boards[count.board].rows)})"
-        for number, (count, name) in enumerate(zip(counts, names, strict=True))
-    ]
+    parts = [_words(count, target.boards[count.board]) for count in counts]
     several = len(counts) > 1
     fewest, most = min(one.photos for one in counts), max(one.photos for one in counts)
     which = f"{most}" if fewest == most else f"{fewest} to {most}"
@@ -164,6 +164,17 @@ def miscounted(counts: Sequence[Count], target: Target, photos: int) -> Finding 
         "and run it again",
         boards=names,
     )
+
+
+def _words(count: Count, board: Board) -> str:
+    drawn = board.columns, board.rows
+    if all(count.sure):
+        what, says = f"{_times(*count.size)} inner corners", _times(*drawn)
+    else:
+        axis = 0 if count.sure[0] else 1
+        what = f"{count.size[axis]} {('columns', 'rows')[axis]} of inner corners"
+        says = f"{drawn[axis]}"
+    return f"{what} of board {board.name} (target.yaml says {says})"
 
 
 def _times(columns: int, rows: int) -> str:
@@ -310,7 +321,7 @@ def _alone(index: int, board: Board, sights: Sequence[_Sight], shows: _Look) -> 
         return None
     same = [sight for sight in whole if _ordered(sight.size, board) == size]
     ends = _ends(same, list(_sides()), shows)
-    if ends is None or not _agree(ends, np.ravel(ends)):
+    if ends is None or not _agree(ends, ends):
         return None
     return Count(board=index, size=size, photos=len(ends))
 
@@ -333,17 +344,19 @@ def _among_others(index: int, board: Board, sights: Sequence[_Sight], shows: _Lo
     for side, own in ends.items():
         if own is None:
             continue
-        if not _agree(own, np.ones(1)):
-            others = [_ends(at[other], [other], shows) for other in _sides() if other not in short]
-            others = [other for other in others if other is not None]
-            if not others or not _agree(own, np.concatenate(others)):
-                continue
+        at_others = [_ends(at[other], [other], shows) for other in _sides() if other not in short]
+        others = [other for other in at_others if other is not None]
+        if not _agree(own, np.concatenate(others) if others else np.ones((1, 1))):
+            continue
         drawn[side] = seen[side]
         photos = max(photos, len(own))
     if not photos:
         return None
     columns, rows = (drawn[:, 1] - drawn[:, 0] + 1).tolist()
-    return Count(board=index, size=(columns, rows), photos=photos)
+    sure = (seen == drawn).all(axis=1)
+    return Count(
+        board=index, size=(columns, rows), photos=photos, sure=(bool(sure[0]), bool(sure[1]))
+    )
 
 
 def _ends(sights: Sequence[_Sight], sides: Sequence[Side], shows: _Look) -> FloatArray | None:
@@ -364,9 +377,10 @@ def _ends(sights: Sequence[_Sight], sides: Sequence[Side], shows: _Look) -> Floa
 
 
 def _agree(ends: FloatArray, others: FloatArray) -> bool:
-    """Whether squares end where others do, as seen in nearly all photos."""
-    near = np.abs(ends - np.median(others)) < _AGREE_SQUARES
-    return bool(near.all(axis=1).mean() >= _AGREE_SHARE)
+    """Whether ends (P, S) are the same in nearly all photos, and where others (Q, T) are."""
+    usual = np.median(ends, axis=0)
+    same = (np.abs(ends - usual) < _AGREE_SQUARES).all(axis=1).mean() >= _AGREE_SHARE
+    return bool(same and (np.abs(usual - np.median(others)) < _OTHERS_SQUARES).all())
 
 
 def _ordered(size: tuple[int, int], board: Board) -> tuple[int, int]:
@@ -416,7 +430,13 @@ def _larger(
                 ]
                 photos = _with_place(larger, grids, target, index, axis, image_size, images)
             if photos:
-                found.append(Count(board=index, size=size, photos=photos))
+                whole = any(
+                    sorted(naming.grids[photo][number].size) == sorted(size)
+                    for photo, number in larger
+                )
+                other = whole and not any(_exceeds(report, size) for *_, report in lost)
+                sure = (True, other) if axis == 0 else (other, True)
+                found.append(Count(board=index, size=size, photos=photos, sure=sure))
                 break
     return found
 
@@ -424,6 +444,11 @@ def _larger(
 def _spans(report: GridReport, length: int, most: int) -> bool:
     """Whether a grid is so long, and at most so wide."""
     return any(own == length and other <= most for own, other in (report.size, report.size[::-1]))
+
+
+def _exceeds(report: GridReport, size: tuple[int, int]) -> bool:
+    """Whether a grid is larger than a board of this size, any way round."""
+    return bool(np.any(np.greater(sorted(report.size), sorted(size))))
 
 
 def _outnumbering(larger: Sequence[tuple[int, int]], naming: Naming, board: Board) -> int:

@@ -87,8 +87,6 @@ def wrong_object(naming: Naming, counts: Sequence[Count], target: Target) -> str
             np.abs(np.subtract(count.size, (boards[0].columns, boards[0].rows))) for count in counts
         ]
         return another_object(naming, target) if any(one.sum() > 1 for one in off) else None
-    if counts:
-        return None
     grids = [grid for own in naming.grids for grid in own if grid.corners >= _FEWEST_CORNERS]
     corners = sum(grid.corners for grid in grids)
     beyond = sum(grid.corners for grid in grids if grid.verdict is Verdict.TOO_LARGE)
