@@ -78,12 +78,25 @@ def all_seeds() -> Sequence[bytes]:
     ]
 
 
+def colmap_text_seeds() -> Sequence[bytes]:
+    """A cameras.txt as exported, and one for each model."""
+    rows = [
+        " ".join(map(str, (1, name, *SIZE, *_parameters(model.parameters))))
+        for name, model in COLMAP_MODELS.items()
+    ]
+    return [*exported_seeds("colmap"), *(f"# CAMERA_ID, MODEL\n{row}\n".encode() for row in rows)]
+
+
 def colmap_binary_seeds() -> Sequence[bytes]:
     """A cameras.bin for each model."""
     seeds = []
     for model in COLMAP_MODELS.values():
-        core = {"f": 300.0, "fx": 300.0, "fy": 301.0, "cx": 320.0, "cy": 240.0, "omega": 0.9}
-        values = [{**core, "alpha": 0.6, "beta": 1.1}.get(key, 1e-3) for key in model.parameters]
+        values = _parameters(model.parameters)
         head = struct.pack("<QIiQQ", 1, 1, model.number, *SIZE)
         seeds.append(head + struct.pack(f"<{len(values)}d", *values))
     return seeds
+
+
+def _parameters(names: Sequence[str]) -> list[float]:
+    known = {"f": 300.0, "fx": 300.0, "fy": 301.0, "cx": 320.0, "cy": 240.0, "omega": 0.9}
+    return [{**known, "alpha": 0.6, "beta": 1.1}.get(name, 1e-3) for name in names]

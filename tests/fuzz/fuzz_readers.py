@@ -9,7 +9,6 @@ from pathlib import Path
 
 import cv2
 import fuzz_foreign as foreign
-import fuzz_imported as imported
 import fuzz_lenses as lenses
 import numpy as np
 
@@ -222,7 +221,7 @@ READERS = {
     },
     "cameras.txt": Reader(
         read=lenses.look_through("colmap"),
-        seeds=lambda: lenses.exported_seeds("colmap"),
+        seeds=lenses.colmap_text_seeds,
         suffix=".txt",
     ),
     "cameras.bin": Reader(
@@ -243,28 +242,6 @@ READERS = {
     ),
     "any camera": Reader(
         read=lenses.look_through(None), seeds=lenses.all_seeds, suffix="", words=lenses.KEYS
-    ),
-    "OpenCV FileStorage": Reader(
-        read=imported.look_through("opencv"), seeds=imported.opencv_seeds, suffix=".yml"
-    ),
-    "ROS CameraInfo": Reader(
-        read=imported.look_through("ros"), seeds=lambda: imported.seeds("ros"), suffix=".yaml"
-    ),
-    "Kalibr camchain": Reader(
-        read=imported.look_through("kalibr"),
-        seeds=lambda: imported.seeds("kalibr-pinhole-equi"),
-        suffix=".yaml",
-    ),
-    "COLMAP cameras.txt": Reader(
-        read=imported.look_through("colmap"), seeds=imported.colmap_text_seeds, suffix=".txt"
-    ),
-    "COLMAP cameras.bin": Reader(
-        read=imported.look_through(None), seeds=imported.colmap_binary_seeds, suffix=".bin"
-    ),
-    "nerfstudio": Reader(
-        read=imported.look_through("nerfstudio"),
-        seeds=lambda: imported.seeds("nerfstudio"),
-        suffix=".json",
     ),
     ".orpc": Reader(read=foreign.read_corners, seeds=foreign.orpc_seeds, suffix=".orpc"),
     "corners.vnl": Reader(read=foreign.read_corners, seeds=foreign.vnlog_seeds, suffix=".vnl"),
