@@ -13,7 +13,7 @@ from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange, IntRange
 from cubicfish_cli.cli.options import (
     FILE,
-    Argument,
+    calibration_argument,
     common_options,
     examples,
     json_option,
@@ -50,14 +50,7 @@ _MOST_PARTS = 4
         "cubicfish advise --goal 0.05 --poses next.csv",
     ),
 )
-@click.argument(
-    "calibration",
-    type=FILE,
-    required=False,
-    metavar="[FOLDER|CAMERA_YAML]",
-    cls=Argument,
-    meaning="The folder that calibrate wrote, or the camera's file in it. [default: --model]",
-)
+@calibration_argument
 @model_option
 @target_option
 @click.option(

@@ -128,6 +128,15 @@ model_option = click.option(
     help="The camera. [default: $CUBICFISH_MODEL, else calibration/camera.yaml]",
 )
 
+calibration_argument = click.argument(
+    "calibration",
+    type=FILE,
+    required=False,
+    metavar="[FOLDER|CAMERA_YAML]",
+    cls=Argument,
+    meaning="The folder that calibrate wrote, or the camera's file in it. [default: --model]",
+)
+
 
 class JsonOption(click.Option):
     """``--json``, and what the object holds: key -> meaning."""

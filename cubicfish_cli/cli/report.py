@@ -11,7 +11,7 @@ from cubicfish_cli.cli.figures import print_verdict
 from cubicfish_cli.cli.kept import keep_fonts
 from cubicfish_cli.cli.options import (
     FILE,
-    Argument,
+    calibration_argument,
     common_options,
     examples,
     json_option,
@@ -32,14 +32,7 @@ from cubicfish_cli.cli.terminal import print_json, result, say, working
         "cubicfish report --model camera.yaml --target target.yaml --overwrite",
     ),
 )
-@click.argument(
-    "calibration",
-    type=FILE,
-    required=False,
-    metavar="[FOLDER|CAMERA_YAML]",
-    cls=Argument,
-    meaning="The folder that calibrate wrote, or the camera's file in it. [default: --model]",
-)
+@calibration_argument
 @model_option
 @target_option
 @click.option(
