@@ -266,6 +266,13 @@ def test_the_picture_shows_each_proposal(advice):
     ElementTree.fromstring(advice_svg(replace(advice, target=hostile)))
 
 
+def test_a_map_alone_is_as_wide_as_itself(advice):
+    wide = ElementTree.fromstring(advice_svg(advice))
+    alone = ElementTree.fromstring(advice_svg(replace(advice, proposals=())))
+    assert float(alone.get("width")) < 0.6 * float(wide.get("width"))
+    assert alone.get("viewBox").split()[2] == alone.get("width")
+
+
 @pytest.mark.parametrize("goal", [0.09, 0.26257])
 def test_words_stay_within_their_panels(advice, goal):
     root = ElementTree.fromstring(advice_svg(replace(advice, goal_px=goal)))

@@ -57,6 +57,7 @@ def advice_svg(advice: Advice) -> str:
     panels = [_map(advice, scale), *_photos(advice, scale)]
     below = [_map_lines(advice), *map(_photo_lines, advice.proposals)]
     rows = [range(first, min(first + 2, len(panels))) for first in range(0, len(panels), 2)]
+    across = _WIDTH if len(panels) > 1 else 2 * _MARGIN + _PANEL
     lines, top = [], _MARGIN
     for row in rows:
         for number in row:
@@ -77,8 +78,8 @@ def advice_svg(advice: Advice) -> str:
         top += tall + _LINE * (1.2 + max(lengths)) + 6
     return "\n".join(
         [
-            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH:.0f} {top:.0f}" '
-            f'width="{_WIDTH:.0f}" height="{top:.0f}">',
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {across:.0f} {top:.0f}" '
+            f'width="{across:.0f}" height="{top:.0f}">',
             "<title>What to photograph next</title>",
             f"<style>\n{_STYLE}\n</style>",
             '<defs><pattern id="hatch" width="14" height="14" patternUnits="userSpaceOnUse" '
@@ -88,7 +89,7 @@ def advice_svg(advice: Advice) -> str:
             f'</clipPath><clipPath id="field"><path d="{_path(advice.camera.outline())}"/>'
             f'</clipPath><clipPath id="reach"><path d="{_path(rim_of(advice.camera))}"/>'
             "</clipPath></defs>",
-            f'<rect class="page" width="{_WIDTH:.0f}" height="{top:.0f}"/>',
+            f'<rect class="page" width="{across:.0f}" height="{top:.0f}"/>',
             *lines,
             "</svg>",
             "",
