@@ -402,6 +402,15 @@ def test_photos_that_were_left_out_show_their_own_lens(pairs):
     assert left_out_lens(LENS, pairs, 0.1, order=["x", *pairs.images]) is None
 
 
+@pytest.mark.parametrize("size", [0.0, 0.003])
+def test_odd_photos_are_compared_with_a_lens_that_knows_none_of_them(size):
+    """Three of them hide each other beside a lens and poses that were fitted to all."""
+    number = next(i for i, case in enumerate(wrong.CASES) if "sheared by 0.3 %" in case.name)
+    corners = wrong.sheared(np.random.default_rng([number, 2]), size).corners
+    found = calibrate(synthetic.pair(corners, TARGET), hold_out=False).findings
+    assert [one.images for one in found] == [("03.png", "08.png", "09.png")] * (size > 0)
+
+
 # Many photos, of which a few are looked at first
 
 
@@ -537,6 +546,16 @@ def test_nothing_is_said_of_a_photo_that_no_board_explains():
     pairs = one_photo()
     pixel = pairs.pixel + np.random.default_rng(0).normal(0, 5, pairs.pixel.shape)
     assert board_fault(LENS, replace(pairs, pixel=pixel), TARGET, 1.0, 0.1) is None
+
+
+def test_a_blurred_photo_has_no_board_that_moved():
+    """A few corners of one board are fitted by a pose whatever they are."""
+    pairs = one_photo()
+    few, _ = select(pairs, (pairs.board != 0) | (pairs.column < 2) & (pairs.row < 4))
+    few, _ = select(few, few.board != 1)
+    for seed in range(5):
+        pixel = few.pixel + np.random.default_rng(seed).normal(0, 0.9, few.pixel.shape)
+        assert board_fault(LENS, replace(few, pixel=pixel), TARGET, 1.0, 0.1) is None
 
 
 # Where there is no fit

@@ -22,6 +22,8 @@ _MOST_STEPS = 3
 _FEWEST_CORNERS = 8
 # A corner under its right name is within this many standard deviations.
 _NEAR = 6.0
+# A board that moved is as sharp as the others: this many times as noisy, photos are blurred.
+_CLEAN = 3.0
 
 
 def board_fault(
@@ -55,6 +57,13 @@ def board_fault(
                            scale, noise)  # fmt: skip
         photo = pairs.images[0]
         if found is None:
+            # Corners that are no clean board by themselves are blurred, and say nothing of a place.
+            alone, _, _ = fit_poses(camera, own)
+            if (
+                alone is None
+                or noise_px(np.vstack([fit.residual, alone.residual])) > _CLEAN * noise
+            ):
+                continue
             return Finding(
                 cause="board_place",
                 level="note",

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.companion import fit_companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import fit_cubic
 from cubicfish_cli.fitting.diagnosis.few_photos import enough_photos, fit_of_few, spread_out
@@ -26,10 +27,12 @@ from cubicfish_cli.fitting.diagnosis.photo_lenses import (
     two_lenses,
     zoomed_photos,
 )
+from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.refinement import ObjectFit
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select_photos
+from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.radial import RadialCamera
 
 FloatArray = npt.NDArray[np.float64]
@@ -49,6 +52,8 @@ _SURE_FOCAL = 0.03
 # Lenses whose scales differ by less are told apart by their centres only.
 _SAME_FOCAL = 0.003
 _TYPICAL_NOISE = 4.0
+# Wide enough to feel every corner while a pose is off.
+_WIDE_HUBER_PX = 10.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -332,9 +337,24 @@ def _without(fit: ObjectFit, suspects: npt.NDArray[np.intp]) -> PhotoLenses | No
         cubic = fit_cubic(
             companion, weight=fit.cubic.prior_weight, relative_decrease=_ROUGH_DECREASE
         )
+        poses = fit.cubic.poses.with_photos(good, cubic.poses)
+        # Beside their poses under the other lens, photos would look grossly wrong all over.
+        left_out = np.setdiff1d(np.arange(len(poses)), good)
+        camera = CubicCamera(
+            image_size=pairs.image_size,
+            P=cubic.lens.P,
+            max_angle_deg=cubic.max_angle_deg,
+            radial=companion.camera,
+        )
+        placed = adjust(
+            FixedLens(camera=camera),
+            poses[left_out],
+            select_photos(pairs, left_out),
+            huber_px=_WIDE_HUBER_PX,
+        )
     except (FitError, np.linalg.LinAlgError):
         return None
-    poses = fit.cubic.poses.with_photos(good, cubic.poses)
+    poses = poses.with_photos(left_out, placed.poses)
     photos = photo_lenses(cubic.lens, poses, pairs, pairs.world)
     return photos if np.isfinite(photos.own).all() else None
 
