@@ -317,6 +317,14 @@ def test_photos_through_one_lens_are_not_split(wild):
     assert min(chance) > 1e-4
 
 
+def test_noisier_photos_are_not_odd():
+    photos = own_lenses(np.random.default_rng(14))
+    noisier = np.where(np.isin(np.arange(14), [2, 9, 11]), 5.0, 1.0)
+    own, squares = photos.own * noisier[:, None], photos.squares * noisier**2
+    dim = replace(photos, own=own, squares=squares)
+    assert min(one.chance for one in sheared_photos(dim) + zoomed_photos(dim)) > 1e-3
+
+
 @pytest.mark.parametrize("kind", ["order", "mixed"])
 def test_two_lenses_are_told_apart_with_their_photos(kind):
     rng = np.random.default_rng(12)

@@ -233,7 +233,9 @@ def _unlike(photos: PhotoLenses, terms: slice) -> list[Unlike]:
     weight = _marginal(photos.information, terms)
     own = photos.own[:, terms]
     size = own.shape[1]
-    noise = np.median(photos.squares / np.maximum(photos.numbers, 1))
+    noise = photos.squares / np.maximum(photos.numbers, 1)
+    # A photo in dim light is noisier than the others, and nothing else.
+    noise = np.maximum(noise, np.median(noise))
     typical = np.median(own, axis=0)
     off = own - typical
     distance = np.einsum("ki,kij,kj->k", off, weight, off) / (size * noise)
