@@ -148,7 +148,8 @@ def test_pictures_are_the_same_to_the_byte(
     assert contents(tmp_path / "there") == contents(tmp_path / "here")
     assert len(contents(tmp_path / "there")) == 10
     assert there.stdout == here.stdout.replace("here", "there")
-    assert there.stderr == f"Using 2 workers with 2 threads at {processes.address}.\n"
+    using = f"Using 2 workers with 2 threads at {processes.address}.\n"
+    assert there.stderr == using + here.stderr
     again = run(*args, "there", "--scheduler", processes.address, code=1)
     assert "exists already" in again.stderr
     done = run(*args, "there", "--skip-existing", "--scheduler", "tcp://127.0.0.1:9")
