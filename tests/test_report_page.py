@@ -222,7 +222,8 @@ def test_letters_have_room_on_small_pages_too(html: str) -> None:
         ("long", long),
     ):
         labels = re.findall(
-            r'<text style="[^"]*font-size: 9.5px; text-anchor: middle[^>]* x="([0-9.]+)"[^>]*>([^<]+)',
+            r'<text style="[^"]*font-size: 9.5px; text-anchor: middle[^>]*'
+            r' x="([0-9.]+)"[^>]*>([^<]+)',
             bar,
         )
         assert len(labels) > 2, name
