@@ -1,6 +1,7 @@
 """The real program, in an environment of which nothing lies outside one folder."""
 
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -40,7 +41,13 @@ def start_program(args: Sequence[str], folder: Path) -> subprocess.Popen[bytes]:
             stdout=printed,
             stderr=said,
             start_new_session=True,
+            preexec_fn=_hear_interrupts,
         )
+
+
+def _hear_interrupts() -> None:
+    """Ctrl-C counts for the program, also where this one was started so as to be deaf to it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def said(folder: Path) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from fault_equal import same_files
-from fault_kills import SIGNALS, Undisturbed, kill_once, not_right, run_undisturbed
+from fault_kills import SIGNALS, Tally, Undisturbed, kill_once, not_right, run_undisturbed
 from fault_places import PROBLEMS
 from fault_scenarios import SCENARIOS, Scenario, prepared
 
@@ -45,6 +45,20 @@ def test_a_parent_that_is_killed_takes_its_workers_along(tmp_path: Path) -> None
     with prepared(scenario, tmp_path):
         wrong = kill_once(scenario, tmp_path, usual, signal.SIGKILL, _Late())
     assert [line for line in wrong if "processes stay" in line] == []
+
+
+def test_ctrl_c_is_heard_wherever_the_tests_were_started(tmp_path: Path) -> None:
+    """A shell's background job is deaf to it, and so is what it starts."""
+    scenario = SCENARIOS["calibrate photos"]
+    tally = Tally()
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with prepared(scenario, tmp_path):
+            usual = Undisturbed(files={}, inputs={}, seconds=1.0)
+            kill_once(scenario, tmp_path, usual, signal.SIGINT, _Late(), tally)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert tally.ended["SIGINT"] == 1
 
 
 class _Late(random.Random):

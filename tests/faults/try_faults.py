@@ -3,16 +3,18 @@
     python tests/faults/try_faults.py --moments 200 --jobs 2
     python tests/faults/try_faults.py --only "undistort folder" --moments 20
     python tests/faults/try_faults.py --moments 50 --no-places --seed 1   # 50 other moments
+    python tests/faults/try_faults.py --moments 50 --no-places --signals INT
 
 Moments are counted a command: its scenarios share them. Exit code 1 when anything went wrong.
 """
 
 import argparse
 import random
+import signal
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -49,7 +51,12 @@ class Outcome:
 
 
 def try_scenario(
-    scenario: Scenario, moments: int, seed: int, places: bool, tell: Callable[[str], None]
+    scenario: Scenario,
+    moments: int,
+    seed: int,
+    places: bool,
+    tell: Callable[[str], None],
+    signals: Sequence[signal.Signals] = SIGNALS,
 ) -> Outcome:
     """Kills, and every other fault, on one scenario."""
     random_ = random.Random(f"{seed} {scenario.name}")
@@ -64,7 +71,7 @@ def try_scenario(
         if not scenario.close and (usual.files, usual.printed) != (first.files, first.printed):
             outcome.wrong.append("two undisturbed runs differ")
         for index in range(moments):
-            number = SIGNALS[index % len(SIGNALS)]
+            number = signals[index % len(signals)]
             found = kill_once(scenario, folder, usual, number, random_, outcome.tally)
             outcome.wrong += [f"{number.name} {index}: {line}" for line in found]
         for what, problem in PROBLEMS.items() if places else ():
@@ -77,10 +84,20 @@ def try_scenario(
     return outcome
 
 
+def _signal(name: str) -> signal.Signals:
+    return signal.Signals[f"SIG{name}"]
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--moments", type=int, default=200, help="kills a command")
     parser.add_argument("--only", nargs="*", default=list(SCENARIOS), choices=list(SCENARIOS))
+    parser.add_argument(
+        "--signals",
+        nargs="*",
+        default=list(SIGNALS),
+        type=lambda name: signal.Signals[f"SIG{name}"],
+    )
     parser.add_argument("--jobs", type=int, default=1, help="scenarios at a time")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--no-places", dest="places", action="store_false", help="kills only")
@@ -99,7 +116,12 @@ def main() -> int:
         outcomes = list(
             pool.map(
                 lambda one: try_scenario(
-                    one, -(-args.moments // ways[one.command]), args.seed, args.places, tell
+                    one,
+                    -(-args.moments // ways[one.command]),
+                    args.seed,
+                    args.places,
+                    tell,
+                    args.signals,
                 ),
                 chosen,
             )
