@@ -23,11 +23,16 @@ Conventions, the same everywhere in the package:
 - Arrays hold points along their leading axes: ``(..., 3)`` in, ``(..., 2)`` out.
 """
 
+from __future__ import annotations
+
 __version__ = "0.1.0"
 
-from typing import TYPE_CHECKING, Any
-
+# What type checkers take for true. The module that has it takes as long to load as the rest of
+# what is here, while Ctrl-C would still end in a traceback.
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from typing import Any
+
     from cubicfish_cli.correspondences import (
         Corners,
         Correspondences,

@@ -122,6 +122,7 @@ def test_what_mypy_is_told_is_what_is_loaded() -> None:
     names: dict[str, Any] = {}
     exec(inspect.cleandoc(typed), names)
     names.pop("__builtins__")
+    assert names.pop("Any") is Any
     assert sorted(names) == sorted(cubicfish_cli.__all__)
     for name, value in names.items():
         assert getattr(cubicfish_cli, name) is value

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import io
 import os
 import signal
 import sys
-
-from cubicfish_cli.cli.characters import ERRORS, register
-from cubicfish_cli.cli.ending import EXIT_INTERRUPTED, EXIT_SIGNAL, Terminated, terminate
 
 
 def _our_signals() -> list[int]:
@@ -24,6 +20,8 @@ def _end_at_once(numbers: list[int]) -> None:
 
 
 def _raise(numbers: list[int]) -> None:
+    from cubicfish_cli.cli.ending import terminate
+
     for number in numbers:
         interrupt = number == signal.SIGINT
         signal.signal(number, signal.default_int_handler if interrupt else terminate)
@@ -35,19 +33,10 @@ def main() -> None:
     Signals end the process at once, without a word, while there is nothing to clean up: before
     the command line is loaded, and after it has ended. In between they are exceptions.
     """
-    # The matrices here are small: a second BLAS thread gains nothing, and where other processes
-    # run it waits for its turn again and again. Work is shared out by processes instead.
-    for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(threads, "1")
-    # A small file that claims a huge picture is refused, also in formats whose headers only OpenCV
-    # reads, which takes its limit when it is loaded: as in cubicfish_cli.photos.
-    os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "200000000")
-    register()
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a terminal may lack some characters
-            stream.reconfigure(errors=ERRORS)
     numbers = _our_signals()
     _end_at_once(numbers)
+    _settle()
+    from cubicfish_cli.cli.ending import EXIT_INTERRUPTED, EXIT_SIGNAL, Terminated
     from cubicfish_cli.cli.main import cli
 
     try:
@@ -60,3 +49,22 @@ def main() -> None:
         sys.exit(EXIT_SIGNAL + request.number)
     except KeyboardInterrupt:
         sys.exit(EXIT_INTERRUPTED)
+
+
+def _settle() -> None:
+    """Threads, bounds and characters, before anything that asks for them is loaded."""
+    import io
+
+    from cubicfish_cli.cli.characters import ERRORS, register
+
+    # The matrices here are small: a second BLAS thread gains nothing, and where other processes
+    # run it waits for its turn again and again. Work is shared out by processes instead.
+    for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(threads, "1")
+    # A small file that claims a huge picture is refused, also in formats whose headers only OpenCV
+    # reads, which takes its limit when it is loaded: as in cubicfish_cli.photos.
+    os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "200000000")
+    register()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal may lack some characters
+            stream.reconfigure(errors=ERRORS)

@@ -53,6 +53,7 @@ class Tally:
     Attributes:
         ended: runs that a signal ended, by the signal's name.
         late: runs that had ended before the signal.
+        early: runs that ended before the first line of the program, while Python started.
         between: runs that left some files of several, temporary or final.
         reruns: second runs.
         close: results that were equal to a billionth, not to the byte.
@@ -62,6 +63,7 @@ class Tally:
 
     ended: Counter[str] = field(default_factory=Counter)
     late: int = 0
+    early: int = 0
     between: int = 0
     reruns: int = 0
     close: int = 0
@@ -131,8 +133,10 @@ def kill_once(
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
         return ["it hangs"]
-    if code not in (0, -number, 128 + number):
+    early = number == signal.SIGINT and before_it_begins(said(folder))
+    if code not in (0, -number, 128 + number) and not early:
         wrong.append(f"exit code {code}")
+    tally.early += early
     if code == 0:
         tally.late += 1
         tally.took(time.monotonic() - begin)
@@ -224,9 +228,16 @@ def changed(folder: Path, usual: Undisturbed) -> list[str]:
 def traces(folder: Path) -> list[str]:
     """Tracebacks among what was said."""
     text = said(folder)
+    if before_it_begins(text):
+        return []
     return (
         [f"traceback: {text[-1500:]}"] if "Traceback" in text or "Exception ignored" in text else []
     )
+
+
+def before_it_begins(text: str) -> bool:
+    """Whether this is what Python says of a Ctrl-C while it starts, with no line of ours run."""
+    return "KeyboardInterrupt" in text and "/cubicfish_cli/" not in text
 
 
 def _wait(process: subprocess.Popen[bytes], seconds: float) -> None:

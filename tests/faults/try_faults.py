@@ -24,7 +24,7 @@ from fault_places import PROBLEMS
 from fault_scenarios import SCENARIOS, Scenario, prepared
 
 _HEAD = (
-    f"{'scenario':<20}{'run':>8}{'kills':>7}{'KILL':>6}{'TERM':>6}{'INT':>6}{'late':>6}"
+    f"{'scenario':<20}{'run':>8}{'kills':>7}{'KILL':>6}{'TERM':>6}{'INT':>6}{'late':>6}{'early':>6}"
     f"{'partly':>8}{'reruns':>8}{'close':>7}{'other':>7}{'wrong':>7}"
 )
 
@@ -45,7 +45,8 @@ class Outcome:
         return (
             f"{name:<20}{self.seconds:>6.1f} s{self.moments:>7}"
             + "".join(f"{count:>6}" for count in ended)
-            + f"{self.tally.late:>6}{self.tally.between:>8}{self.tally.reruns:>8}"
+            + f"{self.tally.late:>6}{self.tally.early:>6}"
+            + f"{self.tally.between:>8}{self.tally.reruns:>8}"
             + f"{self.tally.close:>7}{len(self.others):>7}{len(self.wrong):>7}"
         )
 
