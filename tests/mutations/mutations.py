@@ -175,7 +175,7 @@ MUTATIONS = tuple(
             "fitting/conversion/pinhole.py",
             "p2 * (r2 + 2 * x * x)",
             "p2 * (r2 + x * x)",
-            "cli_export",
+            "fitting_conversion_pinhole",
         ),
         (
             "fitting/conversion/ocam.py",
