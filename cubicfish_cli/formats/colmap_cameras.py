@@ -23,7 +23,7 @@ _HEAD = struct.Struct("<Q")
 _CAMERA = struct.Struct("<IiQQ")
 _BY_NUMBER = {model.number: name for name, model in MODELS.items()}
 _EQUIRECTANGULAR = 17
-_LINE = re.compile(r"^\s*[0-9]+\s+[A-Z][A-Z_]+\s+[0-9]+\s+[0-9]+\s+[-+.0-9]", re.MULTILINE)
+_LINE = re.compile(r"^[^\S\n]*[0-9]+\s+[A-Z][A-Z_]+\s+[0-9]+\s+[0-9]+\s+[-+.0-9]", re.MULTILINE)
 
 
 def colmap_text(record: LensRecord, note: Sequence[str]) -> str:

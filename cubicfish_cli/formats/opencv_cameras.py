@@ -29,6 +29,7 @@ from cubicfish_cli.wording import quoted
 FloatArray = npt.NDArray[np.float64]
 
 # Names in small letters without anything between words.
+_KEY = re.compile(r"[\"']?(\w{1,40})[\"']?\s*:")
 _MATRIX = (
     "cameramatrix", "k", "intrinsics", "intrinsicmatrix", "intrinsic", "cameraintrinsics",
     "cameramat", "cammatrix", "mtx", "kmatrix", "m",
@@ -88,8 +89,10 @@ def _matrix_lines(name: str, rows: int, columns: int, data: Sequence[float]) -> 
 
 def looks_like_opencv(text: str) -> bool:
     """Whether YAML or JSON of nobody's format has a camera matrix under a name that is known."""
-    keys = re.finditer(r"^\s*\{?\s*[\"']?(\w{1,40})[\"']?\s*:", text, re.MULTILINE)
-    return any(_plain(key.group(1)) in _MATRIX for key in keys)
+    # One pattern for blanks before and after a brace takes minutes over some thousand blank lines.
+    starts = (line.strip().removeprefix("{").lstrip() for line in text.splitlines())
+    keys = (_KEY.match(start) for start in starts)
+    return any(key is not None and _plain(key.group(1)) in _MATRIX for key in keys)
 
 
 def read_opencv(

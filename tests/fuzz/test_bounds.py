@@ -1,5 +1,6 @@
 """Files of the right size that hold too much: what they would unfold to is refused before."""
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from cubicfish_cli import plain_yaml, tables
 from cubicfish_cli.corner_files import vnlog
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.formats import mrcal_model, plain_json
+from cubicfish_cli.formats.foreign import read_foreign
 from cubicfish_cli.formats.nerfstudio_json import read_nerfstudio
 
 MOST = 1000
@@ -58,3 +60,14 @@ def test_directives_that_take_the_parser_hours_are_refused(tmp_path: Path) -> No
     path.write_text("".join(f"%TAG !{number}! b\n" for number in range(11)) + "--- [1]\n")
     with pytest.raises(CubicfishError, match="directives"):
         plain_yaml.load_plain_yaml(path, error=CubicfishError)
+
+
+@pytest.mark.parametrize("text", ["\n" * 4000, " " * 100_000, "\n" * 300_000 + "1 PINHOLE"])
+def test_blanks_take_no_time_to_look_through(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text(text + "x")
+    begin = time.process_time()
+    with pytest.raises(CubicfishError, match="no format that is known"):
+        read_foreign(path)
+    # One pass takes milliseconds; patterns that try every blank with every other, minutes.
+    assert time.process_time() - begin < 5
