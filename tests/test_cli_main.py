@@ -252,7 +252,8 @@ def test_the_default_model_is_below_the_current_folder(
 def test_signals_are_settled_before_anything_else_is_loaded() -> None:
     """Ctrl-C ends in a traceback until then, so nothing may come first that takes its time."""
     code = (
-        "import os, re, signal, sys; before = set(sys.modules); import cubicfish_cli.cli.start; "
+        "import __future__, os, re, signal, sys; before = set(sys.modules); "
+        "import cubicfish_cli.cli.start; "
         "print(*sorted(set(sys.modules) - before))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
