@@ -132,6 +132,11 @@ class Board:
     points: FloatArray | None = None
     shape: BoardShape | None = None
 
+    @property
+    def has_squares(self) -> bool:
+        """Whether it shows as a grid of squares, with or without markers in them."""
+        return self.kind in ("checkerboard", "charuco")
+
     @cached_property
     def axes(self) -> FloatArray:
         """(3, 3) rows x_axis, y_axis and x_axis × y_axis, which points into the board."""

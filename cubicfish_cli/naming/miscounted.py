@@ -18,7 +18,7 @@ from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.fitting.diagnosis.finding import Finding, listed
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.naming.ends import ends_of, farthest_radius
-from cubicfish_cli.naming.name_grids import GridReport, Naming, Place, name_grids
+from cubicfish_cli.naming.name_grids import FEWEST_CORNERS, GridReport, Naming, Place, name_grids
 from cubicfish_cli.naming.pattern_end import pattern_end
 from cubicfish_cli.naming.places import TURNS
 from cubicfish_cli.naming.views import grid_poses
@@ -29,8 +29,6 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
 
-# A grid of fewer corners may be anything.
-_FEWEST_CORNERS = 12
 # So many photos must show it: in one, anything may cover a line of corners.
 _FEWEST_PHOTOS = 2
 # A line of corners should be in view where so much of it would be visible.
@@ -238,7 +236,7 @@ def _doubtful(naming: Naming, target: Target) -> set[int]:
             sorted(report.size)
             for own in naming.grids
             for report in own
-            if report.named and report.corners >= _FEWEST_CORNERS
+            if report.named and report.corners >= FEWEST_CORNERS
         ]
         whole = np.array(sizes or [[0, 0]]).max(axis=0)
         return {board} if sizes and (whole < drawn).any() else set()
@@ -270,7 +268,7 @@ def _sights(
         for number, report in enumerate(own)
         if report.place is not None
         and report.place.board in boards
-        and report.corners >= _FEWEST_CORNERS
+        and report.corners >= FEWEST_CORNERS
     ]
     sights: dict[int, list[_Sight]] = defaultdict(list)
     if not chosen:
@@ -407,7 +405,7 @@ def _larger(
         (photo, number, report)
         for photo, own in enumerate(naming.grids)
         for number, report in enumerate(own)
-        if not report.named and report.corners >= _FEWEST_CORNERS
+        if not report.named and report.corners >= FEWEST_CORNERS
     ]
     boards = _grid_boards(target)
     found = []
@@ -527,8 +525,4 @@ def _with(target: Target, index: int, board: Board) -> Target:
 
 
 def _grid_boards(target: Target) -> list[int]:
-    return [
-        index
-        for index, board in enumerate(target.boards)
-        if board.kind in ("checkerboard", "charuco")
-    ]
+    return [index for index, board in enumerate(target.boards) if board.has_squares]

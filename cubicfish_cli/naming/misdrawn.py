@@ -17,7 +17,7 @@ import numpy.typing as npt
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.fitting.diagnosis.finding import Cause, Finding, listed
 from cubicfish_cli.naming.decide import Verdict
-from cubicfish_cli.naming.name_grids import GridReport, Naming, name_grids
+from cubicfish_cli.naming.name_grids import FEWEST_CORNERS, GridReport, Naming, name_grids
 from cubicfish_cli.target import Board, Target
 
 IntArray = npt.NDArray[np.intp]
@@ -27,8 +27,6 @@ _LOST = 0.15
 _FITS = 0.9
 # What is tried later must explain so much more of the corners.
 _CLEARLY = 0.02
-# A grid of fewer corners may be anything.
-_FEWEST_CORNERS = 12
 # Photos that take part: those that show most.
 _PHOTOS = 6
 _MOST_BOARDS = 6
@@ -121,14 +119,14 @@ def _with_evidence(trial: _Trial, named: IntArray, again: float, total: float) -
 
 def _counts(reports: Sequence[Sequence[GridReport]]) -> tuple[IntArray, IntArray]:
     """For each photo, corners of grids with a place, and of those that fit nowhere."""
-    large = [[grid for grid in own if grid.corners >= _FEWEST_CORNERS] for own in reports]
+    large = [[grid for grid in own if grid.corners >= FEWEST_CORNERS] for own in reports]
     named = [sum(grid.corners for grid in own if grid.named) for own in large]
     lost = [sum(grid.corners for grid in own if grid.verdict in _NO_PLACE) for own in large]
     return np.array(named, np.intp), np.array(lost, np.intp)
 
 
 def _large(grids: Sequence[Grid]) -> tuple[Grid, ...]:
-    return tuple(grid for grid in grids if len(grid) >= _FEWEST_CORNERS)
+    return tuple(grid for grid in grids if len(grid) >= FEWEST_CORNERS)
 
 
 def _mirror(grid: Grid, width: int) -> Grid:

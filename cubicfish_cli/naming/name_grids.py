@@ -40,6 +40,9 @@ _LEAST_PHOTOS_TO_MEASURE = 3
 _GOOD_FOCAL = 0.005
 _NO_POSE = (np.full((3, 3), np.nan), np.full(3, np.nan))
 
+FEWEST_CORNERS = 12
+"""A grid of fewer corners may be anything: it says nothing of why others have no place."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Place:

@@ -73,7 +73,7 @@ def sides_of(target: Target) -> Sides:
     """All sides of the boards that carry a plain grid of squares (with or without markers)."""
     boards = [
         index for index, board in enumerate(target.boards)
-        if board.kind in ("checkerboard", "charuco")
+        if board.has_squares
     ]  # fmt: skip
     board = np.repeat(np.array(boards, np.intp), 4)
     turn = np.tile(np.arange(4), len(boards))

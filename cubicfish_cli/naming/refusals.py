@@ -10,7 +10,7 @@ import numpy as np
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.miscounted import Count
-from cubicfish_cli.naming.name_grids import GridReport, Naming
+from cubicfish_cli.naming.name_grids import FEWEST_CORNERS, GridReport, Naming
 from cubicfish_cli.target import Board, Target
 
 WHY = {
@@ -20,8 +20,6 @@ WHY = {
     Verdict.TOO_LARGE: "larger than every board of the target",
     Verdict.NOT_PLANE: "its corners are no plane of squares",
 }
-# A grid of fewer corners may be anything.
-_FEWEST_CORNERS = 12
 # Photos of another object show the same grid again and again, and so much of its corners is
 # larger than every board where it is a larger one.
 _COMMON = 0.5
@@ -87,7 +85,7 @@ def wrong_object(naming: Naming, counts: Sequence[Count], target: Target) -> str
             np.abs(np.subtract(count.size, (boards[0].columns, boards[0].rows))) for count in counts
         ]
         return another_object(naming, target) if any(one.sum() > 1 for one in off) else None
-    grids = [grid for own in naming.grids for grid in own if grid.corners >= _FEWEST_CORNERS]
+    grids = [grid for own in naming.grids for grid in own if grid.corners >= FEWEST_CORNERS]
     corners = sum(grid.corners for grid in grids)
     beyond = sum(grid.corners for grid in grids if grid.verdict is Verdict.TOO_LARGE)
     together = sum(sum(grid.named for grid in own) > 1 for own in naming.grids)
@@ -115,7 +113,7 @@ def another_object(naming: Naming, target: Target) -> str:
 
 def grid_boards(target: Target) -> list[Board]:
     """The boards that show as a grid of squares."""
-    return [board for board in target.boards if board.kind in ("checkerboard", "charuco")]
+    return [board for board in target.boards if board.has_squares]
 
 
 def _is_another_object(naming: Naming, target: Target) -> bool:
@@ -129,7 +127,7 @@ def _is_another_object(naming: Naming, target: Target) -> bool:
         for size in {
             (max(grid.size), min(grid.size))
             for grid in own
-            if grid.corners == grid.size[0] * grid.size[1] >= _FEWEST_CORNERS
+            if grid.corners == grid.size[0] * grid.size[1] >= FEWEST_CORNERS
         }
     )
     drawn = {tuple(sorted((b.columns, b.rows), reverse=True)) for b in grid_boards(target)}

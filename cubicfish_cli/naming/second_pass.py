@@ -33,8 +33,6 @@ _FARTHEST_SHARE = 0.2
 _FLATTEST = 0.03
 # Parts of a square in which the board's local shape is measured.
 _STEP = 0.5
-# Boards whose corners are looked for a second time; those of tags come with their tags.
-_LOOKED_FOR = ("checkerboard", "charuco")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,7 +93,8 @@ def second_pass(
         The detection with the added corners; the same one where no camera can be fitted.
 
     """
-    if not any(board.kind in _LOOKED_FOR for board in target.boards):
+    # Corners of tags come with their tags, all that there are.
+    if not any(board.has_squares for board in target.boards):
         return detection
     try:
         fit = calibrate(
@@ -140,7 +139,7 @@ def _predicted(
     parts = [
         _of_board(index, board, fit.camera, rotation, translation)
         for index, board in enumerate(target.boards)
-        if board.kind in _LOOKED_FOR
+        if board.has_squares
     ]
     board, column, row, pixel, step, bend, sign = (
         np.concatenate([part[field] for part in parts]) for field in range(7)
