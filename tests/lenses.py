@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import numpy.typing as npt
 
@@ -33,6 +35,7 @@ def radial_camera(
     )
 
 
+@functools.cache  # the last bits of its least squares may differ from call to call
 def cubic_camera(
     half_angle_deg: float = 100.0, *, bend: float = 0.004, seed: int = 0
 ) -> CubicCamera:
