@@ -1,6 +1,6 @@
 """What calibrate says of set-ups that are wrong in one known way, and of right ones.
 
-    python benchmarks/wrong_setups.py [--seeds 10] [--good 60] [--only WORDS] [--show]
+    python benchmarks/wrong_setups.py [--seeds 10] [--good 60] [--first 0] [--only WORDS] [--show]
 
 Each case is run through the command line on corners of projected synthetic truth. ``named``:
 what is said names the cause; ``noticed``: something is said, or the verdict is not good, but not
@@ -81,16 +81,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--good", type=int, default=60)
+    parser.add_argument("--first", type=int, default=0, help="the first seed: others, other draws")
     parser.add_argument("--only", default="")
     parser.add_argument("--show", action="store_true", help="print what is said")
     parser.add_argument("--jobs", type=int, default=1)
     options = parser.parse_args()
+    seeds = range(options.first, options.first + options.seeds)
+    kinds = range(options.first, options.first + options.good)
     with ProcessPoolExecutor(options.jobs) as pool:
         print(f"{'case':<42}{'named':>8}{'noticed':>9}{'silent':>8}")
         for number, case in enumerate(wrong_setups.CASES):
             if options.only not in case.name:
                 continue
-            ends = list(pool.map(partial(_nth, number), range(options.seeds)))
+            ends = list(pool.map(partial(_nth, number), seeds))
             count = Counter(end for end, _ in ends)
             line = "".join(
                 f"{count[end]:>{width}}"
@@ -98,14 +101,14 @@ def main() -> None:
             )
             print(f"{case.name:<42}{line}", flush=True)
             if options.show:
-                for seed, (end, words) in enumerate(ends):
+                for seed, (end, words) in zip(seeds, ends, strict=True):
                     print(f"  {seed} {end}: " + words.replace("\n", "\n    "))
-        alarms = list(pool.map(_good, range(options.good)))
+        alarms = list(pool.map(_good, kinds))
         if options.good:
             loud = [alarm for alarm, _ in alarms if alarm]
             warned = sum(any("note" not in one for one in alarm) for alarm in loud)
             print(f"\n{options.good} right set-ups: {len(loud)} with findings, {warned} warnings")
-            for kind, (alarm, words) in enumerate(alarms):
+            for kind, (alarm, words) in zip(kinds, alarms, strict=True):
                 if alarm or options.show:
                     print(f"  {kind}: {alarm}: " + words.replace("\n", "\n    "))
 
