@@ -203,6 +203,45 @@ def test_an_interrupt_ends_with_130(tmp_path: Path) -> None:
     assert said == "Interrupted.\n"
 
 
+WRAPPED = """
+    try:
+        signal.raise_signal(number)
+    except KeyboardInterrupt as error:  # as Python 3.11 does while it makes a class
+        raise RuntimeError("Error calling __set_name__") from error
+"""
+LOST = """
+    class Passing:
+        def __del__(self):
+            signal.raise_signal(number)
+    Passing()
+    time.sleep(20)
+"""
+
+
+@pytest.mark.parametrize("way", [WRAPPED, LOST], ids=["wrapped", "lost"])
+@pytest.mark.parametrize(
+    ("name", "said", "code"), [("SIGINT", "Interrupted.\n", 130), ("SIGTERM", "", 143)]
+)
+def test_a_signal_ends_it_whatever_comes_of_the_exception(
+    tmp_path: Path, way: str, name: str, said: str, code: int
+) -> None:
+    program = tmp_path / "program.py"
+    program.write_text(
+        "import signal, time\n"
+        "from cubicfish_cli.cli.start import main\n"
+        "from cubicfish_cli.formats import camera_yaml\n"
+        f"number = signal.{name}\n"
+        f"def load(path):{way}\n"
+        "camera_yaml.load_any_camera = load\n"
+        "main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, str(program), "project", "-m", "any.yaml"],
+        input="0,0,1\n", capture_output=True, text=True, check=False, timeout=15,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr, done.stdout) == (code, said, "")
+
+
 def test_a_reader_that_leaves_ends_it_quietly(calibrated: Path, tmp_path: Path) -> None:
     points = tmp_path / "points.csv"
     points.write_text("0.1,0.2,1\n" * 20_000)

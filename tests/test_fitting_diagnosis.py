@@ -15,7 +15,7 @@ from cubicfish_cli.fitting import companion
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.diagnosis import diagnose, lens_faults, photo_lenses
 from cubicfish_cli.fitting.diagnosis import failed_lens as failed_lens_module
-from cubicfish_cli.fitting.diagnosis.board_faults import board_fault
+from cubicfish_cli.fitting.diagnosis.board_faults import board_fault, board_findings
 from cubicfish_cli.fitting.diagnosis.failed_lens import failed_lens, mirrored_object
 from cubicfish_cli.fitting.diagnosis.few_photos import enough_photos, spread_out
 from cubicfish_cli.fitting.diagnosis.finding import Finding, listed, percent
@@ -534,8 +534,9 @@ def one_photo(changed=lambda corners: {}):
     ],
 )
 def test_the_board_that_spoils_a_photo_is_named(changed, cause, words):
-    found = board_fault(LENS, one_photo(changed), TARGET, 1.0, 0.1)
-    assert found.cause == cause
+    fault = board_fault(LENS, one_photo(changed), TARGET, 1.0, 0.1)
+    (found,) = board_findings([fault], lambda board, times: False)
+    assert (found.cause, found.level) == (cause, "note")
     assert words in found.what
     assert found.images == ("00.png",)
 
@@ -545,9 +546,50 @@ def test_corners_under_another_boards_name():
     pairs, _ = select(pairs, pairs.board != 1)
     board = np.where(pairs.board == 2, 1, pairs.board)
     world = TARGET.world_points(board, pairs.column, pairs.row)
-    found = board_fault(LENS, replace(pairs, board=board, world=world), TARGET, 1.0, 0.1)
+    fault = board_fault(LENS, replace(pairs, board=board, world=world), TARGET, 1.0, 0.1)
+    (found,) = board_findings([fault], lambda board, times: False)
     assert (found.cause, found.boards) == ("corner_names", ("wall",))
     assert "they are of board side" in found.what
+
+
+@pytest.mark.parametrize(
+    ("changed", "cause", "of_photos", "of_drawing"),
+    [
+        (
+            lambda c: {"column": np.where(c.board == 2, 6 - c.column, c.column)},
+            "board_order",
+            "00.png, 01.png and 02.png: corners of board side are named wrongly: columns counted",
+            "board side: columns are counted the other way round than target.yaml says",
+        ),
+        (
+            lambda c: {"pixel": c.pixel + (c.board[:, None] == 1) * [6, -5]},
+            "board_place",
+            "00.png, 01.png and 02.png: board wall is not where it is in the other photos",
+            "board wall is not where target.yaml puts it",
+        ),
+    ],
+)
+def test_photos_with_the_same_fault_are_told_together(changed, cause, of_photos, of_drawing):
+    fault = board_fault(LENS, one_photo(changed), TARGET, 1.0, 0.1)
+    other = board_fault(
+        LENS, one_photo(lambda c: {"column": c.column + (c.board == 0)}), TARGET, 1.0, 0.1
+    )
+    faults = [replace(fault, photo=f"0{number}.png") for number in range(3)]
+    asked = []
+
+    def is_usual(board, times):
+        asked.append((board, times))
+        return times == 3
+
+    found, single = board_findings([*faults, other], lambda board, times: False)
+    assert of_photos in found.what
+    assert (found.level, found.images) == ("note", ("00.png", "01.png", "02.png"))
+    assert "1 column too far" in single.what
+    found, single = board_findings([*faults, other], is_usual)
+    assert asked == [(fault.board, 3), ("floor", 1)]
+    assert of_drawing in found.what
+    assert (found.level, found.cause, found.boards) == ("care", cause, (fault.board,))
+    assert single.level == "note"
 
 
 def test_nothing_is_said_of_a_photo_that_no_board_explains():

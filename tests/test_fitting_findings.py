@@ -7,7 +7,8 @@ import pytest
 import synthetic
 
 from cubicfish_cli.fitting.calibrate import calibrate
-from cubicfish_cli.fitting.findings import coverage, coverage_notes
+from cubicfish_cli.fitting.findings import coverage, coverage_notes, dropped_groups
+from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.model.radial import RadialCamera
 
 TARGET = synthetic.corner_of_three()
@@ -57,6 +58,21 @@ def test_a_board_that_moved_in_one_photo_is_named(pairs):
     assert f"{own.sum()} corners of board left" in note
     assert "moved" in note
     assert result.errors.rms_px < 0.16
+
+
+def test_photos_that_lost_the_same_board_are_told_in_one_line(pairs):
+    dropped = [("00.png", "left", 3.0)] * 9 + [("02.png", "left", 8.0)] * 8
+    dropped += [("02.png", "floor", 2.5), ("03.png", None, 9.0)]
+    seen = sum(
+        ((pairs.image == photo) & (pairs.board == pairs.boards.index("left"))).sum()
+        for photo in (0, 2)
+    )
+    few, _ = select(pairs, (pairs.column < 4) & (pairs.row < 4))
+    assert dropped_groups(pairs, [("00.png", "left", 3.0)]) == []
+    (line,) = dropped_groups(few, dropped)
+    assert line.startswith("00.png and 02.png: 17 of ")
+    assert int(line.split()[5]) < seen
+    assert "corners of board left are off by 3.0 to 8.0 px" in line
 
 
 def test_a_blurred_photo_is_named_and_left_out(pairs):
@@ -109,6 +125,8 @@ def test_coverage_counts_the_valid_field():
     assert coverage(everywhere, triangle, (800, 800)) == 1
     assert any("cover only 30 %" in line for line in coverage_notes(0.3, 9, True))
     assert any("1 photo cannot" in line for line in coverage_notes(0.9, 1, False))
+    (few,) = coverage_notes(0.9, 20, False)
+    assert few.startswith("there is no held-out error: the photos are from too few places")
 
 
 def test_the_cubic_is_not_worse_than_its_companion_on_a_radial_lens():

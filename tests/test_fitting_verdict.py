@@ -90,6 +90,17 @@ def test_the_worst_reason_comes_first_and_the_others_are_counted() -> None:
     assert "(and 2 more reasons)" in said.line
 
 
+@pytest.mark.parametrize(
+    ("cause", "first"),
+    [("board_order", "columns run backwards"), ("repeats", "corners cover only 10 %")],
+)
+def test_a_known_cause_comes_before_what_it_leads_to(cause: str, first: str) -> None:
+    finding = {"cause": cause, "level": "care", "what": "columns run backwards", "do": "turn them"}
+    said = verdict({**GOOD, "coverage": 0.1, "findings": [finding]}, SIZE)
+    assert said.level == "bad"
+    assert said.line.startswith(f"not to be trusted: {first}")
+
+
 def test_larger_photos_may_be_off_by_more_of_their_pixels() -> None:
     fit = {**GOOD, "rms_px": 1.5, "held_out_rms_px": 1.6, "companion_held_out_rms_px": 3}
     assert verdict(fit, (8000, 6000)).level == "good"

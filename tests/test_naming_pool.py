@@ -34,6 +34,27 @@ def test_workers_start_however_long_the_name_of_the_temporary_folder_is(
     assert list(folder.iterdir()) == []
 
 
+@pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="needs Linux's /proc")
+def test_the_server_of_workers_holds_interrupts_back_while_it_loads() -> None:
+    """Ctrl-C goes to the server too, and would end it with a traceback of its imports."""
+    work = (
+        "import signal\n"
+        "from multiprocessing import forkserver\n"
+        "from pathlib import Path\n"
+        "from cubicfish_cli.naming.pool import _context\n"
+        "_context()\n"
+        "for process in (forkserver._forkserver._forkserver_pid, 'self'):\n"
+        "    lines = Path(f'/proc/{process}/status').read_text().splitlines()\n"
+        "    (blocked,) = [line.split()[1] for line in lines if line.startswith('SigBlk')]\n"
+        "    print(int(blocked, 16) >> (signal.SIGINT - 1) & 1)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", work], capture_output=True, text=True, check=False,
+        env={**os.environ, "TMPDIR": "/tmp"},  # a name short enough for a server's socket
+    )  # fmt: skip
+    assert (done.stdout.split(), done.stderr) == (["1", "0"], "")
+
+
 def dies_in_a_word(fate: str) -> str:
     """Begin to send an answer, and die."""
     if fate == "dies":

@@ -2,22 +2,51 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
+from collections.abc import Iterable
 from types import FrameType
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
+
+if TYPE_CHECKING:
+    from sys import UnraisableHookArgs
 
 EXIT_SIGNAL = 128  # and the signal's number, as shells count
-EXIT_INTERRUPTED = EXIT_SIGNAL + signal.SIGINT
+
+_asked: int | None = None
+# A request that was lost is made again after so many seconds.
+_AGAIN = 0.01
 
 
-class Terminated(KeyboardInterrupt):
-    """A request to end (SIGTERM, SIGHUP), to be cleaned up after like Ctrl-C."""
+def raise_on(numbers: Iterable[int]) -> None:
+    """Let these signals raise KeyboardInterrupt from now on, whatever comes of it on its way."""
+    sys.unraisablehook = _not_lost
+    for number in numbers:
+        signal.signal(number, _ask)
 
-    def __init__(self, number: int) -> None:
-        super().__init__()
-        self.number = number
+
+def asked() -> int | None:
+    """The signal that has asked for the end; None where none has.
+
+    An exception may be another one's cause when it arrives, as while Python 3.11 makes a class.
+    """
+    return _asked
 
 
-def terminate(number: int, frame: FrameType | None) -> NoReturn:
-    """Handle such a signal."""
-    raise Terminated(number)
+def _ask(number: int, frame: FrameType | None) -> NoReturn:
+    global _asked
+    _asked = number
+    raise KeyboardInterrupt
+
+
+def _not_lost(what: UnraisableHookArgs) -> None:
+    """Where an exception goes nowhere, as in a finaliser, the request comes once more."""
+    if _asked is None or not isinstance(what.exc_value, KeyboardInterrupt):
+        sys.__unraisablehook__(what)
+        return
+    import threading
+
+    again = threading.Timer(_AGAIN, os.kill, (os.getpid(), _asked))
+    again.daemon = True
+    again.start()

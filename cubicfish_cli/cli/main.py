@@ -9,17 +9,18 @@ from __future__ import annotations
 import importlib
 import io
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
-from typing import Any
+from typing import Any, NoReturn
 
 import click
 
 from cubicfish_cli import __version__
 from cubicfish_cli.cli.characters import safe
-from cubicfish_cli.cli.ending import EXIT_INTERRUPTED, EXIT_SIGNAL, Terminated
+from cubicfish_cli.cli.ending import EXIT_SIGNAL, asked
 from cubicfish_cli.cli.options import DEBUG_KEY, common_options, examples
 from cubicfish_cli.cli.terminal import Failure, say_interrupted, tell
 from cubicfish_cli.errors import CubicfishError
@@ -98,8 +99,11 @@ class LazyGroup(click.Group):
 
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
         """As click does, with what is wrong said harmlessly."""
-        with _harmless():
-            return super().make_context(*args, **kwargs)
+        try:
+            with _harmless():
+                return super().make_context(*args, **kwargs)
+        except KeyboardInterrupt:
+            _end_as_asked()
 
     @_harmless()
     def invoke(self, ctx: click.Context) -> Any:
@@ -107,32 +111,43 @@ class LazyGroup(click.Group):
         try:
             result = super().invoke(ctx)
             sys.stdout.flush()
-        except CubicfishError as error:
-            if ctx.meta.get(DEBUG_KEY):
-                raise
-            raise Failure(str(error)) from error
-        except Terminated as request:
-            ctx.exit(EXIT_SIGNAL + request.number)
         except KeyboardInterrupt:
-            say_interrupted()
-            ctx.exit(EXIT_INTERRUPTED)
-        except BrokenPipeError:
-            # The reader has gone. Python flushes stdout once more on exit: give it a place to go.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            ctx.exit(EXIT_BROKEN_PIPE)
-        except MemoryError as error:
-            if ctx.meta.get(DEBUG_KEY):
+            _end_as_asked()
+        except Exception as error:
+            if asked() is not None:
+                _end_as_asked()
+            if isinstance(error, BrokenPipeError):
+                # The reader has gone. Python flushes stdout once more on exit: give it a place
+                # to go.
+                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+                ctx.exit(EXIT_BROKEN_PIPE)
+            why = _why(error)
+            if why is None or ctx.meta.get(DEBUG_KEY):
                 raise
-            raise Failure(
-                "not enough memory: use smaller photos or views, or fewer --jobs"
-            ) from error
-        except OSError as error:
-            if ctx.meta.get(DEBUG_KEY):
-                raise
-            what = error.strerror or str(error)
-            where = f"{error.filename}: " if error.filename else ""
-            raise Failure(f"{where}{what}") from error
+            raise Failure(why) from error
         return result
+
+
+def _end_as_asked() -> NoReturn:
+    """End as Ctrl-C or another signal has asked for."""
+    number = asked() or signal.SIGINT
+    if asked() is not None:  # once more ends it at once: all is cleaned up
+        signal.signal(number, signal.SIG_DFL)
+    if number == signal.SIGINT:
+        say_interrupted()
+    sys.exit(EXIT_SIGNAL + number)
+
+
+def _why(error: Exception) -> str | None:
+    """Why the work could not be done, in one line; None where it is no user's doing."""
+    if isinstance(error, CubicfishError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return "not enough memory: use smaller photos or views, or fewer --jobs"
+    if isinstance(error, OSError):
+        what = error.strerror or str(error)
+        return f"{error.filename}: {what}" if error.filename else what
+    return None
 
 
 @click.group(

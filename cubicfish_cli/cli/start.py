@@ -19,14 +19,6 @@ def _end_at_once(numbers: list[int]) -> None:
         signal.signal(number, signal.SIG_DFL)
 
 
-def _raise(numbers: list[int]) -> None:
-    from cubicfish_cli.cli.ending import terminate
-
-    for number in numbers:
-        interrupt = number == signal.SIGINT
-        signal.signal(number, signal.default_int_handler if interrupt else terminate)
-
-
 def main() -> None:
     """Run the command line.
 
@@ -36,19 +28,20 @@ def main() -> None:
     numbers = _our_signals()
     _end_at_once(numbers)
     _settle()
-    from cubicfish_cli.cli.ending import EXIT_INTERRUPTED, EXIT_SIGNAL, Terminated
+    from cubicfish_cli.cli.ending import EXIT_SIGNAL, asked, raise_on
     from cubicfish_cli.cli.main import cli
 
     try:
         try:
-            _raise(numbers)
+            raise_on(numbers)
             cli(prog_name="cubicfish")
         finally:
             _end_at_once(numbers)
-    except Terminated as request:
-        sys.exit(EXIT_SIGNAL + request.number)
-    except KeyboardInterrupt:
-        sys.exit(EXIT_INTERRUPTED)
+    except (Exception, KeyboardInterrupt):
+        request = asked()
+        if request is None:
+            raise
+        sys.exit(EXIT_SIGNAL + request)
 
 
 def _settle() -> None:

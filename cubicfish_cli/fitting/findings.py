@@ -8,6 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.fitting.diagnosis.finding import listed
+from cubicfish_cli.fitting.held_out import MIN_PHOTOS
 from cubicfish_cli.fitting.robust import noise_px
 
 FloatArray = npt.NDArray[np.float64]
@@ -89,18 +91,27 @@ def dropped_groups(
     for image, board, error in dropped:
         if board is not None:
             groups.setdefault((image, board), []).append(error)
-    lines = []
+    lost: dict[str, list[tuple[str, list[float], int]]] = {}
     for (image, board), errors in groups.items():
         own = (before.image == before.images.index(image)) & (
             before.board == before.boards.index(board)
         )
         if len(errors) >= max(_GROUP_SIZE, _GROUP_SHARE * own.sum()):
-            lines.append(
-                f"{image}: {len(errors)} of {own.sum()} corners of board {board} are off by "
-                f"{np.median(errors):.1f} px in the median and were dropped: the board moved, "
-                "or is named wrongly in this photo"
-            )
-    return lines
+            lost.setdefault(board, []).append((image, errors, int(own.sum())))
+    return [_group_line(board, own) for board, own in lost.items()]
+
+
+def _group_line(board: str, lost: Sequence[tuple[str, list[float], int]]) -> str:
+    """One line on the photos that lost most corners of a board: names, errors, all corners."""
+    images = [image for image, _, _ in lost]
+    count, seen = sum(len(errors) for _, errors, _ in lost), sum(all_ for *_, all_ in lost)
+    typical = [float(np.median(errors)) for _, errors, _ in lost]
+    low, high = (f"{limit:.1f}" for limit in (min(typical), max(typical)))
+    off, these = (low, "this photo") if len(lost) == 1 else (f"{low} to {high}", "these photos")
+    return (
+        f"{listed(images, 'photos')}: {count} of {seen} corners of board {board} are off by {off} "
+        f"px in the median and were dropped: the board moved, or is named wrongly in {these}"
+    )
 
 
 def noisy_photos(pairs: Correspondences, residual: FloatArray) -> dict[int, str]:
@@ -133,9 +144,14 @@ def coverage_notes(share: float, photos: int, held_out: bool) -> list[str]:
             f"corners cover only {100 * share:.0f} % of the field: a low RMS says little about "
             "the rest, so take photos with the object in the empty parts"
         )
-    if not held_out:
+    if not held_out and photos < MIN_PHOTOS:
         notes.append(
             f"{photos} photo{'s' * (photos != 1)} cannot tell a held-out error: take three or "
             "more to learn how right the camera is"
+        )
+    elif not held_out:
+        notes.append(
+            "there is no held-out error: the photos are from too few places, or some of them are "
+            "needed to find a camera at all; take more, from other places"
         )
     return notes

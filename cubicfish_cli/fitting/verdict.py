@@ -42,6 +42,8 @@ _UNFIT_SHARE = (1 / 3, 1 / 2)
 _FEW_CORNERS = 200
 _FULL_RANK = {"ray": 16, "point": 20}
 _FEW_PHOTOS = 3
+# Findings that explain no errors.
+_NO_ERRORS = ("repeats", "one_place")
 _WORSE_PHOTO = 3.0
 _FEW_CORNERS_IN_PHOTO = 20
 
@@ -69,7 +71,7 @@ class Verdict:
     Attributes:
         level: the worst of the reasons'; ``good`` without any.
         figures: the figures that it rests on, in words.
-        reasons: what is against the camera, the worst first.
+        reasons: what is against the camera: causes that are known, then the rest, the worst first.
 
     """
 
@@ -124,8 +126,9 @@ def verdict(
 
     """
     scale = max(1.0, max(image_size) / _SIDE)
+    causes, asides = _of_findings(fit)
     reasons = [
-        *_of_findings(fit),
+        *asides,
         *_of_errors(fit, scale),
         *_of_held_out(fit, scale),
         *_of_field(fit, image_size, outline),
@@ -133,9 +136,10 @@ def verdict(
         *_of_what_was_left_out(fit),
         *_of_object(fit),
     ]
-    reasons.sort(key=lambda reason: reason.level != "bad")
+    reasons.sort(key=_is_mild)
+    reasons = [*sorted(causes, key=_is_mild), *reasons]
     return Verdict(
-        level=reasons[0].level if reasons else "good",
+        level=min(reasons, key=_is_mild).level if reasons else "good",
         figures=_figures(fit),
         reasons=tuple(reasons),
     )
@@ -221,18 +225,31 @@ def photo_verdicts(fit: Mapping[str, Any], image_size: tuple[int, int]) -> list[
     return words
 
 
-def _of_findings(fit: Mapping[str, Any]) -> Iterator[Reason]:
-    """What a diagnosis blames (fitting/diagnosis), but for what is no fault of the camera."""
+def _is_mild(reason: Reason) -> bool:
+    return reason.level != "bad"
+
+
+def _of_findings(fit: Mapping[str, Any]) -> tuple[list[Reason], list[Reason]]:
+    """What a diagnosis blames (fitting/diagnosis), but for what is no fault of the camera.
+
+    Returns:
+        What explains errors, and what does not.
+
+    """
+    causes: list[Reason] = []
+    asides: list[Reason] = []
     for finding in _list(fit, "findings"):
         if not isinstance(finding, Mapping):
             continue
         level = finding.get("level")
         if level == "bad" or level == "care":
-            yield Reason(
+            reason = Reason(
                 level="bad" if level == "bad" else "care",
                 why=f"{finding.get('what')} ({finding.get('evidence')})",
                 do=str(finding.get("do")),
             )
+            (asides if finding.get("cause") in _NO_ERRORS else causes).append(reason)
+    return causes, asides
 
 
 def _of_errors(fit: Mapping[str, Any], scale: float) -> Iterator[Reason]:

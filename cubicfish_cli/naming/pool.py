@@ -125,8 +125,11 @@ def _context() -> multiprocessing.context.BaseContext:
 
 def _start_server() -> None:
     """Start it with Ctrl-C held back, which would end it with a traceback while it loads."""
+    from multiprocessing import resource_tracker
     from multiprocessing.forkserver import ensure_running
 
+    # The server starts the tracker first, and starting that lets Ctrl-C through again.
+    resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         ensure_running()

@@ -231,8 +231,15 @@ def traces(folder: Path) -> list[str]:
     if before_it_begins(text):
         return []
     return (
-        [f"traceback: {text[-1500:]}"] if "Traceback" in text or "Exception ignored" in text else []
+        [f"traceback: {_shortened(text)}"]
+        if "Traceback" in text or "Exception ignored" in text
+        else []
     )
+
+
+def _shortened(text: str) -> str:
+    """Where it begins and how it ends."""
+    return text if len(text) < 3000 else f"{text[:1500]}\n[...]\n{text[-1500:]}"
 
 
 def before_it_begins(text: str) -> bool:

@@ -15,7 +15,11 @@ import numpy.typing as npt
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.companion import fit_companion
-from cubicfish_cli.fitting.diagnosis.board_faults import board_fault
+from cubicfish_cli.fitting.diagnosis.board_faults import (
+    FEWEST_CORNERS,
+    board_fault,
+    board_findings,
+)
 from cubicfish_cli.fitting.diagnosis.failed_lens import failed_lens, mirrored_object
 from cubicfish_cli.fitting.diagnosis.few_photos import enough_photos, fit_of_few, spread_out
 from cubicfish_cli.fitting.diagnosis.finding import Finding, listed, percent
@@ -33,12 +37,20 @@ from cubicfish_cli.target import Target
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
 
-# The object as drawn is to blame where it makes the error this many times larger.
+# The object as drawn is to blame where it makes the error this many times larger; or somewhat
+# larger, where one fault is nearly all of what is wrong with it and beyond what a ruler misses, as
+# a share of the object's extent.
 _TIMES_WORSE = 2.0
+_SOMEWHAT_WORSE = 1.3
+_NEARLY_ALL, _BEYOND_A_RULER = 0.1, 5e-4
 # Errors of neighbouring corners that go together make a fit so much worse than their noise.
 _BEYOND_NOISE = 1.5
+# So much worse, and the object is measured to see whether it is as drawn.
+_WORTH_MEASURING = 1.2
 _FEWEST_PHOTOS = 3
 _MOST_LEFT_OUT = 30
+# A fault in so many of a board's photos is the drawing's.
+_NEARLY_ALL_PHOTOS = 0.8
 # Counting squares shows in so many photos of the whole board.
 _WHOLE_BOARDS = 3
 # Photos agree with a lens when their noise is within this many times the best ones'.
@@ -163,7 +175,7 @@ def _of_object(drawn: ObjectFit, fit: ObjectFit, drawing: Drawing) -> list[Findi
         found = _of_refined(drawn, fit, drawing)
         return [replace(finding, level="care") for finding in found]
     pairs, residual = fit.companion.pairs, fit.cubic.residual
-    if not local_noise_px(pairs, residual) or within_noise(pairs, residual):
+    if not _beyond_noise(pairs, residual, _WORTH_MEASURING):
         return []
     everyone = np.arange(len(pairs.images))
     few = spread_out(everyone, enough_photos(len(everyone)))
@@ -185,7 +197,7 @@ def _of_refined(drawn: ObjectFit, refined: ObjectFit, drawing: Drawing) -> list[
     """What is wrong with the drawing, where the object is free to be otherwise."""
     target, real = drawing.target, refined.refined_target(drawing)
     before, after = rms_px(drawn.cubic.residual), rms_px(refined.cubic.residual)
-    if before < _TIMES_WORSE * after or target is None or real is None:
+    if before < _SOMEWHAT_WORSE * after or target is None or real is None:
         return []
     measured = {}
     for index in np.unique(drawing.pairs.board):
@@ -195,10 +207,18 @@ def _of_refined(drawn: ObjectFit, refined: ObjectFit, drawing: Drawing) -> list[
         )
         measured[int(index)] = real.boards[index].world_points(column, row)
     fault = object_fault(target, measured)
-    if fault is None:
+    if fault is None or (before < _TIMES_WORSE * after and not _stands_out(fault)):
         return []
     evidence = f"the RMS is {before:.2f} px as drawn and {after:.2f} px as it really is"
     return [_object_finding(fault, target, evidence)]
+
+
+def _stands_out(fault: Fault) -> bool:
+    """Whether a fault is large, and what else is wrong with the drawing is little beside it."""
+    extent = np.linalg.norm(np.ptp(np.concatenate(list(fault.points.values())), axis=0))
+    return bool(
+        fault.before > _BEYOND_A_RULER * extent and fault.after < _NEARLY_ALL * fault.before
+    )
 
 
 def _object_finding(fault: Fault, target: Target, evidence: str) -> Finding:
@@ -316,10 +336,20 @@ def _of_left_out(
                 photos, [i for i, name in enumerate(pairs.images) if name in own.images]
             )
     if drawing.target is not None:
-        for photo in photos[:_MOST_LEFT_OUT]:
-            one = select_photos(scaled, np.array([photo]))
-            fault = board_fault(camera, one, drawing.target, drawing.scale, noise)
-            findings += [] if fault is None else [fault]
+        target, tried = drawing.target, photos[:_MOST_LEFT_OUT]
+        singly = (select_photos(scaled, np.array([photo])) for photo in tried)
+        faults = [board_fault(camera, one, target, drawing.scale, noise) for one in singly]
+
+        def is_usual(name: str, times: int) -> bool:
+            """Whether so many of the photos that were tried show it of nearly all there are."""
+            own = pairs.image[pairs.board == pairs.boards.index(name)]
+            shown = np.flatnonzero(np.bincount(own) >= FEWEST_CORNERS)
+            among, lost = (np.isin(shown, some).sum() for some in (tried, photos))
+            return bool(
+                times >= _FEWEST_PHOTOS and times * lost >= _NEARLY_ALL_PHOTOS * among * len(shown)
+            )
+
+        findings += board_findings([fault for fault in faults if fault is not None], is_usual)
     return findings
 
 
@@ -427,6 +457,11 @@ def within_noise(pairs: Correspondences, residual: FloatArray) -> bool:
     """Whether residuals (N, 2) are no larger than the corners' own noise explains."""
     noise = local_noise_px(pairs, residual)
     return bool(noise) and noise_px(residual) < _BEYOND_NOISE * noise
+
+
+def _beyond_noise(pairs: Correspondences, residual: FloatArray, times: float) -> bool:
+    noise = local_noise_px(pairs, residual)
+    return bool(noise) and noise_px(residual) >= times * noise
 
 
 def _of_failure(pairs: Correspondences, target: Target | None, fits: bool) -> Finding | None:
