@@ -216,9 +216,16 @@ LOST = """
     Passing()
     time.sleep(20)
 """
+HALF_DONE = """
+    class Writer:
+        def __del__(self):
+            raise ValueError("half done")
+    writer = Writer()
+    signal.raise_signal(number)
+"""
 
 
-@pytest.mark.parametrize("way", [WRAPPED, LOST], ids=["wrapped", "lost"])
+@pytest.mark.parametrize("way", [WRAPPED, LOST, HALF_DONE], ids=["wrapped", "lost", "half done"])
 @pytest.mark.parametrize(
     ("name", "said", "code"), [("SIGINT", "Interrupted.\n", 130), ("SIGTERM", "", 143)]
 )

@@ -6,9 +6,9 @@ from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
 
 from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.naming.decide import Verdict
-from cubicfish_cli.naming.miscounted import Count
 from cubicfish_cli.naming.name_grids import GridReport, Naming, Place
 from cubicfish_cli.naming.refusals import nothing_named, wrong_object
+from cubicfish_cli.naming.wrong_drawing.count import Count
 from cubicfish_cli.target import Target
 
 LARGE = Target(
@@ -40,7 +40,9 @@ def naming(*photos):
         image_size=IMAGE_SIZE, images=(), boards=(), image=none, board=none, column=none,
         row=none, pixel=np.zeros((0, 2)), weight=np.zeros(0),
     )  # fmt: skip
-    return Naming(corners=corners, grids=photos, lens=None, exact=np.ones(len(photos), bool))
+    return Naming(
+        corners=corners, found=(), grids=photos, lens=None, exact=np.ones(len(photos), bool)
+    )
 
 
 @pytest.mark.parametrize("size", [(6, 4), (4, 6), (8, 7), (12, 10)])

@@ -41,9 +41,13 @@ def _ask(number: int, frame: FrameType | None) -> NoReturn:
 
 
 def _not_lost(what: UnraisableHookArgs) -> None:
-    """Where an exception goes nowhere, as in a finaliser, the request comes once more."""
-    if _asked is None or not isinstance(what.exc_value, KeyboardInterrupt):
+    """Where an exception goes nowhere, as in a finaliser, the request comes once more.
+
+    What else finalisers say of work that was broken off is of no use to anybody.
+    """
+    if _asked is None:
         sys.__unraisablehook__(what)
+    if _asked is None or not isinstance(what.exc_value, KeyboardInterrupt):
         return
     import threading
 

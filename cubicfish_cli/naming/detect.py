@@ -19,12 +19,13 @@ from cubicfish_cli.fitting.diagnosis.finding import Finding
 from cubicfish_cli.machines import Machines
 from cubicfish_cli.naming.cache import GridCache
 from cubicfish_cli.naming.marked import has_markers, marked_corners
-from cubicfish_cli.naming.miscounted import counted, miscounted
-from cubicfish_cli.naming.misdrawn import misdrawn
 from cubicfish_cli.naming.name_grids import GridReport, Naming, name_grids
 from cubicfish_cli.naming.pool import map_photos, settled, workers_for
 from cubicfish_cli.naming.refusals import counted_squares, nothing_named, wrong_object
 from cubicfish_cli.naming.remarks import Remark, remark_of
+from cubicfish_cli.naming.wrong_drawing.count import miscounted
+from cubicfish_cli.naming.wrong_drawing.miscounted import counted
+from cubicfish_cli.naming.wrong_drawing.misdrawn import misdrawn
 from cubicfish_cli.photos import Photo, Picture, decode_picture, grey, read_file
 from cubicfish_cli.target import Target
 
@@ -172,16 +173,16 @@ def detect_corners(
         grids = [_grids(found[index]) for index in usable]
         naming = name_grids(grids, target, size, names)
         corners = naming.corners
-        refusal = counted_squares(grids, naming, target)
+        refusal = counted_squares(naming, target)
         if refusal is not None:
             raise DetectionError(refusal)
 
         def picture(number: int) -> Picture | None:
             return _brightness(photos[usable[number]])
 
-        counts = counted(grids, naming, target, size, names, picture)
+        counts = counted(naming, target, picture)
         refusal = wrong_object(naming, counts, target) if len(corners.pixel) else None
-        finding = None if counts else misdrawn(grids, naming, target, size, names)
+        finding = None if counts else misdrawn(naming, target)
         if finding is None and refusal is not None:
             raise DetectionError(refusal)
         finding = finding or miscounted(counts, target, len(usable))

@@ -96,6 +96,7 @@ class Naming:
 
     Attributes:
         corners: the named corners; photos without any are listed in ``images`` all the same.
+        found: for each photo, its grids.
         grids: for each photo, what became of each of its grids.
         lens: the radial lens that the names were checked with, None when none could be fitted.
         exact: (M,) whether the photo's corners are surely these corners of the target. False
@@ -105,6 +106,7 @@ class Naming:
     """
 
     corners: Corners
+    found: tuple[tuple[Grid, ...], ...]
     grids: tuple[tuple[GridReport, ...], ...]
     lens: RadialCamera | None
     exact: BoolArray
@@ -149,6 +151,26 @@ def name_grids(
     task = _task(grids, target, image_size, known)
     decisions, lens = _decide_all(task, progress)
     return _naming(task, grids, decisions, lens, tuple(images))
+
+
+def name_again(
+    naming: Naming,
+    photos: Sequence[int] | IntArray,
+    target: Target,
+    grids: Sequence[Sequence[Grid]] | None = None,
+) -> Naming:
+    """Name the grids of some photos as they would be if the object were drawn otherwise.
+
+    Args:
+        naming: what became of all grids.
+        photos: indices of the photos.
+        target: the other drawing.
+        grids: for each of these photos, other grids in place of its own.
+
+    """
+    corners = naming.corners
+    own = [naming.found[photo] for photo in photos] if grids is None else grids
+    return name_grids(own, target, corners.image_size, [corners.images[i] for i in photos])
 
 
 def _task(
@@ -559,7 +581,13 @@ def _naming(
         pixel=np.concatenate([np.empty((0, 2)), *(row[3] for row in rows)]),
         weight=np.ones(len(cells)),
     )
-    return Naming(corners=_sorted(corners), grids=tuple(reports), lens=lens, exact=exact)
+    return Naming(
+        corners=_sorted(corners),
+        found=tuple(tuple(own) for own in grids),
+        grids=tuple(reports),
+        lens=lens,
+        exact=exact,
+    )
 
 
 def _report(task: _Task, grid: Grid, decision: Decision, n: int) -> GridReport:

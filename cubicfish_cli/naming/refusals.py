@@ -7,10 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.naming.decide import Verdict
-from cubicfish_cli.naming.miscounted import Count
 from cubicfish_cli.naming.name_grids import FEWEST_CORNERS, GridReport, Naming
+from cubicfish_cli.naming.wrong_drawing.count import Count
 from cubicfish_cli.target import Board, Target
 
 WHY = {
@@ -51,13 +50,13 @@ def nothing_named(naming: Naming, target: Target) -> str:
     )
 
 
-def counted_squares(grids: Sequence[Sequence[Grid]], naming: Naming, target: Target) -> str | None:
+def counted_squares(naming: Naming, target: Target) -> str | None:
     """What to say when photo after photo shows one board whole, one corner smaller both ways."""
     boards = grid_boards(target)
     if len(boards) != 1:
         return None
     columns, rows = sorted((boards[0].columns, boards[0].rows))
-    largest = [max(own, key=len) for own in grids if own]
+    largest = [max(own, key=len) for own in naming.found if own]
     sizes = [tuple(sorted((np.ptp(grid.cells, axis=0) + 1).tolist())) for grid in largest]
     counted = (columns - 1, rows - 1)
     whole = sum(

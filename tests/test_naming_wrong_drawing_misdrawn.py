@@ -7,9 +7,9 @@ import pytest
 from anonymous_grids import anonymous_photos
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three, poses_around, synthetic_corners
 
-from cubicfish_cli.naming import misdrawn as module
-from cubicfish_cli.naming.misdrawn import misdrawn
 from cubicfish_cli.naming.name_grids import name_grids
+from cubicfish_cli.naming.wrong_drawing import misdrawn as module
+from cubicfish_cli.naming.wrong_drawing.misdrawn import misdrawn
 from cubicfish_cli.target import Target
 
 TARGET = corner_of_three()
@@ -26,7 +26,7 @@ def grids():
 def told(grids, target=TARGET):
     names = NAMES[: len(grids)]
     naming = name_grids(grids, target, IMAGE_SIZE, names)
-    return misdrawn(grids, naming, target, IMAGE_SIZE, names)
+    return misdrawn(naming, target)
 
 
 def mirrored(grids, photos):
@@ -62,8 +62,8 @@ def test_a_mirrored_grid_is_the_one_of_the_mirrored_photo(grids):
 
 def test_right_photos_of_a_right_drawing_are_not_named_again(grids, monkeypatch):
     naming = name_grids(grids, TARGET, IMAGE_SIZE, NAMES)
-    monkeypatch.setattr(module, "name_grids", lambda *_: pytest.fail("must not be tried"))
-    assert misdrawn(grids, naming, TARGET, IMAGE_SIZE, NAMES) is None
+    monkeypatch.setattr(module, "name_again", lambda *_: pytest.fail("must not be tried"))
+    assert misdrawn(naming, TARGET) is None
 
 
 def test_all_photos_mirrored(grids):

@@ -16,9 +16,11 @@ from synthetic import (
 )
 
 from cubicfish_cli.detection.finder import find_grids
-from cubicfish_cli.naming import miscounted as module
-from cubicfish_cli.naming.miscounted import Count, counted, miscounted
 from cubicfish_cli.naming.name_grids import name_grids
+from cubicfish_cli.naming.wrong_drawing import fewer_corners as module
+from cubicfish_cli.naming.wrong_drawing import more_corners
+from cubicfish_cli.naming.wrong_drawing.count import Count, miscounted
+from cubicfish_cli.naming.wrong_drawing.miscounted import counted
 from cubicfish_cli.rendering.pose import camera_points
 from cubicfish_cli.rendering.simulate import Look, simulated_photos
 from cubicfish_cli.target import Target
@@ -43,7 +45,7 @@ def told(grids, target, pictures=None, size=IMAGE_SIZE):
     def picture(photo):
         return pytest.fail("no photo is needed") if pictures is None else pictures[photo]
 
-    return counted(grids, naming, target, size, names, picture)
+    return counted(naming, target, picture)
 
 
 # One board, in small photos
@@ -129,9 +131,9 @@ def corner():
 def test_boards_that_are_as_drawn_are_not_named_again(corner, monkeypatch):
     names = [f"{index}.png" for index in range(5)]
     naming = name_grids(corner, THREE, IMAGE_SIZE, names)
-    monkeypatch.setattr(module, "name_grids", lambda *_: pytest.fail("must not be tried"))
+    monkeypatch.setattr(more_corners, "name_again", lambda *_: pytest.fail("must not be tried"))
     monkeypatch.setattr(module, "grid_poses", lambda *_: pytest.fail("must not be tried"))
-    assert counted(corner, naming, THREE, IMAGE_SIZE, names, lambda photo: None) == []
+    assert counted(naming, THREE, lambda photo: None) == []
 
 
 @pytest.mark.parametrize(("index", "drawn"), [(0, (8, 6)), (2, (7, 4))])

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.fitting.diagnosis.finding import Cause, Finding, listed
 from cubicfish_cli.naming.decide import Verdict
-from cubicfish_cli.naming.name_grids import FEWEST_CORNERS, GridReport, Naming, name_grids
+from cubicfish_cli.naming.name_grids import FEWEST_CORNERS, GridReport, Naming, name_again
 from cubicfish_cli.target import Board, Target
 
 IntArray = npt.NDArray[np.intp]
@@ -44,16 +44,12 @@ class _Trial:
     mirrored: IntArray
 
 
-def misdrawn(
-    grids: Sequence[Sequence[Grid]],
-    naming: Naming,
-    target: Target,
-    image_size: tuple[int, int],
-    images: Sequence[str],
-) -> Finding | None:
+def misdrawn(naming: Naming, target: Target) -> Finding | None:
     """What is likely wrong with photos or drawing, as the grids that fit nowhere show it.
 
-    The arguments are those of :func:`~cubicfish_cli.naming.name_grids.name_grids`, and its answer.
+    Args:
+        naming: what became of the grids.
+        target: the object that they were named by.
 
     Returns:
         None where most grids have a place, or nothing simple explains why they have none.
@@ -64,18 +60,18 @@ def misdrawn(
     odd = np.flatnonzero(lost > _LOST * (named + lost))
     if not len(odd) or not 2 <= len(boards) <= _MOST_BOARDS:
         return None
-    large = [_large(own) for own in grids]
+    large = [_large(own) for own in naming.found]
+    images, width = naming.corners.images, naming.corners.image_size[0]
 
     def named_by(trial: _Trial) -> IntArray:
         """Corners of each photo of the trial that have a place, with that put right."""
         own = [
-            tuple(_mirror(grid, image_size[0]) for grid in large[photo])
+            tuple(_mirror(grid, width) for grid in large[photo])
             if photo in trial.mirrored
             else large[photo]
             for photo in trial.photos
         ]
-        again = name_grids(own, trial.target, image_size, [images[i] for i in trial.photos])
-        return _counts(again.grids)[0]
+        return _counts(name_again(naming, trial.photos, trial.target, own).grids)[0]
 
     fullest = np.argsort(-(named + lost), kind="stable")
     some = _some_mirrored(target, odd, fullest, images)

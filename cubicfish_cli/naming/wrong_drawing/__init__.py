@@ -1,0 +1,1 @@
+"""Whether the target is drawn wrongly, as grids and photos show it."""
