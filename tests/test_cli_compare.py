@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from conftest import Run
+from conftest import SAMPLE, Run
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +35,16 @@ def test_numbers_in_words_and_in_json(run: Run, calibrated: Path, other: Path) -
     assert "of what A sees" in said
     same = json.loads(run("compare", first, first, "--json").stdout)
     assert same["max_px"] < 1e-5
+
+
+def test_a_camera_beside_the_true_lens(run: Run, calibrated: Path) -> None:
+    """The formula that made the sample's photos is no camera.yaml, and the truth all the same."""
+    true, found = SAMPLE / "true_camera.yaml", calibrated / "camera.yaml"
+    there = json.loads(run("compare", true, found, "--json").stdout)
+    back = json.loads(run("compare", found, true, "--json").stdout)
+    assert 0.001 < there["rms_px"] < 0.1
+    assert back["rms_px"] == pytest.approx(there["rms_px"], rel=0.1)
+    assert there["common_share"] > 0.9
 
 
 def test_the_gate(run: Run, calibrated: Path, other: Path) -> None:

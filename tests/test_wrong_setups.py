@@ -32,6 +32,7 @@ FROM_CORNERS = [
     ("two cameras, focal length x 1.1", 2),
     ("zoom x 1.05 half-way, flat board", 5),
     ("lens bumped, 5 px half-way", 4),
+    ("lens bumped, 5 px half-way", 600),
     ("5 poses, 3 photos each", 2),
     ("half a pixel off (cannot be seen)", 0),
     ("one grid one column off", 2),

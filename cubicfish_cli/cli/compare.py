@@ -24,7 +24,7 @@ _DRAWN_PIXELS = 150_000
 _BOTH = "two cameras are needed: 'cubicfish compare a.yaml b.yaml'"
 
 if TYPE_CHECKING:
-    from cubicfish_cli.fitting.comparison import Comparison
+    from cubicfish_cli.fitting.comparison import ComparedCamera, Comparison
 
 
 @click.command(
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     epilog=examples(
         "cubicfish compare last_year/camera.yaml calibration/camera.yaml",
         "cubicfish compare a.yaml b.yaml --picture difference.png --max-rms 0.3",
+        "cubicfish compare simulated/true_camera.yaml calibration/camera.yaml",
     ),
 )
 @click.argument(
@@ -71,19 +72,19 @@ def command(
 ) -> None:
     """Say how far from A's pixels the camera B sees the same rays, over their common field.
 
-    A and B are camera.yaml files. The rotation between the two camera frames that makes the
-    differences smallest is taken out first, since poses make up for it. Photos of one size, or of
-    sizes that are an exact rescale; differences are in A's pixels.
+    A and B are camera.yaml files, or lenses given by their formula, such as the true_camera.yaml
+    that simulate writes beside its photos. The rotation between the two camera frames that makes
+    the differences smallest is taken out first, since poses make up for it. Photos of one size, or
+    of sizes that are an exact rescale; differences are in A's pixels.
     """
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.fitting.comparison import compare_cameras
-    from cubicfish_cli.formats.camera_yaml import load_camera
     from cubicfish_cli.undistortion.images import check_suffix
 
     if picture is not None:
         refuse_existing(picture, overwrite=overwrite)
         check_suffix(picture)
-    comparison = compare_cameras(load_camera(first).camera, load_camera(second).camera)
+    comparison = compare_cameras(_camera(first), _camera(second))
     if picture is not None:
         _draw(comparison, picture, overwrite=overwrite)
     record = comparison.as_record()
@@ -94,6 +95,13 @@ def command(
         if picture is not None:
             result(f"\nwrote {picture}")
     hold_gate(record["rms_px"], max_rms)
+
+
+def _camera(path: Path) -> ComparedCamera:
+    from cubicfish_cli.formats.camera_yaml import load_camera
+    from cubicfish_cli.rendering.lens_file import is_lens_file, load_lens
+
+    return load_lens(path) if is_lens_file(path) else load_camera(path).camera
 
 
 def _draw(comparison: Comparison, path: Path, *, overwrite: bool) -> None:

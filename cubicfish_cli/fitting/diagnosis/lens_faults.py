@@ -40,7 +40,7 @@ BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.intp]
 
 # A first look at a fit that one lens has bent to both sees less than there is: it is followed up.
-_WORTH_A_LOOK = 1e-4
+_WORTH_A_LOOK = 1e-2
 _ROUNDS = 12
 _SETTLED_PX = 0.05
 _ROUGH_DECREASE = 1e-5
