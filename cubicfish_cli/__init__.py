@@ -23,12 +23,10 @@ Conventions, the same everywhere in the package:
 - Arrays hold points along their leading axes: ``(..., 3)`` in, ``(..., 2)`` out.
 """
 
-from __future__ import annotations
-
 __version__ = "0.1.0"
 
 # What type checkers take for true. The module that has it takes as long to load as the rest of
-# what is here, while Ctrl-C would still end in a traceback.
+# what is here, while Ctrl-C would still end in a traceback: nothing at all is loaded by this file.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
@@ -116,7 +114,7 @@ _OTHERWISE = {"compare": "compare_cameras"}
 _MODULES = {name: module for module, names in _PLACES.items() for name in names}
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
     """Load a public name when it is first used."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,7 +1,6 @@
 """Where the program begins: signals and threads are settled before anything else is loaded."""
 
-from __future__ import annotations
-
+# Until signals are settled, Ctrl-C shows a traceback: as little as can be is loaded before.
 import os
 import signal
 import sys
