@@ -12,7 +12,7 @@ import numpy.typing as npt
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.companion import fit_companion, refit_companion
+from cubicfish_cli.fitting.companion import Companion, fit_companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import fit_cubic
 from cubicfish_cli.fitting.diagnosis.few_photos import enough_photos, fit_of_few, spread_out
 from cubicfish_cli.fitting.diagnosis.finding import Cause, Finding, listed, percent
@@ -142,38 +142,29 @@ def _followed(
         together: RMS with one lens for all, to be beaten.
 
     """
-    pairs, companion = fit.companion.pairs, fit.companion
-    apart = np.inf
+    pairs, apart = fit.companion.pairs, None
     given = np.zeros((len(pairs.images), 3))
     for _ in range(_ROUNDS):
-        wanted = np.zeros_like(given)
-        wanted[photos.photos] = split.own[split.second.astype(int)]
-        settled = np.abs(wanted - given).max() < _SETTLED_PX
-        if settled and np.isfinite(apart):
+        wanted = _given(split, photos, given)
+        if apart is not None and np.abs(wanted - given).max() < _SETTLED_PX:
             break
         given = wanted
-        alike = replace(pairs, pixel=_as_one(pairs, given, photos.reach))
-        try:
-            companion = refit_companion(companion, alike, companion.poses)
-            cubic = fit_cubic(
-                companion, weight=fit.cubic.prior_weight, relative_decrease=_ROUGH_DECREASE
-            )
-        except (FitError, np.linalg.LinAlgError):
+        apart = _fitted_apart(
+            fit, fit.companion if apart is None else apart.companion, given, photos.reach
+        )
+        new = None if apart is None else two_lenses(apart.photos)
+        if apart is None or new is None:
             return None
-        apart = rms_px(cubic.residual)
-        photos = photo_lenses(cubic.lens, cubic.poses, alike, alike.world)
-        total = photos.own.copy()
-        total[:, :3] += given[photos.photos]
-        photos = replace(photos, own=total)
-        new = two_lenses(photos)
-        if new is None:
-            return None
-        split = new
-    if split.chance > BY_CHANCE or apart**2 > (1 - WORTH) * together**2:
+        photos, split = apart.photos, new
+    if apart is None or split.chance > BY_CHANCE:
+        return None
+    if split.kind == "order":
+        split, apart = _at_the_boundary(fit, split, apart, given)
+    if apart.rms_px**2 > (1 - WORTH) * together**2:
         return None
     scale = 1 + split.own[:, 0] / photos.reach
     middle = (np.array(pairs.image_size, float) - 1) / 2
-    camera = companion.camera
+    camera = apart.companion.camera
     common = np.array([camera.cx, camera.cy]) - middle
     centres = middle + scale[:, None] * common + split.own[:, 1:]
     change = LensChange(
@@ -185,8 +176,73 @@ def _followed(
         names,
         pairs,
         in_order=split.kind == "order",
-        evidence=f"the RMS is {together:.2f} px together and {apart:.2f} px apart",
+        evidence=f"the RMS is {together:.2f} px together and {apart.rms_px:.2f} px apart",
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Apart:
+    """A fit in which photos have a scale and centre of their own.
+
+    Attributes:
+        companion: the radial fit, to pixels as one lens would have taken them.
+        rms_px: of the cubic.
+        photos: what each photo has of its own in all.
+
+    """
+
+    companion: Companion
+    rms_px: float
+    photos: PhotoLenses
+
+
+def _given(split: TwoLenses, photos: PhotoLenses, like: FloatArray) -> FloatArray:
+    """(photos, 3) scale and shift of each photo's group; none for photos that do not tell."""
+    given = np.zeros_like(like)
+    given[photos.photos] = split.own[split.second.astype(int)]
+    return given
+
+
+def _fitted_apart(
+    fit: ObjectFit, start: Companion, given: FloatArray, reach: float
+) -> _Apart | None:
+    """Fit with these scales and shifts (photos, 3); None where there is no camera."""
+    alike = replace(fit.companion.pairs, pixel=_as_one(fit.companion.pairs, given, reach))
+    try:
+        companion = refit_companion(start, alike, start.poses)
+        cubic = fit_cubic(
+            companion, weight=fit.cubic.prior_weight, relative_decrease=_ROUGH_DECREASE
+        )
+    except (FitError, np.linalg.LinAlgError):
+        return None
+    photos = photo_lenses(cubic.lens, cubic.poses, alike, alike.world)
+    total = photos.own.copy()
+    total[:, :3] += given[photos.photos]
+    return _Apart(
+        companion=companion,
+        rms_px=rms_px(cubic.residual),
+        photos=replace(photos, own=total),
+    )
+
+
+def _at_the_boundary(
+    fit: ObjectFit, split: TwoLenses, apart: _Apart, given: FloatArray
+) -> tuple[TwoLenses, _Apart]:
+    """The change one photo earlier or later, where that fits better.
+
+    A photo beside the change that was counted to the wrong side has bent the camera to itself.
+    """
+    first = int(np.argmax(split.second))
+    for place in (first, first - 1):
+        second = split.second.copy()
+        second[place] = not second[place]
+        moved = replace(split, second=second)
+        other = _fitted_apart(
+            fit, apart.companion, _given(moved, apart.photos, given), apart.photos.reach
+        )
+        if other is not None and other.rms_px**2 < (1 - WORTH) * apart.rms_px**2:
+            return moved, other
+    return split, apart
 
 
 def _as_one(pairs: Correspondences, given: FloatArray, reach: float) -> FloatArray:
