@@ -156,6 +156,15 @@ def test_what_is_missing_is_shown_in_its_place(run: Run, args: list[str], shown:
     assert said.endswith(f": '{shown}'\n")
 
 
+@pytest.mark.parametrize("args", [[], ["target"]])
+def test_without_a_command_the_help_is_shown(args: list[str]) -> None:
+    done = subprocess.run([*CUBICFISH, *args], capture_output=True, text=True, check=False)
+    lines = (done.stdout + done.stderr).splitlines()  # and exit code, by the release of click
+    assert lines[0].startswith(" ".join(["Usage: cubicfish", *args]))
+    assert "Commands:" in lines
+    assert max(map(len, lines)) <= 80
+
+
 def test_wrong_usage_fits_the_terminal(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     args = ["undistort", "a.png", "b.png", "--hfov", "200"]
     plain = run(*args, code=2).stderr
@@ -247,6 +256,30 @@ def test_a_signal_ends_it_whatever_comes_of_the_exception(
         input="0,0,1\n", capture_output=True, text=True, check=False, timeout=15,
     )  # fmt: skip
     assert (done.returncode, done.stderr, done.stdout) == (code, said, "")
+
+
+@pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143)])
+def test_a_signal_after_the_work_is_no_failure(tmp_path: Path, name: str, code: int) -> None:
+    """What click makes of it, "Aborted!" and exit code 1, would be one."""
+    program = tmp_path / "program.py"
+    program.write_text(
+        "import signal\n"
+        "from cubicfish_cli.cli import main, start\n"
+        "whole = main.LazyGroup.invoke\n"
+        "def invoke(self, context):\n"
+        "    whole(self, context)\n"
+        f"    signal.raise_signal(signal.{name})\n"
+        "main.LazyGroup.invoke = invoke\n"
+        "start.main()\n"
+    )
+    lens = SAMPLE / "true_camera.yaml"
+    done = subprocess.run(
+        [sys.executable, str(program), "compare", str(lens), str(lens)],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == code
+    assert "RMS difference" in done.stdout
+    assert done.stderr.strip() == ("Interrupted." if name == "SIGINT" else "")
 
 
 def test_a_reader_that_leaves_ends_it_quietly(calibrated: Path, tmp_path: Path) -> None:

@@ -50,11 +50,19 @@ COMMANDS = (
 _MODULES = {"import": "import_camera"}
 
 
+# What newer releases of click raise where a command is missing: its message is the help.
+_HelpInstead: type[click.UsageError] | tuple[()] = getattr(
+    click.exceptions, "NoArgsIsHelpError", ()
+)
+
+
 @contextmanager
 def _harmless() -> Iterator[None]:
     """What click says of a command line may repeat a file's name, which may steer a terminal."""
     try:
         yield
+    except _HelpInstead:
+        raise  # all of it is ours
     except click.ClickException as error:
         vars(error)["message"] = safe(error.message)
         if isinstance(error, click.UsageError):
@@ -168,3 +176,15 @@ def cli() -> None:
     to stdout, everything else to stderr. Exit codes: 0 done, 1 the work could not be done,
     2 wrong usage, 3 done but a --max-rms gate failed, 130 interrupted.
     """
+
+
+def run() -> int:
+    """Run the command line, and return its exit code."""
+    try:
+        code = cli.main(prog_name="cubicfish", standalone_mode=False)
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except click.Abort:  # click's word for a signal that came before or after the command
+        _end_as_asked()
+    return code if isinstance(code, int) else 0

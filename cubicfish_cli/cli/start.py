@@ -28,12 +28,12 @@ def main() -> None:
     _end_at_once(numbers)
     _settle()
     from cubicfish_cli.cli.ending import EXIT_SIGNAL, asked, raise_on
-    from cubicfish_cli.cli.main import cli
+    from cubicfish_cli.cli.main import run
 
     try:
         try:
             raise_on(numbers)
-            cli(prog_name="cubicfish")
+            sys.exit(run())
         finally:
             _end_at_once(numbers)
     except (Exception, KeyboardInterrupt):
