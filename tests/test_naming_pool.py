@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Callable
 from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerProcess
 from pathlib import Path
 
 import pytest
@@ -99,6 +100,27 @@ def outcome(work: Callable[[str], object], items: list[str]) -> BaseException | 
     assert outcomes, "it hangs"
     assert multiprocessing.active_children() == []
     return outcomes[0]
+
+
+def test_a_request_to_end_waits_until_a_process_has_started(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Else the server of workers is asked for one by half, and prints what it thinks of it."""
+    started = []
+    start = ForkServerProcess.start
+
+    def interrupted(process: ForkServerProcess) -> None:
+        signal.raise_signal(signal.SIGINT)
+        start(process)
+        started.append(process)
+
+    monkeypatch.setattr(ForkServerProcess, "start", interrupted)
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        list(map_photos(abs, [-1, 2], 2))
+    assert len(started) == 1
+    assert not started[0].is_alive()
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_answers_come_in_order() -> None:

@@ -25,6 +25,11 @@ from cubicfish_cli.errors import DetectionError
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
 
+# Signals that ask for the end of a run, where there are such.
+_REQUESTS = [
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+]
+
 
 def each_by_processes(
     work: Callable[[Item], Answer], items: Sequence[Item], workers: int, context: BaseContext
@@ -58,7 +63,8 @@ def each_by_processes(
     try:
         for _ in range(workers):
             with _told():
-                pipes.append(_start(work, context, processes))
+                with _requests_held_back():
+                    pipes.append(_start(work, context, processes))
                 go_on(pipes[-1])
         while doing:
             for pipe in wait(list(doing)):
@@ -86,6 +92,26 @@ def _start(
     processes.append(process)
     there.close()  # the process has its own: when it ends, this end knows
     return here
+
+
+@contextmanager
+def _requests_held_back() -> Iterator[None]:
+    """Ctrl-C and the like wait: a server that is asked for half a process complains at length."""
+    came: list[int] = []
+    before: dict[int, Any] = {}
+    # Only the main thread may set handlers, and only there they are called.
+    ours = threading.current_thread() is threading.main_thread()
+    try:
+        for number in _REQUESTS if ours else ():
+            if callable(signal.getsignal(number)):
+                before[number] = signal.getsignal(number)
+                signal.signal(number, lambda one, frame: came.append(one))
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if came:
+            signal.raise_signal(came[0])
 
 
 @contextmanager
