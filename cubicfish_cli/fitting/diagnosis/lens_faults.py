@@ -41,6 +41,10 @@ IntArray = npt.NDArray[np.intp]
 
 # A first look at a fit that one lens has bent to both sees less than there is: it is followed up.
 _WORTH_A_LOOK = 1e-2
+# So is a photo that is unlike the others. It is judged by a camera that never saw it, which is
+# right about it only if it comes from so many times as many equations as unknowns.
+_SUSPICIOUS = 1e-4
+_TIMES_DETERMINED = 10
 _ROUNDS = 12
 _SETTLED_PX = 0.05
 _ROUGH_DECREASE = 1e-5
@@ -360,13 +364,16 @@ def _single(fit: ObjectFit, photos: PhotoLenses) -> list[Finding]:
     suspects = {
         one.photo
         for one in (*sheared_photos(photos), *zoomed_photos(photos))
-        if one.chance < _WORTH_A_LOOK and one.share > WORTH / 2
+        if one.chance < _SUSPICIOUS and one.share > WORTH / 2
     }
     if not suspects:
         return []
     if 2 * len(suspects) < len(pairs.images):
         # They have bent the lens and the other photos' poses: judge by a lens without them.
-        again = _without(fit, np.array(sorted(suspects)))
+        left_out = np.array(sorted(suspects))
+        if not _determined_without(fit, left_out):
+            return []
+        again = _without(fit, left_out)
         photos = photos if again is None else again
     findings = []
     for unlike, cause in ((sheared_photos(photos), "sheared"), (zoomed_photos(photos), "lens")):
@@ -379,6 +386,14 @@ def _single(fit: ObjectFit, photos: PhotoLenses) -> list[Finding]:
         if certain and 2 * len(certain) < len(pairs.images):
             findings.append(_single_finding(certain, pairs, cause))
     return findings
+
+
+def _determined_without(fit: ObjectFit, left_out: npt.NDArray[np.intp]) -> bool:
+    """Whether the other photos make a camera that is right about photos it has not seen."""
+    pairs = fit.companion.pairs
+    others = np.count_nonzero(~np.isin(pairs.image, left_out))
+    poses = len(pairs.images) - len(left_out)
+    return bool(2 * others >= _TIMES_DETERMINED * (len(fit.cubic.lens.parameters) + 6 * poses))
 
 
 def _without(fit: ObjectFit, suspects: npt.NDArray[np.intp]) -> PhotoLenses | None:
