@@ -81,10 +81,13 @@ def test_nothing_is_claimed_of_a_right_set_up(run: Run, tmp_path: Path, case: wr
     assert record["findings"] == [], said
 
 
-def test_a_camera_of_few_corners_does_not_judge_single_photos(run: Run, tmp_path: Path) -> None:
-    """Five photos of a small board: a camera of four of them is off by itself in the fifth."""
-    setup = wrong.good(np.random.default_rng([99, 927]), 927)
-    done = run(*setup.save(tmp_path), "--refine-target", "shape", "--no-hold-out", "--json")
+@pytest.mark.parametrize(("kind", "refined"), [(927, "shape"), (706, "off")])
+def test_a_camera_of_few_photos_does_not_judge_single_ones(
+    run: Run, tmp_path: Path, kind: int, refined: str
+) -> None:
+    """Five photos: a camera of four of them is off by itself in the fifth."""
+    setup = wrong.good(np.random.default_rng([99, kind]), kind)
+    done = run(*setup.save(tmp_path), "--refine-target", refined, "--no-hold-out", "--json")
     assert json.loads(done.stdout)["findings"] == []
 
 

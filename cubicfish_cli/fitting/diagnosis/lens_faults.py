@@ -42,9 +42,11 @@ IntArray = npt.NDArray[np.intp]
 # A first look at a fit that one lens has bent to both sees less than there is: it is followed up.
 _WORTH_A_LOOK = 1e-2
 # So is a photo that is unlike the others. It is judged by a camera that never saw it, which is
-# right about it only if it comes from so many times as many equations as unknowns.
+# right about it only if it comes from so many times as many equations as unknowns, and from so
+# many photos that what the object is off by does not look like a lens of its own in one of them.
 _SUSPICIOUS = 1e-4
 _TIMES_DETERMINED = 10
+_FEWEST_OTHERS = 8
 _ROUNDS = 12
 _SETTLED_PX = 0.05
 _ROUGH_DECREASE = 1e-5
@@ -393,7 +395,8 @@ def _determined_without(fit: ObjectFit, left_out: npt.NDArray[np.intp]) -> bool:
     pairs = fit.companion.pairs
     others = np.count_nonzero(~np.isin(pairs.image, left_out))
     poses = len(pairs.images) - len(left_out)
-    return bool(2 * others >= _TIMES_DETERMINED * (len(fit.cubic.lens.parameters) + 6 * poses))
+    unknowns = len(fit.cubic.lens.parameters) + 6 * poses
+    return bool(poses >= _FEWEST_OTHERS and 2 * others >= _TIMES_DETERMINED * unknowns)
 
 
 def _without(fit: ObjectFit, suspects: npt.NDArray[np.intp]) -> PhotoLenses | None:
