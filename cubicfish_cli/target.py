@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
@@ -235,6 +235,11 @@ class Target:
     def board_names(self) -> tuple[str, ...]:
         """The boards' names, in the file's order."""
         return tuple(board.name for board in self.boards)
+
+    def with_boards(self, boards: Mapping[int, Board]) -> Target:
+        """The object with other boards in the place of those of these indices."""
+        changed = (boards.get(index, board) for index, board in enumerate(self.boards))
+        return replace(self, boards=tuple(changed))
 
     def world_points(
         self, board: npt.ArrayLike, column: npt.ArrayLike, row: npt.ArrayLike

@@ -19,8 +19,8 @@ from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.naming.name_grids import name_grids
 from cubicfish_cli.naming.wrong_drawing import fewer_corners as module
 from cubicfish_cli.naming.wrong_drawing import more_corners
-from cubicfish_cli.naming.wrong_drawing.count import Count, miscounted
-from cubicfish_cli.naming.wrong_drawing.miscounted import counted
+from cubicfish_cli.naming.wrong_drawing.count import Count
+from cubicfish_cli.naming.wrong_drawing.miscounted import counted, miscounted
 from cubicfish_cli.rendering.pose import camera_points
 from cubicfish_cli.rendering.simulate import Look, simulated_photos
 from cubicfish_cli.target import Target

@@ -47,10 +47,9 @@ def _not_lost(what: UnraisableHookArgs) -> None:
     """
     if _asked is None:
         sys.__unraisablehook__(what)
-    if _asked is None or not isinstance(what.exc_value, KeyboardInterrupt):
-        return
-    import threading
+    elif isinstance(what.exc_value, KeyboardInterrupt):
+        import threading
 
-    again = threading.Timer(_AGAIN, os.kill, (os.getpid(), _asked))
-    again.daemon = True
-    again.start()
+        again = threading.Timer(_AGAIN, os.kill, (os.getpid(), _asked))
+        again.daemon = True
+        again.start()

@@ -23,8 +23,7 @@ from cubicfish_cli.naming.name_grids import GridReport, Naming, name_grids
 from cubicfish_cli.naming.pool import map_photos, settled, workers_for
 from cubicfish_cli.naming.refusals import counted_squares, nothing_named, wrong_object
 from cubicfish_cli.naming.remarks import Remark, remark_of
-from cubicfish_cli.naming.wrong_drawing.count import miscounted
-from cubicfish_cli.naming.wrong_drawing.miscounted import counted
+from cubicfish_cli.naming.wrong_drawing.miscounted import counted, miscounted
 from cubicfish_cli.naming.wrong_drawing.misdrawn import misdrawn
 from cubicfish_cli.photos import Photo, Picture, decode_picture, grey, read_file
 from cubicfish_cli.target import Target

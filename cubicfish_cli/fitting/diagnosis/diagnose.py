@@ -175,7 +175,8 @@ def _of_object(drawn: ObjectFit, fit: ObjectFit, drawing: Drawing) -> list[Findi
         found = _of_refined(drawn, fit, drawing)
         return [replace(finding, level="care") for finding in found]
     pairs, residual = fit.companion.pairs, fit.cubic.residual
-    if not local_noise_px(pairs, residual) or within_noise(pairs, residual, _WORTH_MEASURING):
+    times = _times_noise(pairs, residual)
+    if times is None or times < _WORTH_MEASURING:
         return []
     everyone = np.arange(len(pairs.images))
     few = spread_out(everyone, enough_photos(len(everyone)))
@@ -453,12 +454,16 @@ def _repeats(fit: ObjectFit) -> list[Finding]:
 # When there is no fit
 
 
-def within_noise(
-    pairs: Correspondences, residual: FloatArray, times: float = _BEYOND_NOISE
-) -> bool:
-    """Whether residuals (N, 2) are less than so many times what the corners' noise explains."""
+def within_noise(pairs: Correspondences, residual: FloatArray) -> bool:
+    """Whether residuals (N, 2) are no larger than the corners' own noise explains."""
+    times = _times_noise(pairs, residual)
+    return times is not None and times < _BEYOND_NOISE
+
+
+def _times_noise(pairs: Correspondences, residual: FloatArray) -> float | None:
+    """How many times the corners' own noise the residuals are; None where it is not known."""
     noise = local_noise_px(pairs, residual)
-    return bool(noise) and noise_px(residual) < times * noise
+    return noise_px(residual) / noise if noise else None
 
 
 def _of_failure(pairs: Correspondences, target: Target | None, fits: bool) -> Finding | None:

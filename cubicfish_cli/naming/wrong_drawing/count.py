@@ -1,13 +1,11 @@
-"""How many corners boards have, as photos show it, and what is to be said of it."""
+"""How many corners boards have, as photos show it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cubicfish_cli.detection.grids import Grid
-from cubicfish_cli.fitting.diagnosis.finding import Finding, listed
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 
 FEWEST_PHOTOS = 2
 """So many photos must show it: in one, anything may cover a line of corners."""
@@ -42,46 +40,3 @@ def is_full(grid: Grid) -> bool:
 def boards_with_squares(target: Target) -> list[int]:
     """Indices of the boards whose corners are where squares meet."""
     return [index for index, board in enumerate(target.boards) if board.has_squares]
-
-
-def miscounted(counts: Sequence[Count], target: Target, photos: int) -> Finding | None:
-    """What is to be said of boards of which photos show another number of corners.
-
-    Args:
-        counts: of :func:`~cubicfish_cli.naming.wrong_drawing.miscounted.counted`.
-        target: the object.
-        photos: how many photos there are.
-
-    """
-    if not counts:
-        return None
-    names = tuple(target.boards[count.board].name for count in counts)
-    parts = [_words(count, target.boards[count.board]) for count in counts]
-    several = len(counts) > 1
-    fewest, most = min(one.photos for one in counts), max(one.photos for one in counts)
-    which = f"{most}" if fewest == most else f"{fewest} to {most}"
-    return Finding(
-        cause="corner_count",
-        level="care",
-        what=f"photos show {listed(parts, 'boards')}",
-        evidence=f"{which} of {photos} photos show where {'they end' if several else 'it ends'}, "
-        "none shows otherwise",
-        do="correct corners in target.yaml (and origin, if it was of a corner that is not there) "
-        "and run it again",
-        boards=names,
-    )
-
-
-def _words(count: Count, board: Board) -> str:
-    drawn = board.columns, board.rows
-    if all(count.sure):
-        what, says = f"{_times(*count.size)} inner corners", _times(*drawn)
-    else:
-        axis = 0 if count.sure[0] else 1
-        what = f"{count.size[axis]} {('columns', 'rows')[axis]} of inner corners"
-        says = f"{drawn[axis]}"
-    return f"{what} of board {board.name} (target.yaml says {says})"
-
-
-def _times(columns: int, rows: int) -> str:
-    return f"{columns}x{rows}"

@@ -191,7 +191,7 @@ def _drawings(target: Target) -> Iterator[tuple[str, Cause, Target, tuple[str, .
     for index in plain:
         name = target.boards[index].name
         for what, cause, board in changes[index]:
-            yield f"board {name}: {what}", cause, _with(target, {index: board}), (name,)
+            yield f"board {name}: {what}", cause, target.with_boards({index: board}), (name,)
     for number in range(min(len(own) for own in changes.values())):
         every = {index: changes[index][number] for index in plain}
         if len({what for what, _, _ in every.values()}) > 1:
@@ -201,14 +201,14 @@ def _drawings(target: Target) -> Iterator[tuple[str, Cause, Target, tuple[str, .
             what = f"all boards: {next(iter(every.values()))[0]}"
         cause = next(iter(every.values()))[1]
         names = tuple(target.boards[index].name for index in plain)
-        yield what, cause, _with(target, {i: one[2] for i, one in every.items()}), names
+        yield what, cause, target.with_boards({i: one[2] for i, one in every.items()}), names
     for one, other in combinations(plain, 2):
         a, b = target.boards[one], target.boards[other]
         exchanged = {one: _placed(a, b), other: _placed(b, a)}
         yield (
             f"the places of boards {a.name} and {b.name} are exchanged",
             "board_names",
-            _with(target, exchanged),
+            target.with_boards(exchanged),
             (a.name, b.name),
         )
 
@@ -245,10 +245,3 @@ def _changes(board: Board) -> Iterator[tuple[str, Cause, Board]]:
 
 def _placed(board: Board, other: Board) -> Board:
     return replace(board, origin=other.origin, x_axis=other.x_axis, y_axis=other.y_axis)
-
-
-def _with(target: Target, boards: dict[int, Board]) -> Target:
-    return replace(
-        target,
-        boards=tuple(boards.get(index, board) for index, board in enumerate(target.boards)),
-    )

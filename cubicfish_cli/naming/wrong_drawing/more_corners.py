@@ -103,7 +103,7 @@ def _with_place(
     chosen = sorted(fullest[:_TRIAL_PHOTOS])
     for at_start in (False, True):
         board = _longer(target.boards[index], axis, at_start=at_start)
-        again = name_again(naming, chosen, _with(target, index, board)).grids
+        again = name_again(naming, chosen, target.with_boards({index: board})).grids
         placed = {
             photo
             for photo, number in larger
@@ -138,9 +138,3 @@ def _longer(board: Board, axis: int, *, at_start: bool) -> Board:
         first_square=first_square,
         shape=None,
     )
-
-
-def _with(target: Target, index: int, board: Board) -> Target:
-    boards = list(target.boards)
-    boards[index] = board
-    return replace(target, boards=tuple(boards))
