@@ -15,6 +15,7 @@ PACKAGE = Path(cubicfish_cli.__file__).parent
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "wording": set(),
+    "angles": set(),
     "arrays": {"errors", "wording"},
     "machines": {"errors"},
     "files": {"errors", "machines"},
@@ -25,11 +26,11 @@ ALLOWED: dict[str, set[str]] = {
     "picture_headers": set(),
     "photos": {"errors", "wording", "machines", "picture_headers"},
     "cluster": {"errors", "files", "machines", "photos"},
-    "detection": {"errors", "photos", "target"},
+    "detection": {"errors", "angles", "photos", "target"},
     "correspondences": {"errors", "wording", "arrays", "files", "tables", "target"},
     "corner_files": {"errors", "reading", "tables", "target", "correspondences", "wording"},
-    "model": {"errors"},
-    "fitting": {"errors", "target", "correspondences", "model"},
+    "model": {"errors", "angles"},
+    "fitting": {"errors", "angles", "target", "correspondences", "model"},
     "naming": {
         "errors",
         "machines",
@@ -41,11 +42,11 @@ ALLOWED: dict[str, set[str]] = {
         "model",
         "fitting",
     },
-    "undistortion": {"errors", "machines", "files", "photos", "model", "wording"},
+    "undistortion": {"errors", "angles", "machines", "files", "photos", "model", "wording"},
     "formats": {"errors", "files", "reading", "plain_yaml", "target", "model", "wording"},
-    "rendering": {"errors", "plain_yaml", "tables", "target", "wording"},
+    "rendering": {"errors", "angles", "plain_yaml", "tables", "target", "wording"},
     "printing": {"errors", "files", "wording", "target", "formats", "rendering"},
-    "advice": {"errors", "target", "correspondences", "model", "fitting", "rendering"},
+    "advice": {"errors", "angles", "target", "correspondences", "model", "fitting", "rendering"},
 }
 ALLOWED["library"] = {*ALLOWED}
 ALLOWED["report"] = {*ALLOWED} - {"library"}

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from cubicfish_cli.advice.gaps import Gaps, find_gaps, photo_distances
 from cubicfish_cli.advice.knowledge import Knowledge, know, recorded_poses
 from cubicfish_cli.advice.words import length_words, place_words, tilt_words
+from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.field_uncertainty import FieldUncertainty, recorded, summed
 from cubicfish_cli.fitting.poses import Poses
@@ -341,7 +342,7 @@ class _Reach:
 
     def project(self, points: npt.ArrayLike, /) -> FloatArray:
         points = np.asarray(points, float)
-        angle = np.arctan2(np.hypot(points[..., 0], points[..., 1]), points[..., 2])
+        angle = angle_from_axis(points)
         return np.where((angle <= self.limit)[..., None], self.camera.project(points), np.nan)
 
     def unproject(self, pixel: npt.ArrayLike, /) -> FloatArray:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.advice.words import SIDES, length_words, listed, side_of, slant
+from cubicfish_cli.angles import azimuth
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.findings import field_cells
 from cubicfish_cli.fitting.poses import Poses
@@ -240,7 +241,7 @@ def _missing_tilts(pairs: Correspondences, poses: Poses | None, target: Target |
     if len(front) < _FEW_FACES:
         return []
     angle, towards = slant(front, middle)
-    way = np.rint(np.arctan2(towards[:, 1], towards[:, 0]) / (np.pi / 2)).astype(int) % 4
+    way = np.rint(azimuth(towards) / (np.pi / 2)).astype(int) % 4
     tilted = angle > _TILTED_DEG
     lines = []
     least = max(1.0, _TILT_SHARE * len(front))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.companion import Companion, refit_companion
@@ -59,7 +60,7 @@ class Knowledge:
     def points(self, view: View) -> FloatArray:
         """(N, 3) visible corners of a view in the camera frame, as far as P is held there."""
         points = view.seen.camera[view.seen.visible]
-        angle = np.arctan2(np.hypot(points[:, 0], points[:, 1]), points[:, 2])
+        angle = angle_from_axis(points)
         held: FloatArray = points[angle <= np.deg2rad(self.camera.max_angle_deg + _HELD_BEYOND_DEG)]
         return held
 
@@ -96,7 +97,7 @@ class Knowledge:
         self, pairs: Correspondences, poses: Poses, view: View
     ) -> tuple[Correspondences, Poses]:
         seen, number = view.seen, len(pairs.images)
-        angle = np.arctan2(np.hypot(seen.camera[:, 0], seen.camera[:, 1]), seen.camera[:, 2])
+        angle = angle_from_axis(seen.camera)
         used = seen.visible & (angle <= np.deg2rad(self.camera.max_angle_deg + _HELD_BEYOND_DEG))
         board, column, row = seen.board[used], seen.column[used], seen.row[used]
         world = (

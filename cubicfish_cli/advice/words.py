@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.angles import angle_from_axis, azimuth
+
 FloatArray = npt.NDArray[np.float64]
 
 # Clockwise from the right, y down, an eighth of a turn each.
@@ -19,14 +21,14 @@ _METRES = {"mm": 1e-3, "cm": 1e-2, "dm": 0.1, "m": 1.0, "um": 1e-6, "µm": 1e-6}
 
 def side_of(offset: FloatArray) -> npt.NDArray[np.intp]:
     """Which eighth of the picture offsets (..., 2) from the axis lie in, an index of SIDES."""
-    turn = np.arctan2(offset[..., 1], offset[..., 0])
+    turn = azimuth(offset)
     eighth: npt.NDArray[np.intp] = np.rint(turn / (np.pi / 4)).astype(np.intp) % 8
     return eighth
 
 
 def place_words(ray: FloatArray) -> str:
     """Where in the picture a ray (3,) is: ``in the lower right of the picture, 52° ...``."""
-    angle = float(np.degrees(np.arctan2(np.hypot(ray[0], ray[1]), ray[2])))
+    angle = float(np.degrees(angle_from_axis(ray)))
     if angle < _MIDDLE_DEG:
         return "in the middle of the picture"
     side = SIDES[int(side_of(ray[:2]))]

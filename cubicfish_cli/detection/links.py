@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cubicfish_cli.angles import azimuth
 from cubicfish_cli.detection.corners import XCorners
 from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
 from cubicfish_cli.detection.nearby import nearest
@@ -51,7 +52,7 @@ def find_links(pyramid: Pyramid, corners: XCorners) -> Links:
         return Links(corner=none, arm=none.copy())
     p, q, length = _neighbours(corners)
     towards = corners.pixel[q] - corners.pixel[p]
-    direction = np.arctan2(towards[:, 1], towards[:, 0])
+    direction = azimuth(towards)
     arm_p, miss_p = _pointing_arm(corners.angle[p], direction)
     arm_q, miss_q = _pointing_arm(corners.angle[q], direction + np.pi)
     fits = (miss_p < _POINTING) & (miss_q < _POINTING) & ((arm_p + arm_q) % 2 == 1)

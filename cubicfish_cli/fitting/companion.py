@@ -10,6 +10,7 @@ from itertools import islice
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import Adjustment, adjust
@@ -77,14 +78,9 @@ class Companion:
     @property
     def covered(self) -> float:
         """Angle from the axis of the farthest corner that is not gross, radians."""
-        angle = angles(self.poses.apply(self.pairs.image, self.pairs.world))
+        angle = angle_from_axis(self.poses.apply(self.pairs.image, self.pairs.world))
         length = np.hypot(self.residual[:, 0], self.residual[:, 1])
         return float(angle[length <= gross_px(self.residual)].max())
-
-
-def angles(points: FloatArray) -> FloatArray:
-    """Angle from the camera's axis of points (..., 3), radians."""
-    return np.arctan2(np.hypot(points[..., 0], points[..., 1]), points[..., 2])
 
 
 def fit_companion(pairs: Correspondences, *, thorough: bool = True) -> Companion:
@@ -311,7 +307,7 @@ def _sound_profile(fit: Adjustment, pairs: Correspondences) -> tuple[Adjustment,
         if noise_px(fit.residual) > worst:
             break
         near = np.hypot(fit.residual[:, 0], fit.residual[:, 1]) <= gross_px(fit.residual)
-        covered = angles(fit.poses.apply(pairs.image, pairs.world))[near].max()
+        covered = angle_from_axis(fit.poses.apply(pairs.image, pairs.world))[near].max()
         if _camera(fit, pairs).max_angle >= min(np.pi, covered + np.deg2rad(MARGIN_DEG + 0.5)):
             return fit, fewer
     return best, terms

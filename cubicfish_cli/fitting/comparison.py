@@ -8,9 +8,9 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.fitting.companion import angles
 from cubicfish_cli.fitting.statistics import ErrorStatistics, error_statistics, rms_px
 
 FloatArray = npt.NDArray[np.float64]
@@ -132,7 +132,7 @@ def compare_cameras(first: ComparedCamera, second: ComparedCamera) -> Comparison
         scale=scale,
         statistics=error_statistics(miss[common]),
         common_share=float(common.mean()),
-        rings=rings(angles(rays[seen][common]), miss[common]),
+        rings=rings(angle_from_axis(rays[seen][common]), miss[common]),
     )
 
 

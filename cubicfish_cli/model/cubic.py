@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.angles import azimuth, columns
 from cubicfish_cli.model.lift import evaluate_cubics, lift
 from cubicfish_cli.model.radial import RadialCamera
 
@@ -45,11 +46,12 @@ class CubicCamera:
     def project(self, points: npt.ArrayLike) -> FloatArray:
         """Camera-frame points (..., 3), any length -> pixels (..., 2); NaN outside the cone."""
         points = np.asarray(points, float)
-        rho = np.hypot(points[..., 0], points[..., 1])
+        x, y, z = columns(points)
+        rho = np.hypot(x, y)
         with np.errstate(invalid="ignore"):
-            theta = np.arctan2(rho, points[..., 2])
+            theta = np.arctan2(rho, z)
             inside = theta <= np.deg2rad(self.max_angle_deg) + _EDGE_SLACK_RAD
-            norm = np.hypot(rho, points[..., 2])
+            norm = np.hypot(rho, z)
             inside &= (norm > 0) & np.isfinite(norm)
         rays = np.where(inside[..., None], points, [0.0, 0.0, 1.0])
         rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
@@ -97,16 +99,16 @@ class CubicCamera:
 
     def _may_be_inside(self, pixel: FloatArray) -> npt.NDArray[np.bool_]:
         """Cheaply rule out pixels (N, 2) that lie clearly outside the image of the cone's rim."""
-        azimuth = np.linspace(-np.pi, np.pi, 721)
-        rim = self.project(_ray(np.full(721, np.deg2rad(self.max_angle_deg)), azimuth))
+        around = np.linspace(-np.pi, np.pi, 721)
+        rim = self.project(_ray(np.full(721, np.deg2rad(self.max_angle_deg)), around))
         middle = self.project([0.0, 0.0, 1.0])
         offset = rim - middle
-        order = np.argsort(np.arctan2(offset[:, 1], offset[:, 0]))
+        order = np.argsort(azimuth(offset))
         with np.errstate(invalid="ignore", over="ignore"):
             own = pixel - middle
             farthest = np.interp(
-                np.arctan2(own[:, 1], own[:, 0]),
-                np.arctan2(offset[order, 1], offset[order, 0]),
+                azimuth(own),
+                azimuth(offset[order]),
                 np.hypot(offset[order, 0], offset[order, 1]),
                 period=2 * np.pi,
             )
@@ -118,7 +120,7 @@ class CubicCamera:
         # The companion has no ray for a pixel beyond its own end: start those at the cone's edge.
         theta = np.where(np.isfinite(theta), np.minimum(theta, limit), limit)
         offset = (pixel - [self.radial.cx, self.radial.cy]) / [self.radial.fx, self.radial.fy]
-        rays = _ray(theta, np.arctan2(offset[:, 1], offset[:, 0]))
+        rays = _ray(theta, azimuth(offset))
         best = np.full((len(pixel), 3), np.nan)
         active = np.arange(len(pixel))
         for _ in range(_NEWTON_ITERATIONS):
@@ -152,12 +154,12 @@ class CubicCamera:
 
         Along each azimuth it is the farthest pixel that is inside the cone and the photo.
         """
-        azimuth = np.linspace(0, 2 * np.pi, count, endpoint=False)
+        around = np.linspace(0, 2 * np.pi, count, endpoint=False)
         near, far = np.zeros(count), np.full(count, np.deg2rad(self.max_angle_deg))
         width, height = self.image_size
 
         def inside(theta: FloatArray) -> npt.NDArray[np.bool_]:
-            u, v = self.project(_ray(theta, azimuth)).T
+            u, v = self.project(_ray(theta, around)).T
             return (u >= -0.5) & (v >= -0.5) & (u <= width - 0.5) & (v <= height - 0.5)
 
         near = np.where(inside(far), far, near)
@@ -165,12 +167,12 @@ class CubicCamera:
             middle = (near + far) / 2
             ok = inside(middle)
             near, far = np.where(ok, middle, near), np.where(ok, far, middle)
-        return self.project(_ray(near, azimuth))
+        return self.project(_ray(near, around))
 
 
-def _ray(theta: FloatArray, azimuth: FloatArray) -> FloatArray:
+def _ray(theta: FloatArray, around: FloatArray) -> FloatArray:
     sine = np.sin(theta)
-    return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(theta)], axis=-1)
+    return np.stack([sine * np.cos(around), sine * np.sin(around), np.cos(theta)], axis=-1)
 
 
 def tangent_basis(rays: FloatArray) -> FloatArray:

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.angles import columns
+
 FloatArray = npt.NDArray[np.float64]
 
 # Below this ratio of ρ to |X| the profile's series replaces its quotient, which is 0/0 on the axis.
@@ -79,22 +81,18 @@ class RadialCamera:
 
     def project(self, points: npt.ArrayLike) -> FloatArray:
         """Camera-frame points (..., 3) -> pixels (..., 2); NaN beyond :attr:`max_angle`."""
-        points = np.asarray(points, float)
-        rho = np.hypot(points[..., 0], points[..., 1])
-        theta = np.arctan2(rho, points[..., 2])
+        x, y, z = columns(points)
+        rho = np.hypot(x, y)
+        theta = np.arctan2(rho, z)
         radius = self.profile(theta)
-        norm = np.sqrt(rho**2 + points[..., 2] ** 2)
+        norm = np.sqrt(rho**2 + z**2)
         with np.errstate(divide="ignore", invalid="ignore"):
-            scale = np.where(rho > _NEAR_AXIS * norm, radius / rho, 1 / points[..., 2])
+            scale = np.where(rho > _NEAR_AXIS * norm, radius / rho, 1 / z)
             pixel = np.stack(
-                [
-                    self.fx * points[..., 0] * scale + self.cx,
-                    self.fy * points[..., 1] * scale + self.cy,
-                ],
-                axis=-1,
+                [self.fx * x * scale + self.cx, self.fy * y * scale + self.cy], axis=-1
             )
         seen = (theta <= self.max_angle) & (norm > 0) & np.isfinite(norm)
-        seen &= (points[..., 2] > 0) | (rho > _NEAR_AXIS * norm)  # straight back has no azimuth
+        seen &= (z > 0) | (rho > _NEAR_AXIS * norm)  # straight back has no azimuth
         return np.where(seen[..., None], pixel, np.nan)
 
     def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
@@ -138,7 +136,7 @@ def project_jacobian(
 
     """
     fx, fy, cx, cy, k1, k2, k3, k4 = parameters
-    x, y, z = points.T
+    x, y, z = columns(points)
     rho_squared = x * x + y * y
     rho = np.sqrt(rho_squared)
     norm_squared = rho_squared + z * z

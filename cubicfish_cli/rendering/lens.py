@@ -13,6 +13,8 @@ from math import hypot, radians
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.angles import angle_from_axis, columns
+
 FloatArray = npt.NDArray[np.float64]
 
 # Newton from a table's value squares its error: 4096 steps give 1e-7, two rounds the rest.
@@ -70,9 +72,10 @@ class TrueLens:
         NaN where the angle from the axis exceeds ``max_angle_deg`` and for the zero vector.
         """
         points = np.asarray(points, float)
-        across = np.hypot(points[..., 0], points[..., 1])
-        angle = np.arctan2(across, points[..., 2])
-        seen = (angle <= radians(self.max_angle_deg)) & ((across > 0) | (points[..., 2] > 0))
+        x, y, z = columns(points)
+        across = np.hypot(x, y)
+        angle = np.arctan2(across, z)
+        seen = (angle <= radians(self.max_angle_deg)) & ((across > 0) | (z > 0))
         angle = np.where(seen, angle, 0.0)
         scale = self._radius(angle) / np.where(across > 0, across, 1.0)
         flat = self._decentre(points[..., :2] * scale[..., None])
@@ -159,5 +162,4 @@ class TrueLens:
 
 def angles_deg(rays: npt.ArrayLike) -> FloatArray:
     """Angle from the optical axis of rays (..., 3) -> (...), degrees."""
-    rays = np.asarray(rays, float)
-    return np.degrees(np.arctan2(np.hypot(rays[..., 0], rays[..., 1]), rays[..., 2]))
+    return np.degrees(angle_from_axis(rays))

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.rendering.pose import Pose, rotation_matrix
 from cubicfish_cli.rendering.scene import MARGIN_SQUARES, Plate, nearest, plates
 from cubicfish_cli.target import Target
@@ -191,6 +192,6 @@ def _light(
         else:
             thrown, outward = np.full(int(here.sum()), _BACK), -outward
         light[here] = thrown * (_AMBIENT + (1 - _AMBIENT) * max(0.0, float(outward @ lamp)))
-    angle = np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2])
+    angle = angle_from_axis(rays)
     light *= 1.0 - vignetting * np.minimum((angle / radians(90.0)) ** 4, 1.2)
     return light, np.where(index < 0, _NOTHING, shown)

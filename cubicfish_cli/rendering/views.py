@@ -177,7 +177,7 @@ def sample_views(
     if near > far:
         return []
     places = _sequence(_TRIES_A_VIEW * count, 6, seed)
-    eyes = thing.middle + _on_sphere(places[:, :2]) * (near * (far / near) ** places[:, 2:3])
+    eyes = thing.middle + _on_sphere(places[:, :2]) * (near * (far / near) ** places[:, 2:3].copy())
     aims, allowed = thing.aims(eyes)
     column, row = (
         np.minimum((places[:, 3 + axis] * side).astype(int), side - 1)

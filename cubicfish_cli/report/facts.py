@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.advice.summary import summary
+from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.correspondences import MAX_COORDINATE, Correspondences
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.statistics import rms_px
@@ -335,7 +336,7 @@ def _errors(
         )
     angle = None
     if isinstance(camera, CubicCamera):
-        angle = np.rad2deg(np.arctan2(np.hypot(points[:, 0], points[:, 1]), points[:, 2]))
+        angle = np.rad2deg(angle_from_axis(points))
     return ErrorFacts(pairs=used, residual=residual, angle_deg=angle), None
 
 

@@ -17,6 +17,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from cubicfish_cli.angles import columns
 from cubicfish_cli.undistortion.view import CentralView, FloatArray
 
 # What a picture sensibly shows where its scale grows without bounds towards the limit.
@@ -88,7 +89,7 @@ class CylindricalView(CentralView):
     @staticmethod
     def ray_offsets(rays: FloatArray) -> FloatArray:
         """Azimuth and slope; nothing straight up or down."""
-        x, y, z = np.moveaxis(rays, -1, 0)
+        x, y, z = columns(rays)
         across = np.hypot(x, z)
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = np.where(across > 0, y / across, np.nan)
@@ -129,7 +130,7 @@ class EquirectangularView(CentralView):
     @staticmethod
     def ray_offsets(rays: FloatArray) -> FloatArray:
         """Azimuth and elevation."""
-        x, y, z = np.moveaxis(rays, -1, 0)
+        x, y, z = columns(rays)
         return np.stack([np.arctan2(x, z), np.arctan2(y, np.hypot(x, z))], axis=-1)
 
     @classmethod
@@ -200,7 +201,7 @@ class EquidistantView(CentralView):
     def ray_offsets(rays: FloatArray) -> FloatArray:
         """θ (X, Y) / √(X² + Y²); nothing straight behind."""
         rho = np.hypot(rays[..., 0], rays[..., 1])[..., None]
-        theta = np.arctan2(rho, rays[..., 2:])
+        theta = np.arctan2(rho, rays[..., 2:].copy())
         with np.errstate(divide="ignore", invalid="ignore"):
             scale = np.where(rho > 0, theta / rho, np.where(rays[..., 2:] > 0, 1.0, np.nan))
         return rays[..., :2] * scale

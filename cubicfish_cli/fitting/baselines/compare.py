@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
 
+from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import Adjustment, FitLens, adjust
@@ -22,7 +23,7 @@ from cubicfish_cli.fitting.baselines.rational import RationalLens
 from cubicfish_cli.fitting.baselines.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.fitting.baselines.unified import UnifiedLens
 from cubicfish_cli.fitting.calibrate import Calibration
-from cubicfish_cli.fitting.companion import Companion, angles, refit_companion
+from cubicfish_cli.fitting.companion import Companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import fit_cubic
 from cubicfish_cli.fitting.held_out import photo_folds
 from cubicfish_cli.fitting.lenses import RadialFit
@@ -183,7 +184,7 @@ def _folds(companion: Companion, weight: float) -> list[_Fold]:
         except FitError:
             return []
         left_out, poses = select_photos(pairs, test), companion.poses[test]
-        inside = angles(poses.apply(left_out.image, left_out.world)) <= cone
+        inside = angle_from_axis(poses.apply(left_out.image, left_out.world)) <= cone
         counted, kept = select(left_out, inside)
         folds.append(_Fold(companion=fitted, left_out=counted, poses=poses[kept]))
     return folds

@@ -10,6 +10,7 @@ from typing import Self
 
 import numpy as np
 
+from cubicfish_cli.angles import columns
 from cubicfish_cli.fitting.baselines.base import FloatArray, Scale, SymmetricLens
 from cubicfish_cli.model.radial import RadialCamera
 
@@ -33,8 +34,8 @@ class FieldOfViewLens(SymmetricLens):
         """The profile over ρ: s = atan2(aρ, Z) / (ωρ) with a = 2 tan(ω/2)."""
         omega = self.values[4]
         a = 2 * np.tan(omega / 2)
-        z = points[:, 2]
-        rho_squared = np.sum(points[:, :2] ** 2, axis=1)
+        x, y, z = columns(points)
+        rho_squared = x * x + y * y
         rho = np.sqrt(rho_squared)
         axis = (rho < _NEAR_AXIS * np.abs(z)) & (z > 0)
         bottom = z * z + a * a * rho_squared

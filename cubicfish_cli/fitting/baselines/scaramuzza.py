@@ -12,6 +12,7 @@ from typing import Self
 
 import numpy as np
 
+from cubicfish_cli.angles import columns
 from cubicfish_cli.fitting.baselines.base import BaselineLens, FloatArray, Scale
 from cubicfish_cli.model.radial import RadialCamera
 
@@ -53,8 +54,8 @@ class ScaramuzzaLens(BaselineLens):
         """See :class:`BaselineLens`; derivatives by the implicit function theorem."""
         cx, cy, c, d, e = self.values[:5]
         a0, a2, a3, a4 = self.values[5:]
-        z = points[:, 2]
-        rho = np.hypot(points[:, 0], points[:, 1])
+        x, y, z = columns(points)
+        rho = np.hypot(x, y)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             radius = self._radius(rho, z)
             # On the axis r/ρ is 0/0, and a0/Z in the limit.

@@ -20,6 +20,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.baselines.base import BaselineLens
 from cubicfish_cli.fitting.baselines.division import DivisionLens
@@ -27,7 +28,6 @@ from cubicfish_cli.fitting.baselines.double_sphere import DoubleSphereLens
 from cubicfish_cli.fitting.baselines.enhanced_unified import EnhancedUnifiedLens
 from cubicfish_cli.fitting.baselines.field_of_view import FieldOfViewLens
 from cubicfish_cli.fitting.baselines.unified import UnifiedLens
-from cubicfish_cli.fitting.companion import angles
 from cubicfish_cli.fitting.conversion.lens_model import Fit, FloatArray, LensModel, Project
 from cubicfish_cli.fitting.lenses import RadialFit
 from cubicfish_cli.fitting.poses import cross_matrix
@@ -83,7 +83,7 @@ def _fit_kannala_brandt(camera: CubicCamera, rays: FloatArray, pixel: FloatArray
 
 
 def _fit_unified(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> LensRecord:
-    lenses = UnifiedLens.starts(camera.radial, float(angles(rays).max()))
+    lenses = UnifiedLens.starts(camera.radial, float(angle_from_axis(rays).max()))
     values = _nearest(lenses, rays, pixel, fixed=(_SKEW,))
     record = {
         **dict(zip(CORE, values[:4].tolist(), strict=True)),
@@ -95,7 +95,7 @@ def _fit_unified(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> Le
 
 def _shape_fitter(model: str, kind: type[BaselineLens], names: tuple[str, ...]) -> Fit:
     def fit(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> LensRecord:
-        lenses = kind.starts(camera.radial, float(angles(rays).max()))
+        lenses = kind.starts(camera.radial, float(angle_from_axis(rays).max()))
         values = _nearest(lenses, rays, pixel)
         record = dict(zip((*CORE, *names), values.tolist(), strict=True))
         return LensRecord(model=model, values=record, image_size=camera.image_size)

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import least_squares
 
+from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.conversion.lens_model import FloatArray
 from cubicfish_cli.fitting.conversion.models import MODELS
@@ -174,7 +175,7 @@ def _seen(record: LensRecord, angle_deg: float) -> tuple[FloatArray, FloatArray]
 def _companion(record: LensRecord, rays: FloatArray, pixel: FloatArray) -> RadialCamera:
     """The Kannala–Brandt lens nearest to the rays."""
     width, height = record.image_size
-    theta = np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2])
+    theta = angle_from_axis(rays)
     middle = MODELS[record.model].project(record, np.array([[0.0, 0.0, 1.0]]))[0]
     far = theta > 0.5 * theta.max()
     focal = float(np.median(np.linalg.norm(pixel[far] - middle, axis=1) / theta[far]))

@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import linalg, sparse
 
+from cubicfish_cli.angles import angle_from_axis, azimuth
 from cubicfish_cli.fitting.conversion.lens_model import FloatArray, LensModel
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lens_record import LensRecord
@@ -73,7 +74,7 @@ def fit(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> LensRecord:
         pixel: (N, 2) where it sees them.
 
     """
-    more = cone_rays(float(np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2]).max()), _RAYS)
+    more = cone_rays(float(angle_from_axis(rays).max()), _RAYS)
     seen = camera.project(more)
     known = np.isfinite(seen[:, 0])
     rays, pixel = np.concatenate([rays, more[known]]), np.concatenate([pixel, seen[known]])
@@ -185,7 +186,7 @@ def _outline(camera: CubicCamera) -> FloatArray:
     seen = corners[np.isfinite(camera.unproject(corners)).all(axis=1)]
     middle = camera.project(np.array([[0.0, 0.0, 1.0]]))[0]
     points = np.concatenate([outline, seen])
-    around = np.arctan2(points[:, 1] - middle[1], points[:, 0] - middle[0])
+    around = azimuth(points - middle)
     points = points[np.argsort(around, kind="stable")]
     return np.concatenate([points, points[:1]])
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.polynomial import chebyshev, polynomial
 from scipy.optimize import least_squares
 
+from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.fitting.conversion.lens_model import FloatArray, LensModel
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lens_record import LensRecord
@@ -55,7 +56,7 @@ def project_by_inverse(record: LensRecord, points: FloatArray) -> FloatArray:
         return np.full((len(points), 2), np.nan)
     rho = np.hypot(points[:, 0], points[:, 1])
     seen = np.isfinite(project(record, points)[:, 0])
-    radius = polynomial.polyval(np.arctan2(rho, points[:, 2]) - np.pi / 2, inverse)
+    radius = polynomial.polyval(angle_from_axis(points) - np.pi / 2, inverse)
     return _pixel(record, points, rho, np.where(seen, radius, np.nan))
 
 
@@ -86,7 +87,7 @@ def fit(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> LensRecord:
     best = errors.min(axis=0)
     good_enough = np.maximum((1 + _WORTH_A_DEGREE) * best, best + _WORTH_PX)
     record = tried[int(np.argmax((errors <= good_enough).all(axis=1)))]
-    farthest = float(np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2]).max())
+    farthest = float(angle_from_axis(rays).max())
     values = {**record.values, "inverse": inverse_polynomial(record, farthest)}
     return LensRecord(model="ocam", values=values, image_size=camera.image_size)
 
@@ -181,7 +182,7 @@ def _fit_degree(
     start = np.array([camera.radial.cx / unit, camera.radial.cy / unit, 1.0, 0.0, 0.0])
     start[2] = camera.radial.fx / camera.radial.fy
     # f on the companion's profile; times sin θ the equation stays finite where f crosses 0.
-    theta = np.arctan2(rho, rays[:, 2])
+    theta = angle_from_axis(rays)
     profile = camera.radial.profile(theta)
     rows = profile[:, None] ** powers * np.sin(theta)[:, None]
     shape = np.linalg.lstsq(rows, profile * np.cos(theta), rcond=None)[0]

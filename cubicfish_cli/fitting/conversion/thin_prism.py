@@ -21,6 +21,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import least_squares
 
+from cubicfish_cli.angles import columns
 from cubicfish_cli.fitting.conversion.central import CORE, core
 from cubicfish_cli.fitting.conversion.lens_model import Fit, FloatArray, LensModel, Project
 from cubicfish_cli.model.cubic import CubicCamera
@@ -32,10 +33,11 @@ _STEP_RAD = np.deg2rad(0.05)
 
 def _fisheye(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(u, v) (N, 2) and θ (N,) of camera-frame points; NaN straight behind, where none is told."""
-    rho = np.hypot(points[:, 0], points[:, 1])
-    theta = np.arctan2(rho, points[:, 2])
+    x, y, z = columns(points)
+    rho = np.hypot(x, y)
+    theta = np.arctan2(rho, z)
     with np.errstate(divide="ignore", invalid="ignore"):
-        scale = np.where(rho > 0, theta / rho, np.where(points[:, 2] > 0, 0.0, np.nan))
+        scale = np.where(rho > 0, theta / rho, np.where(z > 0, 0.0, np.nan))
         return points[:, :2] * scale[:, None], theta
 
 

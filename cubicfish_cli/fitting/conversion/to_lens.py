@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.companion import angles
 from cubicfish_cli.fitting.comparison import pixel_grid, rings
 from cubicfish_cli.fitting.conversion.central import symmetric_frame
 from cubicfish_cli.fitting.conversion.lens_model import FloatArray
@@ -145,7 +145,7 @@ def conversion_error(
     rays, pixel = _field(camera, _ERROR_PIXELS, max_angle_deg)
     turn = np.eye(3) if lens_from_camera is None else lens_from_camera
     model = MODELS[record.model]
-    theta = angles(rays)
+    theta = angle_from_axis(rays)
     inside = np.ones(len(rays), bool)
     if covered_deg is not None and (theta <= np.deg2rad(covered_deg)).sum() >= _FEWEST:
         inside = theta <= np.deg2rad(covered_deg)
@@ -195,7 +195,7 @@ def _field(
     rays = camera.unproject(pixel)
     good = np.isfinite(rays[:, 0])
     if max_angle_deg is not None:
-        good[good] = angles(rays[good]) <= np.deg2rad(max_angle_deg)
+        good[good] = angle_from_axis(rays[good]) <= np.deg2rad(max_angle_deg)
     if good.sum() < _FEWEST:
         raise FitError(
             "too little of the photo lies within that angle of the axis: choose a larger "
