@@ -179,8 +179,8 @@ MUTATIONS = tuple(
         ),
         (
             "fitting/conversion/ocam.py",
-            "np.arctan2(rho, points[:, 2]) - np.pi / 2",
-            "np.pi / 2 - np.arctan2(rho, points[:, 2])",
+            "angle_from_axis(points) - np.pi / 2",
+            "np.pi / 2 - angle_from_axis(points)",
             "fitting_conversion_ocam",
         ),
         # Views and maps.
