@@ -241,6 +241,10 @@ class Target:
         changed = (boards.get(index, board) for index, board in enumerate(self.boards))
         return replace(self, boards=tuple(changed))
 
+    def with_flat_boards(self) -> Target:
+        """The object with plane boards: without the shapes that a calibration found."""
+        return replace(self, boards=tuple(replace(board, shape=None) for board in self.boards))
+
     def world_points(
         self, board: npt.ArrayLike, column: npt.ArrayLike, row: npt.ArrayLike
     ) -> FloatArray:

@@ -1,5 +1,6 @@
 """target.yaml: what the four kinds of boards mean in space, and every refusal."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cubicfish_cli.errors import TargetError
-from cubicfish_cli.target import MARKER_DICTIONARIES, Target, load_target
+from cubicfish_cli.target import MARKER_DICTIONARIES, BoardShape, Target, load_target
 
 FLOOR: dict[str, Any] = {
     "name": "floor",
@@ -63,6 +64,20 @@ def test_corners_of_a_grid_are_where_the_axes_say(tmp_path: Path) -> None:
     np.testing.assert_allclose(board.world_points(0, 0), [10, 20, 30])
     np.testing.assert_allclose(board.world_points([2, 0], [0, 3]), [[90, 20, 30], [10, -100, 30]])
     np.testing.assert_allclose(board.plane_points(2, 3), [80, 120])
+
+
+def test_boards_are_exchanged_and_made_flat(tmp_path: Path) -> None:
+    drawn = load(tmp_path, FLOOR, WALL)
+    still = {"stretch": np.zeros(2), "offsets": np.zeros((4, 4, 3))}
+    shape = BoardShape(bend=np.array([2.0, 0]), twist=0, **still)
+    bent = drawn.with_boards({1: replace(drawn.boards[1], shape=shape)})
+    assert bent.boards[0] is drawn.boards[0]
+    assert bent.boards[1].shape is shape
+    assert drawn.boards[1].shape is None
+    flat = bent.with_flat_boards()
+    assert [board.shape for board in flat.boards] == [None, None]
+    np.testing.assert_array_equal(flat.corners()[3], drawn.corners()[3])
+    assert np.abs(bent.corners()[3] - drawn.corners()[3]).max() > 1
 
 
 def test_a_board_that_is_alone_is_the_world(tmp_path: Path) -> None:

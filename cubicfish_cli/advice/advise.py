@@ -25,7 +25,7 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.uncertainty import Information, field_grid
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.radial import RadialCamera
-from cubicfish_cli.rendering.views import Distances, View, WholeLens, as_flat, sample_views
+from cubicfish_cli.rendering.views import Distances, View, WholeLens, sample_views
 from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
@@ -392,7 +392,12 @@ def _views(
         return []
     camera = knowledge.camera
     views = sample_views(
-        as_flat(target), reach_of(camera), camera.image_size, _VIEWS, seed=seed, within=within
+        target.with_flat_boards(),
+        reach_of(camera),
+        camera.image_size,
+        _VIEWS,
+        seed=seed,
+        within=within,
     )
     if not views:
         where = f", {distances_words(within, target.units)}" if within else ""

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from cubicfish_cli.advice.advise import GRID, Advice, Proposal, reach_of, rim_of
 from cubicfish_cli.rendering.object_drawing import board_rim, dark_squares
 from cubicfish_cli.rendering.pose import camera_points
-from cubicfish_cli.rendering.views import WholeLens, as_flat
+from cubicfish_cli.rendering.views import WholeLens
 from cubicfish_cli.target import Board
 
 FloatArray = npt.NDArray[np.float64]
@@ -127,7 +127,7 @@ def _photos(advice: Advice, scale: float) -> Iterator[list[str]]:
     if advice.target is None:
         return
     lens = reach_of(advice.camera, _CUT_DEG)
-    boards = as_flat(advice.target).boards
+    boards = advice.target.with_flat_boards().boards
     outline = _path(advice.camera.outline())
     for number, proposal in enumerate(advice.proposals):
         seen = proposal.view.seen

@@ -140,7 +140,6 @@ def command(
     from cubicfish_cli.rendering.pose_table import pose_table_text
     from cubicfish_cli.rendering.simulate import Look, photo_bytes, simulated_photos
     from cubicfish_cli.rendering.truth import true_corners_text
-    from cubicfish_cli.rendering.views import as_flat
     from cubicfish_cli.target import load_target
 
     if target is None:
@@ -151,7 +150,7 @@ def command(
     lens, image_size, lens_words = _lens(model_path(model))
     with working("Choosing where to take photos from"):
         poses = _poses(thing, lens, image_size, pose_file, number or 12, seed, form)
-    flat = as_flat(thing)
+    flat = thing.with_flat_boards()
     if any(board.shape is not None for board in thing.boards):
         say(f"Boards are rendered flat: bends and offsets in {target} are left out.")
     corners = true_corners_text(flat, lens, poses, image_size)

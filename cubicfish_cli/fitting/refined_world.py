@@ -196,10 +196,12 @@ class RefinedWorld:
 
     def refined_target(self, target: Target, pairs: Correspondences, *, scale: float) -> Target:
         """The target with these shapes, places and offsets, in its own units."""
-        boards = list(target.boards)
-        for part in self.parts:
-            boards[part.board] = self._refined_board(boards[part.board], part, pairs, scale)
-        return replace(target, boards=tuple(boards))
+        return target.with_boards(
+            {
+                part.board: self._refined_board(target.boards[part.board], part, pairs, scale)
+                for part in self.parts
+            }
+        )
 
     def _refined_board(
         self, board: Board, part: BoardPart, pairs: Correspondences, scale: float

@@ -8,7 +8,7 @@ Everything is judged on the object as drawn, with the same rules that name corne
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Literal
 
@@ -124,7 +124,7 @@ class ObjectFacts:
 
 def check_object(target: Target) -> ObjectFacts:
     """Look at the object as drawn; departures that a calibration found do not count."""
-    drawn = replace(target, boards=tuple(replace(board, shape=None) for board in target.boards))
+    drawn = target.with_flat_boards()
     world = all_corners(drawn)
     printed = [board for board in drawn.boards if board.points is None]
     plain = [board for board in printed if board.markers is None]

@@ -13,7 +13,7 @@ from cubicfish_cli.errors import TargetError
 from cubicfish_cli.rendering.pose import Pose, rotation_matrix
 from cubicfish_cli.rendering.ray_grid import RayGrid
 from cubicfish_cli.rendering.render import render
-from cubicfish_cli.rendering.views import WholeLens, as_flat, choose_views, sample_views
+from cubicfish_cli.rendering.views import WholeLens, choose_views, sample_views
 from cubicfish_cli.target import Target
 
 FORMATS = ("jpg", "png")
@@ -81,7 +81,7 @@ def simulated_photos(
 
     """
     rays = RayGrid.of(lens.unproject, image_size)
-    flat = as_flat(target)
+    flat = target.with_flat_boards()
     for number, (name, pose) in enumerate(poses.items()):
         yield (
             name,

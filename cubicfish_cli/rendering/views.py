@@ -8,7 +8,7 @@ show too few whole boards, or squares too small to be found, are left out.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -110,11 +110,6 @@ class Distances:
         return self.near <= float(np.median(away)) <= self.far and away.min() >= self.nearest
 
 
-def as_flat(target: Target) -> Target:
-    """The target with its boards as drawn: plates are rendered flat, whatever was fitted."""
-    return replace(target, boards=tuple(replace(board, shape=None) for board in target.boards))
-
-
 def view_from(target: Target, lens: Lens, pose: Pose, image_size: tuple[int, int]) -> View | None:
     """What is seen from a pose; None where no corner is visible.
 
@@ -166,7 +161,7 @@ def sample_views(
         TargetError: a board of a kind that cannot be drawn.
 
     """
-    target = as_flat(target)
+    target = target.with_flat_boards()
     rays = _field(lens, image_size)
     thing = _Thing.of(target)
     near, far = _distances(thing, rays, image_size)
