@@ -336,14 +336,16 @@ def lens_change(
         do = "use all photos at the size at which the sensor made them"
     elif by_shift < _NONE * by_scale or by_shift < near / 4 < by_scale:
         cause = "zoom"
-        what = f"the focal length is {percent(change.ratio - 1)} {which}"
-        what += ": zoom or focus changed" if in_order else ": zoom or focus changed, or two cameras"
-        do = "calibrate each setting by itself, with zoom and focus locked"
+        what = (
+            f"the focal length is {percent(change.ratio - 1)} {which}: zoom or focus changed, "
+            "or photos of two cameras are mixed"
+        )
+        do = "calibrate each setting and camera by itself, with zoom and focus locked"
     elif by_scale < _NONE * by_shift:
         cause = "shifted"
         what = f"the lens's centre is off by {shift} {which}: "
         what += (
-            "the lens was bumped or moved, or photos were cropped from there on"
+            "the lens was bumped or moved, or photos from there on are another camera's or cropped"
             if in_order
             else "photos of two cameras are mixed, or some were cropped"
         )
