@@ -9,8 +9,12 @@ import pytest
 from conftest import SAMPLE, Run
 
 from cubicfish_cli.cli.detect import drawings
+from cubicfish_cli.cli.inputs import lost_word
 from cubicfish_cli.correspondences import load_corners
 from cubicfish_cli.errors import OutputError
+from cubicfish_cli.naming.decide import Verdict
+from cubicfish_cli.naming.detect import PhotoReport
+from cubicfish_cli.naming.name_grids import GridReport
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import load_target
 
@@ -164,3 +168,32 @@ def test_photos_without_corners_say_why_and_leave_nothing(
     assert result.stdout == ""
     names = sorted(path.name for path in tmp_path.iterdir())
     assert names == ["black.png", "empty", "text.png"]
+
+
+def test_boards_that_look_alike_are_left_out_alone_and_named_together(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    board = "type: checkerboard, corners: [7, 5], square: 25"
+    Path("twins.yaml").write_text(
+        "units: mm\nboards:\n"
+        f"  - {{name: one, {board}, origin: [0, 0, 0], x_axis: [1, 0, 0], y_axis: [0, 1, 0]}}\n"
+        f"  - {{name: two, {board}, origin: [0, 40, 300], x_axis: [-1, 0, 0], y_axis: [0, 1, 0]}}\n"
+    )
+    run("simulate", "-t", "twins.yaml", "-m", SAMPLE / "true_camera.yaml", "-n", 3)
+    said = run("detect", "simulated", "-t", "twins.yaml", code=1).stderr.splitlines()[-1]
+    assert "3 grids of up to 7x5 inner corners in 3 photos" in said
+    assert "it could be any of several boards that look alike" in said
+    assert said.endswith("take photos that show these boards together")
+
+
+def test_a_photo_whose_grids_are_left_out_is_not_called_empty() -> None:
+    grid = GridReport(
+        verdict=Verdict.TWIN, place=None, corners=35, size=(7, 5), ratio=1.0, rms_px=0.1
+    )
+    lost = [
+        PhotoReport(name="a.png", problem="why", grids=(grid,)),
+        PhotoReport(name="b.png", problem="why"),
+        PhotoReport(name="c.png", problem="why", other_size=True),
+    ]
+    assert [lost_word(one) for one in lost] == ["left out", "nothing found", "another size"]

@@ -64,6 +64,11 @@ def test_parts_of_boards_are_not_another_object():
     assert OTHER not in said
 
 
+def test_boards_alike_are_wanted_together():
+    said = nothing_named(naming(*[(report((9, 7), Verdict.TWIN),)] * 3), LARGE)
+    assert "any of several boards that look alike; take photos that show these boards" in said
+
+
 def test_whole_boards_that_fit_nowhere_are_not_another_object():
     photos = [(report((9, 7), Verdict.NO_FIT), report((8, 6), Verdict.NO_FIT))] * 4
     said = nothing_named(naming(*photos), LARGE)

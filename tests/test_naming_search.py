@@ -271,6 +271,18 @@ def test_a_grid_that_fills_a_board_is_that_board():
             assert alone.offset[0].tolist() == [0, 0]
 
 
+@pytest.mark.parametrize(("size", "verdict"), [((8, 5), Verdict.TWIN), ((7, 4), Verdict.SLIDE)])
+def test_one_of_two_boards_alike_is_not_guessed(size, verdict):
+    twins = (checkerboard("a", 8, 5, 30.0), checkerboard("b", 8, 5, 30.0, (0, 0, 300)))
+    target = Target(units="mm", boards=(*twins, checkerboard("c", 4, 3, 30.0, (70, 0, 100))))
+    sides = sides_of(target)
+    cells = np.indices(size).reshape(2, -1).T
+    grid = Grid(
+        cells=cells, pixel=10.0 * cells, parity=-1, step=10.0, contrast=np.full(len(cells), 9.0)
+    )
+    assert decide_alone(grid, sides, reach_of(grid, sides), None).verdict == (verdict,)
+
+
 def test_a_narrow_lens_leaves_two_poses_of_a_plane_and_a_wide_one_does_not():
     """From afar a plane may lean either way (Necker 1832); perspective tells nearby."""
     cells = np.indices((7, 6)).reshape(2, -1).T

@@ -11,7 +11,7 @@ import click
 
 from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.inputs import detect, say_photo_problems
+from cubicfish_cli.cli.inputs import detect, lost_word, say_photo_problems
 from cubicfish_cli.cli.options import (
     FILE,
     FOLDER,
@@ -148,7 +148,7 @@ def _rows(detection: Detection) -> list[PhotoRow]:
     for photo in detection.photos:
         said = []
         if photo.problem is not None:
-            said.append("another size" if photo.other_size else "nothing found")
+            said.append(lost_word(photo))
         elif photo.corners < _FEW_CORNERS:
             said.append("few corners")
         if not photo.exact:

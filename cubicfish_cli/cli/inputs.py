@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from cubicfish_cli.correspondences import Corners, Correspondences
     from cubicfish_cli.files import Fingerprint
     from cubicfish_cli.machines import Machines
-    from cubicfish_cli.naming.detect import Detection
+    from cubicfish_cli.naming.detect import Detection, PhotoReport
     from cubicfish_cli.photos import Photo
     from cubicfish_cli.target import Target
 
@@ -203,13 +203,16 @@ def say_photo_problems(detection: Detection) -> None:
         say(line)
 
 
+def lost_word(photo: PhotoReport) -> str:
+    """A word for why a photo gave no corners."""
+    if photo.other_size:
+        return "another size"
+    return "left out" if photo.grids else "nothing found"
+
+
 def why_lost(detection: Detection) -> dict[str, str]:
     """Photos that gave nothing, and a word for why."""
-    return {
-        photo.name: "another size" if photo.other_size else "nothing found"
-        for photo in detection.photos
-        if photo.problem is not None
-    }
+    return {photo.name: lost_word(photo) for photo in detection.photos if photo.problem is not None}
 
 
 def detect(

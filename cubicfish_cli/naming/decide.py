@@ -41,6 +41,7 @@ class Verdict(Enum):
     CONVENTION = "named by convention"
     AMBIGUOUS = "ambiguous"
     SLIDE = "undecidable"
+    TWIN = "one of several boards alike"
     NO_FIT = "fits no place"
     TOO_LARGE = "larger than every board"
     NOT_PLANE = "not a plane of squares"
@@ -96,6 +97,15 @@ class _Photo:
         return bool(
             len(self.grids[grid]) == extent.prod() and (turned == self.sides.size[side]).all()
         )
+
+    def covered(self, side: IntArray, offset: IntArray) -> tuple[tuple[int, ...], ...]:
+        """For each grid with a place, its board and the first and last column and row there."""
+        parts = []
+        for g in _named(side):
+            cells = self.sides.board_cells(int(side[g]), offset[g], self.grids[g].cells)
+            ends = (*cells.min(axis=0).tolist(), *cells.max(axis=0).tolist())
+            parts.append((int(self.sides.board[side[g]]), *ends))
+        return tuple(parts)
 
     def whole_count(self, side: IntArray) -> int:
         return sum(self.whole(g, int(side[g])) for g in _named(side))
@@ -160,7 +170,7 @@ def decide(
     :data:`CLEAR_RATIO` over the grids in which the two differ, or promises clearly more corners
     that are not there. Labelings congruent to the best are no rivals as long as a symmetry of
     the whole target relates them: the most upright one in the photo is taken. If they are
-    slides, of which no end seen decides, the grids are left out.
+    slides, of which no end seen decides, or boards alike, the grids are left out.
 
     Args:
         grids: the photo's grids.
@@ -204,7 +214,7 @@ def decide(
     if settled:
         verdict[named & (ratio >= CLEAR_RATIO)] = Verdict.NAMED
     else:
-        verdict[named] = _by_convention(sides, int(counts[named].sum()))
+        verdict[named] = _unsettled(photo, labelings[np.array(same)])
     return Decision(
         verdict=tuple(verdict),
         side=labelings.side[chosen],
@@ -267,12 +277,21 @@ def decide_alone(grid: Grid, sides: Sides, reach: Reach, ends: Ends | None) -> D
         missing = ends.missing(sides, side, offset)
     same, settled = _up_to_symmetry(photo, places, list(range(len(side))), missing)
     chosen = photo.most_upright(places, same)
-    verdict = Verdict.NAMED if settled else _by_convention(sides, len(grid))
+    verdict = Verdict.NAMED if settled else _unsettled(photo, places[np.array(same)])
     return _alone(verdict, int(side[chosen]), offset[chosen])
 
 
-def _by_convention(sides: Sides, corners: int) -> Verdict:
-    """Whether grids that may slide are kept: only on a board that is alone, and seen well."""
+def _unsettled(photo: _Photo, left: Labelings) -> Verdict:
+    """What grids are for which several labelings are ``left``.
+
+    Those that may slide are kept only on a board that is alone, and seen well.
+    """
+    covered = [photo.covered(*_place(left, k)) for k in range(len(left))]
+    boards = {tuple(board for board, *_ in one) for one in covered}
+    if len(boards) == len(set(covered)) > 1:  # other boards, but never further along one
+        return Verdict.TWIN
+    corners = sum(len(photo.grids[grid]) for grid in _named(left.side[0]))
+    sides = photo.sides
     if len(sides.board) == 4 and _LEAST_SHARE * corners >= sides.size[0].prod():
         return Verdict.CONVENTION
     return Verdict.SLIDE

@@ -33,6 +33,7 @@ REFUSED: Colour = (190, 190, 190)
 _WHY = {
     Verdict.AMBIGUOUS: "several places fit",
     Verdict.SLIDE: "no end of a board in view",
+    Verdict.TWIN: "one of several boards alike",
     Verdict.NO_FIT: "fits no place",
     Verdict.TOO_LARGE: "larger than every board",
     Verdict.NOT_PLANE: "not a plane of squares",

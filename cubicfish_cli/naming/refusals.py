@@ -15,6 +15,7 @@ from cubicfish_cli.target import Board, Target
 WHY = {
     Verdict.AMBIGUOUS: "several places on the target fit nearly as well",
     Verdict.SLIDE: "no end of a board is seen, so it could be anywhere along it",
+    Verdict.TWIN: "it could be any of several boards that look alike",
     Verdict.NO_FIT: "fits no place on the target",
     Verdict.TOO_LARGE: "larger than every board of the target",
     Verdict.NOT_PLANE: "its corners are no plane of squares",
@@ -40,13 +41,15 @@ def nothing_named(naming: Naming, target: Target) -> str:
     advice = (
         "check corners, square, origin and axes of the boards in the target file"
         if why in (Verdict.NO_FIT, Verdict.NOT_PLANE)
+        else "take photos that show these boards together"
+        if why is Verdict.TWIN
         else "take photos that show two boards, or a board with its ends"
     )
     says = ", ".join(f"{board.columns}x{board.rows}" for board in boards[:6])
     return (
-        f"found {len(grids)} grid{'s' * (len(grids) != 1)} of up to "
-        f"{largest.size[0]}x{largest.size[1]} inner corners in {_photos(photos)}, but none can be "
-        f"placed on the target ({says}): {WHY[why]}; {advice}"
+        f"found {len(grids)} grid{'s' * (len(grids) != 1)} of up to {_times(largest.size)} "
+        f"inner corners in {_photos(photos)}, but none can be placed on the target ({says}): "
+        f"{WHY[why]}; {advice}"
     )
 
 
