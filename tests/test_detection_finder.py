@@ -10,6 +10,7 @@ from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.rendering.pose import look_at
 from cubicfish_cli.rendering.render import render
 from cubicfish_cli.rendering.truth import project_corners
+from cubicfish_cli.target import load_target
 from tests.synthetic import box_of_four, lens_of_size
 
 POSE = look_at((330, 420, 300), (250, 150, 120), roll=0.5)
@@ -115,6 +116,23 @@ def test_a_blurred_and_noisy_photo_keeps_its_boards_whole():
     assert_one_board_each(found, truth)
     assert recall(found, truth) > 0.93
     assert np.sqrt((errors(found, truth) ** 2).mean()) < 0.12
+
+
+@pytest.mark.parametrize(("share", "scale"), [(0.5, 1.6), (0.7, 1.0), (0.75, 1.6)])
+def test_markers_in_the_light_squares_do_not_hide_a_board(tmp_path, share, scale):
+    path = tmp_path / "target.yaml"
+    path.write_text(
+        "units: mm\nboards:\n- {name: b, type: charuco, corners: [8, 6], square: 40, "
+        f"marker: {40 * share}, dictionary: DICT_6X6_250}}\n"
+    )
+    target, lens = load_target(path), lens_of_size(scale)
+    pose = look_at((120, 60, -220), (140, 100, 0), roll=0.3)
+    image = render(
+        target, lens.unproject, pose, lens.image_size, noise=2.0, blur=0.6, supersample=3, seed=1
+    )
+    found, truth = find_grids(image), project_corners(target, lens, pose, lens.image_size)
+    assert [len(grid) for grid in found.grids] == [48]
+    assert recall(found, truth) == 1
 
 
 def test_a_shadow_across_a_board_does_not_split_it(box):

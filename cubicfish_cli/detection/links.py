@@ -13,9 +13,15 @@ from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import Pyramid
 
 # The four nearest corners along the arms are among this many even when markers inside the
-# squares add corners of their own.
+# squares add some corners of their own.
 _NEIGHBOURS = 28
+# Half octaves of pixels. A corner that reaches this far (8 px) also looks among those that reach
+# no less far: where squares are large, each marker adds corners by the dozen, of small reach.
+_FAR = 6
 _POINTING = np.radians(28)  # an arm may point that far past the neighbour: edges are bent
+# How much dearer a link is for each radian by which its edge is no arc, as an edge of a square is
+# under any lens; one that leads off to a marker in the square is not.
+_NO_ARC = 4.0
 _CONTRAST_RATIO = 3.0
 # Where an edge is looked at: this far along it and, of its length, to either side. Edges that meet
 # at 27 degrees or more are then not mixed up.
@@ -55,9 +61,12 @@ def find_links(pyramid: Pyramid, corners: XCorners) -> Links:
     direction = azimuth(towards)
     arm_p, miss_p = _pointing_arm(corners.angle[p], direction)
     arm_q, miss_q = _pointing_arm(corners.angle[q], direction + np.pi)
-    fits = (miss_p < _POINTING) & (miss_q < _POINTING) & ((arm_p + arm_q) % 2 == 1)
+    fits = (np.abs(miss_p) < _POINTING) & (np.abs(miss_q) < _POINTING)
+    fits &= (arm_p + arm_q) % 2 == 1
     p, q, length, arm_p, arm_q = p[fits], q[fits], length[fits], arm_p[fits], arm_q[fits]
-    cost = length * (1 + miss_p[fits] + miss_q[fits])
+    miss_p, miss_q = miss_p[fits], miss_q[fits]
+    # The ends of an arc miss the chord alike, to opposite sides.
+    cost = length * (1 + np.abs(miss_p) + np.abs(miss_q) + _NO_ARC * np.abs(miss_p + miss_q))
     along_p, along_q = _unit(corners.angle[p, arm_p]), -_unit(corners.angle[q, arm_q])
     difference = (
         _edge(pyramid, corners.pixel[p], corners.pixel[q], along_p, along_q, length)
@@ -65,6 +74,7 @@ def find_links(pyramid: Pyramid, corners: XCorners) -> Links:
     )
     difference *= np.where(arm_p % 2 == 0, 1, -1)[:, None]
     seen = edge_is_seen(difference)
+    cost /= np.clip(difference.min(1), EDGE_LEAST, 1.0)  # an edge that is seen all along is one
     p, q, arm_p, arm_q, cost = p[seen], q[seen], arm_p[seen], arm_q[seen], cost[seen]
     return _mutual(count, p, q, arm_p, arm_q, cost)
 
@@ -73,16 +83,18 @@ def _neighbours(corners: XCorners) -> tuple[IntArray, IntArray, FloatArray]:
     """Pairs of near corners whose contrasts are alike, in both orders, and their distances.
 
     Corners look for neighbours among those that are not much weaker, octave by octave of
-    contrast: otherwise the many weak corners of texture and noise would crowd out the true
-    neighbours of a strong one.
+    contrast, and once more among those whose pattern reaches as far as theirs: otherwise the
+    many weak corners of texture and noise, and the small ones of markers, would crowd out the
+    true neighbours.
     """
     octave = np.floor(np.log2(np.maximum(corners.contrast, 1e-3))).astype(int)
+    reach = np.rint(2 * np.log2(np.maximum(corners.radius, 1.0))).astype(int)
     pairs = []
     for level in np.unique(octave):
-        here = np.nonzero(octave == level)[0]
-        there = np.nonzero(octave >= level)[0]
-        length, index = nearest(corners.pixel[here], corners.pixel[there], _NEIGHBOURS + 1)
-        pairs.append((np.repeat(here, index.shape[1]), there[index.ravel()], length.ravel()))
+        here, there = octave == level, octave >= level
+        pairs.append(_nearest(corners, here, there))
+        for far in np.unique(reach[here & (reach >= _FAR)]):
+            pairs.append(_nearest(corners, here & (reach == far), there & (reach >= far)))
     p, q, length = (np.concatenate(part) for part in zip(*pairs, strict=True))
     ratio = corners.contrast[q] / corners.contrast[p]
     near = (p != q) & (length > 2.0) & (ratio < _CONTRAST_RATIO) & (ratio > 1 / _CONTRAST_RATIO)
@@ -90,6 +102,15 @@ def _neighbours(corners: XCorners) -> tuple[IntArray, IntArray, FloatArray]:
     count = len(corners.pixel)
     both, first = np.unique(np.concatenate([p * count + q, q * count + p]), return_index=True)
     return both // count, both % count, np.concatenate([length, length])[first]
+
+
+def _nearest(
+    corners: XCorners, here: BoolArray, there: BoolArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """The nearest of some corners to each of some: pairs of indices, and their distances."""
+    of, among = np.nonzero(here)[0], np.nonzero(there)[0]
+    length, index = nearest(corners.pixel[of], corners.pixel[among], _NEIGHBOURS + 1)
+    return np.repeat(of, index.shape[1]), among[index.ravel()], length.ravel()
 
 
 def edge_is_seen(difference: FloatArray) -> BoolArray:
@@ -121,8 +142,9 @@ def _unit(angle: FloatArray) -> FloatArray:
 
 
 def _pointing_arm(angles: FloatArray, direction: FloatArray) -> tuple[IntArray, FloatArray]:
-    miss = np.abs((angles - direction[:, None] + np.pi) % (2 * np.pi) - np.pi)
-    arm = miss.argmin(1)
+    """The arm that points best, and by how much it misses, signed."""
+    miss = (angles - direction[:, None] + np.pi) % (2 * np.pi) - np.pi
+    arm = np.abs(miss).argmin(1)
     return arm, miss[np.arange(len(arm)), arm]
 
 
