@@ -17,9 +17,10 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
+from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.markers import How, find_marked_corners
-from cubicfish_cli.rendering.lens import TrueLens, angles_deg
+from cubicfish_cli.rendering.lens import TrueLens
 from cubicfish_cli.rendering.pose import Pose, look_at
 from cubicfish_cli.rendering.render import render
 from cubicfish_cli.rendering.truth import TrueCorners, project_corners
@@ -205,7 +206,8 @@ def main() -> None:
         rows = measure(target, poses)
         print(f"  {'recall by angle':<24}{head}     all  RMS px  >1.5 px  s/photo")
         for label, photos in rows.items():
-            angle = np.concatenate([angles_deg(seen.camera) for *_, seen in photos])
+            points = np.concatenate([seen.camera for *_, seen in photos])
+            angle = np.degrees(angle_from_axis(points))
             visible = np.concatenate([seen.visible for *_, seen in photos])
             found = np.concatenate([part[0] for part in photos]) & visible
             error = np.concatenate([part[1] for part in photos])

@@ -2,8 +2,8 @@
 
 Where vector instructions serve (AVX-512), numpy 1.26 takes the angle of a column of an array by
 another loop if the result happens to lie right behind that array in memory, and the two loops round
-differently. Since the same work must give the same bytes, coordinates are taken out of their
-array before an angle is computed from them.
+differently; so it does for exp and powers. Since the same work must give the same bytes, columns
+are taken out of their array before such functions see them.
 """
 
 from __future__ import annotations

@@ -170,7 +170,7 @@ def test_photos_without_corners_say_why_and_leave_nothing(
     assert names == ["black.png", "empty", "text.png"]
 
 
-def test_boards_that_look_alike_are_left_out_alone_and_named_together(
+def test_boards_that_look_alike_are_left_out_where_they_are_alone(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

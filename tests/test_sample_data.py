@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from synthetic import TRUE_LENS, corner_of_three
 
+from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.correspondences import load_corners
-from cubicfish_cli.rendering.lens import angles_deg
 from cubicfish_cli.rendering.render import render
 from cubicfish_cli.target import load_target
 
@@ -51,7 +51,7 @@ def test_the_true_corners_are_the_scripts(script, tmp_path):
     np.testing.assert_allclose(corners.pixel, again.pixel, atol=2e-6)
     assert corners.image_size == (960, 720)
     assert len(corners.images) == 10
-    angle = angles_deg(lens.unproject(corners.pixel))
+    angle = np.degrees(angle_from_axis(lens.unproject(corners.pixel)))
     assert angle.min() < 5
     assert 88 < angle.max() < 95
     assert len(corners.pixel) > 1000

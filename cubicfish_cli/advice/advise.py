@@ -341,7 +341,6 @@ class _Reach:
     limit: float
 
     def project(self, points: npt.ArrayLike, /) -> FloatArray:
-        points = np.asarray(points, float)
         angle = angle_from_axis(points)
         return np.where((angle <= self.limit)[..., None], self.camera.project(points), np.nan)
 
@@ -392,12 +391,7 @@ def _views(
         return []
     camera = knowledge.camera
     views = sample_views(
-        target.with_flat_boards(),
-        reach_of(camera),
-        camera.image_size,
-        _VIEWS,
-        seed=seed,
-        within=within,
+        target, reach_of(camera), camera.image_size, _VIEWS, seed=seed, within=within
     )
     if not views:
         where = f", {distances_words(within, target.units)}" if within else ""

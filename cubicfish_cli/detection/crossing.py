@@ -145,7 +145,8 @@ def _fit(
     out.ok[rows] = (state.last_move < _STILL_MOVING) & (closing > 0.5)
     signs = np.array([(1, 1, 1, 1), (1, -1, 1, -1), (1, -1, -1, 1), (1, 1, -1, -1)])
     out.level[rows] = state.levels @ signs.T
-    out.blur[rows] = np.hypot(_SHARPEST, np.exp(state.shape[:, 4:].copy()))
+    blur = state.shape[:, 4:].copy()  # taken out of its array: angles.py says why
+    out.blur[rows] = np.hypot(_SHARPEST, np.exp(blur))
     out.turn[rows] = np.abs(state.shape[:, 2:4]).max(1)
     out.misfit[rows] = state.misfit
     covariance = np.linalg.inv(state.normal)

@@ -98,13 +98,19 @@ class _Photo:
             len(self.grids[grid]) == extent.prod() and (turned == self.sides.size[side]).all()
         )
 
+    def span(self, grid: int, side: int, offset: IntArray) -> tuple[IntArray, IntArray]:
+        """The first and the last column and row (2,) that a grid has on its board."""
+        cells = self.grids[grid].cells
+        corners = np.array([cells.min(axis=0), cells.max(axis=0)])
+        ends = self.sides.board_cells(side, offset, corners)
+        return ends.min(axis=0), ends.max(axis=0)
+
     def covered(self, side: IntArray, offset: IntArray) -> tuple[tuple[int, ...], ...]:
-        """For each grid with a place, its board and the first and last column and row there."""
+        """For each grid with a place, its board and what it reaches there."""
         parts = []
         for g in _named(side):
-            cells = self.sides.board_cells(int(side[g]), offset[g], self.grids[g].cells)
-            ends = (*cells.min(axis=0).tolist(), *cells.max(axis=0).tolist())
-            parts.append((int(self.sides.board[side[g]]), *ends))
+            first, last = self.span(g, int(side[g]), offset[g])
+            parts.append((int(self.sides.board[side[g]]), *first.tolist(), *last.tolist()))
         return tuple(parts)
 
     def whole_count(self, side: IntArray) -> int:
@@ -130,8 +136,8 @@ class _Photo:
         """Squares between the middles of the grids and of their boards, summed."""
         total = 0.0
         for g in _named(side):
-            cells = self.sides.board_cells(int(side[g]), offset[g], self.grids[g].cells)
-            middle = (cells.min(axis=0) + cells.max(axis=0)) / 2
+            first, last = self.span(g, int(side[g]), offset[g])
+            middle = (first + last) / 2
             total += float(np.abs(middle - (self.sides.size[side[g]] - 1) / 2).sum())
         return total
 

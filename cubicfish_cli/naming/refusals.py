@@ -20,6 +20,12 @@ WHY = {
     Verdict.TOO_LARGE: "larger than every board of the target",
     Verdict.NOT_PLANE: "its corners are no plane of squares",
 }
+_CHECK = "check corners, square, origin and axes of the boards in the target file"
+_ADVICE = {
+    Verdict.NO_FIT: _CHECK,
+    Verdict.NOT_PLANE: _CHECK,
+    Verdict.TWIN: "take photos that show these boards together",
+}
 # Photos of another object show the same grid again and again, and so much of its corners is
 # larger than every board where it is a larger one.
 _COMMON = 0.5
@@ -38,13 +44,7 @@ def nothing_named(naming: Naming, target: Target) -> str:
         if sorted(largest.size) == sorted((board.columns - 1, board.rows - 1)):
             return _counted_squares(board, 1)
     why = Counter(grid.verdict for grid in grids).most_common(1)[0][0]
-    advice = (
-        "check corners, square, origin and axes of the boards in the target file"
-        if why in (Verdict.NO_FIT, Verdict.NOT_PLANE)
-        else "take photos that show these boards together"
-        if why is Verdict.TWIN
-        else "take photos that show two boards, or a board with its ends"
-    )
+    advice = _ADVICE.get(why, "take photos that show two boards, or a board with its ends")
     says = ", ".join(f"{board.columns}x{board.rows}" for board in boards[:6])
     return (
         f"found {len(grids)} grid{'s' * (len(grids) != 1)} of up to {_times(largest.size)} "

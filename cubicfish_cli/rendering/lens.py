@@ -13,7 +13,7 @@ from math import hypot, radians
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.angles import angle_from_axis, columns
+from cubicfish_cli.angles import columns
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -158,8 +158,3 @@ class TrueLens:
             if not np.abs(step).max(initial=0.0) * max(self.fx, self.fy) > 1e-12:
                 break
         return flat
-
-
-def angles_deg(rays: npt.ArrayLike) -> FloatArray:
-    """Angle from the optical axis of rays (..., 3) -> (...), degrees."""
-    return np.degrees(angle_from_axis(rays))

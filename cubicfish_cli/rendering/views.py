@@ -172,7 +172,8 @@ def sample_views(
     if near > far:
         return []
     places = _sequence(_TRIES_A_VIEW * count, 6, seed)
-    eyes = thing.middle + _on_sphere(places[:, :2]) * (near * (far / near) ** places[:, 2:3].copy())
+    distance = near * (far / near) ** places[:, 2:3].copy()  # a copy: angles.py says why
+    eyes = thing.middle + _on_sphere(places[:, :2]) * distance
     aims, allowed = thing.aims(eyes)
     column, row = (
         np.minimum((places[:, 3 + axis] * side).astype(int), side - 1)

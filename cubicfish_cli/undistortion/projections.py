@@ -200,11 +200,12 @@ class EquidistantView(CentralView):
     @staticmethod
     def ray_offsets(rays: FloatArray) -> FloatArray:
         """θ (X, Y) / √(X² + Y²); nothing straight behind."""
-        rho = np.hypot(rays[..., 0], rays[..., 1])[..., None]
-        theta = np.arctan2(rho, rays[..., 2:].copy())
+        x, y, z = columns(rays)
+        rho = np.hypot(x, y)
+        theta = np.arctan2(rho, z)
         with np.errstate(divide="ignore", invalid="ignore"):
-            scale = np.where(rho > 0, theta / rho, np.where(rays[..., 2:] > 0, 1.0, np.nan))
-        return rays[..., :2] * scale
+            scale = np.where(rho > 0, theta / rho, np.where(z > 0, 1.0, np.nan))
+        return rays[..., :2] * scale[..., None]
 
     @classmethod
     def least_focal(cls, size: tuple[int, int]) -> float:
