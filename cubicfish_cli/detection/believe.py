@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cubicfish_cli.detection.crossing import Crossings
-from cubicfish_cli.detection.grids import FloatArray, IntArray
+from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
 from cubicfish_cli.detection.lattice import Lattice
 
 # Chance closes single squares now and then: random black and white cells make a run of four whole
@@ -29,8 +29,22 @@ _MOST_BLUR = 0.2
 def is_large_enough(lattice: Lattice) -> bool:
     """Tell whether there are corners and whole squares enough."""
     known = lattice.known
-    squares = known[1:, 1:] & known[:-1, 1:] & known[1:, :-1] & known[:-1, :-1]
-    return bool(known.sum() >= LEAST_CORNERS and squares.sum() >= LEAST_SQUARES)
+    return bool(known.sum() >= LEAST_CORNERS and _squares(known).sum() >= LEAST_SQUARES)
+
+
+def closes_cell(known: BoolArray) -> BoolArray:
+    """Tell which corners (I, J) belong to a square whose four corners are all known.
+
+    One that does not hangs on a single link, as where a dark square's outer corner meets
+    something dark behind the board's margin: the grid says nothing for it.
+    """
+    squares = np.pad(_squares(known), 1)
+    return np.asarray(squares[1:, 1:] | squares[:-1, 1:] | squares[1:, :-1] | squares[:-1, :-1])
+
+
+def _squares(known: BoolArray) -> BoolArray:
+    """(I - 1, J - 1) the squares of which all four corners are known."""
+    return np.asarray(known[1:, 1:] & known[:-1, 1:] & known[1:, :-1] & known[:-1, :-1])
 
 
 def is_board(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.detection.believe import is_board, is_large_enough
+from cubicfish_cli.detection.believe import closes_cell, is_board, is_large_enough
 from cubicfish_cli.detection.corners import XCorners, find_corners
 from cubicfish_cli.detection.crossing import Crossings
 from cubicfish_cli.detection.grids import BoolArray, FloatArray, FoundGrids, Grid, IntArray
@@ -103,6 +103,9 @@ def _raise(pyramid: Pyramid, corners: XCorners, patch: Patch, free: BoolArray) -
         if not (grown and dropped):
             break
     cells = lattice.cells()
+    closing = closes_cell(lattice.known)[cells[:, 0], cells[:, 1]]
+    lattice.drop(cells[~closing])
+    cells, found = cells[closing], found.select(closing)
     around = _median_around(lattice.contrast, lattice.known, cells)
     return lattice if is_board(lattice, cells, found, around) else None
 
