@@ -9,7 +9,7 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting import adjustment
 from cubicfish_cli.fitting.adjustment import adjust, huber_cost, huber_weight
 from cubicfish_cli.fitting.companion import fit_companion
-from cubicfish_cli.fitting.cubic_fit import fit_cubic
+from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.lenses import RadialFit
 from cubicfish_cli.fitting.normal_equations import _damped
 from cubicfish_cli.fitting.poses import Poses
@@ -42,7 +42,7 @@ def pairs():
 
 @pytest.fixture(scope="module")
 def cubic(pairs):
-    return fit_cubic(fit_companion(pairs), weight=0.5)
+    return fit_cubic(fit_companion(pairs), Hold(spread=0.01, weight=0.5))
 
 
 def test_at_the_truth_residual_and_gradient_are_zero():

@@ -7,12 +7,13 @@ from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.companion import fit_companion, refit_companion
-from cubicfish_cli.fitting.cubic_fit import fit_cubic
+from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.uncertainty import camera_uncertainty, sigma_at, uncertainty_record
 from cubicfish_cli.model.soundness import cone_rays
 
 TARGET = synthetic.corner_of_three()
-NOISE, WEIGHT, DRAWS = 0.1, 0.1, 100
+NOISE, DRAWS = 0.1, 100
+HOLD = Hold(spread=0.01, weight=0.1)
 
 
 def draw(seed, noise=NOISE):
@@ -22,7 +23,7 @@ def draw(seed, noise=NOISE):
 
 def test_prediction_is_the_spread_over_draws():
     start = fit_companion(draw(0))
-    reference = fit_cubic(start, weight=WEIGHT)
+    reference = fit_cubic(start, HOLD)
     uncertainty = camera_uncertainty(reference)
     assert uncertainty.noise_px == pytest.approx(NOISE, rel=0.05)
     rays = cone_rays(np.deg2rad(80), 60)
@@ -31,7 +32,7 @@ def test_prediction_is_the_spread_over_draws():
     pixels = []
     for seed in range(1, DRAWS + 1):
         companion = refit_companion(start, draw(seed), start.poses)
-        fit = fit_cubic(companion, weight=WEIGHT, relative_decrease=1e-6)
+        fit = fit_cubic(companion, HOLD, relative_decrease=1e-6)
         turns = fit.poses.rotation @ reference.poses.rotation.transpose(0, 2, 1)
         mean = Rotation.from_matrix(turns).as_rotvec().mean(axis=0)
         pixels.append(fit.lens.project(Rotation.from_rotvec(mean).apply(rays)))
@@ -41,7 +42,7 @@ def test_prediction_is_the_spread_over_draws():
     assert np.mean(ratio) == pytest.approx(1, abs=0.1)
     assert np.percentile(np.abs(ratio - 1), 80) < 0.25
     # More corners' noise, more uncertainty, in proportion.
-    twice = camera_uncertainty(fit_cubic(fit_companion(draw(0, 2 * NOISE)), weight=WEIGHT))
+    twice = camera_uncertainty(fit_cubic(fit_companion(draw(0, 2 * NOISE)), HOLD))
     assert np.median(twice.sigma_px(rays) / predicted) == pytest.approx(2, rel=0.2)
 
 
@@ -49,7 +50,7 @@ def test_more_photos_make_it_smaller():
     def sigma(count):
         poses = synthetic.poses_around(TARGET, count, seed=40)
         pairs = synthetic.synthetic_correspondences(TARGET, poses, noise=NOISE, seed=1)
-        result = fit_cubic(fit_companion(pairs), weight=WEIGHT)
+        result = fit_cubic(fit_companion(pairs), HOLD)
         return np.median(camera_uncertainty(result).sigma_px(cone_rays(np.deg2rad(60), 100)))
 
     assert sigma(20) < 0.75 * sigma(5)
@@ -72,7 +73,7 @@ def test_it_grows_towards_the_rim_and_is_null_outside():
 
 def test_the_record_is_that_of_the_rays():
     companion = fit_companion(draw(3))
-    fit = fit_cubic(companion, weight=WEIGHT)
+    fit = fit_cubic(companion, HOLD)
     uncertainty = camera_uncertainty(fit)
     camera = calibrate(draw(3), hold_out=False).camera
     record = uncertainty_record(uncertainty, camera)

@@ -150,11 +150,15 @@ LENSES = {
         values=np.array([*radial_camera().parameters, 2e-3, -1e-3, 4e-3, 3e-3, -2e-3]),
         terms=4,
         noise_px=0.1,
+        spread=0.01,
+        anchor=np.array([470.0, 350.0]),
+        anchor_px=4.0,
     ),
     "bent, one term": BentFit(
         values=np.array([*radial_camera(k=(0.01, 0, 0, 0)).parameters, 0, 1e-3, 0, 3e-3, 1e-3]),
         terms=1,
         noise_px=0.1,
+        spread=0.01,
     ),
 }
 
@@ -178,7 +182,11 @@ def _cubic_fit() -> CubicFit:
                 values=np.array([*radial_camera().parameters, 0, 0, 0, 0, 0]),
                 terms=4,
                 noise_px=0.1,
+                spread=0.01,
+                anchor=np.array([479.0, 351.0]),
+                anchor_px=4.0,
             ),
+            within=rays[:, 2] > 0.2,
             weight=0.7,
             denominator=np.linspace(0.5, 2, 50),
             denominator_weight=0.3,
@@ -237,7 +245,8 @@ def test_what_the_nearest_lens_can_follow_is_not_held():
     _, _, by_cubic = lens.project_jacobian(prior.rays)
     pixel = lens.project(prior.rays)
     _, by_lens = prior.nearest(pixel)
-    wanted = by_lens[: pixel.size] / np.linalg.norm(by_lens[: pixel.size], axis=0)
+    wanted = by_lens[: pixel.size] / np.repeat(prior.weights, 2)[:, None]
+    wanted /= np.linalg.norm(wanted, axis=0)
     # P's changes that move its pixels as the nearest lens's parameters do, as far as P can.
     change = np.linalg.lstsq(by_cubic.reshape(pixel.size, -1), wanted, rcond=None)[0]
     moved = by_cubic.reshape(pixel.size, -1) @ change

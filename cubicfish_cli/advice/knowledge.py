@@ -14,7 +14,8 @@ from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.companion import Companion, refit_companion
-from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
+from cubicfish_cli.fitting.hold import UNTOLD
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.robust import huber_px, noise_px
@@ -28,6 +29,8 @@ from cubicfish_cli.target import Target
 FloatArray = npt.NDArray[np.float64]
 
 _DECREASE = 1e-7
+# Files that do not say how symmetric a lens held P are from when it was always this.
+_OLDER_SPREAD = 0.01
 # The prior holds P so far beyond the cone where it may be trusted.
 _HELD_BEYOND_DEG = 5.0
 _LOST_PX = 10.0
@@ -185,7 +188,7 @@ def know(
         spread = _offset_spread(fit, scale) if level == "points" else None
         noise = max(noise_px(_miss(camera.project(points), pairs)), 1e-3)
         world = RefinedWorld.drawn(pairs, target, noise=noise, offset_spread=spread, scale=scale)
-    result = fit_cubic(companion, weight=_weight(fit), world=world, relative_decrease=_DECREASE)
+    result = fit_cubic(companion, _hold(fit), world=world, relative_decrease=_DECREASE)
     return Knowledge(
         camera=CubicCamera(
             image_size=camera.image_size,
@@ -206,11 +209,19 @@ def _miss(pixel: FloatArray, pairs: Correspondences) -> FloatArray:
     return np.nan_to_num(pixel - pairs.pixel, nan=_LOST_PX)
 
 
-def _weight(fit: Mapping[str, Any]) -> float | None:
-    weight = fit.get("prior_weight")
-    if isinstance(weight, bool) or not isinstance(weight, int | float):
+def _hold(fit: Mapping[str, Any]) -> Hold:
+    """How P was held; as in files that do not say where it is not a number."""
+    spread, weight = _number(fit.get("prior_spread")), _number(fit.get("prior_weight"))
+    return Hold(
+        spread=_OLDER_SPREAD if spread is None or spread < 0 else spread,
+        weight=UNTOLD.weight if weight is None or weight <= 0 else weight,
+    )
+
+
+def _number(value: object) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float):
         return None
-    return float(weight) if math.isfinite(weight) and weight > 0 else None
+    return float(value) if math.isfinite(value) else None
 
 
 def _offset_spread(fit: Mapping[str, Any], scale: float) -> float:

@@ -59,7 +59,8 @@ CALIBRATE = {
     "rank": "of the 20 monomials over the corners",
     "covered_deg": "how far from the axis corners reach",
     "coverage": "share of the field that corners cover: of where the camera may be trusted",
-    "prior_weight": "how much the radial prior counts",
+    "prior_weight": "how firmly P was held to the radial reference",
+    "prior_spread": "how much asymmetry that reference was allowed; 0 for none",
     "uncertainty": "one standard deviation of a distant point's pixel: median_px over the field, "
     "p95_px (95 % of it is within this), max_px, noise_px of the corners, a grid over the photo "
     "(x, y, sigma_px)",

@@ -23,6 +23,9 @@ FloatArray = npt.NDArray[np.float64]
 
 _MAX_ITERATIONS = 100
 _RELATIVE_DECREASE = 1e-10
+_DAMPING = 1e-4
+WARM_DAMPING = 1e-8
+"""For a start at the optimum of nearly the same pairs."""
 
 
 class FitLens(Protocol):
@@ -103,6 +106,7 @@ def adjust(
     world: World | None = None,
     max_iterations: int = _MAX_ITERATIONS,
     relative_decrease: float = _RELATIVE_DECREASE,
+    damping: float = _DAMPING,
 ) -> Adjustment:
     """Minimise the Huber loss of the reprojection error over lens, poses and object.
 
@@ -114,6 +118,7 @@ def adjust(
         world: the object's points and what of them is free; by default ``pairs.world``, fixed.
         max_iterations: steps to try at most.
         relative_decrease: stop when a step lowers the cost by less than this share.
+        damping: of the first step; less near the optimum.
 
     Returns:
         The best state found. A step that does not lower the cost is never taken.
@@ -123,7 +128,6 @@ def adjust(
 
     """
     state = _State(lens, poses, DrawnWorld(pairs.world) if world is None else world)
-    damping = 1e-4
     now = _evaluated(state, pairs, huber_px)
     if now.normal is None:
         raise FitError(
@@ -175,7 +179,7 @@ def _evaluated(state: _State, pairs: Correspondences, huber_px: float) -> _Evalu
     # A step may lead anywhere: what overflows there has an infinite cost and is turned down.
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         for photos, run in runs_of_photos(pairs.image, len(state.poses)):
-            terms = _linearised(state, pairs, run)
+            terms = linearised(lens, state.poses, world, pairs, run)
             residual[run] = terms.residual
             length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
             if not np.isfinite(length).all():
@@ -200,13 +204,14 @@ def _cost(
     )
 
 
-def _linearised(state: _State, pairs: Correspondences, run: slice) -> Linearised:
+def linearised(
+    lens: FitLens, poses: Poses, world: World, pairs: Correspondences, run: slice
+) -> Linearised:
     """Residuals of a run of pairs and their derivatives by everything that is free."""
-    world = state.world
-    rotation = state.poses.rotation[pairs.image[run]]
+    rotation = poses.rotation[pairs.image[run]]
     rotated = (rotation @ world.points[run, :, None])[:, :, 0]
-    points = rotated + state.poses.translation[pairs.image[run]]
-    pixel, d_point, d_lens = state.lens.project_jacobian(points)
+    points = rotated + poses.translation[pairs.image[run]]
+    pixel, d_point, d_lens = lens.project_jacobian(points)
     d_board, d_corner = None, None
     if len(world.parameters) or len(world.offsets):
         d_corner = d_point @ rotation

@@ -19,10 +19,11 @@ from cubicfish_cli.model.radial import RadialCamera, project_jacobian
 
 FloatArray = npt.NDArray[np.float64]
 
-# How far a lens may be from symmetry, in each of p1, p2, t1, t2 and skew: far more than any that is
-# sold. A hundredth is half a degree of tilt. Results hardly change from a tenth of this on.
-_SPREAD = 0.01
 _BENDS = 5
+# A turn of the camera with decentring and tilt does what a shift of the principal point does, to
+# well below any noise. So that the frame is not left to chance, a lens that only holds P stays
+# within about this share of the focal length of the principal point that the corners gave.
+_CENTRE_SPREAD = 0.01
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,20 +40,23 @@ class BentFit:
         values: (13,) fx, fy, cx, cy, k1..k4, p1, p2, t1, t2, skew.
         terms: how many coefficients of the profile are free.
         noise_px: of a corner's coordinate; the weight of the pull to symmetry follows it.
-        centre_free: whether the principal point is. A turn of the camera with decentring and tilt
-            does the same to well below any noise, so that both free leave the turn of the
-            camera's frame to chance.
+        spread: expected size of each of p1, p2, t1, t2 and skew: a hundredth is half a degree of
+            tilt. 0 holds the lens to perfect symmetry.
+        anchor: (2,) a point that the principal point is pulled to; None where it is not.
+        anchor_px: how far from it the principal point is expected.
 
     """
 
     values: FloatArray
     terms: int
     noise_px: float
-    centre_free: bool = True
+    spread: float
+    anchor: FloatArray | None = None
+    anchor_px: float = np.inf
 
     @property
     def _free(self) -> npt.NDArray[np.intp]:
-        return np.r_[0 : 4 if self.centre_free else 2, 4 : 4 + self.terms, 8 : 8 + _BENDS]
+        return np.r_[0 : 4 + self.terms, 8 : 8 + (_BENDS if self.spread else 0)]
 
     @property
     def parameters(self) -> FloatArray:
@@ -116,19 +120,29 @@ class BentFit:
         return pixel, by_flat @ flat_by_point, by_values[:, :, self._free]
 
     def prior(self) -> tuple[FloatArray, FloatArray]:
-        """The pull to symmetry, weak: (5,), (5, K)."""
-        weight = self.noise_px / _SPREAD
-        jacobian = np.zeros((_BENDS, len(self._free)))
-        jacobian[:, -_BENDS:] = weight * np.eye(_BENDS)
-        return weight * self.values[8:], jacobian
+        """The pulls to symmetry and to the anchor, weak: (L,) pixels, (L, K)."""
+        count = len(self._free)
+        residual, jacobian = np.zeros(0), np.zeros((0, count))
+        if self.spread:
+            pull = self.noise_px / self.spread
+            residual = pull * self.values[8:]
+            jacobian = pull * np.eye(count)[-_BENDS:]
+        if self.anchor is not None:
+            pull = self.noise_px / self.anchor_px
+            residual = np.append(residual, pull * (self.values[2:4] - self.anchor))
+            jacobian = np.vstack([jacobian, pull * np.eye(count)[2:4]])
+        return residual, jacobian
 
 
 def bend(
-    camera: RadialCamera, terms: int, poses: Poses, pairs: Correspondences, residual: FloatArray
+    camera: RadialCamera,
+    terms: int,
+    poses: Poses,
+    pairs: Correspondences,
+    residual: FloatArray,
+    spread: float,
 ) -> tuple[BentFit, Poses]:
-    """The bent lens nearest to corners, and the poses that go with it.
-
-    Its principal point then stays where it is.
+    """The bent lens nearest to corners, anchored there, and the poses that go with it.
 
     Args:
         camera: the radial lens to start from.
@@ -136,14 +150,20 @@ def bend(
         poses: camera_from_world of each photo under it.
         pairs: the corners.
         residual: (N, 2) of the radial lens, pixels.
+        spread: expected asymmetry, see :class:`BentFit`.
 
     """
     lens = BentFit(
         values=np.concatenate([camera.parameters, np.zeros(_BENDS)]),
         terms=terms,
         noise_px=max(noise_px(residual), 1e-3),
+        spread=spread,
     )
-    fit = adjust(lens, poses, pairs, huber_px=huber_px(residual))
-    if not isinstance(fit.lens, BentFit):
-        raise TypeError("the adjustment must be of a bent lens")
-    return replace(fit.lens, centre_free=False), fit.poses
+    if spread:
+        fit = adjust(lens, poses, pairs, huber_px=huber_px(residual))
+        if not isinstance(fit.lens, BentFit):
+            raise TypeError("the adjustment must be of a bent lens")
+        lens, poses = fit.lens, fit.poses
+    return replace(
+        lens, anchor=lens.values[2:4], anchor_px=_CENTRE_SPREAD * float(lens.values[:2].mean())
+    ), poses

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.companion import Companion, fit_companion, refit_companion
-from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
 from cubicfish_cli.fitting.departures import Departure, departures
 from cubicfish_cli.fitting.diagnosis.diagnose import explained, find_faults, within_noise
 from cubicfish_cli.fitting.diagnosis.finding import Finding
@@ -24,7 +24,8 @@ from cubicfish_cli.fitting.findings import (
     noisy_photos,
 )
 from cubicfish_cli.fitting.frame import in_companions_frame
-from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
+from cubicfish_cli.fitting.held_out import HeldOut, held_out_error, photo_folds
+from cubicfish_cli.fitting.hold import UNTOLD, choose_hold
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refinement import LEVELS, Drawing, Level, ObjectFit, refine_object
 from cubicfish_cli.fitting.robust import gross_px
@@ -42,6 +43,7 @@ from cubicfish_cli.model.lift import lift
 from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
 
 # Eq. 8–9: two equations a pair in 60 homogeneous unknowns.
 MIN_PAIRS = 30
@@ -50,9 +52,10 @@ _FLAT = 1e-4
 # Beyond this relative uncertainty of the focal length the photos do not determine the lens.
 _MAX_FOCAL_UNCERTAINTY = 0.05
 _DROP_ROUNDS = 12
+# Enough to tell a corner that is pixels off.
+_DROP_DECREASE = 1e-4
 # A richer object must lower the held-out error at least to this share of the poorer one's.
 _WORTH = 0.99
-_STRONGEST_WEIGHT = 300.0
 _NO_CONVERGENCE = (
     "the fit does not converge: check the target's square sizes, axes and origins, and that all "
     "photos show this one object through one lens at one zoom"
@@ -114,7 +117,7 @@ class Calibration:
         held_out_by_level: held-out RMS of every level of ``refine_target`` that was tried.
         rank: numerical rank of Φ over the used rays (16 on the sphere).
         covered_deg: angle from the axis of the farthest used corner.
-        prior_weight: how strongly P was held to the companion.
+        hold: how P was held to the companion.
         dropped: corners left out because they were grossly off.
         unfit: photos left out, with the reason.
         refined: what of the object was fitted: ``off``, ``shape`` or ``points``.
@@ -139,7 +142,7 @@ class Calibration:
     held_out_by_level: dict[Level, float]
     rank: int
     covered_deg: float
-    prior_weight: float
+    hold: Hold
     dropped: tuple[DroppedCorner, ...]
     unfit: dict[str, str]
     refined: Level
@@ -165,7 +168,8 @@ class Calibration:
             "departures": [departure.as_record() for departure in self.departures],
             "rank": self.rank,
             "covered_deg": self.covered_deg,
-            "prior_weight": self.prior_weight,
+            "prior_weight": self.hold.weight,
+            "prior_spread": self.hold.spread,
             "coverage": self.coverage,
             "notes": list(self.notes),
             "findings": [finding.as_record() for finding in self.findings],
@@ -256,7 +260,6 @@ def _calibrated(
     drawing = Drawing(target=target, pairs=fit.companion.pairs, scale=scale)
     drawn = fit
     fit, held_out = _climb(drawn, drawing, refine_target, hold_out, stages)
-    fit, held_out[fit.level] = _no_worse_than_companion(fit, drawing, held_out.get(fit.level))
     stages.begin("checks")
     held_out_by_level = {level: error.rms_px for level, error in held_out.items() if error}
     cubic, companion = fit.cubic, fit.companion
@@ -297,7 +300,7 @@ def _calibrated(
         held_out_by_level=held_out_by_level,
         rank=_rank(companion, cubic),
         covered_deg=float(np.rad2deg(companion.covered)),
-        prior_weight=cubic.prior_weight,
+        hold=cubic.hold,
         dropped=dropped,
         unfit=companion.unfit,
         refined=fit.level,
@@ -319,26 +322,27 @@ def _without_gross(companion: Companion) -> tuple[ObjectFit, tuple[DroppedCorner
     pulled its photo's pose away comes back.
     """
     everything, poses = companion.pairs, companion.poses
-    kept = np.ones(len(everything.pixel), bool)
-    cubic = fit_cubic(companion)
-    poses = cubic.poses
-    length = np.hypot(cubic.residual[:, 0], cubic.residual[:, 1])
-    for _ in range(_DROP_ROUNDS):
-        good = length <= gross_px(cubic.residual)
-        if (good == kept).all():
+    length = np.hypot(companion.residual[:, 0], companion.residual[:, 1])
+    good, kept = length <= gross_px(companion.residual), np.ones(len(length), bool)
+    for round_ in range(_DROP_ROUNDS):
+        if not (good == kept).all():
+            remaining, photos = select(everything, good)
+            companion = refit_companion(companion, remaining, poses[photos])
+        elif round_:
             break
+        else:
+            photos = np.arange(len(poses))
         kept = good
-        remaining, photos = select(everything, kept)
-        companion = refit_companion(companion, remaining, poses[photos])
-        cubic = fit_cubic(companion)
+        cubic = fit_cubic(companion, UNTOLD, relative_decrease=_DROP_DECREASE)
         poses = poses.with_photos(photos, cubic.poses)
         miss = cubic.lens.project(poses.apply(everything.image, everything.world))
         miss -= everything.pixel
         length = np.minimum(np.hypot(miss[:, 0], miss[:, 1]), max(everything.image_size))
-    return (
-        ObjectFit(level="off", companion=companion, cubic=cubic),
-        tuple(_dropped(everything, ~kept, length)),
+        good = length <= gross_px(cubic.residual)
+    fit = ObjectFit(
+        level="off", companion=companion, cubic=choose_hold(companion, folds_of(companion))
     )
+    return fit, tuple(_dropped(everything, ~kept, length))
 
 
 def _without_noisy(fit: ObjectFit) -> ObjectFit:
@@ -351,7 +355,7 @@ def _without_noisy(fit: ObjectFit) -> ObjectFit:
     companion = refit_companion(fit.companion, select_photos(pairs, good), fit.cubic.poses[good])
     named = {pairs.images[photo]: reason for photo, reason in noisy.items()}
     companion = replace(companion, unfit=companion.unfit | named)
-    return replace(fit, companion=companion, cubic=fit_cubic(companion))
+    return replace(fit, companion=companion, cubic=choose_hold(companion, folds_of(companion)))
 
 
 def _climb(
@@ -363,15 +367,16 @@ def _climb(
     if auto and (drawing.target is None or not hold_out):
         refine_target = "off"
     if hold_out and (auto or refine_target == "off"):
-        measured["off"] = held_out_error(fit, drawing, partial(stages.begin, "held out"))
+        measured["off"] = held_out_error(fit, partial(stages.begin, "held out"))
     if drawing.target is None or refine_target == "off" or (auto and measured["off"] is None):
         return fit, measured
+    groups = folds_of(fit.companion)
     for level in LEVELS[1:]:
         fitting, holding = _STAGES[level]
         stages.begin(fitting)
-        richer = refine_object(fit, drawing, level)
+        richer = refine_object(fit, drawing, level, groups)
         if hold_out and (auto or level == refine_target):
-            measured[level] = held_out_error(richer, drawing, partial(stages.begin, holding))
+            measured[level] = held_out_error(richer, partial(stages.begin, holding))
         if auto:
             before, after = measured[fit.level], measured[level]
             if before is None or after is None or after.rms_px > _WORTH * before.rms_px:
@@ -382,25 +387,9 @@ def _climb(
     return fit, measured
 
 
-def _no_worse_than_companion(
-    fit: ObjectFit, drawing: Drawing, held_out: HeldOut | None
-) -> tuple[ObjectFit, HeldOut | None]:
-    """Hold P closer to the companion as long as photos that were left out gain by it.
-
-    The evidence chose the prior's weight; where the cubic is still worse than its companion on
-    held-out photos, the held-out error has the last word.
-    """
-    while held_out is not None and held_out.rms_px > held_out.companion_rms_px:
-        weight = 10 * fit.cubic.prior_weight
-        if weight > _STRONGEST_WEIGHT:
-            break
-        world = None if fit.level == "off" else fit.cubic.fit.world
-        stronger = replace(fit, cubic=fit_cubic(fit.companion, weight=weight, world=world))
-        measured = held_out_error(stronger, drawing)
-        if measured is None or measured.rms_px >= held_out.rms_px:
-            break
-        fit, held_out = stronger, measured
-    return fit, held_out
+def folds_of(companion: Companion) -> list[IntArray]:
+    """Photos that are left out together, see :func:`~.held_out.photo_folds`."""
+    return photo_folds(companion.poses, companion.pairs, companion.camera.fx)
 
 
 def _refuse_too_little(pairs: Correspondences) -> None:

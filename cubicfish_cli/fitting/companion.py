@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from itertools import islice
 
 import numpy as np
@@ -69,11 +68,15 @@ class Companion:
     unfit: dict[str, str]
     terms: int
     focal_uncertainty: float
+    _bent: dict[float, tuple[BentFit, Poses]] = field(default_factory=dict, init=False, repr=False)
 
-    @cached_property
-    def bent(self) -> tuple[BentFit, Poses]:
-        """The nearest lens that is not quite symmetric, and the poses that go with it."""
-        return bend(self.camera, self.terms, self.poses, self.pairs, self.residual)
+    def bent(self, spread: float) -> tuple[BentFit, Poses]:
+        """The nearest lens of this expected asymmetry, and the poses that go with it."""
+        if spread not in self._bent:
+            self._bent[spread] = bend(
+                self.camera, self.terms, self.poses, self.pairs, self.residual, spread
+            )
+        return self._bent[spread]
 
     @property
     def covered(self) -> float:
@@ -230,7 +233,7 @@ def _fit_from_centre(
 
 
 def _with_terms(fit: Adjustment, pairs: Correspondences, terms: int) -> Adjustment:
-    values = _values(fit).copy()
+    values = radial_of(fit).values.copy()
     values[4 + terms :] = 0
     lens = RadialFit(values=values, terms=terms)
     return adjust(lens, fit.poses, pairs, huber_px=huber_px(fit.residual))
@@ -243,15 +246,15 @@ def _adjusted(fit: Adjustment, pairs: Correspondences) -> Adjustment:
     return fit
 
 
-def _values(fit: Adjustment) -> FloatArray:
-    lens = fit.lens
-    if not isinstance(lens, RadialFit):
+def radial_of(fit: Adjustment) -> RadialFit:
+    """The lens of an adjustment of a radial one."""
+    if not isinstance(fit.lens, RadialFit):
         raise TypeError("the companion's fit must be of a radial lens")
-    return lens.values
+    return fit.lens
 
 
 def _camera(fit: Adjustment, pairs: Correspondences) -> RadialCamera:
-    return RadialCamera.from_parameters(_values(fit), pairs.image_size)
+    return RadialCamera.from_parameters(radial_of(fit).values, pairs.image_size)
 
 
 def _with_missing(
@@ -317,5 +320,5 @@ def _focal_uncertainty(fit: Adjustment) -> float:
     covariance = (
         np.linalg.pinv(fit.normal.reduced_shared(), hermitian=True) * noise_px(fit.residual) ** 2
     )
-    values = _values(fit)
+    values = radial_of(fit).values
     return float(np.sqrt(max(covariance[0, 0], covariance[1, 1], 0.0)) / abs(values[0]))

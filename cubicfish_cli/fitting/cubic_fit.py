@@ -2,18 +2,18 @@
 
 P is held to the companion, bent as real lenses are, by a weak prior on a cone
 (pseudo-observations): it keeps poles out where no corner is, and fixes the rotation that P could
-otherwise absorb. How weak follows the
-data, by the evidence (marginal likelihood) of each weight.
+otherwise absorb. How symmetric the lens is that holds P, and how firmly it does, are two unknowns
+of each camera: :class:`Hold`, chosen in hold.py.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import Adjustment, adjust
 from cubicfish_cli.fitting.companion import MARGIN_DEG, Companion
@@ -35,21 +35,31 @@ _PRIOR_MARGIN_DEG = 10.0
 _LARGEST_ANGLE_DEG = 175.0
 # Near its fold the companion's profile is flat; the prior stays short of that.
 _FOLD_SHARE = 0.98
-_WEIGHTS = tuple(10.0 ** (1 - step / 2) for step in range(9))
-# Neighbouring corners share the paper's bend and the detector's bias, so N corners say less
-# than N independent ones: the evidence counts each as a quarter.
-_EVIDENCE_SHARE = 0.25
 # In normalised pixels: Kannala–Brandt lenses of 10° to 150° are then met within 0.02 px by cubics
 # without a pole; ten times more costs up to 0.08 px, and none at all lets poles in.
 _DENOMINATOR_PULL = 1e-4
+# Each is safer and less exact than the one before: P3Φ nears a constant.
+_SAFER_PULLS = (1e-2, 1.0, 100.0)
 # Expected relative departure of P3Φ from that of the companion's cubic.
 _DENOMINATOR_SPREAD = 0.1
-_SCAN_ITERATIONS = 30
-# The bottom of the evidence over weights is flat: it need not be known to the last digit.
-_SCAN_DECREASE = 1e-4
 _STRONGEST = 1e4
 # For fits that only lead to the next one.
 _ROUGH_DECREASE = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hold:
+    """What P is held to, and how firmly.
+
+    Attributes:
+        spread: expected asymmetry of the lens that holds P (see
+            :class:`~cubicfish_cli.fitting.bent.BentFit`); 0 for a symmetric one.
+        weight: weight of the pseudo-observations.
+
+    """
+
+    spread: float
+    weight: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,7 +71,7 @@ class CubicResult:
         fit: the whole adjustment.
         poses: camera_from_world of each photo.
         residual: (N, 2) projection less pixel, pixels.
-        prior_weight: weight of the pseudo-observations.
+        hold: how P was held to the companion.
         max_angle_deg: half-angle of the cone over which P may be trusted.
         soundness: the check for poles and folds over that cone.
 
@@ -71,44 +81,40 @@ class CubicResult:
     fit: Adjustment
     poses: Poses
     residual: FloatArray
-    prior_weight: float
+    hold: Hold
     max_angle_deg: float
     soundness: Soundness
 
 
 def fit_cubic(
     companion: Companion,
+    hold: Hold,
     *,
-    weight: float | None = None,
     world: World | None = None,
+    start: CubicResult | None = None,
     relative_decrease: float = 1e-10,
 ) -> CubicResult:
     """Fit P and all poses (Eq. 10) from a companion's lens and poses.
 
     Args:
         companion: the radial fit to start from and to lean on.
-        weight: weight of the prior; by default the one with the best evidence.
+        hold: how P is held to it.
         world: the object, where it is free; its points are those of the companion's pairs.
+        start: a fit to the same photos from which to start, where there is one.
         relative_decrease: when to stop, as in :func:`~cubicfish_cli.fitting.adjustment.adjust`.
 
     Raises:
         FitError: no weight of the prior gives a camera without poles and folds.
 
     """
-    pairs = companion.pairs
     max_angle_deg = float(np.rad2deg(_valid_angle(companion)))
-    first = start = _start_lens(companion)
-    if weight is None:
-        weight, start, poses = _best_weight(start, companion)
-    else:
-        poses = companion.bent[1]
+    lens, poses = _first(companion, hold, start, world)
     while True:
-        lens = _with_weight(start, weight)
         fit = adjust(
             lens,
             poses,
-            pairs,
-            huber_px=huber_px(companion.residual),
+            companion.pairs,
+            huber_px=huber_px(companion.residual if start is None else start.residual),
             world=world,
             relative_decrease=max(relative_decrease, _ROUGH_DECREASE),
         )
@@ -116,18 +122,18 @@ def fit_cubic(
             fit = adjust(
                 fit.lens,
                 fit.poses,
-                pairs,
+                companion.pairs,
                 huber_px=huber_px(fit.residual),
                 world=fit.world,
                 relative_decrease=relative_decrease,
             )
-        result = _result(fit, weight, max_angle_deg)
+        result = _result(fit, hold, max_angle_deg)
         if result.soundness.sound:
             return result
         # A pole crept in: hold P closer to the companion, which has none.
-        weight *= 10**0.5
-        start, poses = first, companion.bent[1]
-        if weight > _STRONGEST:
+        hold = replace(hold, weight=hold.weight * 10**0.5)
+        lens, poses = _first(companion, hold, None, world)
+        if hold.weight > _STRONGEST:
             raise FitError(
                 f"the camera folds at {result.soundness.sound_to_deg:.0f}° from its axis while "
                 f"corners reach {np.rad2deg(companion.covered):.0f}°: check that corners near "
@@ -135,20 +141,21 @@ def fit_cubic(
             )
 
 
-def _result(fit: Adjustment, weight: float, max_angle_deg: float) -> CubicResult:
-    lens = _cubic(fit)
+def _result(fit: Adjustment, hold: Hold, max_angle_deg: float) -> CubicResult:
+    lens = cubic_of(fit)
     return CubicResult(
         lens=lens,
         fit=fit,
         poses=fit.poses,
         residual=fit.residual,
-        prior_weight=weight,
+        hold=hold,
         max_angle_deg=max_angle_deg,
         soundness=check_soundness(lens.P, max_angle_deg),
     )
 
 
-def _cubic(fit: Adjustment) -> CubicFit:
+def cubic_of(fit: Adjustment) -> CubicFit:
+    """The lens of an adjustment of a cubic one."""
     if not isinstance(fit.lens, CubicFit):
         raise TypeError("the adjustment must be of a cubic lens")
     return fit.lens
@@ -173,20 +180,66 @@ def prior_cone(camera: RadialCamera, covered: float) -> float:
     )
 
 
-def _start_lens(companion: Companion) -> CubicFit:
-    """The cubic that agrees with the bent companion on the prior's cone (Eq. 8–9, reweighted).
+def _first(
+    companion: Companion, hold: Hold, start: CubicResult | None, world: World | None
+) -> tuple[CubicFit, Poses]:
+    """The first of the starts, from the most exact to the safest, that sees every corner.
+
+    A start with a pole among the corners is no reason to give up: photos and radial lens are
+    right all the same.
+    """
+    pairs = companion.pairs
+    points = pairs.world if world is None else world.points
+    lens, poses = None, companion.poses
+    for lens, poses in _starts(companion, hold, start):
+        with np.errstate(over="ignore"):
+            pixel = lens.project(poses.apply(pairs.image, points))
+        if np.isfinite(pixel).all():
+            return lens, poses
+    assert lens is not None
+    return lens, poses
+
+
+def _starts(
+    companion: Companion, hold: Hold, start: CubicResult | None
+) -> Iterator[tuple[CubicFit, Poses]]:
+    bent, poses = companion.bent(hold.spread)
+    if start is not None:
+        prior = replace(start.lens.ray_prior, lens=bent, weight=hold.weight)
+        yield replace(start.lens, ray_prior=prior), start.poses
+    yield start_lens(companion, hold), poses
+    for pull in (_DENOMINATOR_PULL, *_SAFER_PULLS):
+        yield start_lens(companion, hold, denominator_pull=pull, symmetric=True), companion.poses
+
+
+def start_lens(
+    companion: Companion,
+    hold: Hold,
+    *,
+    denominator_pull: float = _DENOMINATOR_PULL,
+    symmetric: bool = False,
+) -> CubicFit:
+    """The cubic that agrees with the lens that holds it on the prior's cone (Eq. 8–9, reweighted).
 
     A linear solution from the corners themselves is drawn by outliers and may have a pole just
     outside them, where Levenberg–Marquardt then stays.
+
+    Args:
+        companion: the radial fit.
+        hold: how P is held to it.
+        denominator_pull: how firmly P3Φ is kept near a constant.
+        symmetric: start at the companion itself instead of the bent lens.
+
     """
     camera = companion.camera
-    rays = cone_rays(prior_cone(camera, companion.covered), _PRIOR_RAYS)
-    bent, _ = companion.bent
-    pixel = bent.project(rays)
+    covered = companion.covered
+    rays = cone_rays(prior_cone(camera, covered), _PRIOR_RAYS)
+    bent, _ = companion.bent(hold.spread)
+    pixel = (companion.bent(0.0)[0] if symmetric else bent).project(rays)
     centre = np.array([camera.cx, camera.cy])
     scale = (camera.fx + camera.fy) / 2
     coefficients = linear_coefficients(
-        rays, (pixel - centre) / scale, denominator_pull=_DENOMINATOR_PULL
+        rays, (pixel - centre) / scale, denominator_pull=denominator_pull
     )
     values = lift(rays) @ sphere_basis()
     mean_values = values.mean(axis=0)
@@ -199,7 +252,8 @@ def _start_lens(companion: Companion) -> CubicFit:
         ray_prior=RayPrior(
             rays=rays,
             lens=bent,
-            weight=1.0,
+            within=rays[:, 2] >= np.cos(covered),
+            weight=hold.weight,
             denominator=values @ coefficients[2],
             denominator_weight=_denominator_weight(companion),
         ),
@@ -210,60 +264,3 @@ def _denominator_weight(companion: Companion) -> float:
     """So that 16 independent relative changes of P3Φ by its spread count one noise each."""
     sigma = max(noise_px(companion.residual), 1e-3)
     return sigma / _DENOMINATOR_SPREAD * np.sqrt(16 / _PRIOR_RAYS)
-
-
-def _with_weight(lens: CubicFit, weight: float) -> CubicFit:
-    return replace(lens, ray_prior=replace(lens.ray_prior, weight=weight))
-
-
-def _best_weight(start: CubicFit, companion: Companion) -> tuple[float, CubicFit, Poses]:
-    """The weight with the best evidence, from strong to weak, each fit starting at the last.
-
-    Returns:
-        The weight and the lens and poses of the nearest fit that was tried.
-
-    """
-    lens, poses = start, companion.bent[1]
-    tried: list[tuple[float, float, CubicFit, Poses]] = []
-    limit = huber_px(companion.residual)
-    for weight in _WEIGHTS:
-        fit = adjust(
-            _with_weight(lens, weight),
-            poses,
-            companion.pairs,
-            huber_px=limit,
-            max_iterations=_SCAN_ITERATIONS,
-            relative_decrease=_SCAN_DECREASE,
-        )
-        lens, poses = _cubic(fit), fit.poses
-        tried.append((_negative_log_evidence(fit, companion.pairs), weight, lens, poses))
-        if len(tried) > 2 and tried[-1][0] > tried[-2][0] > tried[-3][0]:
-            break
-    best = min(range(len(tried)), key=lambda index: tried[index][0])
-    # Two digits of it say all there is to say, and are the same for the same corners in other
-    # units or in another order.
-    weight = float(f"{_between(tried, best):.1e}")
-    return weight, tried[best][2], tried[best][3]
-
-
-def _between(tried: list[tuple[float, float, CubicFit, Poses]], best: int) -> float:
-    """The bottom of the parabola through the best weight and its neighbours, in log weight."""
-    if not 0 < best < len(tried) - 1:
-        return tried[best][1]
-    left, middle, right = (tried[best + step][0] for step in (-1, 0, 1))
-    curvature = left - 2 * middle + right
-    if curvature <= 0:
-        return tried[best][1]
-    step = np.clip(0.5 * (left - right) / curvature, -0.5, 0.5)
-    return float(tried[best][1] * (tried[best + 1][1] / tried[best][1]) ** step)
-
-
-def _negative_log_evidence(fit: Adjustment, pairs: Correspondences) -> float:
-    """Laplace's approximation to the marginal likelihood of a prior weight, noise profiled out.
-
-    MacKay (1992), "Bayesian interpolation", with the robust cost in place of the square.
-    """
-    freedom = _EVIDENCE_SHARE * max(2 * len(pairs.pixel) - 6 * len(pairs.images), 1)
-    _, posterior = np.linalg.slogdet(fit.normal.reduced_shared())
-    prior = _cubic(fit).prior_log_determinant()
-    return float(0.5 * (freedom * np.log(max(fit.cost, 1e-300)) + posterior - prior))

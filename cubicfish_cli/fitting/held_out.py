@@ -9,12 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.adjustment import adjust
+from cubicfish_cli.fitting.adjustment import WARM_DAMPING, adjust
+from cubicfish_cli.fitting.companion import radial_of
+from cubicfish_cli.fitting.cubic_fit import cubic_of
 from cubicfish_cli.fitting.diagnosis.repeats import repeated_groups
-from cubicfish_cli.fitting.lenses import FixedLens
+from cubicfish_cli.fitting.lenses import FixedLens, RadialFit
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.refinement import Drawing, ObjectFit, refit_object
+from cubicfish_cli.fitting.refined_world import RefinedWorld
+from cubicfish_cli.fitting.refinement import ObjectFit
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select, select_photos
@@ -26,6 +28,8 @@ IntArray = npt.NDArray[np.intp]
 
 FOLDS = 5
 MIN_PHOTOS = 3
+# A fold's cost need not be known better than its few photos tell.
+_FOLD_DECREASE = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,23 +51,22 @@ class HeldOut:
 
 
 def held_out_error(
-    fit: ObjectFit, drawing: Drawing, progress: Callable[[int, int], None] | None = None
+    fit: ObjectFit, progress: Callable[[int, int], None] | None = None
 ) -> HeldOut | None:
     """Cross-validation by photo: each photo is judged by a camera that never saw it.
 
     Photo i belongs to fold i modulo the number of folds; photos from the same place count as one,
     so that none is judged by a camera that saw its repeat. In each fold companion, P and, at its
     level, the object are fitted to the other photos; then only the poses of the photos left out
-    are fitted. The weights of the priors are those that the fit to all photos chose.
+    are fitted. The fits start where the fit to all photos ended, a few steps from their own
+    optimum; the priors and their weights are those that the fit to all photos chose.
 
     Args:
         fit: the fit to all photos.
-        drawing: the object as drawn, with the same pairs.
         progress: called before each fold with folds done and all folds.
 
     Returns:
-        None with fewer than :data:`MIN_PHOTOS` places, or when a fold's training photos alone
-        cannot determine a camera.
+        None with fewer than :data:`MIN_PHOTOS` places.
 
     """
     parts = photo_folds(fit.cubic.poses, fit.companion.pairs, fit.companion.camera.fx)
@@ -73,11 +76,7 @@ def held_out_error(
     for done, test in enumerate(parts):
         if progress is not None:
             progress(done, len(parts))
-        errors = _fold(fit, drawing, test)
-        if errors is not None:
-            measured.append(errors)
-    if len(measured) < len(parts):
-        return None
+        measured.append(_fold(fit, test))
     cubic, radial = zip(*measured, strict=True)
     return HeldOut(
         rms_px=rms_px(np.vstack(cubic)),
@@ -105,29 +104,39 @@ def photo_folds(poses: Poses, pairs: Correspondences, focal: float) -> list[IntA
     return [np.flatnonzero(group % folds == fold) for fold in range(folds)]
 
 
-def _fold(fit: ObjectFit, drawing: Drawing, test: IntArray) -> tuple[FloatArray, FloatArray] | None:
-    """Residuals of the photos ``test`` under a fit to the others: the cubic's, the companion's.
-
-    None when the other photos alone cannot determine a camera.
-    """
-    pairs = drawing.pairs
+def _fold(fit: ObjectFit, test: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Residuals of the photos ``test`` under a fit to the others: the cubic's, the companion's."""
+    pairs, world = fit.companion.pairs, fit.cubic.fit.world
+    out = np.isin(pairs.image, test)
     train = np.setdiff1d(np.arange(len(pairs.images)), test)
-    training = drawing.of(select_photos(pairs, train))
-    try:
-        trained = refit_object(fit, training, fit.cubic.poses[train])
-    except FitError:
-        return None
+    training = select_photos(pairs, train)
+    trained = adjust(
+        fit.cubic.lens,
+        fit.cubic.poses[train],
+        training,
+        huber_px=huber_px(fit.cubic.residual),
+        world=world.select(np.flatnonzero(~out)),
+        relative_decrease=_FOLD_DECREASE,
+        damping=WARM_DAMPING,
+    )
+    radial = adjust(
+        RadialFit(values=fit.companion.camera.parameters, terms=fit.companion.terms),
+        fit.companion.poses[train],
+        replace(training, world=trained.world.points),
+        huber_px=huber_px(fit.companion.residual),
+        relative_decrease=_FOLD_DECREASE,
+        damping=WARM_DAMPING,
+    )
     camera = CubicCamera(
         image_size=pairs.image_size,
-        P=trained.cubic.lens.P,
-        max_angle_deg=trained.cubic.max_angle_deg,
-        radial=trained.companion.camera,
+        P=cubic_of(trained).P,
+        max_angle_deg=fit.cubic.max_angle_deg,
+        radial=RadialCamera.from_parameters(radial_of(radial).values, pairs.image_size),
     )
-    left_out, poses = select_photos(pairs, test), fit.cubic.poses[test]
-    target = trained.refined_target(training)
-    if target is not None:
-        world = target.world_points(left_out.board, left_out.column, left_out.row)
-        left_out = replace(left_out, world=world / drawing.scale)
+    left_out = select_photos(pairs, test)
+    if isinstance(world, RefinedWorld) and isinstance(trained.world, RefinedWorld):
+        left_out = replace(left_out, world=world.like(trained.world).points[out])
+    poses = fit.cubic.poses[test]
     return (
         pose_only_residual(camera, left_out, poses)[1],
         pose_only_residual(camera.radial, left_out, poses)[1],

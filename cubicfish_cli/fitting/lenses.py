@@ -17,6 +17,7 @@ FloatArray = npt.NDArray[np.float64]
 
 # From a lens that is near, Gauss and Newton get to the nearest one in this many steps.
 _NEAREST_ROUNDS = 2
+_WEIGHT_BEYOND = 0.1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,7 +104,8 @@ class RayPrior:
     Attributes:
         rays: (M, 3) unit rays.
         lens: one of the other kind that is near.
-        weight: residuals are multiplied by this.
+        within: (M,) which rays are as near to the axis as corners are.
+        weight: residuals are multiplied by this, among corners.
         denominator: (M,) P3Φ of the other lens at the rays.
         denominator_weight: pixels that a relative change of P3Φ by 1 counts as.
 
@@ -111,6 +113,7 @@ class RayPrior:
 
     rays: FloatArray
     lens: FitLens
+    within: npt.NDArray[np.bool_]
     weight: float
     denominator: FloatArray
     denominator_weight: float
@@ -119,6 +122,15 @@ class RayPrior:
     def values(self) -> FloatArray:
         """(M, 16) the basis of cubics on the sphere at the rays, which never move."""
         return lift(self.rays) @ sphere_basis()
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        """(M,) what the residuals at each ray are multiplied by.
+
+        Beyond the corners the other lens is a guess: there it is enough that no pole comes in,
+        and a firm hold would have P follow the guess at the cost of what corners say.
+        """
+        return np.where(self.within, self.weight, min(self.weight, _WEIGHT_BEYOND))
 
     def nearest(self, pixel: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Weighted misses of the other kind's lens nearest to pixels, its own prior's after them.
@@ -141,9 +153,11 @@ class RayPrior:
     def _misses(self, pixel: FloatArray, lens: FitLens) -> tuple[FloatArray, FloatArray]:
         seen, _, by_lens = lens.project_jacobian(self.rays)
         own, own_by_lens = lens.prior()
+        miss = self.weights[:, None] * (pixel - seen)
+        by_lens = -self.weights[:, None, None] * by_lens
         return (
-            np.concatenate([self.weight * (pixel - seen).reshape(-1), own]),
-            np.vstack([-self.weight * by_lens.reshape(pixel.size, -1), own_by_lens]),
+            np.concatenate([miss.reshape(-1), own]),
+            np.vstack([by_lens.reshape(pixel.size, -1), own_by_lens]),
         )
 
 
@@ -241,27 +255,12 @@ class CubicFit:
             np.vstack([direct - basis @ (basis.T @ direct), by_denominator]),
         )
 
-    def prior_log_determinant(self) -> float:
-        """Of the prior's precision, what depends on its weight, for the evidence.
-
-        With the other lens's parameters θ free and flat, the posterior's determinant is that of
-        the equations for P, θ eliminated, times that of θ's own block, which is divided out here.
-        """
-        prior = self.ray_prior
-        pixel, denominator = self._pixel(prior.values)
-        pixel = pixel * self.scale + self.centre
-        direct = np.vstack(self._d_prior(pixel, denominator))
-        _, by_lens = prior.nearest(pixel)
-        by_lens = by_lens / np.linalg.norm(by_lens, axis=0) * prior.weight
-        _, of_cubic = np.linalg.slogdet(direct.T @ direct)
-        _, of_lens = np.linalg.slogdet(by_lens.T @ by_lens)
-        return float(of_cubic - of_lens)
-
     def _d_prior(self, pixel: FloatArray, denominator: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Weighted d pixel / d parameters (2M, 47) at the prior's rays, and d P3Φ's share."""
         prior = self.ray_prior
         inside = (pixel - self.centre) / self.scale
-        by_pixel = prior.weight * self._d_parameters(prior.values, inside, denominator)
+        by_pixel = self._d_parameters(prior.values, inside, denominator)
+        by_pixel *= prior.weights[:, None, None]
         by_denominator = np.zeros((len(denominator), 47))
         share = (prior.denominator_weight / prior.denominator)[:, None]
         by_denominator[:, 32:] = share * (prior.values @ self.denominator_basis)

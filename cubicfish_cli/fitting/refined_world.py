@@ -131,6 +131,25 @@ class RefinedWorld:
         weight = 0.0 if offset_spread is None else noise / offset_spread
         return replace(self, noise=noise, offset_weight=weight)
 
+    def select(self, rows: IntArray) -> RefinedWorld:
+        """The same object for some of the pairs, (n,) increasing; what is free stays as it is."""
+        place = np.full(len(self.as_drawn), -1, np.intp)
+        place[rows] = np.arange(len(rows))
+        parts = []
+        for part in self.parts:
+            own = place[part.pairs] >= 0
+            parts.append(replace(part, pairs=place[part.pairs[own]], basis=part.basis[own]))
+        return replace(
+            self,
+            as_drawn=self.as_drawn[rows],
+            parts=tuple(parts),
+            corner=self.corner[rows] if len(self.corner) else self.corner,
+        )
+
+    def like(self, other: RefinedWorld) -> RefinedWorld:
+        """These pairs' points under the shapes, places and offsets of another selection."""
+        return replace(self, parameters=other.parameters, offsets=other.offsets)
+
     @cached_property
     def points(self) -> FloatArray:
         """(N, 3) world point of each pair."""

@@ -4,6 +4,7 @@ or each corner's own place as well.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -13,7 +14,8 @@ import numpy.typing as npt
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import Adjustment, adjust
 from cubicfish_cli.fitting.companion import Companion, refit_companion
-from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import CubicResult, cubic_of
+from cubicfish_cli.fitting.hold import choose_hold
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refined_world import RefinedWorld
@@ -21,6 +23,7 @@ from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
 Level = Literal["off", "shape", "points"]
 LEVELS: tuple[Level, ...] = ("off", "shape", "points")
 
@@ -81,7 +84,7 @@ class ObjectFit:
 
 
 def refine_object(
-    fit: ObjectFit, drawing: Drawing, level: Level, *, weight: float | None = None
+    fit: ObjectFit, drawing: Drawing, level: Level, groups: Sequence[IntArray]
 ) -> ObjectFit:
     """Let the object depart from its drawing, as far as the pairs say, at the next level.
 
@@ -89,7 +92,8 @@ def refine_object(
         fit: a fit at a lower level, from whose camera and poses to start.
         drawing: the object as drawn, with the pairs of ``fit``.
         level: ``shape`` or ``points``.
-        weight: weight of the cubic's prior; by default the one with the best evidence.
+        groups: photos that are left out together to choose how P is held; see
+            :func:`~cubicfish_cli.fitting.hold.choose_hold`.
 
     Raises:
         FitError: no sound camera was found.
@@ -107,38 +111,7 @@ def refine_object(
     if spread is not None:
         adjusted = _continued(adjusted, drawing.pairs)
         adjusted, spread = _settled_spread(adjusted, drawing.pairs, spread)
-    return _joint(fit, drawing, level, adjusted, spread, weight=weight, relative_decrease=1e-10)
-
-
-def refit_object(fit: ObjectFit, drawing: Drawing, poses: Poses) -> ObjectFit:
-    """Fit the same model to other pairs of the same object, its weights as they were.
-
-    Used for the training part of a fold: the object starts from its drawing again, so that
-    nothing it learnt from the pairs left out can stay.
-
-    Args:
-        fit: the fit whose camera serves as a start.
-        drawing: the object as drawn, with the pairs to fit.
-        poses: a start for each of their photos.
-
-    """
-    weight = fit.cubic.prior_weight
-    if fit.level == "off":
-        companion = refit_companion(fit.companion, drawing.pairs, poses)
-        cubic = fit_cubic(companion, weight=weight, relative_decrease=_ROUGH_DECREASE)
-        return replace(fit, companion=companion, cubic=cubic)
-    noise = noise_px(fit.cubic.residual)
-    free = free_world(drawing, noise=noise, offset_spread=fit.offset_spread)
-    adjusted = _adjusted(fit.cubic.lens, poses, drawing.pairs, free)
-    return _joint(
-        fit,
-        drawing,
-        fit.level,
-        adjusted,
-        fit.offset_spread,
-        weight=weight,
-        relative_decrease=_ROUGH_DECREASE,
-    )
+    return _joint(fit, drawing, level, adjusted, spread, groups)
 
 
 def free_world(drawing: Drawing, *, noise: float, offset_spread: float | None) -> RefinedWorld:
@@ -222,16 +195,21 @@ def _joint(
     level: Level,
     adjusted: Adjustment,
     spread: float | None,
-    *,
-    weight: float | None,
-    relative_decrease: float,
+    groups: Sequence[IntArray],
 ) -> ObjectFit:
-    """With the object near its place: the companion anew, the prior's weight, then all at once."""
+    """With the object near its place: the companion anew, how P is held, then all at once."""
     world = _refined(adjusted)
     pairs = replace(drawing.pairs, world=world.points)
     companion = refit_companion(fit.companion, pairs, adjusted.poses)
     world = world.with_noise(noise_px(adjusted.residual), spread)
-    cubic = fit_cubic(companion, weight=weight, world=world, relative_decrease=relative_decrease)
+    near = replace(
+        fit.cubic,
+        lens=cubic_of(adjusted),
+        fit=replace(adjusted, world=world),
+        poses=adjusted.poses,
+        residual=adjusted.residual,
+    )
+    cubic = choose_hold(companion, groups, world=world, start=near)
     pairs = replace(pairs, world=cubic.fit.world.points)
     return ObjectFit(
         level=level,

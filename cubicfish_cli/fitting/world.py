@@ -38,6 +38,9 @@ class World(Protocol):
     def moved(self, parameters: FloatArray, offsets: FloatArray) -> World:
         """The same object after steps (S,) and (Q, 3)."""
 
+    def select(self, rows: IntArray) -> World:
+        """The same object for some of the pairs, (n,) increasing."""
+
     def chain(self, d_world: FloatArray, run: slice) -> FloatArray:
         """From d pixel / d world point (n, 2, 3) to d pixel / d parameters (n, 2, S).
 
@@ -77,6 +80,10 @@ class DrawnWorld:
     def moved(self, parameters: FloatArray, offsets: FloatArray) -> DrawnWorld:
         """Itself: nothing is free."""
         return self
+
+    def select(self, rows: IntArray) -> DrawnWorld:
+        """Some of the points."""
+        return DrawnWorld(self.points[rows])
 
     def chain(self, d_world: FloatArray, run: slice) -> FloatArray:
         """(n, 2, 0)."""

@@ -24,8 +24,9 @@ from cubicfish_cli.fitting.baselines.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.fitting.baselines.unified import UnifiedLens
 from cubicfish_cli.fitting.calibrate import Calibration
 from cubicfish_cli.fitting.companion import Companion, refit_companion
-from cubicfish_cli.fitting.cubic_fit import fit_cubic
+from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.held_out import photo_folds
+from cubicfish_cli.fitting.hold import choose_hold
 from cubicfish_cli.fitting.lenses import RadialFit
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px
@@ -123,19 +124,20 @@ def compare_baselines(
 
     """
     pairs = calibration.pairs
-    weight: float | None = calibration.prior_weight
+    hold: Hold | None = calibration.hold
     if drawn is not None and calibration.refined != "off":
         world = drawn.world_points(pairs.board, pairs.column, pairs.row)
-        pairs, weight = replace(pairs, world=world), None
+        pairs, hold = replace(pairs, world=world), None
     companion = _companion(calibration, pairs)
-    # The choice of the prior's weight is part of the cubic's time.
+    # The choice of how P is held is part of the cubic's time.
     begun = time.perf_counter()
-    chosen = fit_cubic(companion).prior_weight
+    groups = photo_folds(companion.poses, companion.pairs, companion.camera.fx)
+    chosen = choose_hold(companion, groups).hold
     choosing = time.perf_counter() - begun
-    weight = chosen if weight is None else weight
-    folds = _folds(companion, weight) if hold_out else []
+    hold = chosen if hold is None else hold
+    folds = _folds(companion, hold) if hold_out else []
     rows = [
-        _figures(CUBIC, _CUBIC_PARAMETERS, _fit_cubic(weight), companion, folds),
+        _figures(CUBIC, _CUBIC_PARAMETERS, _fit_cubic(hold), companion, folds),
         _figures(KANNALA_BRANDT, 4 + companion.terms, _fit_radial, companion, folds),
     ]
     camera = calibration.camera
@@ -171,7 +173,7 @@ def _companion(calibration: Calibration, pairs: Correspondences) -> Companion:
     return refit_companion(start, pairs, poses)
 
 
-def _folds(companion: Companion, weight: float) -> list[_Fold]:
+def _folds(companion: Companion, hold: Hold) -> list[_Fold]:
     """The same folds as :func:`cubicfish_cli.fitting.held_out.held_out_error`."""
     pairs = companion.pairs
     photos = np.arange(len(pairs.images))
@@ -180,7 +182,7 @@ def _folds(companion: Companion, weight: float) -> list[_Fold]:
         train = np.setdiff1d(photos, test)
         try:
             fitted = refit_companion(companion, select_photos(pairs, train), companion.poses[train])
-            cone = np.deg2rad(fit_cubic(fitted, weight=weight).max_angle_deg)
+            cone = np.deg2rad(fit_cubic(fitted, hold).max_angle_deg)
         except FitError:
             return []
         left_out, poses = select_photos(pairs, test), companion.poses[test]
@@ -240,9 +242,9 @@ def _adjusted(lens: FitLens, poses: Poses, pairs: Correspondences, limit: float)
     return adjust(fit.lens, fit.poses, pairs, huber_px=huber_px(fit.residual))
 
 
-def _fit_cubic(weight: float) -> _Fit:
+def _fit_cubic(hold: Hold) -> _Fit:
     def fit(companion: Companion) -> tuple[FitLens, FloatArray]:
-        result = fit_cubic(companion, weight=weight)
+        result = fit_cubic(companion, hold)
         return result.lens, result.residual
 
     return fit

@@ -215,6 +215,7 @@ def _cameras(
         ray_prior=RayPrior(
             rays=rays[:1],
             lens=FixedLens(camera=radial),
+            within=np.ones(1, bool),
             weight=1.0,
             denominator=np.ones(1),
             denominator_weight=0.0,

@@ -185,7 +185,7 @@ def _of_object(drawn: ObjectFit, fit: ObjectFit, drawing: Drawing) -> list[Findi
         part = fit_of_few(fit, photos)
         own = drawing.of(part.companion.pairs)
         try:
-            refined = refine_object(part, own, "shape")
+            refined = refine_object(part, own, "shape", ())
         except (FitError, np.linalg.LinAlgError):
             return []
         found = _of_refined(part, refined, own)

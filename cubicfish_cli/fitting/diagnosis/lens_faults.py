@@ -216,9 +216,7 @@ def _fitted_apart(
     alike = replace(fit.companion.pairs, pixel=_as_one(fit.companion.pairs, given, reach))
     try:
         companion = refit_companion(start, alike, start.poses)
-        cubic = fit_cubic(
-            companion, weight=fit.cubic.prior_weight, relative_decrease=_ROUGH_DECREASE
-        )
+        cubic = fit_cubic(companion, fit.cubic.hold, relative_decrease=_ROUGH_DECREASE)
     except (FitError, np.linalg.LinAlgError):
         return None
     photos = photo_lenses(cubic.lens, cubic.poses, alike, alike.world)
@@ -410,9 +408,7 @@ def _without(fit: ObjectFit, suspects: npt.NDArray[np.intp]) -> PhotoLenses | No
         companion = refit_companion(
             fit.companion, select_photos(pairs, good), fit.cubic.poses[good]
         )
-        cubic = fit_cubic(
-            companion, weight=fit.cubic.prior_weight, relative_decrease=_ROUGH_DECREASE
-        )
+        cubic = fit_cubic(companion, fit.cubic.hold, relative_decrease=_ROUGH_DECREASE)
         poses = fit.cubic.poses.with_photos(good, cubic.poses)
         # Beside their poses under the other lens, photos would look grossly wrong all over.
         left_out = np.setdiff1d(np.arange(len(poses)), good)

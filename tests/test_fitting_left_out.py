@@ -1,0 +1,103 @@
+"""Photos left out by one step, against fits anew; and what they say of how P is held."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import synthetic
+from lenses import radial_camera
+
+from cubicfish_cli.fitting.adjustment import adjust
+from cubicfish_cli.fitting.companion import fit_companion
+from cubicfish_cli.fitting.cubic_fit import Hold, cubic_of, fit_cubic
+from cubicfish_cli.fitting.hold import UNTOLD, choose_hold
+from cubicfish_cli.fitting.left_out import left_out
+from cubicfish_cli.fitting.lenses import FixedLens
+from cubicfish_cli.fitting.refined_world import RefinedWorld
+from cubicfish_cli.fitting.robust import huber_px
+from cubicfish_cli.fitting.statistics import rms_px
+from cubicfish_cli.fitting.subset import select_photos, world_scale
+from cubicfish_cli.model.cubic import CubicCamera
+
+HOLD = Hold(spread=1e-3, weight=1.0)
+FOLDS = [np.array([0, 3, 6]), np.array([1, 4, 7]), np.array([2, 5])]
+
+
+@pytest.fixture(scope="module")
+def target():
+    return synthetic.box_of_four()
+
+
+@pytest.fixture(scope="module")
+def companion(target):
+    poses = synthetic.poses_around(target, 8, seed=5, distance=(0.3, 0.6))
+    pairs = synthetic.synthetic_correspondences(target, poses, noise=0.2, seed=6)
+    return fit_companion(replace(pairs, world=pairs.world / world_scale(pairs)))
+
+
+def anew(fit, pairs, image_size, photos):
+    """Residuals of photos under a fit to the others that is followed to its end."""
+    train = np.setdiff1d(np.arange(len(pairs.images)), photos)
+    rows = np.flatnonzero(~np.isin(pairs.image, photos))
+    limit = huber_px(fit.residual)
+    trained = adjust(
+        fit.lens,
+        fit.poses[train],
+        select_photos(pairs, train),
+        huber_px=limit,
+        world=fit.world.select(rows),
+    )
+    own = select_photos(pairs, photos)
+    if isinstance(fit.world, RefinedWorld):
+        points = fit.world.like(trained.world).points
+        own = replace(own, world=points[np.isin(pairs.image, photos)])
+    camera = CubicCamera(
+        image_size=image_size, P=cubic_of(trained).P, max_angle_deg=120.0, radial=None
+    )
+    return adjust(FixedLens(camera=camera), fit.poses[photos], own, huber_px=limit).residual
+
+
+@pytest.mark.parametrize("level", ["off", "shape", "points"])
+def test_one_step_is_nearly_a_fit_anew(companion, target, level):
+    pairs, world = companion.pairs, None
+    if level != "off":
+        world = RefinedWorld.drawn(
+            pairs,
+            target,
+            noise=0.2,
+            offset_spread=2e-3 if level == "points" else None,
+            scale=float(np.ptp(target.corners()[3]) / np.ptp(pairs.world)),
+        )
+    fit = fit_cubic(companion, HOLD, world=world).fit
+    limit = huber_px(fit.residual)
+    for one in left_out(fit, pairs, limit, FOLDS):
+        wanted = anew(fit, pairs, pairs.image_size, one.photos)
+        own = np.isin(pairs.image, one.photos)
+        assert one.residual.shape == wanted.shape
+        # What a photo left out adds to its own residuals is what must be right.
+        added = np.sqrt(np.mean(np.square(wanted - fit.residual[own])))
+        assert rms_px(one.residual - wanted) < 0.25 * added + 1e-3
+        assert rms_px(one.residual) == pytest.approx(rms_px(wanted), rel=0.02)
+
+
+def test_photos_left_out_see_asymmetry_that_is_there(target):
+    """Decentring of a hundredth is found in the photos; a symmetric lens is held to symmetry."""
+    poses = synthetic.poses_around(target, 8, seed=7, distance=(0.3, 0.6))
+    found = []
+    for decentred in (False, True):
+        pairs = synthetic.synthetic_correspondences(
+            target, poses, lens=radial_camera(), noise=0.1, seed=8
+        )
+        if decentred:
+            away = (pairs.pixel - np.array(pairs.image_size) / 2) / 300
+            square = np.sum(away**2, axis=1)
+            shift = np.stack([square + 2 * away[:, 0] ** 2, 2 * away[:, 0] * away[:, 1]], axis=1)
+            pairs = replace(pairs, pixel=pairs.pixel + 2.0 * shift)
+        companion = fit_companion(replace(pairs, world=pairs.world / world_scale(pairs)))
+        found.append(choose_hold(companion, FOLDS).hold)
+    assert found[0].spread <= 1e-4
+    assert found[1].spread > found[0].spread or found[1].weight < 0.1 * found[0].weight
+
+
+def test_without_photos_to_leave_out_the_hold_is_a_middle_one(companion):
+    assert choose_hold(companion, []).hold == UNTOLD
