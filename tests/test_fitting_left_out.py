@@ -11,7 +11,7 @@ from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.companion import fit_companion
 from cubicfish_cli.fitting.cubic_fit import Hold, cubic_of, fit_cubic
 from cubicfish_cli.fitting.hold import UNTOLD, choose_hold
-from cubicfish_cli.fitting.left_out import left_out
+from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.robust import huber_px
@@ -70,7 +70,7 @@ def test_one_step_is_nearly_a_fit_anew(companion, target, level):
         )
     fit = fit_cubic(companion, HOLD, world=world).fit
     limit = huber_px(fit.residual)
-    for one in left_out(fit, pairs, limit, FOLDS):
+    for one in Leaving(fit, pairs, limit, FOLDS).left_out():
         wanted = anew(fit, pairs, pairs.image_size, one.photos)
         own = np.isin(pairs.image, one.photos)
         assert one.residual.shape == wanted.shape

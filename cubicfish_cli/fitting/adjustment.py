@@ -23,7 +23,7 @@ FloatArray = npt.NDArray[np.float64]
 
 _MAX_ITERATIONS = 100
 _RELATIVE_DECREASE = 1e-10
-_DAMPING = 1e-4
+COLD_DAMPING = 1e-4
 WARM_DAMPING = 1e-8
 """For a start at the optimum of nearly the same pairs."""
 
@@ -106,7 +106,7 @@ def adjust(
     world: World | None = None,
     max_iterations: int = _MAX_ITERATIONS,
     relative_decrease: float = _RELATIVE_DECREASE,
-    damping: float = _DAMPING,
+    damping: float = COLD_DAMPING,
 ) -> Adjustment:
     """Minimise the Huber loss of the reprojection error over lens, poses and object.
 

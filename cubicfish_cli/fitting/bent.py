@@ -20,6 +20,8 @@ from cubicfish_cli.model.radial import RadialCamera, project_jacobian
 FloatArray = npt.NDArray[np.float64]
 
 _BENDS = 5
+# It only holds another lens, and starts the search for the nearest one.
+_DECREASE = 1e-6
 # A turn of the camera with decentring and tilt does what a shift of the principal point does, to
 # well below any noise. So that the frame is not left to chance, a lens that only holds P stays
 # within about this share of the focal length of the principal point that the corners gave.
@@ -160,7 +162,7 @@ def bend(
         spread=spread,
     )
     if spread:
-        fit = adjust(lens, poses, pairs, huber_px=huber_px(residual))
+        fit = adjust(lens, poses, pairs, huber_px=huber_px(residual), relative_decrease=_DECREASE)
         if not isinstance(fit.lens, BentFit):
             raise TypeError("the adjustment must be of a bent lens")
         lens, poses = fit.lens, fit.poses

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.adjustment import Adjustment, adjust
+from cubicfish_cli.fitting.adjustment import COLD_DAMPING, WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.companion import MARGIN_DEG, Companion
 from cubicfish_cli.fitting.lenses import CubicFit, RayPrior
 from cubicfish_cli.fitting.linear import linear_coefficients
@@ -117,6 +117,7 @@ def fit_cubic(
             huber_px=huber_px(companion.residual if start is None else start.residual),
             world=world,
             relative_decrease=max(relative_decrease, _ROUGH_DECREASE),
+            damping=COLD_DAMPING if start is None else WARM_DAMPING,
         )
         if relative_decrease < _ROUGH_DECREASE:  # to the bottom, the loss's scale settled
             fit = adjust(
@@ -126,6 +127,7 @@ def fit_cubic(
                 huber_px=huber_px(fit.residual),
                 world=fit.world,
                 relative_decrease=relative_decrease,
+                damping=WARM_DAMPING,
             )
         result = _result(fit, hold, max_angle_deg)
         if result.soundness.sound:
@@ -203,13 +205,17 @@ def _first(
 def _starts(
     companion: Companion, hold: Hold, start: CubicResult | None
 ) -> Iterator[tuple[CubicFit, Poses]]:
-    bent, poses = companion.bent(hold.spread)
     if start is not None:
-        prior = replace(start.lens.ray_prior, lens=bent, weight=hold.weight)
-        yield replace(start.lens, ray_prior=prior), start.poses
-    yield start_lens(companion, hold), poses
+        yield held(start.lens, companion, hold), start.poses
+    yield start_lens(companion, hold), companion.bent(hold.spread)[1]
     for pull in (_DENOMINATOR_PULL, *_SAFER_PULLS):
         yield start_lens(companion, hold, denominator_pull=pull, symmetric=True), companion.poses
+
+
+def held(lens: CubicFit, companion: Companion, hold: Hold) -> CubicFit:
+    """The same P, held otherwise."""
+    bent, _ = companion.bent(hold.spread)
+    return replace(lens, ray_prior=replace(lens.ray_prior, lens=bent, weight=hold.weight))
 
 
 def start_lens(

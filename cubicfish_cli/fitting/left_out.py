@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.fitting.adjustment import Adjustment, huber_weight, linearised
+from cubicfish_cli.fitting.adjustment import Adjustment, FitLens, huber_weight, linearised
 from cubicfish_cli.fitting.normal_equations import NormalEquations
 
 FloatArray = npt.NDArray[np.float64]
@@ -63,36 +63,72 @@ class _Part:
         return residual.reshape(-1, 2) / self.root[:, None]
 
 
-def left_out(
-    fit: Adjustment, pairs: Correspondences, huber_px: float, groups: Sequence[IntArray]
-) -> list[LeftOut]:
-    """Leave out each group of photos in turn.
+class Leaving:
+    """A fit, ready to be taken apart into groups of photos and the others."""
 
-    Args:
-        fit: the fit to all photos, at its optimum.
-        pairs: its pairs, sorted by photo.
-        huber_px: where its loss turns linear.
-        groups: photos to be left out together.
+    def __init__(
+        self,
+        fit: Adjustment,
+        pairs: Correspondences,
+        huber_px: float,
+        groups: Sequence[IntArray],
+    ) -> None:
+        """Work out what every group puts into the equations.
 
-    """
-    bounds = np.searchsorted(pairs.image, np.arange(len(fit.poses) + 1))
-    found = []
-    for photos in groups:
-        parts = [
-            _part(fit, pairs, huber_px, slice(int(bounds[photo]), int(bounds[photo + 1])))
-            for photo in photos
-        ]
-        shared, pose, offset = _without(fit.normal, photos, parts).solve(_DAMPING)
-        others = np.setdiff1d(np.arange(len(fit.poses)), photos)
-        found.append(
-            LeftOut(
-                photos=photos,
-                shared=shared,
-                turn=pose[others, :3].mean(axis=0),
-                residual=np.vstack([part.after(shared, offset) for part in parts]),
+        Args:
+            fit: the fit to all photos, at its optimum.
+            pairs: its pairs, sorted by photo.
+            huber_px: where its loss turns linear.
+            groups: photos to be left out together.
+
+        """
+        bounds = np.searchsorted(pairs.image, np.arange(len(fit.poses) + 1))
+        self._fit = fit
+        self._groups = [
+            (
+                photos,
+                [
+                    _part(fit, pairs, huber_px, slice(int(bounds[photo]), int(bounds[photo + 1])))
+                    for photo in photos
+                ],
             )
-        )
-    return found
+            for photos in groups
+        ]
+        self._equations = [
+            _without(fit.normal, photos, parts).eliminated(_DAMPING)
+            for photos, parts in self._groups
+        ]
+
+    def left_out(self, lens: FitLens | None = None) -> list[LeftOut]:
+        """Leave out each group in turn, and hold the lens as another one is held, where given.
+
+        Args:
+            lens: with the same parameters and another prior.
+
+        """
+        change = () if lens is None else _other_prior(self._fit.lens, lens)
+        found = []
+        for (photos, parts), equations in zip(self._groups, self._equations, strict=True):
+            shared, pose, offset = equations.solve(*change)
+            others = np.setdiff1d(np.arange(len(self._fit.poses)), photos)
+            found.append(
+                LeftOut(
+                    photos=photos,
+                    shared=shared,
+                    turn=pose[others, :3].mean(axis=0),
+                    residual=np.vstack([part.after(shared, offset) for part in parts]),
+                )
+            )
+        return found
+
+
+def _other_prior(lens: FitLens, other: FitLens) -> tuple[FloatArray, FloatArray]:
+    """What another prior adds to the Hessian (L, L) and to the gradient (L,)."""
+    (residual, slope), (new_residual, new_slope) = lens.prior(), other.prior()
+    return (
+        new_slope.T @ new_slope - slope.T @ slope,
+        new_slope.T @ new_residual - slope.T @ residual,
+    )
 
 
 def _part(fit: Adjustment, pairs: Correspondences, limit: float, run: slice) -> _Part:

@@ -54,18 +54,21 @@ class NormalEquations:
 
     def solve(self, damping: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """One damped Gauss-Newton step: (K,), (M, 6) and (Q, 3)."""
+        return self.eliminated(damping).solve()
+
+    def eliminated(self, damping: float) -> Eliminated:
+        """The damped equations with the larger family of small blocks eliminated."""
         shared, pose, corner = (_damped(x, damping) for x in (self.shared, self.pose, self.corner))
-        count = len(shared)
         kept = _Kept.of(self, shared, pose, corner)
-        reduced, gradient, solved = kept.reduced()
-        step = -_solve_scaled(reduced, gradient)
-        other = -solved[..., -1] - solved[..., :-1] @ step
-        first, second = step[:count], step[count:]
-        if not len(corner):
-            return first, other, self.corner_gradient
-        if kept.keeps_poses:
-            return first, second.reshape(-1, 6), other
-        return first, other, second.reshape(-1, 3)
+        matrix, gradient, solved = kept.reduced()
+        return Eliminated(
+            matrix=matrix,
+            gradient=gradient,
+            solved=solved,
+            shared=len(shared),
+            corners=len(corner),
+            keeps_poses=kept.keeps_poses,
+        )
 
     def reduced_shared(self) -> FloatArray:
         """(K, K): the shared unknowns' Hessian with poses and corners eliminated, undamped."""
@@ -79,6 +82,53 @@ class NormalEquations:
             return reduced
         cross = reduced[count:, :count]
         return reduced[:count, :count] - cross.T @ np.linalg.solve(rest, cross)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Eliminated:
+    """Normal equations of what is left when one family of small blocks is eliminated.
+
+    Attributes:
+        matrix: (D, D), the K shared unknowns first.
+        gradient: (D,).
+        solved: blocks⁻¹ [cross | gradient] of what was eliminated.
+        shared: K.
+        corners: Q.
+        keeps_poses: whether it was the corners that were eliminated.
+
+    """
+
+    matrix: FloatArray
+    gradient: FloatArray
+    solved: FloatArray
+    shared: int
+    corners: int
+    keeps_poses: bool
+
+    def solve(
+        self, hessian: FloatArray | None = None, gradient: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The step: (K,), (M, 6) and (Q, 3).
+
+        Args:
+            hessian: (L, L) to be added for the first L of the shared unknowns, another prior of
+                the lens for instance.
+            gradient: (L,) likewise.
+
+        """
+        matrix, right = self.matrix, self.gradient
+        if hessian is not None and gradient is not None:
+            matrix, right = matrix.copy(), right.copy()
+            matrix[: len(gradient), : len(gradient)] += hessian
+            right[: len(gradient)] += gradient
+        step = -_solve_scaled(matrix, right)
+        other = -self.solved[..., -1] - self.solved[..., :-1] @ step
+        first, second = step[: self.shared], step[self.shared :]
+        if not self.corners:
+            return first, other, np.zeros((0, 3))
+        if self.keeps_poses:
+            return first, second.reshape(-1, 6), other
+        return first, other, second.reshape(-1, 3)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
