@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal
@@ -25,7 +25,7 @@ from cubicfish_cli.fitting.findings import (
 )
 from cubicfish_cli.fitting.frame import in_companions_frame
 from cubicfish_cli.fitting.held_out import HeldOut, held_out_error, photo_folds
-from cubicfish_cli.fitting.hold import UNTOLD, choose_hold
+from cubicfish_cli.fitting.hold import FIRMEST, UNTOLD, choose_hold
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refinement import LEVELS, Drawing, Level, ObjectFit, refine_object
 from cubicfish_cli.fitting.robust import gross_px
@@ -367,7 +367,7 @@ def _climb(
     if auto and (drawing.target is None or not hold_out):
         refine_target = "off"
     if hold_out and (auto or refine_target == "off"):
-        measured["off"] = held_out_error(fit, partial(stages.begin, "held out"))
+        fit, measured["off"] = _judged(fit, partial(stages.begin, "held out"))
     if drawing.target is None or refine_target == "off" or (auto and measured["off"] is None):
         return fit, measured
     groups = folds_of(fit.companion)
@@ -376,7 +376,7 @@ def _climb(
         stages.begin(fitting)
         richer = refine_object(fit, drawing, level, groups)
         if hold_out and (auto or level == refine_target):
-            measured[level] = held_out_error(richer, partial(stages.begin, holding))
+            richer, measured[level] = _judged(richer, partial(stages.begin, holding))
         if auto:
             before, after = measured[fit.level], measured[level]
             if before is None or after is None or after.rms_px > _WORTH * before.rms_px:
@@ -385,6 +385,25 @@ def _climb(
         if level == refine_target:
             break
     return fit, measured
+
+
+def _judged(
+    fit: ObjectFit, progress: Callable[[int, int], None]
+) -> tuple[ObjectFit, HeldOut | None]:
+    """The held-out error, which has the last word on how P is held.
+
+    The choice was made to first order. Where the cubic is worse than its companion on photos that
+    were left out, it is held as firmly as can be, if that is better.
+    """
+    held_out = held_out_error(fit, progress)
+    if held_out is None or held_out.rms_px <= held_out.companion_rms_px:
+        return fit, held_out
+    cubic = fit_cubic(fit.companion, FIRMEST, world=fit.cubic.fit.world, start=fit.cubic)
+    firm = replace(fit, cubic=cubic)
+    measured = held_out_error(firm, progress)
+    if measured is None or measured.rms_px >= held_out.rms_px:
+        return fit, held_out
+    return firm, measured
 
 
 def folds_of(companion: Companion) -> list[IntArray]:

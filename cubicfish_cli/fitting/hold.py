@@ -26,6 +26,7 @@ IntArray = npt.NDArray[np.intp]
 # that is sold; from a hundredth of a pixel's worth of weight on P is free.
 SPREADS = (0.0, 1e-4, 1e-3, 1e-2)
 WEIGHTS = tuple(10.0 ** (1.5 - step / 2) for step in range(8))
+FIRMEST = Hold(spread=SPREADS[0], weight=WEIGHTS[0])
 # Where photos that are left out cannot tell.
 UNTOLD = Hold(spread=1e-3, weight=1.0)
 # A step to a freer P must lower the error by this share: chance does by less.

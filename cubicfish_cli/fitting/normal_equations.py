@@ -178,9 +178,22 @@ class _Kept:
         count, size = self.blocks.shape[:2]
         cross = self.cross.reshape(len(self.cross), count, size).transpose(1, 2, 0)
         right = np.concatenate([cross, self.block_gradient[:, :, None]], axis=2)
-        solved = np.linalg.solve(self.blocks, right)
+        solved = _solve_blocks(self.blocks, right)
         product = self.cross @ solved.reshape(count * size, -1)
         return self.dense - product[:, :-1], self.gradient - product[:, -1], solved
+
+
+def _solve_blocks(blocks: FloatArray, right: FloatArray) -> FloatArray:
+    """blocks⁻¹ right of many small symmetric blocks (n, b, b), right (n, b, c).
+
+    By their Cholesky factors' inverses: products, where LAPACK would be called n times for c
+    columns each.
+    """
+    try:
+        inverse = np.linalg.inv(np.linalg.cholesky(blocks))
+    except np.linalg.LinAlgError:  # rounding left a block that is not positive
+        return np.linalg.solve(blocks, right)
+    return inverse.transpose(0, 2, 1) @ (inverse @ right)
 
 
 def _bordered(shared: FloatArray, cross: FloatArray, blocks: FloatArray) -> FloatArray:
