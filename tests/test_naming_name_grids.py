@@ -254,6 +254,7 @@ def test_a_part_of_a_lone_board_is_kept_but_not_as_exact():
     naming = name_grids([[part] for part in parts], target, IMAGE_SIZE, names(4))
     assert [photo[0].verdict for photo in naming.grids] == [Verdict.CONVENTION] * 4
     assert not naming.exact.any()
+    assert not naming.corners.certain.any()
     assert len(naming.corners.pixel) == 4 * 35
     assert (naming.corners.column >= 0).all()
     assert (naming.corners.column < 11).all()

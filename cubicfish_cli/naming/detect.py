@@ -96,15 +96,6 @@ class Detection:
     photos: tuple[PhotoReport, ...]
     findings: tuple[Finding, ...] = ()
 
-    @property
-    def by_convention(self) -> tuple[str, ...]:
-        """Photos that show too little of the board to tell which corners these are.
-
-        They serve a lens, but corners that may be others than they are named as say nothing
-        about the object.
-        """
-        return tuple(photo.name for photo in self.photos if not photo.exact)
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Found:

@@ -580,6 +580,7 @@ def _naming(
         row=cells[:, 1],
         pixel=np.concatenate([np.empty((0, 2)), *(row[3] for row in rows)]),
         weight=np.ones(len(cells)),
+        certain=np.repeat(exact[np.array([row[0] for row in rows], np.intp)], counts),
     )
     return Naming(
         corners=_sorted(corners),
@@ -623,4 +624,5 @@ def _sorted(corners: Corners) -> Corners:
         row=corners.row[order],
         pixel=corners.pixel[order],
         weight=corners.weight[order],
+        certain=corners.certain[order],
     )

@@ -249,6 +249,10 @@ def _with_added(
         row=row[order],
         pixel=pixel[order],
         weight=np.concatenate([corners.weight, np.ones(len(image) - len(corners.weight))])[order],
+        # Only photos whose names are certain are looked at again.
+        certain=np.concatenate([corners.certain, np.ones(len(image) - len(corners.certain), bool)])[
+            order
+        ],
     )
     return replace(
         detection,
