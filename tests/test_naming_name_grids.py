@@ -311,17 +311,6 @@ def world(target: Target, place: Place, grid: Grid) -> np.ndarray:
     return target.boards[place.board].world_points(*cells.T)
 
 
-def test_a_place_known_beforehand_is_taken():
-    target = corner_of_three()
-    corners = seen(target, photos=3)
-    keep = (corners.board == 0) & (corners.column < 4) & (corners.row < 3)
-    rng = np.random.default_rng(1)
-    both = [anonymous(corners, target, keep & (corners.image == i), rng) for i in range(3)]
-    grids, known = [[grid] for grid, _ in both], [[place] for _, place in both]
-    assert places(name_grids(grids, target, IMAGE_SIZE, names(3))) != known
-    assert places(name_grids(grids, target, IMAGE_SIZE, names(3), known=known)) == known
-
-
 def test_nothing_found_is_nothing_named():
     naming = name_grids([(), ()], corner_of_three(), IMAGE_SIZE, ["a", "b"])
     assert naming.grids == ((), ())

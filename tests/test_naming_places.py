@@ -75,14 +75,6 @@ def test_a_grid_larger_than_the_board_has_no_place():
     assert len(reach.places()[0]) == 0
 
 
-def test_a_place_known_beforehand_is_the_only_one():
-    sides = sides_of(corner_of_three())
-    reach = reach_of(grid(3, 3, -1), sides)
-    side, offset = reach.places()
-    only = reach.only(int(side[5]), offset[5])
-    assert [part.tolist() for part in only.places()] == [[side[5]], [offset[5].tolist()]]
-
-
 @pytest.mark.parametrize(
     ("size", "turns"),
     [
