@@ -71,7 +71,7 @@ def test_world_points_of_a_place_are_those_of_the_board():
 
 def test_a_grid_larger_than_the_board_has_no_place():
     reach = reach_of(grid(5, 4, 1), sides_of(one_board(4, 4)))
-    assert reach.count == 0
+    assert not reach.possible
     assert len(reach.places()[0]) == 0
 
 

@@ -44,6 +44,7 @@ class Verdict(Enum):
     TWIN = "one of several boards alike"
     NO_FIT = "fits no place"
     TOO_LARGE = "larger than every board"
+    COLOURS = "light where the board is dark"
     NOT_PLANE = "not a plane of squares"
 
 

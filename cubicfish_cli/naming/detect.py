@@ -18,10 +18,21 @@ from cubicfish_cli.errors import DetectionError, PhotoError
 from cubicfish_cli.fitting.diagnosis.finding import Finding
 from cubicfish_cli.machines import Machines
 from cubicfish_cli.naming.cache import GridCache
-from cubicfish_cli.naming.marked import has_markers, marked_corners
+from cubicfish_cli.naming.marked import (
+    has_markers,
+    marked_corners,
+    otherwise_printed,
+    unseen_markers,
+)
 from cubicfish_cli.naming.name_grids import GridReport, Naming, name_grids
 from cubicfish_cli.naming.pool import map_photos, settled, workers_for
-from cubicfish_cli.naming.refusals import counted_squares, nothing_named, wrong_object
+from cubicfish_cli.naming.refusals import (
+    HOW_MIRRORED,
+    counted_squares,
+    grid_boards,
+    nothing_named,
+    wrong_object,
+)
 from cubicfish_cli.naming.remarks import Remark, remark_of
 from cubicfish_cli.naming.wrong_drawing.miscounted import counted, miscounted
 from cubicfish_cli.naming.wrong_drawing.misdrawn import misdrawn
@@ -89,12 +100,14 @@ class Detection:
         corners: the named corners; ``images`` are the photos that have some.
         photos: a report on every photo, in the order given.
         findings: what is likely wrong with photos or target, where many grids fit nowhere.
+        other_colours: whether the only board is light where the target says that it is dark.
 
     """
 
     corners: Corners
     photos: tuple[PhotoReport, ...]
     findings: tuple[Finding, ...] = ()
+    other_colours: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -152,11 +165,30 @@ def detect_corners(
         for photo, one in zip(photos, found, strict=True)
     ]
     findings: list[Finding] = []
+    other_colours = False
     if has_markers(target):
         marked = [_marked(found[index]) for index in usable]
         corners = marked_corners(marked, target, size, names)
+        unseen = unseen_markers(corners, target)
+        if unseen:
+            richest = sorted(usable, key=lambda index: -_corner_count(found[index]))
+            finding = otherwise_printed(
+                (
+                    (picture, grids)
+                    for index in richest
+                    if (grids := found[index].grids) is not None
+                    and (picture := _brightness(photos[index])) is not None
+                ),
+                target,
+                unseen,
+            )
+            findings += [] if finding is None else [finding]
         if not len(corners.pixel):
-            raise DetectionError(_no_markers(len(found), target))
+            raise DetectionError(
+                f"no corner can be named: {findings[0].line}"
+                if findings
+                else _no_markers(len(found), target)
+            )
         for number, index in enumerate(usable):
             reports[index] = _marked_report(names[number], found[index], corners, number)
     else:
@@ -177,13 +209,36 @@ def detect_corners(
             raise DetectionError(refusal)
         finding = finding or miscounted(counts, target, len(usable))
         findings += [] if finding is None else [finding]
+        other_colours = naming.other_colours
+        if other_colours:
+            findings.append(_other_colours(target))
         if finding is not None and not len(corners.pixel):
             raise DetectionError(f"no corner can be named: {finding.line}")
         if not len(corners.pixel):
             raise DetectionError(_nothing_named(found, naming, target))
         for number, index in enumerate(usable):
             reports[index] = _report(names[number], found[index], naming, number, target)
-    return Detection(corners=_only_seen(corners), photos=tuple(reports), findings=tuple(findings))
+    return Detection(
+        corners=_only_seen(corners),
+        photos=tuple(reports),
+        findings=tuple(findings),
+        other_colours=other_colours,
+    )
+
+
+def _other_colours(target: Target) -> Finding:
+    board = grid_boards(target)[0]
+    other = "light" if board.first_square == "dark" else "dark"
+    return Finding(
+        cause="mirrored",
+        level="note",
+        what=f"board {board.name} is light where target.yaml says that it is dark: first_square is "
+        "another one, or photos are mirrored",
+        evidence="photos that show it whole say so; its corners are named by the colours seen",
+        do=f"write first_square: {other} into target.yaml, or if the camera looks into a mirror, "
+        f"{HOW_MIRRORED}; the lens is the same",
+        boards=(board.name,),
+    )
 
 
 def _find(photo: Photo, *, target: Target, cache: GridCache | None) -> _Found:
@@ -274,6 +329,10 @@ def _report(name: str, one: _Found, naming: Naming, number: int, target: Target)
         found=one.grids,
         grids=grids,
     )
+
+
+def _corner_count(one: _Found) -> int:
+    return sum(len(grid) for grid in _grids(one))
 
 
 def _marked(one: _Found) -> MarkedCorners:

@@ -104,6 +104,8 @@ class Naming:
         exact: (M,) whether the photo's corners are surely these corners of the target. False
             where a board seen in part may be a few squares further along its plane: as good
             for a lens, but not for measuring the target.
+        other_colours: whether the only board is light where the target says that it is dark, in
+            most photos that tell.
 
     """
 
@@ -112,6 +114,7 @@ class Naming:
     grids: tuple[tuple[GridReport, ...], ...]
     lens: RadialCamera | None
     exact: BoolArray
+    other_colours: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -124,6 +127,7 @@ class _Task:
     grids: list[Grid]
     reach: list[Reach]
     photos: list[list[int]]  # for each photo, indices into the list, largest grid first
+    other_colours: bool
 
 
 def name_grids(
@@ -179,6 +183,9 @@ def _task(
     image_size: tuple[int, int],
 ) -> _Task:
     sides = sides_of(target)
+    other_colours = _has_other_colours(grids, sides)
+    if other_colours:
+        sides = replace(sides, colour=-sides.colour)
     flat: list[Grid] = []
     reach: list[Reach] = []
     photos: list[list[int]] = []
@@ -194,8 +201,41 @@ def _task(
             reach.append(room)
         photos.append(sorted(range(first, len(flat)), key=lambda k: -len(flat[k])))
     return _Task(
-        target=target, sides=sides, image_size=image_size, grids=flat, reach=reach, photos=photos
+        target=target,
+        sides=sides,
+        image_size=image_size,
+        grids=flat,
+        reach=reach,
+        photos=photos,
+        other_colours=other_colours,
     )
+
+
+def _has_other_colours(grids: Sequence[Sequence[Grid]], sides: Sides) -> bool:
+    """Whether most photos show the only board with light and dark exchanged.
+
+    A lens does not depend on it, and it is hard to see on a print which corner is the first: it
+    must not lose a photo. Grids that span the board tell, if its size does not allow both.
+    """
+    if len(sides.board) != 4:
+        return False
+    exchanged = replace(sides, colour=-sides.colour)
+    votes = 0
+    for own in grids:
+        whole = max(
+            (grid for grid in own if (_box(grid) == sides.sizes_seen).all(axis=1).any()),
+            key=len,
+            default=None,
+        )
+        if whole is not None:
+            votes += reach_of(whole, exchanged).possible
+            votes -= reach_of(whole, sides).possible
+    return votes > 0
+
+
+def _box(grid: Grid) -> IntArray:
+    size: IntArray = np.ptp(grid.cells, axis=0) + 1
+    return size
 
 
 def _decide_all(
@@ -468,7 +508,7 @@ def _decide_photo(
         return None
     usable = [
         n for n, index in enumerate(own)
-        if task.reach[index].count > 0 and (camera is None or poses[index] is not None)
+        if task.reach[index].possible and (camera is None or poses[index] is not None)
     ]  # fmt: skip
     found = None
     if camera is not None and len(usable) > 1:
@@ -494,8 +534,9 @@ def _decide_photo(
     decision = _spread(found, part, len(own))
     verdict = list(decision.verdict)
     for n, index in enumerate(own):
-        if task.reach[index].count == 0:
-            verdict[n] = Verdict.TOO_LARGE
+        if not task.reach[index].possible:
+            wide = task.reach[index].wide_enough
+            verdict[n] = Verdict.COLOURS if wide else Verdict.TOO_LARGE
         elif n not in usable:
             verdict[n] = Verdict.NOT_PLANE
     return replace(decision, verdict=tuple(verdict))
@@ -626,6 +667,7 @@ def _naming(
         grids=tuple(reports),
         lens=lens,
         exact=exact,
+        other_colours=task.other_colours,
     )
 
 

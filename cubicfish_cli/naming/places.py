@@ -145,10 +145,11 @@ class Reach:
         return bool((self.high >= self.low).all(axis=1).any())
 
     @property
-    def count(self) -> int:
-        """About how many places there are (colours halve the offsets)."""
-        room = np.maximum(self.high - self.low + 1, 0)
-        return int((room[:, 0] * room[:, 1]).sum() + 1) // 2
+    def possible(self) -> bool:
+        """Whether there is any place."""
+        room = np.maximum(self.high - self.low + 1, 0).prod(axis=1)
+        fits = self.low.sum(axis=1) % 2 == self.parity
+        return bool(((room > 1) | ((room == 1) & fits)).any())
 
 
 def reach_of(grid: Grid, sides: Sides) -> Reach:
