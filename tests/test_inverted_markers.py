@@ -7,7 +7,10 @@ import yaml
 from test_detection_markers import errors, find, photo_of, wall
 
 from cubicfish_cli.detection.photo_as import negative_photo
+from cubicfish_cli.errors import DetectionError
 from cubicfish_cli.formats.target_yaml import target_text
+from cubicfish_cli.naming.detect import detect_corners
+from cubicfish_cli.photos import find_photos
 from cubicfish_cli.rendering.faces import face
 from cubicfish_cli.target import Target
 
@@ -78,3 +81,41 @@ def test_the_negative_of_a_negative_is_the_photo(dtype):
     assert negative.dtype == photo.dtype
     assert (np.diff(negative.ravel().astype(float)) == -1).all()
     np.testing.assert_array_equal(negative_photo(negative), photo)
+
+
+def photos_of(tmp_path, *pictures):
+    for number, shown in enumerate(pictures):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), shown)
+    return find_photos([tmp_path])
+
+
+def test_a_board_that_is_inverted_is_told_by_its_key(tmp_path):
+    detection = detect_corners(photos_of(tmp_path, photo_of(INVERTED)), PLAIN, jobs=1)
+    assert 0 not in detection.corners.board
+    (finding,) = detection.findings
+    assert (finding.cause, finding.boards) == ("inverted", ("front0",))
+    assert "are light on dark" in finding.what
+    assert "say inverted: true and first_square: light for it in target.yaml" in finding.do
+
+
+def test_a_board_that_is_not_inverted_is_told_too(tmp_path):
+    target = Target(units="mm", boards=INVERTED.boards[:1])
+    only = Target(units="mm", boards=PLAIN.boards[:1])
+    with pytest.raises(DetectionError, match=r"dark on light .* say inverted: false and first_sq"):
+        detect_corners(photos_of(tmp_path, photo_of(only)), target, jobs=1)
+
+
+@pytest.mark.parametrize("target", [PLAIN, INVERTED])
+def test_mirrored_markers_are_told(tmp_path, target):
+    mirrored = photos_of(tmp_path, photo_of(target)[:, ::-1])
+    with pytest.raises(DetectionError, match=r"are mirrored .*mirrored: true at the top of target"):
+        detect_corners(mirrored, target, jobs=1)
+    assert len(detect_corners(mirrored, target.in_mirror(), jobs=1).corners.pixel) > 50
+
+
+def test_markers_that_are_nowhere_are_not_explained(tmp_path):
+    other = Target(
+        units="mm", boards=(wall("front", "charuco", (6, 5), 24.0, dictionary="DICT_6X6_50"),)
+    )
+    with pytest.raises(DetectionError, match="none of the target's markers"):
+        detect_corners(photos_of(tmp_path, photo_of(PLAIN)), other, jobs=1)

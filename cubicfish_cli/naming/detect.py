@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -169,20 +169,8 @@ def detect_corners(
     if has_markers(target):
         marked = [_marked(found[index]) for index in usable]
         corners = marked_corners(marked, target, size, names)
-        unseen = unseen_markers(corners, target)
-        if unseen:
-            richest = sorted(usable, key=lambda index: -_corner_count(found[index]))
-            finding = otherwise_printed(
-                (
-                    (picture, grids)
-                    for index in richest
-                    if (grids := found[index].grids) is not None
-                    and (picture := _brightness(photos[index])) is not None
-                ),
-                target,
-                unseen,
-            )
-            findings += [] if finding is None else [finding]
+        finding = _why_unseen([(photos[index], found[index]) for index in usable], corners, target)
+        findings += [] if finding is None else [finding]
         if not len(corners.pixel):
             raise DetectionError(
                 f"no corner can be named: {findings[0].line}"
@@ -331,8 +319,21 @@ def _report(name: str, one: _Found, naming: Naming, number: int, target: Target)
     )
 
 
-def _corner_count(one: _Found) -> int:
-    return sum(len(grid) for grid in _grids(one))
+def _why_unseen(
+    photos: Sequence[tuple[Photo, _Found]], corners: Corners, target: Target
+) -> Finding | None:
+    """Why no photo shows the markers of some boards, where it is that they are otherwise."""
+    unseen = unseen_markers(corners, target)
+    if not unseen:
+        return None
+
+    def richest() -> Iterator[tuple[Picture, FoundGrids]]:
+        for photo, one in sorted(photos, key=lambda both: -sum(map(len, _grids(both[1])))):
+            shown = _brightness(photo)
+            if shown is not None and one.grids is not None:
+                yield shown, one.grids
+
+    return otherwise_printed(richest(), target, unseen)
 
 
 def _marked(one: _Found) -> MarkedCorners:
