@@ -220,7 +220,9 @@ def test_a_board_with_a_half_turn_symmetry_stands_upright():
         own = found.image == image
         cells = np.stack([found.column[own], found.row[own]], axis=-1)
         offset = cells - cells.mean(axis=0)
-        assert np.sum(offset * (found.pixel[own] - found.pixel[own].mean(axis=0))) > 0
+        # Its long side runs to the right or down.
+        pixel = found.pixel[own] - found.pixel[own].mean(axis=0)
+        assert np.sum(offset[:, :1] * pixel) > 0
 
 
 def test_the_ends_that_are_seen_tell_where_a_cut_board_lies():
@@ -331,3 +333,54 @@ def test_a_real_box_of_equal_boards(alone):
         found = places(name_grids(grids, target, corners.image_size, corners.images))
     assert sum(map(len, truth)) == 46
     assert found == truth
+
+
+@pytest.mark.parametrize("size", [(6, 4), (7, 5), (9, 6)])
+def test_a_lone_board_is_the_same_whichever_side_is_called_x(size):
+    """All names of all photos are turned by one and the same quarter turn."""
+    columns, rows = size
+    lying = Target(units="mm", boards=(checkerboard("b", columns, rows, 30.0),))
+    # A quarter turn moves the first square where a board has an odd number of its columns.
+    first = "dark" if rows % 2 == 0 else "light"
+    standing = Target(
+        units="mm", boards=(replace(checkerboard("b", rows, columns, 30.0), first_square=first),)
+    )
+    corners = seen(lying, photos=14, distance=(0.6, 1.4))
+    photos = anonymous_photos(corners, lying)[0]
+    # A part of the board as well, which is placed in its middle.
+    part = photos[0][0]
+    keep = part.cells[:, 0] > 0 if np.ptp(part.cells[:, 0]) > 3 else part.cells[:, 1] > 0
+    first_cell = part.cells[keep].min(axis=0)
+    photos.append(
+        [
+            replace(
+                part,
+                cells=part.cells[keep] - first_cell,
+                pixel=part.pixel[keep],
+                parity=part.parity * (-1) ** int(first_cell.sum()),
+                contrast=part.contrast[keep],
+            )
+        ]
+    )
+    named = [
+        name_grids(photos, target, IMAGE_SIZE, names(len(photos))).corners
+        for target in (lying, standing)
+    ]
+    tables = [
+        {
+            (int(image), *pixel): (int(column), int(row))
+            for image, column, row, pixel in zip(
+                one.image, one.column, one.row, one.pixel, strict=True
+            )
+        }
+        for one in named
+    ]
+    assert tables[0].keys() == tables[1].keys()
+    assert len({key[0] for key in tables[0]}) >= 10
+    turned = np.array(
+        [
+            (other == (rows - 1 - row, column), other == (row, columns - 1 - column))
+            for (column, row), other in ((tables[0][key], tables[1][key]) for key in tables[0])
+        ]
+    )
+    assert turned.all(axis=0).any()
