@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import yaml
 from anonymous_grids import anonymous_photos
+from scipy.spatial.transform import Rotation
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
-from test_detection_markers import MIXED, mixed_photo
+from test_detection_markers import MIXED, POSE, errors, mixed_photo, photo_of
 from test_naming_name_grids import names, seen
 
 from cubicfish_cli.correspondences import pair
@@ -178,3 +179,16 @@ def test_markers_are_read_in_mirrored_photos():
     assert len(own) - len(both) < 0.05 * len(true)
     off = [np.linalg.norm([photo.shape[1] - 1 - x, y] - true[key]) for key, (x, y) in both]
     assert np.median(off) < 0.05
+
+
+def test_mirrored_markers_are_drawn_as_they_are_read():
+    """A photo of what the mirror shows, from where the camera stands in the mirror."""
+    shown = MIXED.in_mirror()
+    flip, mirror = np.diag([-1.0, 1, 1]), np.diag([1.0, 1, -1])
+    rotation = flip @ Rotation.from_rotvec(POSE[0]).as_matrix() @ mirror
+    pose = (Rotation.from_matrix(rotation).as_rotvec(), flip @ POSE[1])
+    photo = photo_of(shown, pose=pose, supersample=3)
+    found = find_marked_corners(photo, shown, find_grids(photo))
+    error, recall = errors(found, shown, pose)
+    assert error.max() < 0.5
+    assert recall > 0.97

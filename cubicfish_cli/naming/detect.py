@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +16,7 @@ from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.markers import MarkedCorners, find_marked_corners
 from cubicfish_cli.errors import DetectionError, PhotoError
-from cubicfish_cli.fitting.diagnosis.finding import Finding
+from cubicfish_cli.fitting.diagnosis.finding import Finding, listed
 from cubicfish_cli.machines import Machines
 from cubicfish_cli.naming.cache import GridCache
 from cubicfish_cli.naming.marked import (
@@ -118,6 +119,7 @@ class _Found:
     problem: str | None
     marked: MarkedCorners | None = None
     other_size: bool = False
+    digest: str = ""  # of the file's bytes
 
 
 def detect_corners(
@@ -164,7 +166,8 @@ def detect_corners(
         PhotoReport(name=photo.name, problem=one.problem, other_size=one.other_size)
         for photo, one in zip(photos, found, strict=True)
     ]
-    findings: list[Finding] = []
+    copies = _copies(names, [found[index].digest for index in usable])
+    findings = [] if copies is None else [copies]
     other_colours = False
     if has_markers(target):
         marked = [_marked(found[index]) for index in usable]
@@ -173,8 +176,8 @@ def detect_corners(
         findings += [] if finding is None else [finding]
         if not len(corners.pixel):
             raise DetectionError(
-                f"no corner can be named: {findings[0].line}"
-                if findings
+                f"no corner can be named: {finding.line}"
+                if finding is not None
                 else _no_markers(len(found), target)
             )
         for number, index in enumerate(usable):
@@ -214,6 +217,26 @@ def detect_corners(
     )
 
 
+def _copies(names: Sequence[str], digests: Sequence[str]) -> Finding | None:
+    """Photos that are the same file as an earlier one, byte by byte."""
+    first: dict[str, str] = {}
+    pairs = []
+    for name, digest in zip(names, digests, strict=True):
+        if digest and first.setdefault(digest, name) != name:
+            pairs.append((first[digest], name))
+    if not pairs:
+        return None
+    said = [f"{one} = {other}" for one, other in pairs]
+    return Finding(
+        cause="repeats",
+        level="note",
+        what=f"{listed(said, 'copies')}: the same photo{'s' * (len(pairs) > 1)} again",
+        evidence="the files are equal byte by byte",
+        do="leave the copies out: they say nothing new",
+        images=tuple(name for name in names if any(name in pair for pair in pairs)),
+    )
+
+
 def _other_colours(target: Target) -> Finding:
     board = grid_boards(target)[0]
     other = "light" if board.first_square == "dark" else "dark"
@@ -230,9 +253,17 @@ def _other_colours(target: Target) -> Finding:
 
 
 def _find(photo: Photo, *, target: Target, cache: GridCache | None) -> _Found:
-    markers = has_markers(target)
     try:
         data = read_file(photo.path) if photo.picture is None else b""
+    except PhotoError as error:
+        return _Found(grids=None, problem=str(error))
+    digest = hashlib.sha256(data).hexdigest() if data else ""
+    return replace(_searched(photo, data, target, cache), digest=digest)
+
+
+def _searched(photo: Photo, data: bytes, target: Target, cache: GridCache | None) -> _Found:
+    markers = has_markers(target)
+    try:
         cache = cache if data else None  # what is in memory has no bytes to know it by
         key = cache.key(data) if cache else ""
         known = cache.load(key) if cache else None
