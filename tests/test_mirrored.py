@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 import yaml
@@ -20,8 +21,10 @@ from cubicfish_cli.fitting.companion import fit_companion
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.formats.target_yaml import target_text
 from cubicfish_cli.naming.decide import Verdict
+from cubicfish_cli.naming.detect import detect_corners
 from cubicfish_cli.naming.name_grids import name_grids
 from cubicfish_cli.naming.wrong_drawing.misdrawn import misdrawn
+from cubicfish_cli.photos import find_photos
 from cubicfish_cli.rendering.faces import face
 from cubicfish_cli.target import BoardShape, Target
 
@@ -74,6 +77,44 @@ def test_a_mirrored_object_is_told_what_to_say():
     assert finding is not None
     assert finding.what == "all photos are mirrored"
     assert "mirrored: true at the top of target.yaml" in finding.do
+
+
+def test_an_object_that_is_not_mirrored_is_told_to_be_so():
+    target = corner_of_three()
+    grids, _ = anonymous_photos(seen(target, photos=6), target)
+    shown = target.in_mirror()
+    finding = misdrawn(name_grids(grids, shown, IMAGE_SIZE, names(len(grids))), shown)
+    assert finding is not None
+    assert finding.what == "no photo is mirrored"
+    assert finding.do == "take mirrored: true out of target.yaml"
+
+
+@pytest.mark.parametrize(
+    ("said", "mirrored", "shown", "told"),
+    [
+        ("dark", False, "light", "write first_square: light"),
+        ("light", False, "dark", "write first_square: dark"),
+        ("dark", True, "dark", "write first_square: light"),
+    ],
+)
+def test_the_note_about_colours_says_what_to_write(tmp_path, said, mirrored, shown, told):
+    """A photo that is not mirrored: of a board of 7x5 corners, straight on."""
+    first = 0 if shown == "dark" else 1
+    squares = ((np.add(*np.indices((6, 8))) + first) % 2 * 200 + 30).astype(np.uint8)
+    photo = np.full((720, 960), 230, np.uint8)
+    photo[180:540, 210:690] = np.kron(squares, np.ones((60, 60), np.uint8))
+    cv2.imwrite(str(tmp_path / "0.png"), cv2.GaussianBlur(photo, (0, 0), 0.7))
+    board = {"name": "b", "type": "checkerboard", "corners": [7, 5], "square": 30}
+    target = Target.from_data(
+        {"units": "mm", "mirrored": mirrored, "boards": [{**board, "first_square": said}]}
+    )
+    detection = detect_corners(find_photos([tmp_path]), target)
+    assert len(detection.corners.pixel) == 35
+    (finding,) = detection.findings
+    assert finding.level == "note"
+    assert finding.do.startswith(told)
+    assert ("take mirrored: true out" in finding.do) == mirrored
+    assert f"first_square is not {said}" in finding.what
 
 
 def test_a_first_square_of_the_other_colour_is_told_by_its_key():

@@ -238,16 +238,21 @@ def _copies(names: Sequence[str], digests: Sequence[str]) -> Finding | None:
 
 
 def _other_colours(target: Target) -> Finding:
-    board = grid_boards(target)[0]
-    other = "light" if board.first_square == "dark" else "dark"
+    board = grid_boards(target.as_printed())[0]
+    first = board.first_square
+    other = "light" if first == "dark" else "dark"
+    mirror = (
+        "if photos are not mirrored, take mirrored: true out of it"
+        if target.mirrored
+        else f"if the camera looks into a mirror, {HOW_MIRRORED}"
+    )
     return Finding(
         cause="mirrored",
         level="note",
         what=f"board {board.name} is light where target.yaml says that it is dark: first_square is "
-        "another one, or photos are mirrored",
+        f"not {first}, or photos are {'not ' * target.mirrored}mirrored",
         evidence="photos that show it whole say so; its corners are named by the colours seen",
-        do=f"write first_square: {other} into target.yaml, or if the camera looks into a mirror, "
-        f"{HOW_MIRRORED}; the lens is the same",
+        do=f"write first_square: {other} into target.yaml, or {mirror}; the lens is the same",
         boards=(board.name,),
     )
 

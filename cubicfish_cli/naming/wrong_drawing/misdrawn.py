@@ -155,9 +155,15 @@ def _trials(target: Target, chosen: IntArray) -> Iterator[_Trial]:
     yield _Trial(
         finding=_finding(
             "mirrored",
-            "all photos are mirrored",
-            "use photos as the sensor made them, not as a video call shows them; if the camera "
-            f"looks into a mirror, {HOW_MIRRORED}",
+            *(
+                ("no photo is mirrored", "take mirrored: true out of target.yaml")
+                if target.mirrored
+                else (
+                    "all photos are mirrored",
+                    "use photos as the sensor made them, not as a video call shows them; if the "
+                    f"camera looks into a mirror, {HOW_MIRRORED}",
+                )
+            ),
         ),
         target=target,
         photos=chosen,
@@ -212,8 +218,10 @@ def _changes(board: Board) -> Iterator[tuple[str, Cause, Board]]:
     )
     if board.has_squares:
         other: FirstSquare = "light" if board.first_square == "dark" else "dark"
+        drawn = board.in_mirror() if board.mirrored else board
+        says = "light" if drawn.first_square == "dark" else "dark"
         yield (
-            f"its squares are dark where target.yaml has light ones: first_square: {other}",
+            f"its squares are dark where target.yaml has light ones: first_square: {says}",
             "board_order",
             replace(board, first_square=other),
         )
