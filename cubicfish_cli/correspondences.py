@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,10 @@ from cubicfish_cli.wording import did_you_mean, quoted
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
+BoolArray = npt.NDArray[np.bool_]
+
+# Stands for as many True as there are rows, where nothing is said of certainty.
+_ALL_CERTAIN: BoolArray = np.ones(0, bool)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,6 +45,9 @@ class Corners:
         column, row: (N,) the corner's place on its board.
         pixel: (N, 2) x, y in pixels.
         weight: (N,) relative weight, 1 where nothing else is known.
+        certain: (N,) whether it is surely this corner; by default all are. Where too little of a
+            board was seen, its corners may be others of the same plane, some squares further on:
+            as good for a lens, but they do not measure the object.
 
     """
 
@@ -53,6 +60,11 @@ class Corners:
     row: IntArray
     pixel: FloatArray
     weight: FloatArray
+    certain: BoolArray = field(default_factory=lambda: _ALL_CERTAIN)
+
+    def __post_init__(self) -> None:
+        """Fill in certainty where nothing is said of it."""
+        _fill_in_certain(self)
 
     @classmethod
     def from_arrays(
@@ -127,6 +139,7 @@ class Correspondences:
         board: (N,) index into ``boards``, or -1 without a target.
         column, row: (N,) the corner's place on its board; without a target the column is
             the row's number in the file and the row is 0.
+        certain: (N,) whether it is surely this corner, as in :class:`Corners`.
 
     """
 
@@ -140,6 +153,16 @@ class Correspondences:
     board: IntArray
     column: IntArray
     row: IntArray
+    certain: BoolArray = field(default_factory=lambda: _ALL_CERTAIN)
+
+    def __post_init__(self) -> None:
+        """Fill in certainty where nothing is said of it."""
+        _fill_in_certain(self)
+
+    @property
+    def uncertain_images(self) -> tuple[str, ...]:
+        """Photos with corners that may be others than they are named as."""
+        return tuple(self.images[image] for image in np.unique(self.image[~self.certain]))
 
     @classmethod
     def from_arrays(
@@ -189,6 +212,9 @@ class Correspondences:
 
 CORNER_COLUMNS = ("image", "board", "column", "row", "x", "y")
 PAIR_COLUMNS = ("image", "X", "Y", "Z", "x", "y")
+_CERTAIN = "certain"
+# The newest version of each kind of file that is read.
+_VERSIONS = {"corners": 2, "correspondences": 1}
 MAX_SIDE = 100_000
 MAX_COORDINATE = 1e9
 _REFUSAL = Refusal(error=CorrespondenceError)
@@ -216,7 +242,8 @@ def load_corners(
     """Read ``corners.csv``: pixels (N, 2) and the names of the corners.
 
     Args:
-        path: the file; its first line is ``# cubicfish corners 1, image_size WxH``.
+        path: the file; its first line is ``# cubicfish corners 2, image_size WxH``, or with a 1
+            where there is no column ``certain``.
         target: the object that the boards, columns and rows are of.
         image_size: (width, height), for files without that first line.
 
@@ -226,7 +253,10 @@ def load_corners(
 
     """
     table = read_table(
-        Path(path), required=CORNER_COLUMNS, optional=("weight",), error=CorrespondenceError
+        Path(path),
+        required=CORNER_COLUMNS,
+        optional=("weight", _CERTAIN),
+        error=CorrespondenceError,
     )
     image_size = _image_size(table, "corners", image_size)
     images, image = table.codes("image")
@@ -244,11 +274,15 @@ def load_corners(
         row=row,
         pixel=_pixels(table, image_size),
         weight=_weights(table),
+        certain=_certain(table),
     )
 
 
 def save_corners(path: Path | str, corners: Corners, *, overwrite: bool = False) -> None:
     """Write ``corners.csv``, pixels (N, 2) a corner a line; numbers read back exactly.
+
+    Where all names are certain, as nearly always, it is a file of version 1, which every reader
+    understands; else of version 2, with the column ``certain``.
 
     Raises:
         OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
@@ -261,7 +295,12 @@ def save_corners(path: Path | str, corners: Corners, *, overwrite: bool = False)
         corners.row.tolist(),
         *corners.pixel.T.tolist(),
     ]
-    _save(Path(path), "corners", CORNER_COLUMNS, columns, corners, overwrite)
+    header: tuple[str, ...] = CORNER_COLUMNS
+    version = 1
+    if not corners.certain.all():
+        header, version = (*header, _CERTAIN), 2
+        columns.append(corners.certain.astype(int).tolist())
+    _save(Path(path), "corners", header, columns, corners, overwrite, version=version)
 
 
 def load_correspondences(
@@ -347,6 +386,7 @@ def pair(corners: Corners, target: Target) -> Correspondences:
         board=board,
         column=column,
         row=row,
+        certain=corners.certain[order],
     )
 
 
@@ -364,7 +404,7 @@ def _image_size(table: Table, kind: str, given: tuple[int, int] | None) -> tuple
         raise CorrespondenceError(
             f"{table.name}, line 1: a file of {kind} is expected, this one holds {quoted(match[1])}"
         )
-    if match[2] != "1":
+    if match[2] not in map(str, range(1, _VERSIONS[kind] + 1)):
         raise CorrespondenceError(
             f"{table.name}, line 1: version {quoted(match[2])[1:-1]} of this format is not known "
             "here: use a newer cubicfish"
@@ -523,6 +563,22 @@ def _weights(table: Table) -> FloatArray:
     return weight
 
 
+def _certain(table: Table) -> BoolArray:
+    if _CERTAIN not in table.columns:
+        return _ALL_CERTAIN
+    certain = table.integers(_CERTAIN)
+    bad = np.flatnonzero((certain != 0) & (certain != 1))
+    if bad.size:
+        table.refuse(bad[0], f"{_CERTAIN} must be 1, or 0 where it may be another corner")
+    return certain == 1
+
+
+def _fill_in_certain(rows: Corners | Correspondences) -> None:
+    """Of as many rows as there are; some of rows that were all certain are certain too."""
+    if np.shape(rows.certain)[:1] != np.shape(rows.pixel)[:1] and np.all(rows.certain):
+        object.__setattr__(rows, "certain", np.ones(len(rows.pixel), bool))
+
+
 def _names(names: tuple[str, ...], index: IntArray) -> list[str]:
     return [names[i] for i in index.tolist()]
 
@@ -534,10 +590,12 @@ def _save(
     columns: list[list[Any]],
     rows: Corners | Correspondences,
     overwrite: bool,
+    *,
+    version: int = 1,
 ) -> None:
     if (rows.weight != 1).any():
         header, columns = (*header, "weight"), [*columns, rows.weight.tolist()]
     width, height = rows.image_size
-    first = f"# cubicfish {kind} 1, image_size {width}x{height}\n"
+    first = f"# cubicfish {kind} {version}, image_size {width}x{height}\n"
     text = csv_text(chain([header], zip(*columns, strict=True)))
     write_text(path, first + text, overwrite=overwrite)

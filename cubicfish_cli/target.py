@@ -55,6 +55,8 @@ class Markers:
         side: side of a marker, in the target's units.
         first: id of the board's first marker.
         count: how many markers the board carries; ids are ``first .. first + count - 1``.
+        inverted: whether they are light on dark: on a ``charuco`` board they are in its dark
+            squares then.
 
     """
 
@@ -62,6 +64,7 @@ class Markers:
     side: float
     first: int
     count: int
+    inverted: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -115,6 +118,7 @@ class Board:
         spacing: for ``aprilgrid``, gap between tags / side of a tag; else 0.
         points: (N, 3) world points of a ``points`` board, else None.
         shape: how the board departs from the drawing; None where it is as drawn.
+        mirrored: whether this is the board as a mirror shows it, see :meth:`in_mirror`.
 
     """
 
@@ -131,6 +135,32 @@ class Board:
     spacing: float = 0.0
     points: FloatArray | None = None
     shape: BoardShape | None = None
+    mirrored: bool = False
+
+    def in_mirror(self) -> Board:
+        """The board as a mirror in the world's plane z = 0 shows it; of that, the board itself.
+
+        What a mirror shows is a board like any other. Its columns are counted as the mirror shows
+        them, so column 0 is the last one of the print.
+        """
+        mirror = np.array([1.0, 1.0, -1.0])
+        if self.points is not None:
+            points = self.points * mirror
+            return replace(
+                self, points=points, shape=_shape_in_mirror(self), mirrored=not self.mirrored
+            )
+        last = self.origin + self.plane_points(self.columns - 1, 0)[0] * self.x_axis
+        other: FirstSquare = "light" if self.first_square == "dark" else "dark"
+        return replace(
+            self,
+            origin=last * mirror,
+            x_axis=-self.x_axis * mirror,
+            y_axis=self.y_axis * mirror,
+            # As many squares are before the first column as behind the last one.
+            first_square=other if self.columns % 2 and self.has_squares else self.first_square,
+            shape=_shape_in_mirror(self),
+            mirrored=not self.mirrored,
+        )
 
     @property
     def has_squares(self) -> bool:
@@ -158,18 +188,37 @@ class Board:
         """Where the markers are: (count, 3) rows of id, cell column and cell row.
 
         On a ``charuco`` board cells are squares, (0, 0) the one up-left of corner (0, 0);
-        the light squares carry ids row by row from the top, as in ``cv2.aruco.CharucoBoard``.
+        the light squares, or on an inverted board the dark ones, carry ids row by row from the
+        top, as in ``cv2.aruco.CharucoBoard``.
         On an ``aprilgrid`` cells are tags, (0, 0) at the top left; ids run row by row from
         the bottom, as in Kalibr. Other boards have no rows.
         """
         if self.markers is None:
             return np.empty((0, 3), np.intp)
+        if self.mirrored:
+            printed = self.in_mirror().marker_cells()
+            last = self.columns // 2 - 1 if self.kind == "aprilgrid" else self.columns
+            return np.stack([printed[:, 0], last - printed[:, 1], printed[:, 2]], axis=-1)
         if self.kind == "aprilgrid":
             row, column = np.divmod(np.arange(self.markers.count), self.columns // 2)
             row = self.rows // 2 - 1 - row
         else:
-            row, column = np.nonzero(_light_squares(self.columns, self.rows, self.first_square))
+            row, column = np.nonzero(
+                _marker_squares(
+                    self.columns, self.rows, self.first_square, inverted=self.markers.inverted
+                )
+            )
         return np.stack([self.markers.first + np.arange(self.markers.count), column, row], axis=-1)
+
+    def with_negative_markers(self) -> Board:
+        """The ``charuco`` board with light and dark exchanged; others as they are."""
+        if self.kind != "charuco" or self.markers is None:
+            return self
+        return replace(
+            self,
+            first_square="light" if self.first_square == "dark" else "dark",
+            markers=replace(self.markers, inverted=not self.markers.inverted),
+        )
 
     def _tag_offset(self, index: FloatArray) -> FloatArray:
         tag = np.floor(index / 2)
@@ -241,6 +290,19 @@ class Target:
         changed = (boards.get(index, board) for index, board in enumerate(self.boards))
         return replace(self, boards=tuple(changed))
 
+    @property
+    def mirrored(self) -> bool:
+        """Whether this is the object as a mirror shows it, as in ``mirrored: true``."""
+        return any(board.mirrored for board in self.boards)
+
+    def in_mirror(self) -> Target:
+        """The object as a mirror shows it; of that, the object itself."""
+        return replace(self, boards=tuple(board.in_mirror() for board in self.boards))
+
+    def as_printed(self) -> Target:
+        """The object itself, whether or not photos show it in a mirror."""
+        return self.in_mirror() if self.mirrored else self
+
     def with_flat_boards(self) -> Target:
         """The object with plane boards: without the shapes that a calibration found."""
         return replace(self, boards=tuple(replace(board, shape=None) for board in self.boards))
@@ -306,7 +368,8 @@ def _target(where: str, data: object) -> Target:
     if not isinstance(data, dict):
         raise TargetError(f"{where}: must hold the keys units and boards")
     top = _Section(where, data)
-    top.allow_only(("units", "boards"), "a target file")
+    top.allow_only(("units", "boards", "mirrored"), "a target file")
+    mirrored = top.flag("mirrored")
     units = top.text("units", hint="the unit of every length in it, such as mm")
     entries = top.required("boards", hint="a list of boards")
     if not isinstance(entries, list) or not entries:
@@ -325,7 +388,8 @@ def _target(where: str, data: object) -> Target:
         boards.append(board)
     _refuse_shared_markers(where, boards)
     _refuse_shared_places(where, boards)
-    return Target(units=units, boards=tuple(boards))
+    target = Target(units=units, boards=tuple(boards))
+    return target.in_mirror() if mirrored else target
 
 
 def _plain(value: object) -> Any:
@@ -402,6 +466,12 @@ class _Section:
             self.refuse(key, f"{value} must both lie within 2 to {MAX_COUNT} ({what})")
         return value[0], value[1]
 
+    def flag(self, key: str) -> bool:
+        value = self.data.get(key, False)
+        if not isinstance(value, bool):
+            self.refuse(key, f"must be true or false, not {quoted(value)}")
+        return value
+
     def marker_id(self, key: str) -> int:
         value = self.data.get(key, 0)
         if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < 1_000_000:
@@ -442,8 +512,8 @@ _SHAPE_KEYS = ("bend", "twist", "stretch", "offsets")
 _KEYS: dict[str, tuple[str, ...]] = {
     "checkerboard": ("corners", "square", "first_square", *_PLACE_KEYS, *_SHAPE_KEYS),
     "charuco": (
-        "corners", "square", "first_square", "dictionary", "marker", "first_marker", *_PLACE_KEYS,
-        *_SHAPE_KEYS,
+        "corners", "square", "first_square", "dictionary", "marker", "first_marker", "inverted",
+        *_PLACE_KEYS, *_SHAPE_KEYS,
     ),
     "aprilgrid": (
         "tags", "tag", "spacing", "family", "first_marker", *_PLACE_KEYS, *_SHAPE_KEYS,
@@ -487,7 +557,9 @@ def _board(path: str, number: int, entry: object, *, alone: bool) -> Board:
         )
     columns, rows = section.counts("corners", "inner corners, not squares")
     square = section.length("square", hint="the side of a square")
-    first: FirstSquare = "dark"
+    inverted = kind == "charuco" and section.flag("inverted")
+    # As OpenCV lays boards out: the first square is one without a marker.
+    first: FirstSquare = "light" if inverted else "dark"
     if "first_square" in entry:
         light = section.choice("first_square", get_args(FirstSquare), hint="dark or light")
         first = "light" if light == "light" else "dark"
@@ -499,8 +571,8 @@ def _board(path: str, number: int, entry: object, *, alone: bool) -> Board:
         side = section.length("marker", hint="the side of a marker")
         if side >= square:
             section.refuse("marker", f"{side:g} must be smaller than the square, {square:g}")
-        count = int(_light_squares(columns, rows, first).sum())
-        charuco_markers = _markers(section, dictionary, side, count)
+        count = int(_marker_squares(columns, rows, first, inverted=inverted).sum())
+        charuco_markers = replace(_markers(section, dictionary, side, count), inverted=inverted)
     return Board(
         name=name,
         kind="charuco" if kind == "charuco" else "checkerboard",
@@ -573,6 +645,16 @@ def _shape(section: _Section, columns: int, rows: int) -> BoardShape | None:
     )
 
 
+def _shape_in_mirror(board: Board) -> BoardShape | None:
+    """A board's shape as a mirror shows it: columns run the other way."""
+    shape = board.shape
+    if shape is None:
+        return None
+    if board.points is not None:
+        return replace(shape, offsets=shape.offsets * [1, 1, -1])
+    return replace(shape, twist=-shape.twist, offsets=shape.offsets[:, ::-1] * [-1, 1, 1])
+
+
 def _is_corner(value: object, count: int) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < count
 
@@ -614,11 +696,14 @@ def _markers(section: _Section, dictionary: str, side: float, count: int) -> Mar
     return Markers(dictionary=dictionary, side=side, first=first, count=count)
 
 
-def _light_squares(columns: int, rows: int, first_square: FirstSquare) -> npt.NDArray[np.bool_]:
-    """(rows + 1, columns + 1): which squares of a board of inner corners are light."""
+def _marker_squares(
+    columns: int, rows: int, first_square: FirstSquare, *, inverted: bool
+) -> npt.NDArray[np.bool_]:
+    """(rows + 1, columns + 1): which squares of a board of inner corners carry markers."""
     row, column = np.indices((rows + 1, columns + 1))
-    light: npt.NDArray[np.bool_] = (row + column) % 2 == (0 if first_square == "light" else 1)
-    return light
+    first = (first_square == "light") != inverted
+    carries: npt.NDArray[np.bool_] = (row + column) % 2 == (0 if first else 1)
+    return carries
 
 
 def _refuse_shared_markers(path: str, boards: list[Board]) -> None:

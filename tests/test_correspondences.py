@@ -86,6 +86,7 @@ def corners(draw: st.DrawFn) -> Corners:
     x = draw(hnp.arrays(float, count, elements=st.floats(-1, 1280)))
     y = draw(hnp.arrays(float, count, elements=st.floats(-1, 800)))
     weight = draw(hnp.arrays(float, count, elements=st.floats(1e-6, 1e6)))
+    certain = draw(hnp.arrays(bool, count))
     return Corners(
         image_size=SIZE,
         images=tuple(images[i] for i in seen),
@@ -96,17 +97,33 @@ def corners(draw: st.DrawFn) -> Corners:
         row=keys[:, 3].copy(),
         pixel=np.stack([x, y], axis=-1),
         weight=weight,
+        certain=certain,
     )
 
 
-@given(corners(), st.booleans())
-def test_corners_read_back_exactly(tmp_path_factory: Any, found: Corners, weighted: bool) -> None:
+@given(corners(), st.booleans(), st.booleans())
+def test_corners_read_back_exactly(
+    tmp_path_factory: Any, found: Corners, weighted: bool, doubted: bool
+) -> None:
     if not weighted:
         found = replace(found, weight=np.ones(len(found.image)))
+    if not doubted:
+        found = replace(found, certain=np.ones(len(found.image), bool))
     path = tmp_path_factory.mktemp("c") / "corners.csv"
     save_corners(path, found, overwrite=False)
-    assert path.read_text().startswith("# cubicfish corners 1, image_size 1280x800\nimage,board,")
+    version = 1 if found.certain.all() else 2
+    assert path.read_text().startswith(
+        f"# cubicfish corners {version}, image_size 1280x800\nimage,board,column,row,x,y"
+    )
     assert_same(load_corners(path, TARGET), found)
+
+
+def test_tables_that_say_nothing_of_certainty_are_certain(tmp_path: Path) -> None:
+    assert load_corners(written(tmp_path, HEADER + ROW), TARGET).certain.tolist() == [True]
+    newer = HEADER.replace("corners 1", "corners 2") + ROW
+    assert load_corners(written(tmp_path, newer), TARGET).certain.tolist() == [True]
+    marked = newer.replace(",y\n", ",y,certain\n").replace(ROW, ROW.strip() + ",0\n")
+    assert load_corners(written(tmp_path, marked), TARGET).certain.tolist() == [False]
 
 
 @given(corners())
@@ -116,6 +133,9 @@ def test_pairs_are_sorted_by_photo_and_stand_on_their_boards(found: Corners) -> 
     np.testing.assert_array_equal(pairs.image, found.image[order])
     np.testing.assert_array_equal(pairs.pixel, found.pixel[order])
     np.testing.assert_array_equal(pairs.weight, found.weight[order])
+    np.testing.assert_array_equal(pairs.certain, found.certain[order])
+    doubted = {pairs.images[photo] for photo in pairs.image[~pairs.certain]}
+    assert set(pairs.uncertain_images) == doubted
     expected = np.stack([pairs.column * 10, pairs.row * 10, pairs.board * 50], axis=-1)
     np.testing.assert_allclose(pairs.world, expected)
     np.testing.assert_array_equal(
@@ -203,7 +223,7 @@ ROW = "a.png,floor,0,0,10,20\n"
         (HEADER.replace(",", ";") + ROW, "line 2: the header must be image,board"),
         (HEADER.replace(",y\n", ",y,wieght\n") + ROW, "line 2: .*'wieght': did you mean 'weight'"),
         (HEADER.replace(",y\n", ",y,x\n") + ROW, "line 2: the column 'x' is there twice"),
-        (HEADER.replace("corners 1", "corners 2") + ROW, "line 1: version 2 of this format"),
+        (HEADER.replace("corners 1", "corners 3") + ROW, "line 1: version 3 of this format"),
         (HEADER.replace("corners", "correspondences") + ROW, "line 1: a file of corners is expec"),
         (HEADER.replace("1280x800", "1280x0") + ROW, "line 1: '1280x0' is not an image size"),
         (HEADER.replace("1280x800", "x800") + ROW, "line 1: 'x800' is not an image size"),
@@ -239,6 +259,10 @@ ROW = "a.png,floor,0,0,10,20\n"
         (
             HEADER.replace(",y\n", ",y,weight\n") + "a,floor,0,0,1,2,0\n",
             "line 3: weight must be",
+        ),
+        (
+            HEADER.replace(",y\n", ",y,certain\n") + "a,floor,0,0,1,2,2\n",
+            "line 3: certain must be 1, or 0 where",
         ),
         (HEADER.encode() + b"\xff\xfe,floor,0,0,1,2\n", "is not UTF-8 text"),
         (b"\x89PNG\r\n\x1a\n" + bytes(range(256)), "is not UTF-8 text"),

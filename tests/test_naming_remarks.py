@@ -27,7 +27,10 @@ def test_one_photo_has_a_line_for_each_grid():
         remark_of("a.jpg", report(Verdict.TOO_LARGE, (9, 7))),
         remark_of("a.jpg", report(Verdict.TOO_LARGE, (8, 7))),
     ]
-    large = "corners is left out: larger than every board of the target"
+    large = (
+        "corners is left out: larger than every board of the target; if it is a board of the "
+        "object, correct its corners in the target file"
+    )
     assert remark_lines(remarks) == [
         "a.jpg: a grid of 6x4 with 24 corners" + PART,
         f"a.jpg: a grid of 9x7 with 63 {large}",
@@ -57,7 +60,8 @@ def test_several_grids_of_several_photos_are_counted():
     (line,) = remark_lines(remarks)
     assert line == (
         "2 photos (0.jpg and 1.jpg): 4 grids of up to 6x4 corners are left out: they fit no "
-        "place on the target"
+        "place on the target; check corners, square, origin and axes of the boards in the target "
+        "file"
     )
 
 

@@ -120,3 +120,17 @@ def test_boards_of_tags_alone_have_no_second_pass():
     detection = first_pass(truth())
     tags = replace(TARGET, boards=tuple(replace(b, kind="aprilgrid") for b in TARGET.boards))
     assert second_pass(PHOTOS, detection, tags) is detection
+
+
+def test_boards_of_the_other_colours_are_looked_at_as_they_are(thinned):
+    """What the first pass saw of the colours counts, not what the target says."""
+    others = {"dark": "light", "light": "dark"}
+    wrong = replace(
+        TARGET,
+        boards=tuple(replace(b, first_square=others[b.first_square]) for b in TARGET.boards),
+    )
+    first = first_pass(thinned)
+    right = second_pass(PHOTOS, first, TARGET, jobs=1)
+    seen = second_pass(PHOTOS, replace(first, other_colours=True), wrong, jobs=1)
+    np.testing.assert_array_equal(seen.corners.pixel, right.corners.pixel)
+    assert len(seen.corners.pixel) > len(thinned.pixel)

@@ -7,6 +7,7 @@ import pytest
 from anonymous_grids import anonymous_photos
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three, poses_around, synthetic_corners
 
+from cubicfish_cli.detection.photo_as import grid_in_mirror
 from cubicfish_cli.naming.name_grids import name_grids
 from cubicfish_cli.naming.wrong_drawing import misdrawn as module
 from cubicfish_cli.naming.wrong_drawing.misdrawn import misdrawn
@@ -32,7 +33,7 @@ def told(grids, target=TARGET):
 def mirrored(grids, photos):
     """The same, with photos seen in a mirror: the grids found there are numbered anew."""
     return [
-        [module._mirror(grid, IMAGE_SIZE[0]) for grid in own] if photo in photos else own
+        [grid_in_mirror(grid, IMAGE_SIZE[0]) for grid in own] if photo in photos else own
         for photo, own in enumerate(grids)
     ]
 
@@ -45,19 +46,18 @@ def changed(index, **values):
 
 def test_a_mirrored_grid_is_the_one_of_the_mirrored_photo(grids):
     grid = grids[0][0]
-    seen = module._mirror(grid, IMAGE_SIZE[0])
-    again = module._mirror(seen, IMAGE_SIZE[0])
+    seen = grid_in_mirror(grid, IMAGE_SIZE[0])
+    again = grid_in_mirror(seen, IMAGE_SIZE[0])
     np.testing.assert_array_equal(again.cells, grid.cells)
     np.testing.assert_allclose(again.pixel, grid.pixel)
     assert again.parity == grid.parity
-    # The square between two columns stays the same square, with its colour.
+    # Right-handed again, with the first square still the first.
     where = {tuple(cell): pixel for cell, pixel in zip(seen.cells, seen.pixel, strict=True)}
-    last = grid.cells[:, 0].max()
-    for (column, row), pixel in zip(grid.cells, grid.pixel, strict=True):
-        np.testing.assert_allclose(
-            where[last - column, row], [IMAGE_SIZE[0] - 1, 0] + pixel * [-1, 1]
-        )
-    assert seen.parity == grid.parity * (-1) ** (last - 1)
+    for (i, j), pixel in zip(grid.cells, grid.pixel, strict=True):
+        np.testing.assert_allclose(where[j, i], [IMAGE_SIZE[0] - 1, 0] + pixel * [-1, 1])
+    right, below = where[1, 0] - where[0, 0], where[0, 1] - where[0, 0]
+    assert right[0] * below[1] - right[1] * below[0] > 0
+    assert seen.parity == grid.parity
 
 
 def test_right_photos_of_a_right_drawing_are_not_named_again(grids, monkeypatch):

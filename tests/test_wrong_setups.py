@@ -188,4 +188,6 @@ def test_one_photo_under_several_names(
     }
     said, record = from_photos(run, tmp_path, photos | copies, 0)
     assert [finding["cause"] for finding in record["findings"]] == ["repeats"]
+    names = {"corner_01.png", *(f"{name}.png" for name in copies)}
+    assert set(record["findings"][0]["images"]) == names
     assert "7 photos are effectively 4: corner_01.png = corner_01_copy_0.png" in said

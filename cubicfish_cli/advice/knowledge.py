@@ -127,6 +127,7 @@ class Knowledge:
                 board=np.concatenate([pairs.board, board]),
                 column=np.concatenate([pairs.column, column]),
                 row=np.concatenate([pairs.row, row]),
+                certain=np.concatenate([pairs.certain, np.ones(len(image), bool)]),
             ),
             poses,
         )

@@ -180,14 +180,13 @@ def command(
         say_photo_problems(loaded.detection)
     if loaded.corners is None:  # the input held pairs
         outputs.pop("corners", None)
-    if refine_target == "auto" and loaded.detection is not None:
-        by_convention = loaded.detection.by_convention
-        if by_convention:
-            refine_target = "off"
-            say(
-                f"The object stays as drawn: {count(len(by_convention), 'photo')} show too little "
-                "of the board to tell which corners these are."
-            )
+    uncertain = loaded.pairs.uncertain_images
+    if refine_target == "auto" and uncertain:
+        say(
+            f"The object stays as drawn: {count(len(uncertain), 'photo')} "
+            f"show{'s' * (len(uncertain) == 1)} too little of the board to tell which corners "
+            "these are."
+        )
     say(f"Fitting to {count(len(loaded.pairs.pixel), 'corner')}.")
     if lift == "point":
         calibrate_points.run(

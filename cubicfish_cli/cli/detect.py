@@ -136,7 +136,7 @@ def command(
         )
     say_photo_problems(detection)
     for finding in detection.findings:
-        say(f"warning: {finding.line}")
+        say(f"{'note' if finding.level == 'note' else 'warning'}: {finding.line}")
     if not as_json:
         print_photo_table(_rows(detection), detection.corners.boards)
         result(f"\nwrote {output}: {count(corners, 'corner')} in {count(images, 'photo')}")

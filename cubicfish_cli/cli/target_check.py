@@ -71,7 +71,7 @@ def command(target: Path, draw: Path | None, overwrite: bool, as_json: bool) -> 
         if draw.suffix.lower() != ".svg":
             raise OutputError(f"{draw}: drawings are SVG: end the name in .svg")
         refuse_existing(draw, overwrite=overwrite)
-    loaded = load_target(target)
+    loaded = load_target(target).as_printed()
     with working("Looking at the object from all sides"):
         facts = check_object(loaded)
     if draw is not None:

@@ -228,7 +228,7 @@ def _of_file(path: Path, names: tuple[str, ...]) -> list[Sheet]:
     from cubicfish_cli.printing.sheet import sheets_of
     from cubicfish_cli.target import load_target
 
-    loaded = load_target(path)
+    loaded = load_target(path).as_printed()
     sheets = sheets_of(loaded, names)
     if any(board.shape is not None for board in loaded.boards):
         say("note: boards are printed as drawn; how a calibration found them to depart is left out")

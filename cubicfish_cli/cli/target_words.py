@@ -10,7 +10,7 @@ from cubicfish_cli.wording import either
 
 if TYPE_CHECKING:
     from cubicfish_cli.naming.object_check import ObjectFacts, Turn
-    from cubicfish_cli.target import Target
+    from cubicfish_cli.target import Board, Target
 
 _FULL_RANK = 20
 # More examples than this are not read.
@@ -24,7 +24,7 @@ def advice(target: Target, facts: ObjectFacts) -> list[tuple[str, str]]:
     """(what it is about, text) for each thing that is worth saying, in order."""
     return [
         ("Photos", _photos(target, facts)),
-        *(("Names", text) for text in _names(facts)),
+        *(("Names", text) for text in _names(target, facts)),
         *(("Places", text) for text in _places(facts)),
         *(("Sizes", text) for text in _sizes(target)),
         ("Point lift", _point_lift(facts)),
@@ -57,7 +57,11 @@ def _photos(target: Target, facts: ObjectFacts) -> str:
     )
 
 
-def _names(facts: ObjectFacts) -> Iterator[str]:
+def _is_oblong(board: Board) -> bool:
+    return board.has_squares and board.columns != board.rows
+
+
+def _names(target: Target, facts: ObjectFacts) -> Iterator[str]:
     if facts.named_by == "table":
         yield (
             "Lists of points are not looked for in photos: calibrate from a corners.csv that says "
@@ -81,7 +85,12 @@ def _names(facts: ObjectFacts) -> Iterator[str]:
     if facts.symmetries:
         yield (
             "Its corners may be named in either way, which is harmless for the lens. The way that "
-            "is most upright in the photo is taken: columns to the right, rows down."
+            "is most upright in the photo is taken: "
+            + (
+                "its longer side runs to the right or down."
+                if alone and any(_is_oblong(board) for board in target.boards)
+                else "columns to the right, rows down."
+            )
         )
     elif alone:
         yield (

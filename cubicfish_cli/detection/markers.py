@@ -7,7 +7,7 @@ that agree with each other about where the board is; what they contradict is lef
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -33,6 +33,7 @@ from cubicfish_cli.detection.markers_read import (
     wrong_modules,
 )
 from cubicfish_cli.detection.nearby import nearest
+from cubicfish_cli.detection.photo_as import grids_in_mirror, negative_grids, negative_photo
 from cubicfish_cli.detection.pyramid import Pyramid, build_pyramid
 from cubicfish_cli.target import Board, Target
 
@@ -116,6 +117,54 @@ def find_marked_corners(
         grids: what :func:`~.finder.find_grids` found in the same photo.
 
     """
+    if target.mirrored:
+        found = find_marked_corners(image[:, ::-1], target.in_mirror(), grids_in_mirror(grids))
+        return _in_mirror(found, target, image.shape[1])
+    inverted = _with_markers(target, inverted=True)
+    if inverted is None:
+        return _find(image, target, grids)
+    negative = _find(negative_photo(image), inverted, negative_grids(grids))
+    others = _with_markers(target, inverted=False)
+    return negative if others is None else _both(_find(image, others, grids), negative)
+
+
+def _with_markers(target: Target, *, inverted: bool) -> Target | None:
+    """The target with only the inverted markers, as positive ones, or only the others; or None."""
+    boards = [
+        (board.with_negative_markers() if inverted else board)
+        if board.markers is not None and board.markers.inverted == inverted
+        else replace(board, markers=None)
+        for board in target.boards
+    ]
+    kept = any(board.markers is not None for board in boards)
+    return replace(target, boards=tuple(boards)) if kept else None
+
+
+def _in_mirror(found: MarkedCorners, target: Target, width: int) -> MarkedCorners:
+    """What was found in the mirrored photo of the object, as corners of what the mirror shows."""
+    columns = np.array([board.columns for board in target.boards])[found.board]
+    return replace(
+        found,
+        column=columns - 1 - found.column,
+        pixel=np.stack([width - 1 - found.pixel[:, 0], found.pixel[:, 1]], axis=-1),
+    )
+
+
+def _both(one: MarkedCorners, other: MarkedCorners) -> MarkedCorners:
+    """The corners of boards of both kinds in one photo."""
+    joined = {
+        name: np.concatenate([getattr(one, name), getattr(other, name)])
+        for name in ("board", "column", "row", "pixel", "how")
+    }
+    return MarkedCorners(
+        **joined,
+        grid_board=np.maximum(one.grid_board, other.grid_board),
+        contradictory=tuple(sorted({*one.contradictory, *other.contradictory})),
+    )
+
+
+def _find(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> MarkedCorners:
+    """The same for dark markers in a photo that is not mirrored."""
     all_families = families(target)
     if not all_families or min(image.shape) < 8:
         return _marked([], len(grids.grids), ())

@@ -35,6 +35,7 @@ def select(pairs: Correspondences, keep: BoolArray) -> tuple[Correspondences, In
         board=pairs.board[keep],
         column=pairs.column[keep],
         row=pairs.row[keep],
+        certain=pairs.certain[keep],
     )
     return chosen, photos.astype(np.intp)
 

@@ -12,8 +12,9 @@ from cubicfish_cli.target import TAG_FAMILIES, Board, Target
 
 def target_text(target: Target) -> str:
     """The text of a target file: what :func:`cubicfish_cli.target.load_target` reads back."""
-    boards = [_board_record(board) for board in target.boards]
-    return plain_yaml_text({"units": target.units, "boards": boards})
+    boards = [_board_record(board) for board in target.as_printed().boards]
+    mirrored = {"mirrored": True} if target.mirrored else {}
+    return plain_yaml_text({"units": target.units, **mirrored, "boards": boards})
 
 
 def _board_record(board: Board) -> dict[str, Any]:
@@ -38,6 +39,8 @@ def _board_record(board: Board) -> dict[str, Any]:
                 "marker": board.markers.side,
                 "first_marker": board.markers.first,
             }
+            if board.markers.inverted:
+                record["inverted"] = True
     if board.points is None:
         record |= {key: getattr(board, key).tolist() for key in ("origin", "x_axis", "y_axis")}
     shape = board.shape

@@ -46,7 +46,8 @@ def calibrate(
             as it is.
         refine_target: what of the object is fitted too: ``off``, ``shape`` (boards bend, twist,
             stretch and move a little), ``points`` (each corner has an offset of its own as
-            well), or ``auto``: the richest of these that lowers the held-out error.
+            well), or ``auto``: the richest of these that lowers the held-out error, and ``off``
+            where it is not certain of all corners which they are.
         hold_out: also measure the error on photos left out of the fit (five more fits a level);
             ``auto`` needs it.
         progress: called with what is done now, in words, and the share done, 0 to 1.
@@ -64,8 +65,6 @@ def calibrate(
         )
     pairs = pairs_of(corners, target)
     known = corners.findings if isinstance(corners, Detection) else ()
-    if refine_target == "auto" and isinstance(corners, Detection) and corners.by_convention:
-        refine_target = "off"
     return fitting.calibrate(
         pairs,
         target=target,

@@ -73,7 +73,15 @@ def _checked(rows: _Rows) -> _Rows:
         board=_index(rows.board, "board", len(pixel), least, len(rows.boards)),
         column=_index(rows.column, "column", len(pixel), 0),
         row=_index(rows.row, "row", len(pixel), 0),
+        certain=_flags(rows.certain, "certain", len(pixel)),
     )
+
+
+def _flags(value: npt.ArrayLike, name: str, rows: int) -> npt.NDArray[np.bool_]:
+    flags = np.asarray(value)
+    if flags.shape != (rows,) or flags.dtype != bool:
+        raise CorrespondenceError(f"{name} must hold {rows} times True or False, as many as pixel")
+    return flags.copy()
 
 
 def _index(

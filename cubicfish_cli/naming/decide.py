@@ -44,6 +44,7 @@ class Verdict(Enum):
     TWIN = "one of several boards alike"
     NO_FIT = "fits no place"
     TOO_LARGE = "larger than every board"
+    COLOURS = "light where the board is dark"
     NOT_PLANE = "not a plane of squares"
 
 
@@ -124,13 +125,35 @@ class _Photo:
         return is_symmetry(motion, self.sides)
 
     def most_upright(self, labelings: Labelings, among: Iterable[int]) -> int:
-        """Of labelings that look alike: the least turned in the photo, then the most central."""
+        """Of labelings that look alike: the least turned in the photo, then the most central.
 
-        def order(k: int) -> tuple[float, float, int]:
+        A board that is longer one way and alone is the same whichever side is called x. So its
+        long side is to run to the right or down, and what is left is decided along it too.
+        """
+
+        def order(k: int) -> tuple[float, ...]:
             side, offset = _place(labelings, k)
-            return (-round(self.uprightness(side, offset)), self.off_middle(side, offset), k)
+            upright, aside = -round(self.uprightness(side, offset)), self.off_middle(side, offset)
+            return upright, aside, *self.shift(side, offset), k
 
         return min(among, key=order)
+
+    @property
+    def long_axis(self) -> int | None:
+        """0 or 1, the axis of the longer side of a board that is alone; else None."""
+        columns, rows = self.sides.size[0].tolist()
+        return None if len(self.sides.board) != 4 or columns == rows else int(rows > columns)
+
+    def shift(self, side: IntArray, offset: IntArray) -> tuple[float, ...]:
+        """Squares from the middle of a lone board to its grids', along its long and short side."""
+        if self.long_axis is None:
+            return ()
+        total = np.zeros(2)
+        for g in _named(side):
+            first, last = self.span(g, int(side[g]), offset[g])
+            total += (first + last - (self.sides.size[side[g]] - 1)) / 2
+        along, across = total.tolist()
+        return (along, across) if self.long_axis == 0 else (across, -along)
 
     def off_middle(self, side: IntArray, offset: IntArray) -> float:
         """Squares between the middles of the grids and of their boards, summed."""
@@ -142,12 +165,17 @@ class _Photo:
         return total
 
     def uprightness(self, side: IntArray, offset: IntArray) -> float:
-        """How far columns run to the right and rows down in the photo, over all grids."""
+        """How far columns run to the right and rows down in the photo, over all grids.
+
+        Of a lone board, how far its long side runs to the right and down.
+        """
         total = 0.0
         for g in _named(side):
             grid = self.grids[g]
             cells = self.sides.board_cells(int(side[g]), offset[g], grid.cells)
             cells = cells - cells.mean(axis=0)
+            if self.long_axis is not None:
+                cells = cells[:, self.long_axis, None]
             total += float(np.sum(cells * (grid.pixel - grid.pixel.mean(axis=0))))
         return total
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -15,13 +16,24 @@ from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.markers import MarkedCorners, find_marked_corners
 from cubicfish_cli.errors import DetectionError, PhotoError
-from cubicfish_cli.fitting.diagnosis.finding import Finding
+from cubicfish_cli.fitting.diagnosis.finding import Finding, listed
 from cubicfish_cli.machines import Machines
 from cubicfish_cli.naming.cache import GridCache
-from cubicfish_cli.naming.marked import has_markers, marked_corners
+from cubicfish_cli.naming.marked import (
+    has_markers,
+    marked_corners,
+    otherwise_printed,
+    unseen_markers,
+)
 from cubicfish_cli.naming.name_grids import GridReport, Naming, name_grids
 from cubicfish_cli.naming.pool import map_photos, settled, workers_for
-from cubicfish_cli.naming.refusals import counted_squares, nothing_named, wrong_object
+from cubicfish_cli.naming.refusals import (
+    HOW_MIRRORED,
+    counted_squares,
+    grid_boards,
+    nothing_named,
+    wrong_object,
+)
 from cubicfish_cli.naming.remarks import Remark, remark_of
 from cubicfish_cli.naming.wrong_drawing.miscounted import counted, miscounted
 from cubicfish_cli.naming.wrong_drawing.misdrawn import misdrawn
@@ -89,21 +101,14 @@ class Detection:
         corners: the named corners; ``images`` are the photos that have some.
         photos: a report on every photo, in the order given.
         findings: what is likely wrong with photos or target, where many grids fit nowhere.
+        other_colours: whether the only board is light where the target says that it is dark.
 
     """
 
     corners: Corners
     photos: tuple[PhotoReport, ...]
     findings: tuple[Finding, ...] = ()
-
-    @property
-    def by_convention(self) -> tuple[str, ...]:
-        """Photos that show too little of the board to tell which corners these are.
-
-        They serve a lens, but corners that may be others than they are named as say nothing
-        about the object.
-        """
-        return tuple(photo.name for photo in self.photos if not photo.exact)
+    other_colours: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -114,6 +119,7 @@ class _Found:
     problem: str | None
     marked: MarkedCorners | None = None
     other_size: bool = False
+    digest: str = ""  # of the file's bytes
 
 
 def detect_corners(
@@ -160,12 +166,20 @@ def detect_corners(
         PhotoReport(name=photo.name, problem=one.problem, other_size=one.other_size)
         for photo, one in zip(photos, found, strict=True)
     ]
-    findings: list[Finding] = []
+    copies = _copies(names, [found[index].digest for index in usable])
+    findings = [] if copies is None else [copies]
+    other_colours = False
     if has_markers(target):
         marked = [_marked(found[index]) for index in usable]
         corners = marked_corners(marked, target, size, names)
+        finding = _why_unseen([(photos[index], found[index]) for index in usable], corners, target)
+        findings += [] if finding is None else [finding]
         if not len(corners.pixel):
-            raise DetectionError(_no_markers(len(found), target))
+            raise DetectionError(
+                f"no corner can be named: {finding.line}"
+                if finding is not None
+                else _no_markers(len(found), target)
+            )
         for number, index in enumerate(usable):
             reports[index] = _marked_report(names[number], found[index], corners, number)
     else:
@@ -186,19 +200,75 @@ def detect_corners(
             raise DetectionError(refusal)
         finding = finding or miscounted(counts, target, len(usable))
         findings += [] if finding is None else [finding]
+        other_colours = naming.other_colours
+        if other_colours:
+            findings.append(_other_colours(target))
         if finding is not None and not len(corners.pixel):
             raise DetectionError(f"no corner can be named: {finding.line}")
         if not len(corners.pixel):
             raise DetectionError(_nothing_named(found, naming, target))
         for number, index in enumerate(usable):
             reports[index] = _report(names[number], found[index], naming, number, target)
-    return Detection(corners=_only_seen(corners), photos=tuple(reports), findings=tuple(findings))
+    return Detection(
+        corners=_only_seen(corners),
+        photos=tuple(reports),
+        findings=tuple(findings),
+        other_colours=other_colours,
+    )
+
+
+def _copies(names: Sequence[str], digests: Sequence[str]) -> Finding | None:
+    """Photos that are the same file as an earlier one, byte by byte."""
+    first: dict[str, str] = {}
+    pairs = []
+    for name, digest in zip(names, digests, strict=True):
+        if digest and first.setdefault(digest, name) != name:
+            pairs.append((first[digest], name))
+    if not pairs:
+        return None
+    said = [f"{one} = {other}" for one, other in pairs]
+    return Finding(
+        cause="repeats",
+        level="note",
+        what=f"{listed(said, 'copies')}: the same photo{'s' * (len(pairs) > 1)} again",
+        evidence="the files are equal byte by byte",
+        do="leave the copies out: they say nothing new",
+        images=tuple(name for name in names if any(name in pair for pair in pairs)),
+    )
+
+
+def _other_colours(target: Target) -> Finding:
+    board = grid_boards(target.as_printed())[0]
+    first = board.first_square
+    other = "light" if first == "dark" else "dark"
+    mirror = (
+        "if photos are not mirrored, take mirrored: true out of it"
+        if target.mirrored
+        else f"if the camera looks into a mirror, {HOW_MIRRORED}"
+    )
+    return Finding(
+        cause="mirrored",
+        level="note",
+        what=f"board {board.name} is light where target.yaml says that it is dark: first_square is "
+        f"not {first}, or photos are {'not ' * target.mirrored}mirrored",
+        evidence="photos that show it whole say so; its corners are named by the colours seen",
+        do=f"write first_square: {other} into target.yaml, or {mirror}; the lens is the same",
+        boards=(board.name,),
+    )
 
 
 def _find(photo: Photo, *, target: Target, cache: GridCache | None) -> _Found:
-    markers = has_markers(target)
     try:
         data = read_file(photo.path) if photo.picture is None else b""
+    except PhotoError as error:
+        return _Found(grids=None, problem=str(error))
+    digest = hashlib.sha256(data).hexdigest() if data else ""
+    return replace(_searched(photo, data, target, cache), digest=digest)
+
+
+def _searched(photo: Photo, data: bytes, target: Target, cache: GridCache | None) -> _Found:
+    markers = has_markers(target)
+    try:
         cache = cache if data else None  # what is in memory has no bytes to know it by
         key = cache.key(data) if cache else ""
         known = cache.load(key) if cache else None
@@ -283,6 +353,23 @@ def _report(name: str, one: _Found, naming: Naming, number: int, target: Target)
         found=one.grids,
         grids=grids,
     )
+
+
+def _why_unseen(
+    photos: Sequence[tuple[Photo, _Found]], corners: Corners, target: Target
+) -> Finding | None:
+    """Why no photo shows the markers of some boards, where it is that they are otherwise."""
+    unseen = unseen_markers(corners, target)
+    if not unseen:
+        return None
+
+    def richest() -> Iterator[tuple[Picture, FoundGrids]]:
+        for photo, one in sorted(photos, key=lambda both: -sum(map(len, _grids(both[1])))):
+            shown = _brightness(photo)
+            if shown is not None and one.grids is not None:
+                yield shown, one.grids
+
+    return otherwise_printed(richest(), target, unseen)
 
 
 def _marked(one: _Found) -> MarkedCorners:

@@ -36,6 +36,7 @@ _WHY = {
     Verdict.TWIN: "one of several boards alike",
     Verdict.NO_FIT: "fits no place",
     Verdict.TOO_LARGE: "larger than every board",
+    Verdict.COLOURS: "light where the board is dark",
     Verdict.NOT_PLANE: "not a plane of squares",
 }
 _TURN = np.arange(24) * (np.pi / 12)

@@ -6,13 +6,22 @@ marked boards have told the lens and where each photo was taken from.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import islice
 
 import numpy as np
 
 from cubicfish_cli.correspondences import Corners
-from cubicfish_cli.detection.markers import MarkedCorners
+from cubicfish_cli.detection.grids import FoundGrids
+from cubicfish_cli.detection.markers import MarkedCorners, find_marked_corners
+from cubicfish_cli.fitting.diagnosis.finding import Finding, listed
+from cubicfish_cli.naming.refusals import HOW_MIRRORED
+from cubicfish_cli.photos import Picture
 from cubicfish_cli.target import Target
+
+# Photos in which unseen markers are looked for once more, and how many corners tell.
+_PHOTOS = 3
+_TELLING_CORNERS = 4
 
 
 def has_markers(target: Target) -> bool:
@@ -52,4 +61,84 @@ def marked_corners(
         row=row[order],
         pixel=pixel[order],
         weight=np.ones(len(order)),
+    )
+
+
+def unseen_markers(corners: Corners, target: Target) -> list[int]:
+    """Boards with markers of which no photo shows a corner."""
+    seen = set(np.unique(corners.board).tolist())
+    return [
+        index
+        for index, board in enumerate(target.boards)
+        if board.markers is not None and index not in seen
+    ]
+
+
+def otherwise_printed(
+    photos: Iterable[tuple[Picture, FoundGrids]], target: Target, unseen: Sequence[int]
+) -> Finding | None:
+    """Why markers of some boards are not seen: they are inverted, or photos are mirrored.
+
+    Args:
+        photos: brightness (H, W) of photos and their grids, those that show most first; only a
+            few of them are looked at.
+        target: the object.
+        unseen: indices of these boards.
+
+    Returns:
+        None where they are not seen otherwise either.
+
+    """
+    changed = {index: target.boards[index].with_negative_markers() for index in unseen}
+    kinds = {target.boards[index].kind for index in unseen}
+    others = [target.with_boards(changed)] if "charuco" in kinds else []
+    # Where some boards are read as they are, the photos are not mirrored.
+    marked = sum(board.markers is not None for board in target.boards)
+    if len(unseen) == marked:
+        others += [one.in_mirror() for one in (target, *others)]
+    if not others:
+        return None
+    for picture, grids in islice(photos, _PHOTOS):
+        for other in others:
+            found = find_marked_corners(picture, other, grids)
+            boards = [index for index in unseen if (found.board == index).any()]
+            if np.isin(found.board, unseen).sum() >= _TELLING_CORNERS:
+                return _printed_so(target, other, boards, len(found))
+    return None
+
+
+def _printed_so(target: Target, other: Target, boards: list[int], corners: int) -> Finding:
+    names = tuple(target.boards[index].name for index in boards)
+    first, now = target.boards[boards[0]], other.boards[boards[0]]
+    inverted = (
+        first.markers is not None
+        and now.markers is not None
+        and first.markers.inverted != now.markers.inverted
+    )
+    mirrored = target.mirrored != other.mirrored
+    what, do = [], []
+    if inverted and first.markers is not None:
+        light = not first.markers.inverted
+        what.append(f"are {'light on dark' if light else 'dark on light'}")
+        do.append(
+            f"say inverted: {str(light).lower()} and first_square: "
+            f"{other.as_printed().boards[boards[0]].first_square} for "
+            f"{'it' if len(names) == 1 else 'them'} in target.yaml"
+        )
+    if mirrored:
+        what.append("are mirrored" if other.mirrored else "are not mirrored")
+        do.append(
+            "use photos as the sensor made them, or if the camera looks into a mirror, "
+            f"{HOW_MIRRORED}"
+            if other.mirrored
+            else "take mirrored: true out of target.yaml"
+        )
+    return Finding(
+        cause="mirrored" if mirrored else "inverted",
+        level="bad" if mirrored else "care",
+        what=f"the markers of board{'s' * (len(names) > 1)} {listed(names, 'boards')} "
+        f"{' and '.join(what)}",
+        evidence=f"so {corners} corners of one photo are read, and none as target.yaml says",
+        do="; ".join(do),
+        boards=names,
     )

@@ -19,6 +19,7 @@ from cubicfish_cli.naming.decide import Decision, Verdict, decide, decide_alone
 from cubicfish_cli.naming.ends import Ends, ends_of, farthest_radius
 from cubicfish_cli.naming.places import Reach, Sides, reach_of, sides_of
 from cubicfish_cli.naming.search import search
+from cubicfish_cli.naming.strays import solid, solid_size, without_strays
 from cubicfish_cli.naming.views import GridPose, anonymous_pairs, grid_poses, view_of
 from cubicfish_cli.target import Target
 
@@ -46,7 +47,7 @@ FEWEST_CORNERS = 12
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """A place on the target that is known beforehand, from markers for instance.
+    """Where on the target a grid lies.
 
     Corner (i, j) of the grid is corner turn · (i, j) + (column, row) of the board.
 
@@ -71,7 +72,8 @@ class GridReport:
         verdict: named, or why not.
         place: where it lies, None when it was left out.
         corners: how many corners it has.
-        size: columns and rows of its bounding box.
+        size: columns and rows of its bounding box; where it was left out, without lines of one or
+            two corners at its rim.
         ratio: how many times worse the best other name fits; inf without a rival.
         rms_px: how well it fits its name under the lens of :class:`Naming`; NaN when unknown.
 
@@ -96,12 +98,14 @@ class Naming:
 
     Attributes:
         corners: the named corners; photos without any are listed in ``images`` all the same.
-        found: for each photo, its grids.
+        found: for each photo, its grids, without the strays that were cut off.
         grids: for each photo, what became of each of its grids.
         lens: the radial lens that the names were checked with, None when none could be fitted.
         exact: (M,) whether the photo's corners are surely these corners of the target. False
             where a board seen in part may be a few squares further along its plane: as good
             for a lens, but not for measuring the target.
+        other_colours: whether the only board is light where the target says that it is dark, in
+            most photos that tell.
 
     """
 
@@ -110,6 +114,7 @@ class Naming:
     grids: tuple[tuple[GridReport, ...], ...]
     lens: RadialCamera | None
     exact: BoolArray
+    other_colours: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -122,6 +127,7 @@ class _Task:
     grids: list[Grid]
     reach: list[Reach]
     photos: list[list[int]]  # for each photo, indices into the list, largest grid first
+    other_colours: bool
 
 
 def name_grids(
@@ -130,7 +136,6 @@ def name_grids(
     image_size: tuple[int, int],
     images: Sequence[str],
     *,
-    known: Sequence[Sequence[Place | None]] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Naming:
     """Name every grid that can be named beyond doubt; the others are left out and reported.
@@ -144,13 +149,12 @@ def name_grids(
         target: the object.
         image_size: (width, height) of all photos, pixels.
         images: the photos' names.
-        known: places that are known beforehand, as ``grids``; None where there is none.
         progress: called with photos done and all photos while the search runs.
 
     """
-    task = _task(grids, target, image_size, known)
+    task = _task(grids, target, image_size)
     decisions, lens = _decide_all(task, progress)
-    return _naming(task, grids, decisions, lens, tuple(images))
+    return _naming(task, decisions, lens, tuple(images))
 
 
 def name_again(
@@ -177,26 +181,61 @@ def _task(
     grids: Sequence[Sequence[Grid]],
     target: Target,
     image_size: tuple[int, int],
-    known: Sequence[Sequence[Place | None]] | None,
 ) -> _Task:
     sides = sides_of(target)
+    other_colours = _has_other_colours(grids, sides)
+    if other_colours:
+        sides = replace(sides, colour=-sides.colour)
     flat: list[Grid] = []
     reach: list[Reach] = []
     photos: list[list[int]] = []
-    for photo, own in enumerate(grids):
+    for own in grids:
         first = len(flat)
-        for number, grid in enumerate(own):
+        for found in own:
+            grid, room = found, reach_of(found, sides)
+            if not room.wide_enough:
+                cut = without_strays(grid, sides.sizes_seen)
+                if cut is not None:
+                    grid, room = cut, reach_of(cut, sides)
             flat.append(grid)
-            room = reach_of(grid, sides)
-            place = known[photo][number] if known is not None else None
-            if place is not None:
-                side = np.flatnonzero((sides.board == place.board) & (sides.turn == place.turn))
-                room = room.only(int(side[0]), np.array([place.column, place.row]))
             reach.append(room)
         photos.append(sorted(range(first, len(flat)), key=lambda k: -len(flat[k])))
     return _Task(
-        target=target, sides=sides, image_size=image_size, grids=flat, reach=reach, photos=photos
+        target=target,
+        sides=sides,
+        image_size=image_size,
+        grids=flat,
+        reach=reach,
+        photos=photos,
+        other_colours=other_colours,
     )
+
+
+def _has_other_colours(grids: Sequence[Sequence[Grid]], sides: Sides) -> bool:
+    """Whether most photos show the only board with light and dark exchanged.
+
+    A lens does not depend on it, and it is hard to see on a print which corner is the first: it
+    must not lose a photo. Grids that span the board tell, if its size does not allow both.
+    """
+    if len(sides.board) != 4:
+        return False
+    exchanged = replace(sides, colour=-sides.colour)
+    votes = 0
+    for own in grids:
+        whole = max(
+            (grid for grid in own if (_box(grid) == sides.sizes_seen).all(axis=1).any()),
+            key=len,
+            default=None,
+        )
+        if whole is not None:
+            votes += reach_of(whole, exchanged).possible
+            votes -= reach_of(whole, sides).possible
+    return votes > 0
+
+
+def _box(grid: Grid) -> IntArray:
+    size: IntArray = np.ptp(grid.cells, axis=0) + 1
+    return size
 
 
 def _decide_all(
@@ -225,6 +264,7 @@ def _decide_all(
         companion = _named_lens(task, companion, decisions, poses) or companion
     if companion is not None:
         sides, decisions = _with_built(task, companion.camera, poses, decisions)
+        _cut_unnamed(task, sides, companion.camera, poses, decisions)
         decisions = _without_misfits(task, sides, companion.camera, poses, decisions)
     return decisions, companion.camera if companion else None
 
@@ -318,6 +358,45 @@ def _merit(
                 corners += len(task.grids[index])
                 square += len(task.grids[index]) * np.nan_to_num(decision.rms_px[n]) ** 2
     return corners, -float(square)
+
+
+def _cut_unnamed(
+    task: _Task,
+    sides: Sides,
+    camera: RadialCamera,
+    poses: list[GridPose | None],
+    decisions: list[Decision | None],
+) -> None:
+    """Cut what may be strays off grids that have no name, where they have one without them.
+
+    With strays a grid may still fit a larger board of the target, and then nothing is in its way.
+    """
+    for photo, own in enumerate(task.photos):
+        before = decisions[photo]
+        if before is None:
+            continue
+        cut = {
+            index: part
+            for n, index in enumerate(own)
+            if before.verdict[n] is not Verdict.NAMED
+            and len(part := solid(task.grids[index])) < len(task.grids[index])
+        }
+        if not cut:
+            continue
+        kept = {index: (task.grids[index], task.reach[index], poses[index]) for index in cut}
+        for (index, part), pose in zip(
+            cut.items(), grid_poses(camera, list(cut.values()), task.image_size), strict=True
+        ):
+            task.grids[index], task.reach[index] = part, reach_of(part, task.sides)
+            poses[index] = pose
+        after = _decide_photo(task, sides, own, camera, poses)
+        if after is not None and _named_corners(task, own, after) > _named_corners(
+            task, own, before
+        ):
+            decisions[photo] = after
+            continue
+        for index, (grid, reach, pose) in kept.items():
+            task.grids[index], task.reach[index], poses[index] = grid, reach, pose
 
 
 def _without_misfits(
@@ -429,7 +508,7 @@ def _decide_photo(
         return None
     usable = [
         n for n, index in enumerate(own)
-        if task.reach[index].count > 0 and (camera is None or poses[index] is not None)
+        if task.reach[index].possible and (camera is None or poses[index] is not None)
     ]  # fmt: skip
     found = None
     if camera is not None and len(usable) > 1:
@@ -455,8 +534,9 @@ def _decide_photo(
     decision = _spread(found, part, len(own))
     verdict = list(decision.verdict)
     for n, index in enumerate(own):
-        if task.reach[index].count == 0:
-            verdict[n] = Verdict.TOO_LARGE
+        if not task.reach[index].possible:
+            wide = task.reach[index].wide_enough
+            verdict[n] = Verdict.COLOURS if wide else Verdict.TOO_LARGE
         elif n not in usable:
             verdict[n] = Verdict.NOT_PLANE
     return replace(decision, verdict=tuple(verdict))
@@ -546,7 +626,6 @@ def _world(task: _Task, index: int, decision: Decision, n: int) -> FloatArray:
 
 def _naming(
     task: _Task,
-    grids: Sequence[Sequence[Grid]],
     decisions: list[Decision | None],
     lens: RadialCamera | None,
     images: tuple[str, ...],
@@ -580,13 +659,15 @@ def _naming(
         row=cells[:, 1],
         pixel=np.concatenate([np.empty((0, 2)), *(row[3] for row in rows)]),
         weight=np.ones(len(cells)),
+        certain=np.repeat(exact[np.array([row[0] for row in rows], np.intp)], counts),
     )
     return Naming(
         corners=_sorted(corners),
-        found=tuple(tuple(own) for own in grids),
+        found=tuple(tuple(task.grids[index] for index in sorted(own)) for own in task.photos),
         grids=tuple(reports),
         lens=lens,
         exact=exact,
+        other_colours=task.other_colours,
     )
 
 
@@ -606,7 +687,7 @@ def _report(task: _Task, grid: Grid, decision: Decision, n: int) -> GridReport:
         verdict=verdict,
         place=place,
         corners=len(grid),
-        size=(int(width), int(height)),
+        size=(int(width), int(height)) if place is not None else solid_size(grid),
         ratio=float(decision.ratio[n]),
         rms_px=float(decision.rms_px[n]),
     )
@@ -623,4 +704,5 @@ def _sorted(corners: Corners) -> Corners:
         row=corners.row[order],
         pixel=corners.pixel[order],
         weight=corners.weight[order],
+        certain=corners.certain[order],
     )

@@ -51,6 +51,12 @@ class Sides:
     frame: FloatArray
     colour: IntArray
 
+    @property
+    def sizes_seen(self) -> IntArray:
+        """(S, 2) corners of the board along the grid's i and j."""
+        size: IntArray = np.abs(np.swapaxes(self.matrix, -1, -2) @ self.size[..., None])[..., 0]
+        return size
+
     def world_from_grid(self, side: IntArray, offset: IntArray) -> FloatArray:
         """(K,) sides and (K, 2) offsets -> (K, 3, 3): (i, j, 1) to world points."""
         square = self.square[side][:, None]
@@ -134,17 +140,16 @@ class Reach:
         return np.concatenate(sides), np.concatenate(offsets)
 
     @property
-    def count(self) -> int:
-        """About how many places there are (colours halve the offsets)."""
-        room = np.maximum(self.high - self.low + 1, 0)
-        return int((room[:, 0] * room[:, 1]).sum() + 1) // 2
+    def wide_enough(self) -> bool:
+        """Whether there is a board that is large enough, whatever its colours."""
+        return bool((self.high >= self.low).all(axis=1).any())
 
-    def only(self, side: int, offset: IntArray) -> Reach:
-        """The same with a single place left."""
-        low = np.ones_like(self.low)
-        high = np.zeros_like(self.high)
-        low[side] = high[side] = offset
-        return Reach(low=low, high=high, parity=self.parity)
+    @property
+    def possible(self) -> bool:
+        """Whether there is any place."""
+        room = np.maximum(self.high - self.low + 1, 0).prod(axis=1)
+        fits = self.low.sum(axis=1) % 2 == self.parity
+        return bool(((room > 1) | ((room == 1) & fits)).any())
 
 
 def reach_of(grid: Grid, sides: Sides) -> Reach:

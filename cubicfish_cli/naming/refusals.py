@@ -12,19 +12,29 @@ from cubicfish_cli.naming.name_grids import FEWEST_CORNERS, GridReport, Naming
 from cubicfish_cli.naming.wrong_drawing.count import Count
 from cubicfish_cli.target import Board, Target
 
+HOW_MIRRORED = "say mirrored: true at the top of target.yaml"
+"""What to do where the camera looks into a mirror."""
+
 WHY = {
     Verdict.AMBIGUOUS: "several places on the target fit nearly as well",
     Verdict.SLIDE: "no end of a board is seen, so it could be anywhere along it",
     Verdict.TWIN: "it could be any of several boards that look alike",
     Verdict.NO_FIT: "fits no place on the target",
     Verdict.TOO_LARGE: "larger than every board of the target",
+    Verdict.COLOURS: "its squares are light where those of the board are dark",
     Verdict.NOT_PLANE: "its corners are no plane of squares",
 }
 _CHECK = "check corners, square, origin and axes of the boards in the target file"
-_ADVICE = {
-    Verdict.NO_FIT: _CHECK,
-    Verdict.NOT_PLANE: _CHECK,
+_MORE = "take photos that show two boards, or a board with its ends"
+ADVICE = {
+    Verdict.AMBIGUOUS: _MORE,
+    Verdict.SLIDE: _MORE,
     Verdict.TWIN: "take photos that show these boards together",
+    Verdict.NO_FIT: _CHECK,
+    Verdict.TOO_LARGE: "if it is a board of the object, correct its corners in the target file",
+    Verdict.COLOURS: "check first_square of the boards in target.yaml, and whether the photo is "
+    f"mirrored; if the camera looks into a mirror, {HOW_MIRRORED}",
+    Verdict.NOT_PLANE: _CHECK,
 }
 # Photos of another object show the same grid again and again, and so much of its corners is
 # larger than every board where it is a larger one.
@@ -44,12 +54,11 @@ def nothing_named(naming: Naming, target: Target) -> str:
         if sorted(largest.size) == sorted((board.columns - 1, board.rows - 1)):
             return _counted_squares(board, 1)
     why = Counter(grid.verdict for grid in grids).most_common(1)[0][0]
-    advice = _ADVICE.get(why, "take photos that show two boards, or a board with its ends")
     says = ", ".join(f"{board.columns}x{board.rows}" for board in boards[:6])
     return (
         f"found {len(grids)} grid{'s' * (len(grids) != 1)} of up to {_times(largest.size)} "
         f"inner corners in {_photos(photos)}, but none can be placed on the target ({says}): "
-        f"{WHY[why]}; {advice}"
+        f"{WHY[why]}; {ADVICE[why]}"
     )
 
 

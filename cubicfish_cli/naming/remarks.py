@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from cubicfish_cli.fitting.diagnosis.finding import listed
 from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.name_grids import GridReport
-from cubicfish_cli.naming.refusals import WHY
+from cubicfish_cli.naming.refusals import ADVICE, WHY
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +46,7 @@ def remark_of(photo: str, grid: GridReport) -> Remark | None:
         ": part of the board, placed in its middle; a lens does not depend on where, measuring "
         "the board would"
         if grid.verdict is Verdict.CONVENTION
-        else f" is left out: {WHY[grid.verdict]}"
+        else f" is left out: {WHY[grid.verdict]}; {ADVICE[grid.verdict]}"
     )
     return Remark(photo=photo, text=text, size=grid.size, corners=grid.corners)
 

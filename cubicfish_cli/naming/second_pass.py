@@ -110,7 +110,7 @@ def second_pass(
     by_name = {photo.name: photo for photo in seen}
     exact = {report.name for report in detection.photos if report.exact}
     predictions = [
-        _predicted(by_name[name], number, fit, detection.corners, target)
+        _predicted(by_name[name], number, fit, detection, target)
         for number, name in enumerate(fit.pairs.images)
         if name in exact
     ]
@@ -124,8 +124,9 @@ def second_pass(
 
 
 def _predicted(
-    photo: Photo, number: int, fit: Calibration, corners: Corners, target: Target
+    photo: Photo, number: int, fit: Calibration, detection: Detection, target: Target
 ) -> _Prediction:
+    corners = detection.corners
     rotation, translation = fit.poses.rotation[number], fit.poses.translation[number]
     own = corners.image == corners.images.index(photo.name)
     known = set(
@@ -153,7 +154,7 @@ def _predicted(
         pixel=pixel,
         step=step,
         bend=bend,
-        sign=sign,
+        sign=-sign if detection.other_colours else sign,
         known=np.array([name in known for name in names], bool),
         limit_px=gross_px(fit.residual),
     )
@@ -249,6 +250,10 @@ def _with_added(
         row=row[order],
         pixel=pixel[order],
         weight=np.concatenate([corners.weight, np.ones(len(image) - len(corners.weight))])[order],
+        # Only photos whose names are certain are looked at again.
+        certain=np.concatenate([corners.certain, np.ones(len(image) - len(corners.certain), bool)])[
+            order
+        ],
     )
     return replace(
         detection,

@@ -51,7 +51,8 @@ def charuco_is_dark(board: Board) -> Callable[[FloatArray], BoolArray]:
 
     The layout is ``cv2.aruco.CharucoBoard``'s since OpenCV 4.6: markers stand upright in the
     middle of the light squares, ids row by row; with ``first_square: light`` the first marker
-    is in the corner square, as in the legacy layout of boards with an even number of rows.
+    is in the corner square, as in the legacy layout of boards with an even number of rows. On an
+    inverted board light and dark are exchanged.
     """
     markers = board.markers
     if markers is None:
@@ -74,6 +75,7 @@ def charuco_is_dark(board: Board) -> Callable[[FloatArray], BoolArray]:
         x, y = np.where(inside[..., None], cell, 0).astype(np.intp).reshape(-1, 2).T
         u, v = np.where(inside[..., None], module, 0).astype(np.intp).reshape(-1, 2).T
         printed: BoolArray = inside & table[y, x, v, u].reshape(inside.shape)
-        return printed | checkerboard_is_dark(board, plane)
+        squares = checkerboard_is_dark(board, plane)
+        return squares & ~printed if markers.inverted else squares | printed
 
     return is_dark

@@ -101,4 +101,23 @@ def face(board: Board, *, margin: float) -> Face:
             f"board {board.name!r}: a {board.kind} board cannot be drawn, "
             f"only {', '.join(_FACES)}: change its type"
         )
-    return make(board, margin)
+    if not board.mirrored:
+        return make(board, margin)
+    return _in_mirror(
+        make(board.in_mirror(), margin), float(board.plane_points(board.columns - 1, 0)[0])
+    )
+
+
+def _in_mirror(printed: Face, last: float) -> Face:
+    """The face whose columns run the other way: x of its first corner is ``last`` of the print."""
+
+    def is_dark(plane: FloatArray) -> BoolArray:
+        return printed.is_dark(np.stack([last - plane[..., 0], plane[..., 1]], axis=-1))
+
+    x, y = printed.steps
+    return Face(
+        lower=(last - printed.upper[0], printed.lower[1]),
+        upper=(last - printed.lower[0], printed.upper[1]),
+        is_dark=is_dark,
+        steps=((last - x)[::-1], y),
+    )

@@ -446,7 +446,7 @@ def _repeats(fit: ObjectFit) -> list[Finding]:
             evidence="each was taken from the same place as another one, or is its copy; they are "
             "held out together",
             do="take photos from other places instead",
-            images=tuple(pairs.images),
+            images=tuple(np.array(pairs.images)[np.bincount(group)[group] > 1].tolist()),
         )
     ]
 

@@ -14,6 +14,7 @@ Cause = Literal[
     "corner_names",
     "corner_count",
     "mirrored",
+    "inverted",
     "two_lenses",
     "zoom",
     "scaled",

@@ -131,6 +131,7 @@ def _views(pairs: Correspondences, target: Target) -> Correspondences | None:
         boards=("board",),
         column=seen.column[order],
         row=seen.row[order],
+        certain=seen.certain[order],
     )
 
 

@@ -15,10 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.detection.grids import Grid
+from cubicfish_cli.detection.photo_as import grid_in_mirror
 from cubicfish_cli.fitting.diagnosis.finding import Cause, Finding, listed
 from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.name_grids import FEWEST_CORNERS, GridReport, Naming, name_again
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.naming.refusals import HOW_MIRRORED
+from cubicfish_cli.target import Board, FirstSquare, Target
 
 IntArray = npt.NDArray[np.intp]
 
@@ -31,7 +33,7 @@ _CLEARLY = 0.02
 _PHOTOS = 6
 _MOST_BOARDS = 6
 _UNITS = {25.4: "inches for millimetres", 10.0: "centimetres for millimetres"}
-_NO_PLACE = (Verdict.NO_FIT, Verdict.NOT_PLANE, Verdict.TOO_LARGE)
+_NO_PLACE = (Verdict.NO_FIT, Verdict.NOT_PLANE, Verdict.TOO_LARGE, Verdict.COLOURS)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,7 +68,7 @@ def misdrawn(naming: Naming, target: Target) -> Finding | None:
     def named_by(trial: _Trial) -> IntArray:
         """Corners of each photo of the trial that have a place, with that put right."""
         own = [
-            tuple(_mirror(grid, width) for grid in large[photo])
+            tuple(grid_in_mirror(grid, width) for grid in large[photo])
             if photo in trial.mirrored
             else large[photo]
             for photo in trial.photos
@@ -125,19 +127,6 @@ def _large(grids: Sequence[Grid]) -> tuple[Grid, ...]:
     return tuple(grid for grid in grids if len(grid) >= FEWEST_CORNERS)
 
 
-def _mirror(grid: Grid, width: int) -> Grid:
-    """The grid as it would be found in the mirrored photo."""
-    last = int(grid.cells[:, 0].max())
-    # The square at (0, 0) was the one before the last column.
-    parity = grid.parity * (-1) ** max(last - 1, 0)
-    return replace(
-        grid,
-        cells=np.stack([last - grid.cells[:, 0], grid.cells[:, 1]], axis=-1),
-        pixel=np.stack([width - 1 - grid.pixel[:, 0], grid.pixel[:, 1]], axis=-1),
-        parity=int(parity),
-    )
-
-
 def _some_mirrored(
     target: Target, odd: IntArray, fullest: IntArray, images: Sequence[str]
 ) -> _Trial | None:
@@ -166,8 +155,15 @@ def _trials(target: Target, chosen: IntArray) -> Iterator[_Trial]:
     yield _Trial(
         finding=_finding(
             "mirrored",
-            "all photos are mirrored",
-            "use photos as the sensor made them, not as a video call shows them",
+            *(
+                ("no photo is mirrored", "take mirrored: true out of target.yaml")
+                if target.mirrored
+                else (
+                    "all photos are mirrored",
+                    "use photos as the sensor made them, not as a video call shows them; if the "
+                    f"camera looks into a mirror, {HOW_MIRRORED}",
+                )
+            ),
         ),
         target=target,
         photos=chosen,
@@ -220,6 +216,15 @@ def _changes(board: Board) -> Iterator[tuple[str, Cause, Board]]:
         "board_order",
         replace(board, columns=board.rows, rows=board.columns),
     )
+    if board.has_squares:
+        other: FirstSquare = "light" if board.first_square == "dark" else "dark"
+        drawn = board.in_mirror() if board.mirrored else board
+        says = "light" if drawn.first_square == "dark" else "dark"
+        yield (
+            f"its squares are dark where target.yaml has light ones: first_square: {says}",
+            "board_order",
+            replace(board, first_square=other),
+        )
     yield "y_axis points the other way round", "board_order", replace(board, y_axis=-board.y_axis)
     yield "x_axis points the other way round", "board_order", replace(board, x_axis=-board.x_axis)
     yield (
