@@ -120,6 +120,29 @@ def test_a_lone_board_with_strays_keeps_its_photos():
     assert naming.corners.certain.all()
 
 
+def test_a_weak_line_of_the_board_itself_stays_where_strays_go():
+    """Of the last column a hand leaves two corners; a stray is beside the first row."""
+    target = flat_board()
+    corners = seen(target, photos=6, distance=(0.9, 1.4))
+    grids = [own[0] for own in anonymous_photos(corners, target)[0] if len(own[0]) == 88]
+    assert len(grids) >= 3
+    covered = []
+    for own in grids:
+        axis = int(np.argmax(own.cells.max(axis=0)))  # along the board's 11 columns
+        last = own.cells[:, axis] == own.cells[:, axis].max()
+        keep = ~last | (own.cells[:, 1 - axis] == 2) | (own.cells[:, 1 - axis] == 3)
+        part = replace(
+            own,
+            cells=own.cells[keep],
+            pixel=own.pixel[keep],
+            contrast=own.contrast[keep],
+        )
+        covered.append([with_corners(part, (3, -1) if axis == 0 else (-1, 3))])
+    naming = name_grids(covered, target, IMAGE_SIZE, names(len(covered)))
+    assert [photo[0].verdict for photo in naming.grids] == [Verdict.NAMED] * len(covered)
+    assert len(naming.corners.pixel) == 82 * len(covered)
+
+
 def test_strays_do_not_make_a_board_another_larger_one():
     """The wall with a stray still fits the floor's size: it is tried without the stray too."""
     target = corner_of_three()
