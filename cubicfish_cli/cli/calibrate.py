@@ -183,9 +183,9 @@ def command(
     uncertain = loaded.pairs.uncertain_images
     if refine_target == "auto" and uncertain:
         say(
-            f"The object stays as drawn: {count(len(uncertain), 'photo')} "
-            f"show{'s' * (len(uncertain) == 1)} too little of the board to tell which corners "
-            "these are."
+            f"{count(len(uncertain), 'photo')} show{'s' * (len(uncertain) == 1)} too little of the "
+            "board to tell which corners these are: good for the lens, no part of the target's "
+            "measurement."
         )
     say(f"Fitting to {count(len(loaded.pairs.pixel), 'corner')}.")
     if lift == "point":

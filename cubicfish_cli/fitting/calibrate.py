@@ -205,7 +205,7 @@ def calibrate(
         refine_target: what of the object is fitted too: ``off``, ``shape`` (boards bend, twist,
             stretch and move a little), ``points`` (each corner has an offset of its own as
             well), or ``auto``: the richest of these that lowers the held-out error, and ``off``
-            where it is not certain of all corners which they are.
+            where it is not certain of any corner which it is.
         hold_out: also measure the held-out error (five more fits a level); ``auto`` needs it.
         known: what is known to be wrong already, from how corners were named.
         diagnose: also look for what is likely wrong with the set-up.
@@ -218,7 +218,7 @@ def calibrate(
 
     """
     _refuse_too_little(pairs)
-    if refine_target == "auto" and pairs.uncertain_images:
+    if refine_target == "auto" and not pairs.certain.any():
         refine_target = "off"  # corners that may be others say nothing about the object
     origin = far_origin(pairs)
     if target is None and origin.any():

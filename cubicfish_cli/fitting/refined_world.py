@@ -112,7 +112,10 @@ class RefinedWorld:
             parts.append(part)
         corner, count = np.zeros(0, np.intp), 0
         if offset_spread is not None:
-            keys = np.stack([pairs.board, pairs.row, pairs.column], axis=1)
+            # What may be another corner than it is named as has an offset that no other photo
+            # shares: its place stays as uncertain as corners' places are.
+            apart = np.where(pairs.certain, -1, pairs.image)
+            keys = np.stack([pairs.board, pairs.row, pairs.column, apart], axis=1)
             unique, corner = np.unique(keys, axis=0, return_inverse=True)
             corner, count = corner.reshape(-1), len(unique)
         return cls(
@@ -233,8 +236,9 @@ class RefinedWorld:
         middle = part.middle * scale
         offsets = np.zeros((board.rows, board.columns, 3))
         if len(self.corner):
-            own = self.offsets[self.corner[part.pairs]] * scale
-            offsets[pairs.row[part.pairs], pairs.column[part.pairs]] = own @ board.axes.T
+            sure = part.pairs[pairs.certain[part.pairs]]
+            own = self.offsets[self.corner[sure]] * scale
+            offsets[pairs.row[sure], pairs.column[sure]] = own @ board.axes.T
         shape = np.zeros(_SHAPE_TERMS)
         if part.basis.shape[2]:
             shape = self.parameters[part.shape] * part.size * scale
