@@ -185,10 +185,10 @@ def prior_cone(camera: RadialCamera, covered: float) -> float:
 def _first(
     companion: Companion, hold: Hold, start: CubicResult | None, world: World | None
 ) -> tuple[CubicFit, Poses]:
-    """The first of the starts, from the most exact to the safest, that sees every corner.
+    """The first of the starts, from the most exact to the safest, without a pole in sight.
 
-    A start with a pole among the corners is no reason to give up: photos and radial lens are
-    right all the same.
+    A start with a pole among the corners or beside them, on the prior's cone, is no reason to
+    give up: photos and radial lens are right all the same.
     """
     pairs = companion.pairs
     points = pairs.world if world is None else world.points
@@ -196,7 +196,7 @@ def _first(
     for lens, poses in _starts(companion, hold, start):
         with np.errstate(over="ignore"):
             pixel = lens.project(poses.apply(pairs.image, points))
-        if np.isfinite(pixel).all():
+        if np.isfinite(pixel).all() and np.isfinite(lens.prior()[0]).all():
             return lens, poses
     assert lens is not None
     return lens, poses

@@ -24,6 +24,8 @@ IntArray = npt.NDArray[np.intp]
 # board's half diagonal (for turns, radians). Prints stretch and walls bend by some thousandths.
 _SHAPE_SPREAD = 0.01
 _PLACE_SPREAD = 0.02
+# What they mostly are off by.
+_USUAL_SPREAD = 0.003
 _SHAPE_TERMS = 5  # bend x, bend y, twist, stretch x, stretch y
 _STRETCH = 3  # the first of them that stretches
 # The mean stretch of all boards is held to zero this closely: no photo shows the overall scale.
@@ -128,6 +130,32 @@ class RefinedWorld:
             offsets=np.zeros((count, 3)),
             offset_weight=0.0 if offset_spread is None else noise / offset_spread,
         )
+
+    @cached_property
+    def kinds(self) -> IntArray:
+        """(S,) which parameters are of a kind: bends and twists, stretches, places."""
+        kinds = np.zeros(len(self.parameters), np.intp)
+        for part in self.parts:
+            kinds[part.shape.start + _STRETCH : part.shape.stop] = 1
+            kinds[part.place] = 2
+        return kinds
+
+    def with_spreads(self, variance: FloatArray) -> RefinedWorld:
+        """The same object, each kind of parameter pulled to zero as firmly as it shows itself.
+
+        Expectation and maximisation: a kind's variance is the mean of what was found squared and
+        of what is left open. Few boards say little of it, so it leans on what prints are like.
+
+        Args:
+            variance: (S,) of each parameter, what the pairs leave open.
+
+        """
+        spread = self.spread.copy()
+        for kind in np.unique(self.kinds):
+            own = self.kinds == kind
+            found = np.sum(self.parameters[own] ** 2 + variance[own])
+            spread[own] = np.sqrt((found + _USUAL_SPREAD**2) / (own.sum() + 1))
+        return replace(self, spread=spread)
 
     def with_noise(self, noise: float, offset_spread: float | None) -> RefinedWorld:
         """The same object under pulls that follow another noise, pixels, and offsets' spread."""

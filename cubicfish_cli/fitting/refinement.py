@@ -106,11 +106,10 @@ def refine_object(
     free = free_world(drawing, noise=noise_px(fit.cubic.residual), offset_spread=spread)
     previous = fit.cubic.fit.world
     if isinstance(previous, RefinedWorld):
-        free = replace(free, parameters=previous.parameters)
+        free = replace(free, parameters=previous.parameters, spread=previous.spread)
     adjusted = _adjusted(fit.cubic.lens, fit.cubic.poses, drawing.pairs, free)
-    if spread is not None:
-        adjusted = _continued(adjusted, drawing.pairs)
-        adjusted, spread = _settled_spread(adjusted, drawing.pairs, spread)
+    adjusted = _continued(adjusted, drawing.pairs)
+    adjusted, spread = _settled_spread(adjusted, drawing.pairs, spread)
     return _joint(fit, drawing, level, adjusted, spread, groups)
 
 
@@ -156,31 +155,51 @@ def _continued(
 
 
 def _settled_spread(
-    fit: Adjustment, pairs: Correspondences, spread: float
-) -> tuple[Adjustment, float]:
-    """Let the offsets' spread follow the data: expectation and maximisation in turn.
+    fit: Adjustment, pairs: Correspondences, spread: float | None
+) -> tuple[Adjustment, float | None]:
+    """Let the spreads of shapes, places and offsets follow the data: the pulls to the drawing.
 
-    A variance is what was found plus what the pairs leave open. Medians stand for means, since
-    a few corners (a smudge, a knock) are off by much more than the rest.
+    Expectation and maximisation in turn: a variance is what was found plus what the pairs leave
+    open. Loose pulls would leave a board that few photos show wherever their noise puts it.
     """
-    seen = np.bincount(_refined(fit).corner, minlength=len(_refined(fit).offsets))
-    often = seen >= 2
-    if not often.any():
-        return fit, spread
     for _ in range(_SPREAD_ROUNDS):
-        world = _refined(fit)
+        world, before = _refined(fit), spread
         noise = noise_px(fit.residual)
-        length = np.linalg.norm(world.offsets[often], axis=1)
-        covariance = noise**2 * np.linalg.inv(fit.normal.corner[often])
-        left_open = np.trace(covariance, axis1=1, axis2=2) / 3
-        found = np.median(length) / _MEDIAN_OF_MAXWELL
-        new = max(float(np.sqrt(found**2 + np.median(left_open))), _SMALLEST_SPREAD)
-        settled = abs(new / spread - 1) < _SPREAD_SETTLED
-        spread = new
-        fit = _continued(fit, pairs, world.with_noise(noise, spread))
-        if settled:
+        shapes = world.with_spreads(_left_open(fit, noise)) if len(world.parameters) else world
+        if spread is not None:
+            spread = _offset_spread(fit, noise) or spread
+        fit = _continued(fit, pairs, shapes.with_noise(noise, spread))
+        change = np.log(shapes.spread / world.spread)
+        if spread is not None and before is not None:
+            change = np.append(change, np.log(spread / before))
+        if np.all(np.abs(change) < _SPREAD_SETTLED):
             break
     return fit, spread
+
+
+def _left_open(fit: Adjustment, noise: float) -> FloatArray:
+    """(S,) variance of the boards' parameters."""
+    hessian = fit.normal.reduced_shared()
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(hessian), 1e-300))
+    inverse = np.linalg.pinv(hessian * scale * scale[:, None], hermitian=True)
+    variance = noise**2 * scale**2 * np.diagonal(inverse)
+    return np.asarray(variance[-len(_refined(fit).parameters) :])
+
+
+def _offset_spread(fit: Adjustment, noise: float) -> float | None:
+    """Of corners' own offsets; None where no corner is seen twice.
+
+    Medians stand for means, since a few corners (a smudge, a knock) are off by much more.
+    """
+    world = _refined(fit)
+    often = np.bincount(world.corner, minlength=len(world.offsets)) >= 2
+    if not often.any():
+        return None
+    length = np.linalg.norm(world.offsets[often], axis=1)
+    covariance = noise**2 * np.linalg.inv(fit.normal.corner[often])
+    left_open = np.trace(covariance, axis1=1, axis2=2) / 3
+    found = np.median(length) / _MEDIAN_OF_MAXWELL
+    return max(float(np.sqrt(found**2 + np.median(left_open))), _SMALLEST_SPREAD)
 
 
 def _refined(fit: Adjustment) -> RefinedWorld:
