@@ -36,7 +36,14 @@ from cubicfish_cli.fitting.statistics import (
     photo_records,
     rms_px,
 )
-from cubicfish_cli.fitting.subset import far_origin, flatness, select, select_photos, world_scale
+from cubicfish_cli.fitting.subset import (
+    flatness,
+    middle,
+    select,
+    select_photos,
+    with_mean_weight_one,
+    world_scale,
+)
 from cubicfish_cli.fitting.uncertainty import camera_uncertainty, uncertainty_record
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lift import lift
@@ -220,29 +227,28 @@ def calibrate(
     _refuse_too_little(pairs)
     if refine_target == "auto" and not pairs.certain.any():
         refine_target = "off"  # corners that may be others say nothing about the object
-    origin = far_origin(pairs)
-    if target is None and origin.any():
-        near = calibrate(
-            replace(pairs, world=pairs.world - origin),
-            refine_target=refine_target,
-            hold_out=hold_out,
-            known=known,
-            diagnose=diagnose,
-            progress=progress,
-        )
-        used = replace(near.pairs, world=near.pairs.world + origin)
-        return replace(near, pairs=used, poses=near.poses.of_world(origin))
+    # What the user chose freely, the world's origin and the unit of weights, must not matter.
+    origin, weight = middle(pairs), pairs.weight.mean()
+    pairs = with_mean_weight_one(replace(pairs, world=pairs.world - origin))
+    target = target and target.moved(-origin)
     refined = target is not None and (hold_out or refine_target != "auto")
     stages = Stages(progress, refined=refined and refine_target != "off", hold_out=hold_out)
     sought = known if diagnose else None
     try:
-        return _calibrated(pairs, target, refine_target, hold_out, sought, stages)
+        near = _calibrated(pairs, target, refine_target, hold_out, sought, stages)
     except (FitError, np.linalg.LinAlgError) as failure:
         fits = isinstance(failure, _UndeterminedError)
         error = failure if isinstance(failure, FitError) else FitError(_NO_CONVERGENCE)
         if sought is not None:
             error = explained(error, pairs, target, sought, fits=fits)
         raise error from failure
+    used = near.pairs
+    return replace(
+        near,
+        pairs=replace(used, world=used.world + origin, weight=used.weight * weight),
+        poses=near.poses.of_world(origin),
+        target=near.target and near.target.moved(origin),
+    )
 
 
 def _calibrated(

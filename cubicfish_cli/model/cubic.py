@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.angles import azimuth, columns
+from cubicfish_cli.angles import angle_from_axis, azimuth, unit_rays
 from cubicfish_cli.model.lift import evaluate_cubics, lift
 from cubicfish_cli.model.radial import RadialCamera
 
@@ -46,15 +46,10 @@ class CubicCamera:
     def project(self, points: npt.ArrayLike) -> FloatArray:
         """Camera-frame points (..., 3), any length -> pixels (..., 2); NaN outside the cone."""
         points = np.asarray(points, float)
-        x, y, z = columns(points)
-        rho = np.hypot(x, y)
+        rays = unit_rays(points)
         with np.errstate(invalid="ignore"):
-            theta = np.arctan2(rho, z)
-            inside = theta <= np.deg2rad(self.max_angle_deg) + _EDGE_SLACK_RAD
-            norm = np.hypot(rho, z)
-            inside &= (norm > 0) & np.isfinite(norm)
-        rays = np.where(inside[..., None], points, [0.0, 0.0, 1.0])
-        rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+            inside = angle_from_axis(rays) <= np.deg2rad(self.max_angle_deg) + _EDGE_SLACK_RAD
+        rays = np.where(inside[..., None], rays, [0.0, 0.0, 1.0])
         homogeneous = lift(rays) @ self.P.T
         pixel = homogeneous[..., :2] / homogeneous[..., 2:]
         return np.where(inside[..., None], pixel, np.nan)
@@ -75,12 +70,12 @@ class CubicCamera:
         flat = points.reshape(-1, 3)
         inside = np.flatnonzero(np.isfinite(pixel.reshape(-1, 2)[:, 0]))
         slope = np.full((len(flat), 2, 3), np.nan)
-        length = np.linalg.norm(flat[inside], axis=-1, keepdims=True)
-        rays = flat[inside] / length
+        rays = unit_rays(flat[inside])
+        length = np.sum(rays * flat[inside], axis=-1)
         across = self.pixel_and_slope(rays)[1]
         # A point that moves along its ray keeps its pixel.
         across -= (across @ rays[:, :, None]) * rays[:, None, :]
-        slope[inside] = across / length[:, :, None]
+        slope[inside] = across / length[:, None, None]
         return pixel, slope.reshape((*points.shape[:-1], 2, 3))
 
     def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
