@@ -95,7 +95,7 @@ class CubicCamera:
     def _may_be_inside(self, pixel: FloatArray) -> npt.NDArray[np.bool_]:
         """Cheaply rule out pixels (N, 2) that lie clearly outside the image of the cone's rim."""
         around = np.linspace(-np.pi, np.pi, 721)
-        rim = self.project(_ray(np.full(721, np.deg2rad(self.max_angle_deg)), around))
+        rim = self.project(ray_at(np.full(721, np.deg2rad(self.max_angle_deg)), around))
         middle = self.project([0.0, 0.0, 1.0])
         offset = rim - middle
         order = np.argsort(azimuth(offset))
@@ -115,7 +115,7 @@ class CubicCamera:
         # The companion has no ray for a pixel beyond its own end: start those at the cone's edge.
         theta = np.where(np.isfinite(theta), np.minimum(theta, limit), limit)
         offset = (pixel - [self.radial.cx, self.radial.cy]) / [self.radial.fx, self.radial.fy]
-        rays = _ray(theta, azimuth(offset))
+        rays = ray_at(theta, azimuth(offset))
         best = np.full((len(pixel), 3), np.nan)
         active = np.arange(len(pixel))
         for _ in range(_NEWTON_ITERATIONS):
@@ -149,12 +149,16 @@ class CubicCamera:
 
         Along each azimuth it is the farthest pixel that is inside the cone and the photo.
         """
+        return self.project(self.edge(count))
+
+    def edge(self, count: int = 180) -> FloatArray:
+        """Unit rays (count, 3) at the edge of the valid field, evenly by their azimuths from x."""
         around = np.linspace(0, 2 * np.pi, count, endpoint=False)
         near, far = np.zeros(count), np.full(count, np.deg2rad(self.max_angle_deg))
         width, height = self.image_size
 
         def inside(theta: FloatArray) -> npt.NDArray[np.bool_]:
-            u, v = self.project(_ray(theta, around)).T
+            u, v = self.project(ray_at(theta, around)).T
             return (u >= -0.5) & (v >= -0.5) & (u <= width - 0.5) & (v <= height - 0.5)
 
         near = np.where(inside(far), far, near)
@@ -162,10 +166,11 @@ class CubicCamera:
             middle = (near + far) / 2
             ok = inside(middle)
             near, far = np.where(ok, middle, near), np.where(ok, far, middle)
-        return self.project(_ray(near, around))
+        return ray_at(near, around)
 
 
-def _ray(theta: FloatArray, around: FloatArray) -> FloatArray:
+def ray_at(theta: FloatArray, around: FloatArray) -> FloatArray:
+    """Unit rays (..., 3) of angles (...,) from the axis and about it, from x to y, radians."""
     sine = np.sin(theta)
     return np.stack([sine * np.cos(around), sine * np.sin(around), np.cos(theta)], axis=-1)
 
