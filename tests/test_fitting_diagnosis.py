@@ -496,7 +496,7 @@ def unsteady_pairs(change, seed=31):
         real = target.with_boards({0: replace(board, shape=shape)})
         lens = LENS
         if change == "scale":
-            ratio = rng.normal(1, 0.01)
+            ratio = rng.normal(1, 0.02)
             lens = replace(LENS, fx=ratio * LENS.fx, fy=ratio * LENS.fy)
         if change == "shift":
             shift = rng.normal(0, 8, 2)

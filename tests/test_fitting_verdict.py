@@ -127,6 +127,8 @@ def test_what_nobody_would_notice_is_no_reason(change: dict[str, Any]) -> None:
 def test_the_rim_is_among_the_figures() -> None:
     line = verdict({**GOOD, "reach": {"rim_coverage": 0.42}}, SIZE).line
     assert "corners cover 90 % of the field and 42 % of its rim, out to 88° from the axis" in line
+    whole = verdict({**GOOD, "reach": {"rim_coverage": 0.95}}, SIZE).line
+    assert whole == verdict(GOOD, SIZE).line
 
 
 def test_the_worst_reason_comes_first_and_the_others_are_counted() -> None:

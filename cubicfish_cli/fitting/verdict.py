@@ -48,6 +48,8 @@ _FEW_PHOTOS = 3
 _FEW_OF_A_PLANE = (8, 4)
 # Error at the rim over that in the middle, and the error from which that matters.
 _RIM_ERROR = ((2.5, _RIGHT_PX), (math.inf, math.inf))
+# Less of the rim than this is told beside the coverage of the whole.
+_WHOLE_RIM = 0.9
 # A field that goes so far beyond where corners are all around, degrees, at such a cost, pixels.
 _EXTRAPOLATED_DEG, _EXTRAPOLATED_PX = 15.0, 0.3
 # Findings that explain no errors.
@@ -482,7 +484,8 @@ def _figures(fit: Mapping[str, Any]) -> str:
 def _of_its_rim(fit: Mapping[str, Any]) -> str:
     record = fit.get("reach")
     share = _number(record, "rim_coverage") if isinstance(record, Mapping) else None
-    return "" if share is None else f" and {100 * share:.0f} % of its rim"
+    poor = share is not None and share < _WHOLE_RIM
+    return f" and {100 * (share or 0):.0f} % of its rim" if poor else ""
 
 
 def _above(value: float, limits: Sequence[float]) -> Level | None:

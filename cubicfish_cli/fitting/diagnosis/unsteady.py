@@ -23,6 +23,8 @@ _FEWEST_PHOTOS = 5
 _FEWEST_CORNERS = 12
 # What changes takes this share of the mean squared error away, free numbers counted.
 _CLEAR_MARGIN = 0.4
+# In so many photos it must do so in each; in some, what changes is as in the mean by chance.
+_MANY = 0.4
 # Pixels of a photo of 2000 from which on it is worth a word.
 _NOTICED_PX, _SIDE = 0.1, 2000.0
 _FLAT = 1e-3  # a refined sheet is bent a little
@@ -56,12 +58,12 @@ def unsteady(fit: ObjectFit) -> Finding | None:
     if flat:
         terms["sheet_bends"] = slice(3, 6)
     middle = (np.array(pairs.image_size, float) - 1) / 2
-    squares = dict.fromkeys(terms, 0.0)
-    before, equations = 0.0, 0
+    squares = {cause: np.zeros(len(photos)) for cause in terms}
+    before, equations = np.zeros(len(photos)), 2 * counts[photos] - 6
     weight = pairs.weight * huber_weight(
         np.hypot(*fit.cubic.residual.T), huber_px(fit.cubic.residual)
     )
-    for photo in photos:
+    for place, photo in enumerate(photos):
         own = np.flatnonzero(pairs.image == photo)
         rotated = world[own] @ poses.rotation[photo].T
         pixel, d_point, _ = fit.cubic.lens.project_jacobian(rotated + poses.translation[photo])
@@ -76,20 +78,19 @@ def unsteady(fit: ObjectFit) -> Finding | None:
         # What the pose explains is taken out by the first columns of a triangle (QR).
         left = np.asarray(np.linalg.qr(rows, mode="r"))[6:, 6:]
         miss = left[:, -1]
-        before += float(miss @ miss)
-        equations += 2 * len(own) - 6
+        before[place] = miss @ miss
         for cause, columns in terms.items():
             step = np.linalg.lstsq(left[:, columns], miss, rcond=1e-9)[0]
             off = miss - left[:, columns] @ step
-            squares[cause] += float(off @ off)
-    variance = before / equations
-    each = {
-        cause: squares[cause] / (equations - len(photos) * (columns.stop - columns.start))
-        for cause, columns in terms.items()
-    }
+            squares[cause][place] = off @ off
+    variance = float(before.sum() / equations.sum())
+    left_free = {cause: equations - (one.stop - one.start) for cause, one in terms.items()}
+    each = {cause: float(squares[cause].sum() / left_free[cause].sum()) for cause in terms}
     cause = min(each, key=lambda one: each[one])
     change_px = float(np.sqrt(2 * max(variance - each[cause], 0.0)))
-    if each[cause] > (1 - _CLEAR_MARGIN) * variance:
+    # In many photos, not in a few that are odd.
+    own_share = squares[cause] / left_free[cause] * equations / np.maximum(before, 1e-300)
+    if max(each[cause] / variance, float(np.quantile(own_share, _MANY))) > 1 - _CLEAR_MARGIN:
         return None
     if change_px < _NOTICED_PX * max(1.0, max(pairs.image_size) / _SIDE):
         return None
