@@ -56,7 +56,6 @@ _NEARLY_ALL_PHOTOS = 0.8
 _WHOLE_BOARDS = 3
 # Photos agree with a lens when their noise is within this many times the best ones'.
 _AGREES = 6.0
-_ODD_PHOTOS = ("photo_lens", "sheared")
 _SAID_RATIOS = {25.4: "inches and millimetres", 10.0: "centimetres and millimetres",
                 1000.0: "metres and millimetres", 2.54: "inches and centimetres"}  # fmt: skip
 
@@ -89,11 +88,11 @@ def find_faults(
     findings += lenses
     if not any(finding.level == "bad" for finding in lenses):
         findings += _of_object(drawn, fit, drawing)
-    if not any(finding.level == "bad" for finding in findings):
+    if not any(one.level == "bad" or one.cause == "sheared" for one in findings):
         changing = unsteady(fit)
         if changing is not None:
             # Where all photos differ, those that do so most are not odd.
-            findings = [one for one in findings if one.cause not in _ODD_PHOTOS] + [changing]
+            findings = [one for one in findings if one.cause != "photo_lens"] + [changing]
     findings += _of_left_out(pairs, fit, drawing, dropped, findings)
     if drawing.target is not None and not any(one.cause == "corner_count" for one in known):
         findings += _counted_squares(pairs, drawing.target)

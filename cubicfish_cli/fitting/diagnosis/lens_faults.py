@@ -53,8 +53,11 @@ _FEWEST_OTHERS = 8
 # photos that had no say in them, where they explain so much of how photos differ, and where a
 # person would notice: pixels of a photo of 2000.
 _CLEAR_MARGIN = 0.1
-_MOST = 0.75
+_MOST = 0.8
 _NOTICED_PX, _SIDE = 0.05, 2000.0
+# Photos of one lens foretell another one's errors to this share. Where the focus is another in
+# every photo, groups of photos do not.
+_FORETOLD = 1.15
 # Of fewer photos of one flat board a lens of their own says nothing.
 _FEWEST_OF_A_PLANE = 3
 # By themselves, photos that do not fit have no more than this of their squared error.
@@ -182,10 +185,13 @@ def _followed(
         return None
     if split.kind == "order":
         split, apart = _at_the_boundary(fit, split, apart, given)
-    left_out_px = apart.rms_px * np.sqrt(left_out_share(apart.photos, split.second))
+    unforeseen = left_out_share(apart.photos, split.second)
+    left_out_px = apart.rms_px * np.sqrt(unforeseen)
     gain = 1 - (left_out_px / together) ** 2
     noticed = _NOTICED_PX * max(1.0, max(pairs.image_size) / _SIDE)
-    if gain < _CLEAR_MARGIN or split.explained < _MOST or together * np.sqrt(gain) < noticed:
+    if unforeseen > _FORETOLD or gain < _CLEAR_MARGIN or split.explained < _MOST:
+        return None
+    if together * np.sqrt(gain) < noticed:
         return None
     scale = 1 + split.own[:, 0] / photos.reach
     middle = (np.array(pairs.image_size, float) - 1) / 2
