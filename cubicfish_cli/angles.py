@@ -20,6 +20,19 @@ def columns(points: npt.ArrayLike) -> FloatArray:
     return apart
 
 
+def unit_rays(points: npt.ArrayLike) -> FloatArray:
+    """Points (..., 3) of any length -> unit rays (..., 3); NaN where there is no direction.
+
+    The largest coordinate is divided out first: squares of 1e200 overflow, and of 1e-200 vanish.
+    """
+    points = np.asarray(points, float)
+    largest = np.max(np.abs(points), axis=-1, keepdims=True)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        near_one = points / largest
+        rays: FloatArray = near_one / np.linalg.norm(near_one, axis=-1, keepdims=True)
+    return rays
+
+
 def angle_from_axis(points: npt.ArrayLike) -> FloatArray:
     """Angle from the camera's axis of points or rays (..., 3), any length -> (...), radians."""
     x, y, z = columns(points)

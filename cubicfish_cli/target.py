@@ -177,6 +177,11 @@ class Board:
         end = self.plane_points(self.columns - 1, self.rows - 1)
         return (plane - end / 2) / (end / 2), end / 2
 
+    def moved(self, offset: FloatArray) -> Board:
+        """The board with ``offset`` (3,) added to all its points."""
+        points = None if self.points is None else self.points + offset
+        return replace(self, origin=self.origin + offset, points=points)
+
     def plane_points(self, column: npt.ArrayLike, row: npt.ArrayLike) -> FloatArray:
         """Positions in the board's own plane: (...,) columns and rows -> (..., 2) in units."""
         column, row = np.broadcast_arrays(np.asarray(column, float), np.asarray(row, float))
@@ -302,6 +307,12 @@ class Target:
     def as_printed(self) -> Target:
         """The object itself, whether or not photos show it in a mirror."""
         return self.in_mirror() if self.mirrored else self
+
+    def moved(self, offset: FloatArray) -> Target:
+        """The object with its world's origin elsewhere: ``offset`` (3,) is added to all points."""
+        if not offset.any():
+            return self
+        return replace(self, boards=tuple(board.moved(offset) for board in self.boards))
 
     def with_flat_boards(self) -> Target:
         """The object with plane boards: without the shapes that a calibration found."""

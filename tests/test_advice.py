@@ -242,9 +242,15 @@ def test_a_good_calibration_is_enough(fitted):
     assert (said.proposals, said.reasons, said.photos_needed) == ((), (), 0)
     assert summary(fitted.camera, record, fitted.pairs).startswith("enough photos: corners cover")
     # Where the verdict asks for photos, nothing says that there are enough.
-    overfit = {**record, "held_out_rms_px": 9 * record["rms_px"] + 1}
+    overfit = {**record, "rms_px": 0.15, "held_out_rms_px": 0.3}
     line = summary(fitted.camera, overfit, fitted.pairs)
     assert line.startswith("heed the verdict first; by the corners' noise alone photos are enough")
+    # Least of all where the camera is not to be trusted.
+    wrong = {**record, "held_out_rms_px": 9 * record["rms_px"] + 1}
+    assert "enough" not in summary(fitted.camera, wrong, fitted.pairs)
+    doubted = advise(fitted.camera, wrong, fitted.pairs, TARGET, proposals=1)
+    assert not doubted.enough
+    assert doubted.reasons[0].startswith("the camera is not to be trusted: on photos left out")
     assert "Enough" in advice_svg(said)
 
 

@@ -26,6 +26,7 @@ from cubicfish_cli.fitting.diagnosis.object_faults import object_fault, similari
 from cubicfish_cli.fitting.diagnosis.photo_lenses import (
     BY_CHANCE,
     PhotoLenses,
+    left_out_share,
     sheared_photos,
     two_lenses,
     zoomed_photos,
@@ -35,6 +36,7 @@ from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
 from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.target import BoardShape
 
 TARGET = wrong.corner_of_half_a_metre()
 LENS = RadialCamera(
@@ -76,7 +78,8 @@ def test_a_finding_is_one_line_and_plain_data():
     )
     assert finding.line == "what (why); do"
     assert finding.as_record() == {
-        "cause": "zoom", "level": "bad", "what": "what", "evidence": "why", "do": "do",
+        "cause": "zoom", "code": "zoom", "level": "bad", "severity": "bad",
+        "remedy": "separate_photos", "what": "what", "evidence": "why", "do": "do",
         "images": ["a", "b"], "boards": [],
     }  # fmt: skip
 
@@ -339,6 +342,44 @@ def test_two_lenses_are_told_apart_with_their_photos(kind):
     np.testing.assert_allclose(split.own[1] - split.own[0], [24, 6, -6], atol=3)
 
 
+@pytest.mark.parametrize("wild", [1.0, 30.0])
+def test_photos_that_had_no_say_tell_two_lenses_from_one(wild):
+    """Any photos can be sorted into two groups that look unlike: about half is explained so."""
+    rng = np.random.default_rng(13)
+    for _ in range(10):
+        photos = own_lenses(rng, int(rng.integers(10, 20)), wild)
+        split = two_lenses(photos)
+        assert split.explained < lens_faults._MOST
+        many = left_out_share(photos, split.second)
+        own = photos.own.copy()
+        own[split.second, :3] += 100.0 * wild
+        apart = replace(photos, own=own)
+        again = two_lenses(apart)
+        assert again.explained > 0.95
+        # What the others say of a photo's lens is less right than what it says with them.
+        assert 1 < left_out_share(apart, again.second) <= 1.001 * max(many, 1.001) * 3
+        # A group of one has nobody to foretell it.
+        alone = left_out_share(photos, np.arange(len(photos.photos)) == 0)
+        assert np.isfinite(alone)
+
+
+def test_a_left_out_photo_costs_what_least_squares_without_it_says():
+    photos = own_lenses(np.random.default_rng(15), 6)
+    second = np.arange(6) >= 3
+    weight = photo_lenses._without_shear(photos.information)
+    total = 0.0
+    for photo in range(6):
+        others = np.flatnonzero((second == second[photo]) & (np.arange(6) != photo))
+        mean = photo_lenses._mean(photos.own[others, :3], weight[others])
+        off = photos.own[photo, :3] - mean
+        total += off @ weight[photo] @ off
+    known = photos.squares.sum() + sum(
+        photo_lenses._scatter(photos.own[part, :3], weight[part]) for part in (second, ~second)
+    )
+    share = left_out_share(photos, second)
+    assert share == pytest.approx((photos.squares.sum() + total) / known)
+
+
 def test_too_few_photos_are_never_split():
     photos = own_lenses(np.random.default_rng(0), 4)
     assert two_lenses(photos) is None
@@ -410,6 +451,86 @@ def test_photos_that_were_left_out_show_their_own_lens(pairs):
     assert (found.cause, found.images) == ("zoom", tuple(names))
     assert "+30 % from 0.png on" in found.what
     assert left_out_lens(LENS, pairs, 0.1, order=["x", *pairs.images]) is None
+    # A few photos that were left out say nothing against the camera of the others.
+    many = [f"more {number}" for number in range(30)]
+    few = left_out_lens(LENS, replace(others, images=tuple(names)), 0.1, order=[*many, *names])
+    assert (found.level, few.level) == ("bad", "care")
+
+
+def test_one_photo_of_a_flat_board_has_no_lens_of_its_own(monkeypatch):
+    target = synthetic.flat_board()
+    poses = synthetic.poses_around(target, 4, seed=3)
+    zoomed = replace(LENS, fx=1.3 * LENS.fx, fy=1.3 * LENS.fy)
+    seen = synthetic.synthetic_correspondences(target, poses, lens=zoomed, noise=0.1, seed=7)
+    order = ["x", *seen.images]
+    assert left_out_lens(LENS, seen, 0.1, order=order) is not None
+    monkeypatch.setattr(lens_faults, "_SURE_FOCAL", np.inf)
+    for photos in ([0], [1, 2]):
+        some = select_photos(seen, np.array(photos))
+        assert left_out_lens(LENS, some, 0.1, order=order) is None
+
+
+@pytest.mark.parametrize("ratio", [1.004, 0.99996, 1 + 1e-12, 0.5, 2.0, 1.25])
+def test_a_ratio_is_never_printed_as_1(ratio):
+    words = lens_faults._ratio_words(ratio)
+    assert float(words) == pytest.approx(ratio, rel=0.05 * abs(ratio - 1) + 1e-8)
+    assert float(words) != 1 or abs(ratio - 1) < 1e-9
+
+
+# What changes from photo to photo
+
+
+def unsteady_pairs(change, seed=31):
+    """Photos of a flat board of which something is another in each, and the target."""
+    target = synthetic.flat_board()
+    rng = np.random.default_rng(seed)
+    poses = synthetic.poses_around(target, 14, seed=seed)
+    parts = []
+    for pose in poses:
+        (board,) = target.boards
+        bend = rng.normal(0, 1.5, 2) if change == "bend" else np.zeros(2)
+        shape = BoardShape(
+            bend=bend, twist=0.0, stretch=np.zeros(2),
+            offsets=np.zeros((board.rows, board.columns, 3)),
+        )  # fmt: skip
+        real = target.with_boards({0: replace(board, shape=shape)})
+        lens = LENS
+        if change == "scale":
+            ratio = rng.normal(1, 0.02)
+            lens = replace(LENS, fx=ratio * LENS.fx, fy=ratio * LENS.fy)
+        if change == "shift":
+            shift = rng.normal(0, 8, 2)
+            lens = replace(LENS, cx=LENS.cx + shift[0], cy=LENS.cy + shift[1])
+        parts.append(
+            synthetic.synthetic_correspondences(
+                real, [pose], lens=lens, noise=0.1, seed=int(rng.integers(1000))
+            )
+        )
+    board, column, row = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("board", "column", "row")
+    )
+    whole = replace(
+        parts[0],
+        images=tuple(f"{number:02d}.png" for number in range(len(parts))),
+        image=np.repeat(np.arange(len(parts)), [len(part.pixel) for part in parts]),
+        pixel=np.concatenate([part.pixel for part in parts]),
+        weight=np.ones(len(board)),
+        board=board, column=column, row=row,
+        world=target.world_points(board, column, row),
+    )  # fmt: skip
+    return whole, target
+
+
+@pytest.mark.parametrize(
+    ("change", "cause"),
+    [("bend", "sheet_bends"), ("scale", "autofocus"), ("shift", "stabilisation"), ("none", None)],
+)
+def test_what_changes_from_photo_to_photo_is_named_and_accuses_nobody(change, cause):
+    seen, target = unsteady_pairs(change)
+    found = calibrate(seen, target=target, refine_target="off", hold_out=False).findings
+    assert not [one for one in found if one.level == "bad"]
+    assert [one.cause for one in found if one.level == "note"] == [cause] * (cause is not None)
 
 
 @pytest.mark.parametrize("size", [0.0, 0.003])

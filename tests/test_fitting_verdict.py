@@ -50,9 +50,33 @@ def test_a_good_fit_is_good() -> None:
             "from 1 photo it is",
             "three or more",
         ),
-        ({"held_out_rms_px": 0.19}, "care", "1.7 times as much", "more photos"),
+        (
+            {"held_out_rms_px": 0.3, "companion_held_out_rms_px": 0.4},
+            "care",
+            "2.7 times as much",
+            "more photos",
+        ),
         ({"held_out_rms_px": 0.6, "companion_held_out_rms_px": 0.6}, "bad", "5.5 times", "photos"),
-        ({"companion_held_out_rms_px": 0.1}, "care", "a plain radial lens is nearer", "the rim"),
+        (
+            {"rms_px": 0.25, "held_out_rms_px": 0.3, "companion_held_out_rms_px": 0.25},
+            "care",
+            "a plain radial lens is nearer",
+            "the rim",
+        ),
+        ({"flat": True, "images": 7}, "care", "7 photos of one flat board are few", "ten or more"),
+        ({"flat": True, "images": 3}, "bad", "3 photos of one flat board do not tell", "tilted"),
+        (
+            {"reach": {"rim_rms_px": 0.3, "middle_rms_px": 0.06, "rim_from_deg": 85.0}},
+            "care",
+            "0.06 px in the middle and by 0.3 px beyond 85°",
+            "out there",
+        ),
+        (
+            {"reach": {"all_around_deg": 60.0, "edge_uncertainty_px": 0.7}},
+            "care",
+            "88° from the axis on some sides and 60° all around",
+            "other sides",
+        ),
         ({"coverage": 0.4}, "care", "cover only 40 % of the field", "empty parts"),
         ({"coverage": 0.1}, "bad", "cover only 10 % of the field", "empty parts"),
         ({"rank": 13}, "care", "determine 13 of 16", "other parts of the picture"),
@@ -81,6 +105,30 @@ def test_each_fault_is_one_reason(change: dict[str, Any], level: str, why: str, 
     assert reason.why in said.line
     assert "\n" not in said.line
     assert said.as_record()["reasons"] == [{"level": level, "why": reason.why, "do": reason.do}]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"rms_px": 0.07, "held_out_rms_px": 0.122, "companion_held_out_rms_px": 0.11},
+        {"rms_px": 0.15, "held_out_rms_px": 0.198},
+        {"flat": True, "images": 8},
+        {"flat": False, "images": 3},
+        {"reach": {"rim_rms_px": 0.2, "middle_rms_px": 0.03, "rim_from_deg": 85.0}},
+        {"reach": {"rim_rms_px": 0.4, "middle_rms_px": 0.3, "rim_from_deg": 85.0}},
+        {"reach": {"all_around_deg": 60.0, "edge_uncertainty_px": 0.1}},
+        {"reach": {"all_around_deg": 80.0, "edge_uncertainty_px": 0.7}},
+    ],
+)
+def test_what_nobody_would_notice_is_no_reason(change: dict[str, Any]) -> None:
+    assert verdict({**GOOD, **change}, SIZE).level == "good"
+
+
+def test_the_rim_is_among_the_figures() -> None:
+    line = verdict({**GOOD, "reach": {"rim_coverage": 0.42}}, SIZE).line
+    assert "corners cover 90 % of the field and 42 % of its rim, out to 88° from the axis" in line
+    whole = verdict({**GOOD, "reach": {"rim_coverage": 0.95}}, SIZE).line
+    assert whole == verdict(GOOD, SIZE).line
 
 
 def test_the_worst_reason_comes_first_and_the_others_are_counted() -> None:

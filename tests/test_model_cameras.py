@@ -36,11 +36,19 @@ def test_round_trip_over_the_field(camera_and_angle):
     np.testing.assert_allclose(camera.project(again), pixel, atol=UNPROJECT_TOLERANCE_PX)
 
 
-def test_length_of_a_point_does_not_matter(camera_and_angle):
-    camera, angle = camera_and_angle
+@pytest.mark.parametrize("name", CAMERAS)
+@given(exponent=st.floats(-300, 307.5))
+def test_length_of_a_point_does_not_matter(name, exponent):
+    camera, angle = CAMERAS[name]
     rays = random_rays(angle, 50)
-    for length in (1e-6, 3.0, 1e9):
-        np.testing.assert_allclose(camera.project(rays * length), camera.project(rays), atol=1e-9)
+    far = rays * 10.0**exponent
+    np.testing.assert_allclose(camera.project(far), camera.project(rays), atol=1e-9)
+    if isinstance(camera, CubicCamera):
+        _, slope = camera.project_jacobian(rays)
+        pixel, far_slope = camera.project_jacobian(far)
+        np.testing.assert_allclose(pixel, camera.project(rays), atol=1e-9)
+        with np.errstate(over="ignore"):
+            np.testing.assert_allclose(far_slope, slope * 10.0**-exponent, rtol=1e-6, atol=1e-200)
 
 
 def test_leading_axes_are_kept(camera_and_angle):

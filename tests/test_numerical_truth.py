@@ -10,11 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 import synthetic
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import Calibration, calibrate
+from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.formats.camera_yaml import load_camera, save_camera
 from cubicfish_cli.model.soundness import cone_rays
 from cubicfish_cli.rendering.lens import TrueLens
@@ -151,3 +152,69 @@ def test_the_order_of_photos_changes_nothing(seed):
     )
     first, second = fit(one), fit(replace(one, pairs=turned))
     assert miss_px(second.camera, first.camera, first.covered_deg).max() < SAME_PX
+
+
+def same_fits(first: Calibration, second: Calibration) -> None:
+    assert miss_px(second.camera, first.camera, first.covered_deg).max() < SAME_PX
+    assert second.errors.rms_px == pytest.approx(first.errors.rms_px, rel=1e-5)
+    assert second.uncertainty["median_px"] == pytest.approx(
+        first.uncertainty["median_px"], rel=1e-3
+    )
+    assert second.held_out.rms_px == pytest.approx(first.held_out.rms_px, rel=1e-4)
+
+
+@pytest.mark.parametrize("refine_target", ["off", "points"])
+@settings(
+    max_examples=max(1, EXAMPLES // 2),
+    derandomize=EXAMPLES < 20,
+    deadline=None,
+    # A smaller example of a whole calibration tells no more.
+    phases=[Phase.explicit, Phase.reuse, Phase.generate],
+)
+@given(
+    seed=SEEDS,
+    # In the unit of the object, which is some hundreds wide: surveyors' metres in millimetres too.
+    shift=st.tuples(*[st.floats(-1, 1)] * 3).map(np.array),
+    size=st.sampled_from([3e2, 3e4, 1e6, 5e8]),
+)
+def test_a_shift_of_the_world_changes_nothing(refine_target, seed, shift, size):
+    one = problem(seed)
+    offset = size * shift
+    moved = one.target.moved(offset)
+    pairs = replace(
+        one.pairs, world=moved.world_points(one.pairs.board, one.pairs.column, one.pairs.row)
+    )
+    near = calibrate(one.pairs, target=one.target, refine_target=refine_target)
+    far = calibrate(pairs, target=moved, refine_target=refine_target)
+    same_fits(near, far)
+    # What comes out is in the user's own frame: the same camera, before the same object.
+    rounding = 1e-15 * np.linalg.norm(offset)
+    scale = np.ptp(one.pairs.world, axis=0).max()
+    middles = [
+        fit.poses.apply(np.arange(len(fit.poses)), np.tile(middle, (len(fit.poses), 1)))
+        for fit, middle in ((near, np.zeros(3)), (far, offset))
+    ]
+    np.testing.assert_allclose(*middles, atol=1e-5 * scale + 10 * rounding)
+    corners = [fit.target.corners()[3] for fit in (near, far)]
+    np.testing.assert_allclose(corners[0] + offset, corners[1], atol=1e-6 * scale + rounding)
+    np.testing.assert_allclose(far.pairs.world - offset, near.pairs.world, atol=1e-6 * scale)
+    again = evaluate(far.camera, far.pairs)
+    assert again.errors.rms_px == pytest.approx(far.errors.rms_px, rel=1e-4)
+
+
+@settings(max_examples=EXAMPLES, derandomize=EXAMPLES < 20, deadline=None)
+@given(seed=SEEDS, exponent=st.floats(-6, 6), uneven=st.booleans())
+def test_a_factor_on_all_weights_changes_nothing(seed, exponent, uneven):
+    one = problem(seed)
+    own = np.random.default_rng(seed).uniform(0.2, 5, len(one.pairs.pixel)) if uneven else 1.0
+    weight = own * np.ones(len(one.pairs.pixel))
+    fits = [
+        calibrate(replace(one.pairs, weight=factor * weight)) for factor in (1.0, 10.0**exponent)
+    ]
+    same_fits(*fits)
+    np.testing.assert_allclose(fits[1].pairs.weight, 10.0**exponent * fits[0].pairs.weight)
+    records = [
+        evaluate(fit.camera, replace(one.pairs, weight=factor * weight)).errors.rms_px
+        for fit, factor in zip(fits, (1.0, 10.0**exponent), strict=True)
+    ]
+    assert records[1] == pytest.approx(records[0], rel=1e-5)

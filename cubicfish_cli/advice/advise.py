@@ -23,6 +23,7 @@ from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.field_uncertainty import FieldUncertainty, recorded, summed
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.uncertainty import Information, field_grid
+from cubicfish_cli.fitting.verdict import verdict
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.rendering.views import Distances, View, WholeLens, sample_views
@@ -214,6 +215,11 @@ def advise(
         knowledge, now = _as_recorded(knowledge, fit)
         sigma = knowledge.information.uncertainty().sigma_px(rays)
     reasons = why_not_enough(now, goal, gaps, len(pairs.images), camera)
+    judged = verdict(fit, camera.image_size, camera.outline())
+    if judged.level == "bad":
+        first = judged.reasons[0] if judged.reasons else None
+        why = f": {first.why}; first of all, {first.do}" if first else ""
+        reasons.insert(0, f"the camera is {judged.words}{why}")
     notes += _beyond(camera)
     within = None if poses is None or target is None else distances_within(pairs, poses)
     found: tuple[Proposal, ...] = ()

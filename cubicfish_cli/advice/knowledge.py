@@ -19,7 +19,7 @@ from cubicfish_cli.fitting.hold import UNTOLD
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.robust import huber_px, noise_px
-from cubicfish_cli.fitting.subset import world_scale
+from cubicfish_cli.fitting.subset import middle, with_mean_weight_one, world_scale
 from cubicfish_cli.fitting.uncertainty import Information, information
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.model.cubic import CubicCamera
@@ -47,8 +47,9 @@ class Knowledge:
         information: what its photos say.
         pairs: its pairs, world points divided by ``scale``.
         scale: the target's units in one unit of the pairs.
-        target: the object as fitted; None for pairs that came without one.
+        target: the object as fitted, in the pairs' frame; None for pairs that came without one.
         offset_spread: of corners' own offsets, in the pairs' units; None where they have none.
+        origin: (3,) where the user's frame has the origin of the pairs'.
 
     """
 
@@ -59,6 +60,7 @@ class Knowledge:
     scale: float
     target: Target | None
     offset_spread: float | None
+    origin: FloatArray
 
     def points(self, view: View) -> FloatArray:
         """(N, 3) visible corners of a view in the camera frame, as far as P is held there."""
@@ -104,12 +106,13 @@ class Knowledge:
         used = seen.visible & (angle <= np.deg2rad(self.camera.max_angle_deg + _HELD_BEYOND_DEG))
         board, column, row = seen.board[used], seen.column[used], seen.row[used]
         world = (
-            seen.world[used]
+            seen.world[used] - self.origin
             if self.target is None
             else self.target.world_points(board, column, row)
         )
         rotation = rotation_from_vector(np.asarray(view.pose[0], float)[None])
-        translation = np.asarray(view.pose[1], float)[None] / self.scale
+        added = Poses(rotation=rotation, translation=np.asarray(view.pose[1], float)[None])
+        translation = added.of_world(-self.origin).translation / self.scale
         poses = Poses(
             rotation=np.concatenate([poses.rotation, rotation]),
             translation=np.concatenate([poses.translation, translation]),
@@ -169,8 +172,9 @@ def know(
         FitError: the pairs and the camera do not belong together.
 
     """
-    scale = world_scale(pairs)
-    pairs = replace(pairs, world=pairs.world / scale)
+    scale, origin = world_scale(pairs), middle(pairs)
+    pairs = with_mean_weight_one(replace(pairs, world=(pairs.world - origin) / scale))
+    poses, target = poses.of_world(-origin), target and target.moved(-origin)
     poses = replace(poses, translation=poses.translation / scale)
     points = poses.apply(pairs.image, pairs.world)
     start = Companion(
@@ -203,6 +207,7 @@ def know(
         scale=scale,
         target=target,
         offset_spread=spread,
+        origin=origin,
     )
 
 

@@ -12,6 +12,7 @@ from cubicfish_cli.fitting.field_uncertainty import recorded
 from cubicfish_cli.fitting.verdict import verdict
 from cubicfish_cli.model.cubic import CubicCamera
 
+HEED_FIRST = "heed the verdict first"
 NOISE_ALONE = "heed the verdict first; by the corners' noise alone"
 _PARTS = 2
 
@@ -29,11 +30,13 @@ def summary(camera: CubicCamera, fit: Mapping[str, Any], pairs: Correspondences)
     now = recorded(fit)
     goal = default_goal(camera.image_size)
     reasons = why_not_enough(now, goal, gaps, len(pairs.images), camera)
+    judged = verdict(fit, camera.image_size, camera.outline())
+    if judged.level == "bad" and not (judged.asks_for_photos and gaps.parts):
+        return f"{HEED_FIRST}: {judged.reasons[0].do}"
     if not reasons:
         known = f", and 95 % of it is certain to {now.p95_px:.3f} px" if now else ""
         wanted = f" ({goal:g} px are wanted)" if now else ""
         # The corners' noise may ask for no more photos, and held-out errors for some all the same.
-        judged = verdict(fit, camera.image_size, camera.outline())
         begin = f"{NOISE_ALONE} photos are enough" if judged.asks_for_photos else "enough photos"
         return f"{begin}: corners cover {100 * gaps.coverage:.0f} % of the field{known}{wanted}"
     where = "; ".join(part.words for part in gaps.parts[:_PARTS])

@@ -58,6 +58,11 @@ CALIBRATE = {
     "departures": "how each board departs from its drawing",
     "rank": "of the 20 monomials over the corners",
     "covered_deg": "how far from the axis corners reach",
+    "reach": "of the field's rim: all_around_deg (how far corners reach in nearly all directions), "
+    "rim_coverage (share of the directions in which they reach the rim), extrapolated_deg (how far "
+    "beyond them the field goes), edge_uncertainty_px, rim_rms_px of the outermost corners (beyond "
+    "rim_from_deg), middle_rms_px",
+    "flat": "whether all corners lie in one plane, or nearly",
     "coverage": "share of the field that corners cover: of where the camera may be trusted",
     "prior_weight": "how firmly P was held to the radial reference",
     "prior_spread": "how much asymmetry that reference was allowed; 0 for none",

@@ -27,6 +27,7 @@ from cubicfish_cli.fitting.frame import in_companions_frame
 from cubicfish_cli.fitting.held_out import HeldOut, held_out_error, photo_folds
 from cubicfish_cli.fitting.hold import FIRMEST, UNTOLD, choose_hold
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.reach import Reach, reach, trusted_angle_deg
 from cubicfish_cli.fitting.refinement import LEVELS, Drawing, Level, ObjectFit, refine_object
 from cubicfish_cli.fitting.robust import gross_px
 from cubicfish_cli.fitting.stages import Progress, Stage, Stages
@@ -36,7 +37,14 @@ from cubicfish_cli.fitting.statistics import (
     photo_records,
     rms_px,
 )
-from cubicfish_cli.fitting.subset import far_origin, flatness, select, select_photos, world_scale
+from cubicfish_cli.fitting.subset import (
+    flatness,
+    middle,
+    select,
+    select_photos,
+    with_mean_weight_one,
+    world_scale,
+)
 from cubicfish_cli.fitting.uncertainty import camera_uncertainty, uncertainty_record
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lift import lift
@@ -49,6 +57,8 @@ IntArray = npt.NDArray[np.intp]
 MIN_PAIRS = 30
 # Boards whose corners leave a plane by less than this share of their extent count as flat.
 _FLAT = 1e-4
+# A sheet that is fitted too is bent a little; an object of two boards leaves a plane by far more.
+_NEARLY_FLAT = 0.02
 # Beyond this relative uncertainty of the focal length the photos do not determine the lens.
 _MAX_FOCAL_UNCERTAINTY = 0.05
 _DROP_ROUNDS = 12
@@ -117,6 +127,7 @@ class Calibration:
         held_out_by_level: held-out RMS of every level of ``refine_target`` that was tried.
         rank: numerical rank of Φ over the used rays (16 on the sphere).
         covered_deg: angle from the axis of the farthest used corner.
+        reach: what corners say of the field's rim.
         hold: how P was held to the companion.
         dropped: corners left out because they were grossly off.
         unfit: photos left out, with the reason.
@@ -142,6 +153,7 @@ class Calibration:
     held_out_by_level: dict[Level, float]
     rank: int
     covered_deg: float
+    reach: Reach
     hold: Hold
     dropped: tuple[DroppedCorner, ...]
     unfit: dict[str, str]
@@ -168,6 +180,8 @@ class Calibration:
             "departures": [departure.as_record() for departure in self.departures],
             "rank": self.rank,
             "covered_deg": self.covered_deg,
+            "reach": self.reach.as_record(),
+            "flat": flatness(self.pairs.world) < _NEARLY_FLAT,
             "prior_weight": self.hold.weight,
             "prior_spread": self.hold.spread,
             "coverage": self.coverage,
@@ -220,29 +234,28 @@ def calibrate(
     _refuse_too_little(pairs)
     if refine_target == "auto" and not pairs.certain.any():
         refine_target = "off"  # corners that may be others say nothing about the object
-    origin = far_origin(pairs)
-    if target is None and origin.any():
-        near = calibrate(
-            replace(pairs, world=pairs.world - origin),
-            refine_target=refine_target,
-            hold_out=hold_out,
-            known=known,
-            diagnose=diagnose,
-            progress=progress,
-        )
-        used = replace(near.pairs, world=near.pairs.world + origin)
-        return replace(near, pairs=used, poses=near.poses.of_world(origin))
+    # What the user chose freely, the world's origin and the unit of weights, must not matter.
+    origin, weight = middle(pairs), pairs.weight.mean()
+    pairs = with_mean_weight_one(replace(pairs, world=pairs.world - origin))
+    target = target and target.moved(-origin)
     refined = target is not None and (hold_out or refine_target != "auto")
     stages = Stages(progress, refined=refined and refine_target != "off", hold_out=hold_out)
     sought = known if diagnose else None
     try:
-        return _calibrated(pairs, target, refine_target, hold_out, sought, stages)
+        near = _calibrated(pairs, target, refine_target, hold_out, sought, stages)
     except (FitError, np.linalg.LinAlgError) as failure:
         fits = isinstance(failure, _UndeterminedError)
         error = failure if isinstance(failure, FitError) else FitError(_NO_CONVERGENCE)
         if sought is not None:
             error = explained(error, pairs, target, sought, fits=fits)
         raise error from failure
+    used = near.pairs
+    return replace(
+        near,
+        pairs=replace(used, world=used.world + origin, weight=used.weight * weight),
+        poses=near.poses.of_world(origin),
+        target=near.target and near.target.moved(origin),
+    )
 
 
 def _calibrated(
@@ -274,7 +287,13 @@ def _calibrated(
         max_angle_deg=cubic.max_angle_deg,
         radial=companion.camera,
     )
-    uncertainty = uncertainty_record(camera_uncertainty(cubic), camera)
+    spread = camera_uncertainty(cubic)
+    covered_deg = float(np.rad2deg(companion.covered))
+    trusted = trusted_angle_deg(camera, covered_deg, spread.sigma_px)
+    camera = replace(camera, max_angle_deg=trusted)
+    uncertainty = uncertainty_record(spread, camera)
+    points = cubic.poses.apply(companion.pairs.image, cubic.fit.world.points)
+    rim = reach(camera, points, cubic.residual, spread.sigma_px)
     poses = Poses(rotation=cubic.poses.rotation, translation=cubic.poses.translation * scale)
     camera, poses = in_companions_frame(camera, poses, companion.covered)
     share = coverage(used.pixel, camera.outline(), pairs.image_size)
@@ -302,7 +321,8 @@ def _calibrated(
         held_out=held_out.get(fit.level),
         held_out_by_level=held_out_by_level,
         rank=_rank(companion, cubic),
-        covered_deg=float(np.rad2deg(companion.covered)),
+        covered_deg=covered_deg,
+        reach=rim,
         hold=cubic.hold,
         dropped=dropped,
         unfit=companion.unfit,

@@ -14,7 +14,7 @@ from cubicfish_cli.fitting.held_out import pose_only_residual
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.statistics import ErrorStatistics, error_statistics, photo_records
-from cubicfish_cli.fitting.subset import far_origin, select
+from cubicfish_cli.fitting.subset import middle, select, with_mean_weight_one
 from cubicfish_cli.model.cubic import CubicCamera
 
 FloatArray = npt.NDArray[np.float64]
@@ -67,8 +67,9 @@ def evaluate(camera: CubicCamera, pairs: Correspondences) -> Evaluation:
             "the corners are of photos of {}x{} pixels and the camera is for {}x{}: "
             "use photos of the camera's own size".format(*pairs.image_size, *camera.image_size)
         )
-    origin = far_origin(pairs)
-    pairs = replace(pairs, world=pairs.world - origin)
+    origin = middle(pairs)
+    weight = pairs.weight.mean()
+    pairs = with_mean_weight_one(replace(pairs, world=pairs.world - origin))
     placed, own, photos = fit_poses(camera.radial, pairs)
     if placed is None:
         raise FitError(
@@ -84,7 +85,7 @@ def evaluate(camera: CubicCamera, pairs: Correspondences) -> Evaluation:
     counted, kept = select(own, np.isin(np.arange(len(own.image)), index))
     return Evaluation(
         errors=error_statistics(residual),
-        pairs=replace(counted, world=counted.world + origin),
+        pairs=replace(counted, world=counted.world + origin, weight=counted.weight * weight),
         residual=residual,
         poses=poses[kept].of_world(origin),
         outside=len(own.image) - len(index),

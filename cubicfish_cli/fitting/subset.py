@@ -13,9 +13,6 @@ BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.intp]
 FloatArray = npt.NDArray[np.float64]
 
-# Rounding takes as many digits from a fit as the points are times their extent from the origin.
-_FAR = 100.0
-
 
 def select(pairs: Correspondences, keep: BoolArray) -> tuple[Correspondences, IntArray]:
     """The pairs where ``keep`` (N,) is true, photos without any left out.
@@ -50,15 +47,22 @@ def world_scale(pairs: Correspondences) -> float:
     return float(np.sqrt(np.mean(np.var(pairs.world, axis=0).sum()))) or 1.0
 
 
-def far_origin(pairs: Correspondences) -> FloatArray:
-    """Middle of the world points (3,) where that is far from the origin, else zeros.
+def middle(pairs: Correspondences) -> FloatArray:
+    """Middle of the world points (3,): where a fit has its origin, wherever the user's is.
 
     Surveyors count from an origin that may be a million times farther away than the object is
-    wide.
+    wide. Rounding takes as many digits from a fit as its points are times their extent from the
+    origin, and turns about one that is far away are nearly shifts.
     """
-    middle = pairs.world.mean(axis=0)
-    far = np.linalg.norm(middle) > _FAR * world_scale(pairs)
-    return np.asarray(middle if far else np.zeros(3))
+    return np.asarray(pairs.world.mean(axis=0))
+
+
+def with_mean_weight_one(pairs: Correspondences) -> Correspondences:
+    """The same pairs with weights whose mean is 1: they are relative, so their unit is nothing.
+
+    Before the fit, and once for all photos: a factor on all weights would pass for less noise.
+    """
+    return replace(pairs, weight=pairs.weight / pairs.weight.mean())
 
 
 def flatness(world: npt.NDArray[np.float64]) -> float:

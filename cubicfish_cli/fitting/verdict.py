@@ -27,10 +27,12 @@ WORDS: Mapping[Level, str] = {
 _SIDE = 2000.0
 # Corners of a sharp photo are found to a tenth of a pixel; a whole one is a fault somewhere.
 _ERROR_PX = (1.0, 3.0)
+# A camera that is right to this on photos it never saw is not blamed for being righter on others.
+_RIGHT_PX = 0.25
 # Held-out error over that of the fit, and the held-out error from which that matters.
-_OVERFIT = ((1.5, 0.1), (3.0, 0.5))
+_OVERFIT = ((1.5, _RIGHT_PX), (3.0, 0.5))
 # Held-out error over the radial companion's, which has a seventh of the parameters.
-_BESIDE_COMPANION = ((1.05, 0.05), (2.0, 0.5))
+_BESIDE_COMPANION = ((1.05, _RIGHT_PX), (2.0, 0.5))
 # Error on other photos over that when the camera was calibrated.
 _WORSE_THAN_BEFORE = ((2.0, 0.1), (5.0, 0.5))
 _COVERAGE = (0.5, 0.2)
@@ -42,6 +44,14 @@ _UNFIT_SHARE = (1 / 3, 1 / 2)
 _FEW_CORNERS = 200
 _FULL_RANK = {"ray": 16, "point": 20}
 _FEW_PHOTOS = 3
+# Photos of one flat board from which on a lens is known somehow, and well.
+_FEW_OF_A_PLANE = (8, 4)
+# Error at the rim over that in the middle, and the error from which that matters.
+_RIM_ERROR = ((2.5, _RIGHT_PX), (math.inf, math.inf))
+# Less of the rim than this is told beside the coverage of the whole.
+_WHOLE_RIM = 0.9
+# A field that goes so far beyond where corners are all around, degrees, at such a cost, pixels.
+_EXTRAPOLATED_DEG, _EXTRAPOLATED_PX = 15.0, 0.3
 # Findings that explain no errors.
 _NO_ERRORS = ("repeats", "one_place")
 _WORSE_PHOTO = 3.0
@@ -131,7 +141,9 @@ def verdict(
         *asides,
         *_of_errors(fit, scale),
         *_of_held_out(fit, scale),
+        *_of_photos(fit),
         *_of_field(fit, image_size, outline),
+        *_of_rim(fit, scale),
         *_of_uncertainty(fit, scale),
         *_of_what_was_left_out(fit),
         *_of_object(fit),
@@ -313,6 +325,49 @@ def _of_held_out(fit: Mapping[str, Any], scale: float) -> Iterator[Reason]:
         )
 
 
+def _of_photos(fit: Mapping[str, Any]) -> Iterator[Reason]:
+    """One flat board leaves much of a lens open in each photo: the others must tell it."""
+    photos = _number(fit, "images")
+    if fit.get("flat") is not True or photos is None:
+        return
+    level = _above(1 - photos, (1 - _FEW_OF_A_PLANE[0], 1 - _FEW_OF_A_PLANE[1]))
+    if level is not None:
+        yield Reason(
+            level=level,
+            why=f"{photos:.0f} photo{'s' * (photos != 1)} of one flat board "
+            + ("do not tell a lens from the board's poses" if level == "bad" else "are few"),
+            do="take ten or more, tilted, near and far, out to the rim",
+        )
+
+
+def _of_rim(fit: Mapping[str, Any], scale: float) -> Iterator[Reason]:
+    """What is off at the rim, and what lies beyond the corners."""
+    record = fit.get("reach")
+    record = record if isinstance(record, Mapping) else {}
+    rim, middle = _number(record, "rim_rms_px"), _number(record, "middle_rms_px")
+    start = _number(record, "rim_from_deg")
+    level = None if rim is None else _ratio_above(rim, middle, _RIM_ERROR, scale)
+    if level is not None and rim is not None and middle is not None and start is not None:
+        yield Reason(
+            level=level,
+            why=f"it is off by {middle:.2g} px in the middle and by {rim:.2g} px beyond "
+            f"{start:.0f}° from the axis",
+            do="take more photos with corners out there, or trust it less there",
+        )
+    covered, around = _number(fit, "covered_deg"), _number(record, "all_around_deg")
+    edge = _number(record, "edge_uncertainty_px")
+    if covered is None or around is None or edge is None:
+        return
+    if covered - around > _EXTRAPOLATED_DEG and edge / scale > _EXTRAPOLATED_PX:
+        yield Reason(
+            level="care",
+            why=f"corners reach {covered:.0f}° from the axis on some sides and {around:.0f}° all "
+            f"around: beyond that it is extrapolated, uncertain by {edge:.2g} px at the field's "
+            "edge",
+            do="take photos with the object at the rim on the other sides",
+        )
+
+
 def _of_field(
     fit: Mapping[str, Any], image_size: tuple[int, int], outline: FloatArray | None
 ) -> Iterator[Reason]:
@@ -417,13 +472,20 @@ def _figures(fit: Mapping[str, Any]) -> str:
         parts.append(f"off by {rms:.3f} px on the photos that it was fitted to")
     if coverage is not None and covered is not None:
         parts.append(
-            f"corners cover {100 * coverage:.0f} % of the field, out to {covered:.0f}° from "
-            "the axis"
+            f"corners cover {100 * coverage:.0f} % of the field{_of_its_rim(fit)}, out to "
+            f"{covered:.0f}° from the axis"
         )
     unfit = fit.get("unfit_images")
     if isinstance(unfit, Mapping) and unfit:
         parts.append(f"{len(unfit)} photo{'s' * (len(unfit) != 1)} left out")
     return ", ".join(parts) or "no figures are known"
+
+
+def _of_its_rim(fit: Mapping[str, Any]) -> str:
+    record = fit.get("reach")
+    share = _number(record, "rim_coverage") if isinstance(record, Mapping) else None
+    poor = share is not None and share < _WHOLE_RIM
+    return f" and {100 * (share or 0):.0f} % of its rim" if poor else ""
 
 
 def _above(value: float, limits: Sequence[float]) -> Level | None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.angles import azimuth, columns
+from cubicfish_cli.angles import angle_from_axis, azimuth, unit_rays
 from cubicfish_cli.model.lift import evaluate_cubics, lift
 from cubicfish_cli.model.radial import RadialCamera
 
@@ -46,15 +46,10 @@ class CubicCamera:
     def project(self, points: npt.ArrayLike) -> FloatArray:
         """Camera-frame points (..., 3), any length -> pixels (..., 2); NaN outside the cone."""
         points = np.asarray(points, float)
-        x, y, z = columns(points)
-        rho = np.hypot(x, y)
+        rays = unit_rays(points)
         with np.errstate(invalid="ignore"):
-            theta = np.arctan2(rho, z)
-            inside = theta <= np.deg2rad(self.max_angle_deg) + _EDGE_SLACK_RAD
-            norm = np.hypot(rho, z)
-            inside &= (norm > 0) & np.isfinite(norm)
-        rays = np.where(inside[..., None], points, [0.0, 0.0, 1.0])
-        rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+            inside = angle_from_axis(rays) <= np.deg2rad(self.max_angle_deg) + _EDGE_SLACK_RAD
+        rays = np.where(inside[..., None], rays, [0.0, 0.0, 1.0])
         homogeneous = lift(rays) @ self.P.T
         pixel = homogeneous[..., :2] / homogeneous[..., 2:]
         return np.where(inside[..., None], pixel, np.nan)
@@ -75,12 +70,12 @@ class CubicCamera:
         flat = points.reshape(-1, 3)
         inside = np.flatnonzero(np.isfinite(pixel.reshape(-1, 2)[:, 0]))
         slope = np.full((len(flat), 2, 3), np.nan)
-        length = np.linalg.norm(flat[inside], axis=-1, keepdims=True)
-        rays = flat[inside] / length
+        rays = unit_rays(flat[inside])
+        length = np.sum(rays * flat[inside], axis=-1)
         across = self.pixel_and_slope(rays)[1]
         # A point that moves along its ray keeps its pixel.
         across -= (across @ rays[:, :, None]) * rays[:, None, :]
-        slope[inside] = across / length[:, :, None]
+        slope[inside] = across / length[:, None, None]
         return pixel, slope.reshape((*points.shape[:-1], 2, 3))
 
     def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
@@ -100,7 +95,7 @@ class CubicCamera:
     def _may_be_inside(self, pixel: FloatArray) -> npt.NDArray[np.bool_]:
         """Cheaply rule out pixels (N, 2) that lie clearly outside the image of the cone's rim."""
         around = np.linspace(-np.pi, np.pi, 721)
-        rim = self.project(_ray(np.full(721, np.deg2rad(self.max_angle_deg)), around))
+        rim = self.project(ray_at(np.full(721, np.deg2rad(self.max_angle_deg)), around))
         middle = self.project([0.0, 0.0, 1.0])
         offset = rim - middle
         order = np.argsort(azimuth(offset))
@@ -120,7 +115,7 @@ class CubicCamera:
         # The companion has no ray for a pixel beyond its own end: start those at the cone's edge.
         theta = np.where(np.isfinite(theta), np.minimum(theta, limit), limit)
         offset = (pixel - [self.radial.cx, self.radial.cy]) / [self.radial.fx, self.radial.fy]
-        rays = _ray(theta, azimuth(offset))
+        rays = ray_at(theta, azimuth(offset))
         best = np.full((len(pixel), 3), np.nan)
         active = np.arange(len(pixel))
         for _ in range(_NEWTON_ITERATIONS):
@@ -154,12 +149,16 @@ class CubicCamera:
 
         Along each azimuth it is the farthest pixel that is inside the cone and the photo.
         """
+        return self.project(self.edge(count))
+
+    def edge(self, count: int = 180) -> FloatArray:
+        """Unit rays (count, 3) at the edge of the valid field, evenly by their azimuths from x."""
         around = np.linspace(0, 2 * np.pi, count, endpoint=False)
         near, far = np.zeros(count), np.full(count, np.deg2rad(self.max_angle_deg))
         width, height = self.image_size
 
         def inside(theta: FloatArray) -> npt.NDArray[np.bool_]:
-            u, v = self.project(_ray(theta, around)).T
+            u, v = self.project(ray_at(theta, around)).T
             return (u >= -0.5) & (v >= -0.5) & (u <= width - 0.5) & (v <= height - 0.5)
 
         near = np.where(inside(far), far, near)
@@ -167,10 +166,11 @@ class CubicCamera:
             middle = (near + far) / 2
             ok = inside(middle)
             near, far = np.where(ok, middle, near), np.where(ok, far, middle)
-        return self.project(_ray(near, around))
+        return ray_at(near, around)
 
 
-def _ray(theta: FloatArray, around: FloatArray) -> FloatArray:
+def ray_at(theta: FloatArray, around: FloatArray) -> FloatArray:
+    """Unit rays (..., 3) of angles (...,) from the axis and about it, from x to y, radians."""
     sine = np.sin(theta)
     return np.stack([sine * np.cos(around), sine * np.sin(around), np.cos(theta)], axis=-1)
 

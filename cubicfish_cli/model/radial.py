@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.angles import columns
+from cubicfish_cli.angles import columns, unit_rays
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -80,19 +80,18 @@ class RadialCamera:
         return float(min(np.pi, np.sqrt(squares.min()))) if squares.size else float(np.pi)
 
     def project(self, points: npt.ArrayLike) -> FloatArray:
-        """Camera-frame points (..., 3) -> pixels (..., 2); NaN beyond :attr:`max_angle`."""
-        x, y, z = columns(points)
+        """Points (..., 3) of any length -> pixels (..., 2); NaN beyond :attr:`max_angle`."""
+        x, y, z = columns(unit_rays(points))
         rho = np.hypot(x, y)
         theta = np.arctan2(rho, z)
         radius = self.profile(theta)
-        norm = np.sqrt(rho**2 + z**2)
         with np.errstate(divide="ignore", invalid="ignore"):
-            scale = np.where(rho > _NEAR_AXIS * norm, radius / rho, 1 / z)
+            scale = np.where(rho > _NEAR_AXIS, radius / rho, 1 / z)
             pixel = np.stack(
                 [self.fx * x * scale + self.cx, self.fy * y * scale + self.cy], axis=-1
             )
-        seen = (theta <= self.max_angle) & (norm > 0) & np.isfinite(norm)
-        seen &= (z > 0) | (rho > _NEAR_AXIS * norm)  # straight back has no azimuth
+        seen = theta <= self.max_angle
+        seen &= (z > 0) | (rho > _NEAR_AXIS)  # straight back has no azimuth
         return np.where(seen[..., None], pixel, np.nan)
 
     def unproject(self, pixel: npt.ArrayLike) -> FloatArray:

@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.angles import unit_rays
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.undistortion.view import FloatArray, View, is_numbers, only_keys
 
@@ -83,7 +84,7 @@ class PlaneView(View):
 
     def pixels(self, rays: npt.ArrayLike) -> FloatArray:
         """Rays in the camera's frame (..., 3) -> pixels where they meet the plane (..., 2)."""
-        homogeneous = np.asarray(rays, float) @ np.linalg.inv(self.camera_from_pixel).T
+        homogeneous = unit_rays(rays) @ np.linalg.inv(self.camera_from_pixel).T
         with np.errstate(divide="ignore", invalid="ignore"):
             pixel = homogeneous[..., :2] / homogeneous[..., 2:]
             return np.where(homogeneous[..., 2:] > 0, pixel, np.nan)

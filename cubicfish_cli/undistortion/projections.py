@@ -17,7 +17,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cubicfish_cli.angles import columns
+from cubicfish_cli.angles import columns, unit_rays
 from cubicfish_cli.undistortion.view import CentralView, FloatArray
 
 # What a picture sensibly shows where its scale grows without bounds towards the limit.
@@ -164,7 +164,8 @@ class StereographicView(CentralView):
     @staticmethod
     def ray_offsets(rays: FloatArray) -> FloatArray:
         """2 (X, Y) / (|X| + Z); nothing straight behind."""
-        down = np.linalg.norm(rays, axis=-1, keepdims=True) + rays[..., 2:]
+        rays = unit_rays(rays)
+        down = 1 + rays[..., 2:]
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(down > 0, 2 * rays[..., :2] / down, np.nan)
 

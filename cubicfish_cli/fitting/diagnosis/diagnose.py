@@ -28,6 +28,7 @@ from cubicfish_cli.fitting.diagnosis.lens_faults import left_out_lens, lens_find
 from cubicfish_cli.fitting.diagnosis.measured_object import measured_object, plane_in_squares
 from cubicfish_cli.fitting.diagnosis.object_faults import Fault, object_fault
 from cubicfish_cli.fitting.diagnosis.repeats import NEAR_SHARE, repeated_groups
+from cubicfish_cli.fitting.diagnosis.unsteady import unsteady
 from cubicfish_cli.fitting.refinement import Drawing, ObjectFit, refine_object
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.statistics import rms_px
@@ -87,6 +88,11 @@ def find_faults(
     findings += lenses
     if not any(finding.level == "bad" for finding in lenses):
         findings += _of_object(drawn, fit, drawing)
+    if not any(one.level == "bad" or one.cause == "sheared" for one in findings):
+        changing = unsteady(fit)
+        if changing is not None:
+            # Where all photos differ, those that do so most are not odd.
+            findings = [one for one in findings if one.cause != "photo_lens"] + [changing]
     findings += _of_left_out(pairs, fit, drawing, dropped, findings)
     if drawing.target is not None and not any(one.cause == "corner_count" for one in known):
         findings += _counted_squares(pairs, drawing.target)

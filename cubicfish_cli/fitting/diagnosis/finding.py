@@ -22,9 +22,35 @@ Cause = Literal[
     "turned",
     "photo_lens",
     "sheared",
+    "sheet_bends",
+    "autofocus",
+    "stabilisation",
     "repeats",
     "one_place",
 ]
+# What helps, for programs.
+Remedy = Literal["correct_target", "correct_photos", "separate_photos", "take_photos", "hold_still"]
+_REMEDIES: dict[Cause, Remedy] = {
+    "board_order": "correct_target",
+    "board_names": "correct_target",
+    "board_place": "correct_target",
+    "board_square": "correct_target",
+    "corner_names": "correct_target",
+    "corner_count": "correct_target",
+    "mirrored": "correct_photos",
+    "two_lenses": "separate_photos",
+    "zoom": "separate_photos",
+    "scaled": "correct_photos",
+    "shifted": "separate_photos",
+    "turned": "correct_photos",
+    "photo_lens": "separate_photos",
+    "sheared": "hold_still",
+    "sheet_bends": "hold_still",
+    "autofocus": "hold_still",
+    "stabilisation": "hold_still",
+    "repeats": "take_photos",
+    "one_place": "take_photos",
+}
 # What a finding says about the camera: nothing against it, to be used with care, or wrong.
 Level = Literal["note", "care", "bad"]
 
@@ -64,7 +90,10 @@ class Finding:
         """Plain data for JSON and YAML."""
         return {
             "cause": self.cause,
+            "code": self.cause,
             "level": self.level,
+            "severity": self.level,
+            "remedy": _REMEDIES[self.cause],
             "what": self.what,
             "evidence": self.evidence,
             "do": self.do,

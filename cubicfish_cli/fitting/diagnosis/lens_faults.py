@@ -22,16 +22,18 @@ from cubicfish_cli.fitting.diagnosis.photo_lenses import (
     PhotoLenses,
     TwoLenses,
     Unlike,
+    left_out_share,
     photo_lenses,
     sheared_photos,
     two_lenses,
     zoomed_photos,
 )
+from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.refinement import ObjectFit
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.statistics import rms_px
-from cubicfish_cli.fitting.subset import select_photos
+from cubicfish_cli.fitting.subset import flatness, select_photos
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.radial import RadialCamera
 
@@ -47,6 +49,21 @@ _WORTH_A_LOOK = 1e-2
 _SUSPICIOUS = 1e-4
 _TIMES_DETERMINED = 10
 _FEWEST_OTHERS = 8
+# Two lenses are worth an accusation where they take this share of the squared error away from
+# photos that had no say in them, where they explain so much of how photos differ, and where a
+# person would notice: pixels of a photo of 2000.
+_CLEAR_MARGIN = 0.1
+_MOST = 0.8
+_NOTICED_PX, _SIDE = 0.05, 2000.0
+# Photos of one lens foretell another one's errors to this share. Where the focus is another in
+# every photo, groups of photos do not.
+_FORETOLD = 1.15
+# Of fewer photos of one flat board a lens of their own says nothing.
+_FEWEST_OF_A_PLANE = 3
+# By themselves, photos that do not fit have no more than this of their squared error.
+_HALF = 0.5
+# Photos that were left out say that the camera is wrong where they are so many.
+_MANY_LEFT_OUT = 1 / 3
 _ROUNDS = 12
 _SETTLED_PX = 0.05
 _ROUGH_DECREASE = 1e-5
@@ -60,6 +77,8 @@ _SAME_FOCAL = 0.003
 _TYPICAL_NOISE = 4.0
 # Wide enough to feel every corner while a pose is off.
 _WIDE_HUBER_PX = 10.0
+# Boards whose corners leave a plane by less than this share of their extent count as flat.
+_FLAT = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -166,7 +185,13 @@ def _followed(
         return None
     if split.kind == "order":
         split, apart = _at_the_boundary(fit, split, apart, given)
-    if apart.rms_px**2 > (1 - WORTH) * together**2:
+    unforeseen = left_out_share(apart.photos, split.second)
+    left_out_px = apart.rms_px * np.sqrt(unforeseen)
+    gain = 1 - (left_out_px / together) ** 2
+    noticed = _NOTICED_PX * max(1.0, max(pairs.image_size) / _SIDE)
+    if unforeseen > _FORETOLD or gain < _CLEAR_MARGIN or split.explained < _MOST:
+        return None
+    if together * np.sqrt(gain) < noticed:
         return None
     scale = 1 + split.own[:, 0] / photos.reach
     middle = (np.array(pairs.image_size, float) - 1) / 2
@@ -268,6 +293,8 @@ def left_out_lens(
         order: the names of all photos, in order.
 
     """
+    if flatness(pairs.world) < _FLAT and len(pairs.images) < _FEWEST_OF_A_PLANE:
+        return None
     try:
         own = fit_companion(pairs)
     except (FitError, np.linalg.LinAlgError):
@@ -281,6 +308,8 @@ def left_out_lens(
     if abs(ratio - 1) < _SAME_FOCAL and np.hypot(*shift) < 1:
         return None
     names = list(own.pairs.images)
+    if not _clearly_other(camera, own):
+        return None
     evidence = f"by themselves they fit a lens of their own to {rms_px(own.residual):.2f} px"
     change = LensChange(ratio=ratio, shift=shift, centre=centres[0])
     first = list(order[: len(names)]) == names
@@ -289,7 +318,18 @@ def left_out_lens(
         change = LensChange(ratio=1 / ratio, shift=-shift, centre=centres[1])
         evidence = "the photos before " + evidence.removeprefix("by themselves they ")
     in_order = first or list(order[-len(names) :]) == names
-    return lens_change(change, names, pairs, in_order=in_order, evidence=evidence)
+    found = lens_change(change, names, pairs, in_order=in_order, evidence=evidence)
+    # The camera is that of the others, and right, unless it may be the others that are odd.
+    many = len(own.pairs.images) >= _MANY_LEFT_OUT * len(order)
+    return found if many else replace(found, level="care")
+
+
+def _clearly_other(camera: RadialCamera, own: Companion) -> bool:
+    """Whether photos fit their own lens clearly better than another one, poses being free."""
+    fit, placed, _ = fit_poses(camera, own.pairs)
+    if fit is None or len(placed.pixel) < len(own.pairs.pixel):
+        return True
+    return noise_px(own.residual) ** 2 < _HALF * noise_px(fit.residual) ** 2
 
 
 def lens_change(
@@ -330,7 +370,7 @@ def lens_change(
         0.1 * by_shift, near / 4
     ):
         cause = "scaled"
-        what = f"photos seem scaled by {change.ratio:.3g} {which}"
+        what = f"photos seem scaled by {_ratio_words(change.ratio)} {which}"
         do = "use all photos at the size at which the sensor made them"
     elif by_shift < _NONE * by_scale or by_shift < near / 4 < by_scale:
         cause = "zoom"
@@ -358,6 +398,12 @@ def lens_change(
     return Finding(
         cause=cause, level=level, what=what, evidence=evidence, do=do, images=tuple(names)
     )
+
+
+def _ratio_words(ratio: float) -> str:
+    """A ratio with two digits of what it differs from 1 by, and three at least."""
+    digits = 1 - int(np.floor(np.log10(max(abs(ratio - 1), 1e-9))))
+    return f"{ratio:.{max(digits, 2)}f}"
 
 
 def _single(fit: ObjectFit, photos: PhotoLenses) -> list[Finding]:

@@ -78,6 +78,9 @@ class TwoLenses:
         chance: how often so clear a split would be found among photos through one lens.
         own: (2, 3) scale, shift x, shift y of both groups, pixels.
         share: of all photos' squared error that the two lenses explain, beside one for all.
+        explained: share of how the photos' own lenses differ that two lenses explain, however many
+            corners say so: all of it where there are two, and about half where every photo has one
+            of its own, since photos can always be sorted into two groups.
 
     """
 
@@ -86,6 +89,7 @@ class TwoLenses:
     chance: float
     own: FloatArray
     share: float
+    explained: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,7 +213,35 @@ def two_lenses(photos: PhotoLenses) -> TwoLenses | None:
         chance=float(fdtrc(3, 3 * (count - 2), ratio)) * trials[kind],
         own=np.stack([_mean(own[part], weight[part]) for part in (~second, second)]),
         share=between / (_scatter(own, weight) + float(photos.squares.sum()) + 1e-300),
+        explained=ratio / (ratio + count - 2),
     )
+
+
+def left_out_share(photos: PhotoLenses, second: BoolArray) -> float:
+    """How much larger the squared error is of photos that had no say in their group's lens.
+
+    Each photo in turn is given the scale and centre of the others of its group.
+
+    Args:
+        photos: what each photo has of its own.
+        second: (K,) which are in the second group.
+
+    Returns:
+        The squared error over that with lenses that follow from all photos; 1 or more.
+
+    """
+    own, weight = photos.own[:, _LENS], _without_shear(photos.information)
+    pull = (weight @ own[:, :, None])[:, :, 0]
+    known = unknown = float(photos.squares.sum()) + 1e-300
+    for group in (np.flatnonzero(~second), np.flatnonzero(second)):
+        known += _scatter(own[group], weight[group])
+        if len(group) < _FEWEST_IN_GROUP:
+            continue
+        others = weight[group].sum(axis=0) - weight[group]
+        means = np.linalg.solve(others, (pull[group].sum(axis=0) - pull[group])[:, :, None])
+        off = own[group] - means[:, :, 0]
+        unknown += float(np.einsum("ki,kij,kj->", off, weight[group], off))
+    return unknown / known
 
 
 def sheared_photos(photos: PhotoLenses) -> list[Unlike]:

@@ -1,0 +1,114 @@
+"""Photos that differ from each other without falling into groups: what changed between all of them.
+
+A loose sheet bends anew in every photo, autofocus moves the lens along its axis and optical
+stabilisation across it. Each is fitted to every photo beside the camera, to first order, and the
+one that explains most is named. None makes a camera wrong: it is a mean of all photos.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.fitting.adjustment import huber_weight
+from cubicfish_cli.fitting.diagnosis.finding import Cause, Finding
+from cubicfish_cli.fitting.poses import cross_matrix
+from cubicfish_cli.fitting.refinement import ObjectFit
+from cubicfish_cli.fitting.robust import huber_px
+from cubicfish_cli.fitting.subset import flatness
+
+FloatArray = npt.NDArray[np.float64]
+
+_FEWEST_PHOTOS = 5
+_FEWEST_CORNERS = 12
+# What changes takes this share of the mean squared error away, free numbers counted.
+_CLEAR_MARGIN = 0.4
+# In so many photos it must do so in each; in some, what changes is as in the mean by chance.
+_MANY = 0.4
+# Pixels of a photo of 2000 from which on it is worth a word.
+_NOTICED_PX, _SIDE = 0.1, 2000.0
+_FLAT = 1e-3  # a refined sheet is bent a little
+_WORDS: dict[Cause, tuple[str, str]] = {
+    "sheet_bends": (
+        "the board seems to bend anew in each photo, as a loose sheet does",
+        "fix the sheet to something stiff and flat",
+    ),
+    "autofocus": (
+        "the scale seems to differ from photo to photo, as with autofocus",
+        "lock the focus, if the camera can",
+    ),
+    "stabilisation": (
+        "the lens's centre seems to differ from photo to photo, as with optical stabilisation",
+        "switch stabilisation off, if the camera can",
+    ),
+}
+
+
+def unsteady(fit: ObjectFit) -> Finding | None:
+    """What seems to change from photo to photo, as a note; None where nothing clearly does."""
+    pairs, poses = fit.companion.pairs, fit.cubic.poses
+    counts = np.bincount(pairs.image, minlength=len(pairs.images))
+    photos = np.flatnonzero(counts >= _FEWEST_CORNERS)
+    if len(photos) < _FEWEST_PHOTOS:
+        return None
+    world = fit.cubic.fit.world.points
+    flat = flatness(world) < _FLAT
+    bend = _bends(world) if flat else np.zeros((len(world), 3, 0))
+    terms: dict[Cause, slice] = {"autofocus": slice(0, 1), "stabilisation": slice(1, 3)}
+    if flat:
+        terms["sheet_bends"] = slice(3, 6)
+    middle = (np.array(pairs.image_size, float) - 1) / 2
+    squares = {cause: np.zeros(len(photos)) for cause in terms}
+    before, equations = np.zeros(len(photos)), 2 * counts[photos] - 6
+    weight = pairs.weight * huber_weight(
+        np.hypot(*fit.cubic.residual.T), huber_px(fit.cubic.residual)
+    )
+    for place, photo in enumerate(photos):
+        own = np.flatnonzero(pairs.image == photo)
+        rotated = world[own] @ poses.rotation[photo].T
+        pixel, d_point, _ = fit.cubic.lens.project_jacobian(rotated + poses.translation[photo])
+        by_pose = np.concatenate([-d_point @ cross_matrix(rotated), d_point], axis=2)
+        scale = ((pixel - middle) / middle.min())[:, :, None]
+        shift = np.broadcast_to(np.eye(2), (len(own), 2, 2))
+        by_bend = d_point @ poses.rotation[photo] @ bend[own]
+        rows = np.concatenate(
+            [by_pose, scale, shift, by_bend, (pairs.pixel[own] - pixel)[:, :, None]], axis=2
+        )
+        rows = (np.sqrt(weight[own])[:, None, None] * rows).reshape(2 * len(own), -1)
+        # What the pose explains is taken out by the first columns of a triangle (QR).
+        left = np.asarray(np.linalg.qr(rows, mode="r"))[6:, 6:]
+        miss = left[:, -1]
+        before[place] = miss @ miss
+        for cause, columns in terms.items():
+            step = np.linalg.lstsq(left[:, columns], miss, rcond=1e-9)[0]
+            off = miss - left[:, columns] @ step
+            squares[cause][place] = off @ off
+    variance = float(before.sum() / equations.sum())
+    left_free = {cause: equations - (one.stop - one.start) for cause, one in terms.items()}
+    each = {cause: float(squares[cause].sum() / left_free[cause].sum()) for cause in terms}
+    cause = min(each, key=lambda one: each[one])
+    change_px = float(np.sqrt(2 * max(variance - each[cause], 0.0)))
+    # In many photos, not in a few that are odd.
+    own_share = squares[cause] / left_free[cause] * equations / np.maximum(before, 1e-300)
+    if max(each[cause] / variance, float(np.quantile(own_share, _MANY))) > 1 - _CLEAR_MARGIN:
+        return None
+    if change_px < _NOTICED_PX * max(1.0, max(pairs.image_size) / _SIDE):
+        return None
+    what, do = _WORDS[cause]
+    return Finding(
+        cause=cause,
+        level="note",
+        what=f"{what}, by {change_px:.2f} px",
+        evidence=f"with that in each photo the RMS would be {np.sqrt(2 * each[cause]):.2f} px for "
+        f"{np.sqrt(2 * variance):.2f} px",
+        do=f"{do}; the camera is a mean of all photos",
+    )
+
+
+def _bends(world: FloatArray) -> FloatArray:
+    """(N, 3, 3) how the points of a flat board move when it bends in three ways: x², xy and y²."""
+    off = world - world.mean(axis=0)
+    axes = np.linalg.svd(off, full_matrices=False)[2]
+    plane = off @ axes[:2].T
+    x, y = (plane / np.abs(plane).max(axis=0)).T
+    return np.asarray(axes[2][None, :, None] * np.stack([x * x, x * y, y * y], axis=-1)[:, None])

@@ -1,0 +1,148 @@
+"""How far corners reach, how far beyond them the camera is extrapolated, and what that costs.
+
+Squares of the picture say whether its parts hold corners. At the rim, where a lens bends most and
+few corners are, that is too coarse: here each direction from the axis is looked at by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.angles import angle_from_axis, azimuth
+from cubicfish_cli.model.cubic import CubicCamera, ray_at
+
+FloatArray = npt.NDArray[np.float64]
+Sigma = Callable[[FloatArray], FloatArray]
+
+_DIRECTIONS = 72
+# A corner stands for directions so far to both sides, and in its own for so much of the field more.
+_BESIDE_DEG = 10.0
+_BEYOND = 0.05
+_NEARLY_ALL = 0.9
+# Directions that reach to within this share of where the field's corners end reach its rim.
+_NEAR = 0.1
+# The rim's errors are those of the outermost corners, the middle's of those within half the field.
+_RIM_SHARE, _FEWEST_AT_THE_RIM = 0.1, 20
+_MIDDLE = 0.5
+# Beyond the corners the camera may be trusted as long as it is no more uncertain than so many
+# times as at their edge, or than so many pixels of a photo of 2000; a degree is let in any case.
+_TIMES, _CERTAIN_PX, _SIDE = 2.0, 0.3, 2000.0
+_LEAST_MARGIN_DEG = 1.0
+_STEP_DEG = 0.25
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reach:
+    """What corners say of the field's rim; pixels are None where too few corners tell.
+
+    Attributes:
+        all_around_deg: how far from the axis corners reach in nearly every direction that the
+            photo shows.
+        rim_coverage: share of the directions in which corners reach the rim.
+        extrapolated_deg: how far beyond the corners the field goes, the median over directions.
+        edge_uncertainty_px: one standard deviation of a pixel at the field's edge, median.
+        rim_from_deg: from where on the rim's errors are counted.
+        rim_rms_px: RMS of the outermost corners, those beyond ``rim_from_deg``.
+        middle_rms_px: RMS of the corners within half of that.
+
+    """
+
+    all_around_deg: float
+    rim_coverage: float
+    extrapolated_deg: float
+    edge_uncertainty_px: float | None
+    rim_from_deg: float | None
+    rim_rms_px: float | None
+    middle_rms_px: float | None
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON and YAML."""
+        return asdict(self)
+
+
+def reach(camera: CubicCamera, points: FloatArray, residual: FloatArray, sigma: Sigma) -> Reach:
+    """Look at the rim.
+
+    Args:
+        camera: the camera.
+        points: (N, 3) the corners of the fit in its frame.
+        residual: (N, 2) their errors, pixels.
+        sigma: uncertainty of the pixels of unit rays (M, 3) -> (M,), pixels.
+
+    """
+    angle = np.rad2deg(angle_from_axis(points))
+    covered = float(angle.max())
+    edge = np.rad2deg(angle_from_axis(camera.edge(_DIRECTIONS)))
+    own = np.rad2deg(azimuth(points[:, :2]))
+    around = np.arange(_DIRECTIONS) * 360 / _DIRECTIONS
+    beside = np.abs((own - around[:, None] + 180) % 360 - 180) <= _BESIDE_DEG
+    reached = np.where(beside, angle, 0.0).max(axis=1)
+    short = np.minimum(edge, covered) - reached
+    at_edge = sigma(camera.edge(_DIRECTIONS))
+    at_edge = at_edge[np.isfinite(at_edge)]
+    rim, middle, rim_from = _errors(angle, residual)
+    return Reach(
+        all_around_deg=_all_around(reached, edge, covered),
+        rim_coverage=float(np.mean(short <= _NEAR * covered)),
+        extrapolated_deg=float(np.median(np.maximum(edge - reached, 0))),
+        edge_uncertainty_px=float(np.median(at_edge)) if at_edge.size else None,
+        rim_from_deg=rim_from,
+        rim_rms_px=rim,
+        middle_rms_px=middle,
+    )
+
+
+def trusted_angle_deg(camera: CubicCamera, covered_deg: float, sigma: Sigma) -> float:
+    """How far from the axis the camera may be trusted: beyond its corners while it is certain.
+
+    Args:
+        camera: the camera; its own angle is the farthest that is thought of.
+        covered_deg: how far from the axis corners reach.
+        sigma: as :func:`reach` takes it.
+
+    """
+    farthest = camera.max_angle_deg
+    least = min(covered_deg + _LEAST_MARGIN_DEG, farthest)
+    tried = np.append(np.arange(least, farthest, _STEP_DEG), farthest)
+    limit = _CERTAIN_PX * max(1.0, max(camera.image_size) / _SIDE)
+    limit = max(limit, _TIMES * _on_ring(sigma, covered_deg))
+    certain = [_on_ring(sigma, angle) <= limit for angle in tried]
+    last = len(tried) if all(certain) else certain.index(False)
+    return float(tried[max(last - 1, 0)])
+
+
+def _on_ring(sigma: Sigma, angle_deg: float) -> float:
+    around = np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False)
+    return float(np.median(sigma(ray_at(np.full(_DIRECTIONS, np.deg2rad(angle_deg)), around))))
+
+
+def _all_around(reached: FloatArray, edge: FloatArray, covered: float) -> float:
+    """The largest angle up to which corners are nearly all around, where the photo shows it."""
+    angles = np.arange(1.0, covered, 1.0)
+    shown = edge >= angles[:, None]
+    near = reached + _BEYOND * covered >= angles[:, None]
+    share = (shown & near).sum(axis=1) / np.maximum(shown.sum(axis=1), 1)
+    short = np.flatnonzero((share < _NEARLY_ALL) & shown.any(axis=1))
+    return float(angles[short[0]] - 1) if short.size else covered
+
+
+def _errors(
+    angle: FloatArray, residual: FloatArray
+) -> tuple[float | None, float | None, float | None]:
+    """RMS at the rim and in the middle, and from which angle on the rim is."""
+    count = max(_FEWEST_AT_THE_RIM, round(_RIM_SHARE * len(angle)))
+    if len(angle) < 3 * count:
+        return None, None, None
+    start = float(np.floor(np.sort(angle)[-count]))
+    square = np.sum(residual * residual, axis=1)
+    rim, middle = square[angle >= start], square[angle <= _MIDDLE * start]
+    if len(middle) < _FEWEST_AT_THE_RIM:
+        middle = square[angle < start]
+    if not middle.size:
+        return None, None, None
+    return float(np.sqrt(rim.mean())), float(np.sqrt(middle.mean())), start
