@@ -19,7 +19,7 @@ inside a lens are millimetres: :func:`outside_lens` takes the target's unit.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -221,7 +221,8 @@ class OutsideLens:
         flaw: of the glass, if there is one.
         min_angle_deg: nothing is seen nearer to the axis.
         max_angle_deg: half the field of view.
-        unit_mm: millimetres in one unit of the points.
+        units: of the points; lengths inside the lens are millimetres.
+        name: of :data:`OUTSIDE_LENSES`.
 
     """
 
@@ -233,7 +234,8 @@ class OutsideLens:
     flaw: Flaw | None = None
     min_angle_deg: float = 0.0
     max_angle_deg: float = 95.0
-    unit_mm: float = 1.0
+    units: str = "mm"
+    name: str = ""
 
     def project(self, points: npt.ArrayLike) -> FloatArray:
         """Points in the camera frame (..., 3) -> pixels (..., 2), NaN outside the field.
@@ -318,7 +320,7 @@ class OutsideLens:
         return rotation_matrix(np.radians([*self.turn_deg, 0.0]))
 
     def _pupil(self, angle: FloatArray) -> FloatArray:
-        return self.profile.pupil(angle) / self.unit_mm
+        return self.profile.pupil(angle) / _UNITS_MM.get(self.units, 1.0)
 
     def _in_field(self, angle: FloatArray) -> npt.NDArray[np.bool_]:
         with np.errstate(invalid="ignore"):
@@ -367,7 +369,7 @@ class RaysAtDistance:
 _UNITS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 
 
-def _moving_pupil(size: tuple[int, int], focal: float, unit_mm: float) -> OutsideLens:
+def _moving_pupil(size: tuple[int, int], focal: float) -> OutsideLens:
     return OutsideLens(
         image_size=size,
         focal=(focal, 1.0015 * focal),
@@ -376,11 +378,10 @@ def _moving_pupil(size: tuple[int, int], focal: float, unit_mm: float) -> Outsid
         turn_deg=(0.25, -0.15),
         flaw=_three_screws(size),
         max_angle_deg=96.0,
-        unit_mm=unit_mm,
     )
 
 
-def _mirror(size: tuple[int, int], focal: float, unit_mm: float) -> OutsideLens:
+def _mirror(size: tuple[int, int], focal: float) -> OutsideLens:
     return OutsideLens(
         image_size=size,
         focal=(focal, focal),
@@ -390,11 +391,10 @@ def _mirror(size: tuple[int, int], focal: float, unit_mm: float) -> OutsideLens:
         flaw=_three_screws(size),
         min_angle_deg=15.0,
         max_angle_deg=105.0,
-        unit_mm=unit_mm,
     )
 
 
-def _equisolid(size: tuple[int, int], focal: float, unit_mm: float) -> OutsideLens:
+def _equisolid(size: tuple[int, int], focal: float) -> OutsideLens:
     return OutsideLens(
         image_size=size,
         focal=(focal, 0.999 * focal),
@@ -403,11 +403,10 @@ def _equisolid(size: tuple[int, int], focal: float, unit_mm: float) -> OutsideLe
         turn_deg=(-0.2, 0.3),
         flaw=_half_pixel(size, (0.62, 0.3)),
         max_angle_deg=95.0,
-        unit_mm=unit_mm,
     )
 
 
-def _orthographic(size: tuple[int, int], focal: float, unit_mm: float) -> OutsideLens:
+def _orthographic(size: tuple[int, int], focal: float) -> OutsideLens:
     return OutsideLens(
         image_size=size,
         focal=(focal, 1.001 * focal),
@@ -416,12 +415,11 @@ def _orthographic(size: tuple[int, int], focal: float, unit_mm: float) -> Outsid
         turn_deg=(0.2, 0.2),
         flaw=_half_pixel(size, (0.42, 0.66)),
         max_angle_deg=80.0,
-        unit_mm=unit_mm,
     )
 
 
 # Name -> how it is made, and its radius at the rim of its field, 1 a radian at the axis.
-_MAKERS: dict[str, tuple[Callable[[tuple[int, int], float, float], OutsideLens], float]] = {
+_MAKERS: dict[str, tuple[Callable[[tuple[int, int], float], OutsideLens], float]] = {
     "moving-pupil": (_moving_pupil, 1.6),
     "mirror": (_mirror, 2.8),
     "equisolid": (_equisolid, 1.475),
@@ -443,7 +441,8 @@ def outside_lens(
 
     """
     make, rim = _MAKERS[name]
-    return make(image_size, 0.52 * min(image_size) / rim, _UNITS_MM.get(units, 1.0))
+    lens = make(image_size, 0.52 * min(image_size) / rim)
+    return replace(lens, units=units, name=name)
 
 
 def _off_middle(size: tuple[int, int], right: float, down: float) -> tuple[float, float]:
