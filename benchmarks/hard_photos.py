@@ -172,7 +172,7 @@ CASES = (
 
 
 def board(marked: bool) -> Target:
-    markers = Markers(dictionary="DICT_5X5_250", side=0.75 * SQUARE, first=0, count=44)
+    markers = Markers(dictionary="DICT_4X4_50", side=0.8 * SQUARE, first=0, count=44)
     return Target(
         units="mm",
         boards=(
@@ -318,8 +318,8 @@ def charuco(photo):
     layout = cv2.aruco.CharucoBoard(
         (COLUMNS + 1, ROWS + 1),
         SQUARE,
-        0.75 * SQUARE,
-        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_250),
+        0.8 * SQUARE,
+        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50),
         board(True).boards[0].marker_cells()[:, 0].astype(np.int32),
     )
     corners, ids, _, _ = cv2.aruco.CharucoDetector(layout).detectBoard(photo)
