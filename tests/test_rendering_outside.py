@@ -65,7 +65,9 @@ def test_none_is_of_the_family_that_p_is_held_to(name):
     rays = cone_rays(radians(lens.max_angle_deg - 3), 3000)
     rays = rays[rays[:, 2] < np.cos(radians(lens.min_angle_deg + 1))]
     truth = lens.seen_from(250 * rays).project(rays)
-    start = BentFit(values=np.array([*lens.focal, *lens.centre, *np.zeros(9)]), terms=4, noise_px=1)
+    start = BentFit(
+        values=np.array([*lens.focal, *lens.centre, *np.zeros(9)]), terms=4, noise_px=1, spread=1
+    )
 
     def miss(values):
         return (start.with_parameters(values).project(rays) - truth).ravel()
