@@ -3,14 +3,16 @@
 Photos are rendered through lenses from outside every fitted family (rendering/outside.py), each
 with one thing that makes boards hard to read, and go to this project's finder and to OpenCV's in
 one run. A corner counts as readable, and so for recall, when it and its neighbourhood are in the
-picture, nothing lies over it, and bright and dark around it differ by 20 grey levels at least.
+picture, nothing lies over it, and both bright squares at it are brighter than both dark ones by 20
+grey levels.
 
 recall   share of the readable corners that were found within 1 px (1.5 px where it bleeds, is
          blurred by 4 px or more, or out of focus)
 false    found corners farther than 3 px from every true corner
 grids    accepted grids more than half of whose corners are false
 wrong    corners that ``detect`` named, farther than 3 px from the corner of that name; the count
-         of named ones stands before it
+         of named ones stands before it. Photos that it says it placed by convention only are in
+         neither
 bias     largest mean error in px along the picture's x and y, the board's x and y, and the radius
 spread   RMS of the found corners' errors along x and y, px
 s        CPU seconds a photo
@@ -232,8 +234,9 @@ class Shot:
     readable: np.ndarray
 
 
-def taken(case: Hard, lens: OutsideLens, rays: RayGrid, pose: Pose, marked: bool, seed) -> Shot:
-    target = board(marked)
+def taken(case, lens, rays, pose, seed, readable=None) -> Shot:
+    """A photo of the plain board, or, where it is known what can be read, of the marked one."""
+    target = board(readable is not None)
     rng = np.random.default_rng(seed)
     clean = render(
         target,
@@ -260,28 +263,28 @@ def taken(case: Hard, lens: OutsideLens, rays: RayGrid, pose: Pose, marked: bool
     if case.quality is not None:
         data = cv2.imencode(".jpg", photo, [cv2.IMWRITE_JPEG_QUALITY, case.quality])[1]
         photo = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)
-    readable = seen.visible & np.array(
-        [
-            ok and _can_be_read(clean, hidden, xy, reach)
-            for ok, xy, reach in zip(seen.visible, seen.pixel, _reach(seen), strict=True)
-        ]
-    )
+    if readable is None:
+        readable = seen.visible & _can_be_read(clean, hidden, seen)
     return Shot(photo=photo, seen=seen, readable=readable)
 
 
-def _reach(seen: TrueCorners) -> np.ndarray:
-    """Half a square in pixels, for each corner (N,)."""
-    grid = seen.pixel.reshape(ROWS, COLUMNS, 2)
-    slope = np.stack([np.gradient(grid, axis=axis) for axis in (0, 1)])
-    return 0.5 * np.nanmin(np.nan_to_num(np.linalg.norm(slope, axis=-1), nan=1e3), axis=0).ravel()
-
-
-def _can_be_read(clean: np.ndarray, hidden: np.ndarray, xy: np.ndarray, reach: float) -> bool:
-    x, y = np.rint(xy).astype(int)
-    r = max(3, round(reach))
-    part = np.s_[max(0, y - r) : y + r + 1, max(0, x - r) : x + r + 1]
-    low, high = np.percentile(clean[part], [15, 85])
-    return not hidden[part].any() and high - low >= READABLE
+def _can_be_read(clean: np.ndarray, hidden: np.ndarray, seen: TrueCorners) -> np.ndarray:
+    """(N,) whether both bright squares at a corner are brighter than both dark ones, uncovered."""
+    grid = np.nan_to_num(seen.pixel.reshape(ROWS, COLUMNS, 2), nan=-1e3)
+    down, right = np.gradient(grid, axis=0), np.gradient(grid, axis=1)
+    level = {}
+    covered = np.zeros(grid.shape[:2], bool)
+    mean = cv2.blur(clean, (3, 3))
+    for i in (-1, 1):
+        for j in (-1, 1):
+            for share in (0.15, 0.35):
+                place = np.rint(grid + share * (i * right + j * down)).astype(int)
+                x, y = (np.clip(place[..., k], 0, SIZE[k] - 1) for k in (0, 1))
+                level[i, j] = mean[y, x]
+                covered |= hidden[y, x]
+    first = np.minimum(level[1, 1], level[-1, -1]) - np.maximum(level[1, -1], level[-1, 1])
+    other = np.minimum(level[1, -1], level[-1, 1]) - np.maximum(level[1, 1], level[-1, -1])
+    return ((np.maximum(first, other) >= READABLE) & ~covered).ravel()
 
 
 # Finders: photo -> corners (N, 2) and how many grids of them each hold.
@@ -383,14 +386,17 @@ class Score:
 def named(shots: list[Shot]) -> tuple[int, int]:
     """How many corners ``detect`` names in photos of one lens, and how many wrongly."""
     try:
-        found = detect([shot.photo for shot in shots], board(False)).corners
+        detection = detect([shot.photo for shot in shots], board(False))
     except CubicfishError:
         return 0, 0
+    found = detection.corners
     index = {name: i for i, name in enumerate(f"photo_{k}" for k in range(len(shots)))}
     photo = np.array([index[found.images[i]] for i in found.image])
     true = np.stack([shot.seen.pixel for shot in shots])[photo, found.row * COLUMNS + found.column]
     away = np.linalg.norm(found.pixel - true, axis=1)
-    return len(away), int((~(away < FAR_PX)).sum())
+    unsure = [index[name] for name in detection.by_convention]
+    sure = ~np.isin(photo, unsure)
+    return int(sure.sum()), int((sure & ~(away < FAR_PX)).sum())
 
 
 def main() -> None:
@@ -420,7 +426,8 @@ def main() -> None:
                 for marked, finders in ((False, PLAIN), (True, MARKED)):
                     if marked and k % 2:
                         continue
-                    shot = taken(case, made[name], rays[name], pose, marked, seed)
+                    known = shots[-1].readable if marked else None
+                    shot = taken(case, made[name], rays[name], pose, seed, known)
                     if arguments.save:
                         place = f"{case.name}_{name}_{k}_{'m' if marked else 'p'}.png"
                         cv2.imwrite(f"{arguments.save}/{place.replace(' ', '_')}", shot.photo)

@@ -250,7 +250,7 @@ class OutsideLens:
         angle, change = np.arctan2(across, z), np.zeros(len(points))
         for _ in range(_PUPIL_ROUNDS):
             before = angle
-            angle = np.arctan2(across, z - self._pupil(np.minimum(angle, self._most)))
+            angle = np.arctan2(across, z - self._pupil(np.clip(angle, self._least, self._most)))
             change = np.abs(angle - before)
             if not np.nan_to_num(change).max(initial=0.0) > 1e-12:
                 break
@@ -306,10 +306,14 @@ class OutsideLens:
         """
         angle = angle_from_axis(points)
         weight = (np.sin(angle) / np.linalg.norm(points, axis=1)) ** 2
-        start = self._pupil(np.minimum(angle, self._most))
+        start = self._pupil(np.clip(angle, self._least, self._most))
         centre = float(np.average(start, weights=weight))
         distance = float(np.median(np.linalg.norm(points - (0, 0, centre), axis=1)))
         return RaysAtDistance(lens=self, centre=centre, distance=distance)
+
+    @property
+    def _least(self) -> float:
+        return float(np.radians(self.min_angle_deg))
 
     @property
     def _most(self) -> float:
@@ -324,7 +328,7 @@ class OutsideLens:
 
     def _in_field(self, angle: FloatArray) -> npt.NDArray[np.bool_]:
         with np.errstate(invalid="ignore"):
-            return (angle >= np.radians(self.min_angle_deg)) & (angle <= self._most)
+            return (angle >= self._least) & (angle <= self._most)
 
 
 @dataclass(frozen=True, kw_only=True)
