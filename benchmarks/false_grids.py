@@ -210,6 +210,7 @@ def main() -> None:
         grids = find_grids(photo).grids
         if grids:
             wrong[kind.__name__].append([number, *(len(grid) for grid in grids)])
+            print(f"picture {number}, {kind.__name__}: {wrong[kind.__name__][-1][1:]}", flush=True)
             if arguments.save:
                 arguments.save.mkdir(parents=True, exist_ok=True)
                 seen = cv2.cvtColor(photo, cv2.COLOR_GRAY2BGR)

@@ -11,8 +11,7 @@ recall   share of the readable corners that were found within 1 px (1.5 px where
 false    found corners farther than 3 px from every true corner
 grids    accepted grids more than half of whose corners are false
 wrong    corners that ``detect`` named, farther than 3 px from the corner of that name; the count
-         of named ones stands before it. Photos that it says it placed by convention only are in
-         neither
+         of named ones stands before it. Names that it calls uncertain are in neither
 bias     largest mean error in px along the picture's x and y, the board's x and y, and the radius
 spread   RMS of the found corners' errors along x and y, px
 s        CPU seconds a photo
@@ -386,17 +385,14 @@ class Score:
 def named(shots: list[Shot]) -> tuple[int, int]:
     """How many corners ``detect`` names in photos of one lens, and how many wrongly."""
     try:
-        detection = detect([shot.photo for shot in shots], board(False))
+        found = detect([shot.photo for shot in shots], board(False)).corners
     except CubicfishError:
         return 0, 0
-    found = detection.corners
     index = {name: i for i, name in enumerate(f"photo_{k}" for k in range(len(shots)))}
     photo = np.array([index[found.images[i]] for i in found.image])
     true = np.stack([shot.seen.pixel for shot in shots])[photo, found.row * COLUMNS + found.column]
     away = np.linalg.norm(found.pixel - true, axis=1)
-    unsure = [index[name] for name in detection.by_convention]
-    sure = ~np.isin(photo, unsure)
-    return int(sure.sum()), int((sure & ~(away < FAR_PX)).sum())
+    return int(found.certain.sum()), int((found.certain & ~(away < FAR_PX)).sum())
 
 
 def main() -> None:
