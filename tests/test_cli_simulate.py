@@ -12,10 +12,14 @@ from synthetic import TRUE_LENS
 
 from cubicfish_cli.cli import simulate
 from cubicfish_cli.correspondences import load_corners, pair
+from cubicfish_cli.fitting.conversion.exact_lens import ExactLens
+from cubicfish_cli.fitting.conversion.models import MODELS
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.formats.camera_yaml import load_camera
+from cubicfish_cli.formats.foreign import read_foreign
 from cubicfish_cli.rendering import simulate as library
 from cubicfish_cli.rendering.lens_file import load_lens
+from cubicfish_cli.rendering.outside import OUTSIDE_LENSES, outside_lens
 from cubicfish_cli.rendering.pose import camera_points
 from cubicfish_cli.rendering.pose_table import load_poses
 from cubicfish_cli.target import load_target
@@ -116,6 +120,69 @@ def test_two_photos_from_one_pose_differ_in_their_noise_only(
     assert (one - two)[inside].std() == pytest.approx(3 * np.sqrt(2), rel=0.05)
 
 
+def test_a_lens_that_no_camera_can_hold_and_its_truth(run: Run, tmp_path: Path) -> None:
+    lens = ("--lens", "moving-pupil", "--size", "480x360")
+    run("simulate", "-t", TARGET, *lens, "-n", 2, "-o", tmp_path / "a", "--format", "png")
+    truth = load_lens(tmp_path / "a" / "true_camera.yaml")
+    assert truth.lens == outside_lens("moving-pupil", (480, 360))
+    assert 0 < truth.centre < 1
+    target = load_target(TARGET)
+    pairs = pair(load_corners(tmp_path / "a" / "true_corners.csv", target), target)
+    poses = list(load_poses(tmp_path / "a" / "true_poses.csv").values())
+    for index, pose in enumerate(poses):
+        own = pairs.image == index
+        pixel = truth.lens.project(camera_points(pose, pairs.world[own]))
+        np.testing.assert_allclose(pixel, pairs.pixel[own], atol=2e-6)
+        # The photo is of that lens too: a corner that is found is where it says.
+        photo = cv2.imread(str(tmp_path / "a" / pairs.images[index]), 0)
+        start = pixel.astype(np.float32)[:, None]
+        stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3)
+        found = cv2.cornerSubPix(photo, start.copy(), (3, 3), (-1, -1), stop)[:, 0]
+        assert np.median(np.abs(found - pixel)) < 0.06
+    # What it wrote is a lens to simulate with, and to compare with.
+    poses_file = tmp_path / "a" / "true_poses.csv"
+    model = ("-m", tmp_path / "a" / "true_camera.yaml")
+    run("simulate", "-t", TARGET, *model, "--poses", poses_file, "-o", tmp_path / "b",
+        "--format", "png")  # fmt: skip
+    for name in ("photo_01.png", "true_corners.csv"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    said = run("compare", *(tmp_path / name / "true_camera.yaml" for name in "ab"), "--json")
+    assert json.loads(said.stdout)["rms_px"] < 1e-6
+
+
+@pytest.mark.parametrize("form", ["mrcal", "colmap-thin-prism-fisheye"])
+def test_another_tools_lens_is_taken_as_it_is(
+    run: Run, calibrated: Path, tmp_path: Path, form: str
+) -> None:
+    file = tmp_path / "lens"
+    run("export", "--to", form, "-m", calibrated / "camera.yaml", "-o", file)
+    said = run("simulate", "-t", TARGET, "--lens", file, "-n", 1, "-o", tmp_path / "a")
+    assert "nearest to the lens of" in said.stderr
+    record, _ = read_foreign(file)
+    lens = ExactLens.of(record)
+    target = load_target(TARGET)
+    pairs = pair(load_corners(tmp_path / "a" / "true_corners.csv", target), target)
+    (pose,) = load_poses(tmp_path / "a" / "true_poses.csv").values()
+    points = camera_points(pose, pairs.world)
+    pixel = MODELS[record.model].project(record, points)
+    np.testing.assert_allclose(pixel, pairs.pixel, atol=2e-6)
+    rays = points / np.linalg.norm(points, axis=1, keepdims=True)
+    np.testing.assert_allclose(lens.unproject(pixel), rays, atol=1e-8)
+    near = load_camera(tmp_path / "a" / "true_camera.yaml").camera
+    assert 1e-9 < np.abs(near.project(points) - pixel).max() < 0.1
+
+
+def test_overexposed_photos_bleed(run: Run, small_lens: Path, tmp_path: Path) -> None:
+    options = ("-t", TARGET, "-m", small_lens, "-n", 1, "--noise", 0, "--format", "png")
+    dark = []
+    for exposure in (1, 2):
+        run("simulate", *options, "--exposure", exposure, "-o", tmp_path / str(exposure))
+        photo = cv2.imread(str(tmp_path / str(exposure) / "photo_01.png"), 0)
+        dark.append((photo < 128).mean())
+        assert (photo == 255).any() == (exposure == 2)
+    assert dark[1] < dark[0]
+
+
 def test_json(run: Run, small_lens: Path, tmp_path: Path) -> None:
     said = run("simulate", "-t", TARGET, "-m", small_lens, "-n", 1, "-o", tmp_path, "--json")
     record = json.loads(said.stdout)
@@ -155,6 +222,22 @@ def test_what_goes_wrong_is_said_before_anything_is_written(
         values = yaml.safe_load(small_lens.read_text()) | {key: yaml.safe_load(value)}
         bad.write_text(yaml.safe_dump(values))
         assert words in refused("-t", TARGET, "-m", bad)
+    true = {"lens": "mirror", "image_size": [640, 480], "units": "mm", "centre": 0, "distance": 9}
+    for changes, words in (
+        ({"lens": "telescope"}, "lens must be one of moving-pupil, mirror"),
+        ({"distance": -1}, "distance must be above 0"),
+        ({"centre": [1, 2]}, "centre must be a number"),
+        ({"units": 3}, "units must be a word"),
+        ({"image_size": [640, 0]}, "image_size must be two whole numbers"),
+        ({"centres": 3}, "unknown key 'centres'"),
+    ):
+        bad.write_text(yaml.safe_dump(true | changes))
+        assert words in refused("-t", TARGET, "-m", bad)
+    bad.write_text(yaml.safe_dump({"lens": "mirror"}))
+    assert "image_size is missing" in refused("-t", TARGET, "-m", bad)
+    assert "leave one of them out" in refused(*given, "--lens", "mirror", code=2)
+    assert "no file and none of" in refused("-t", TARGET, "--lens", "mirrors", code=2)
+    assert "--size goes with --lens" in refused(*given, "--size", "640x480", code=2)
     (tmp_path / "taken").mkdir()
     (tmp_path / "taken" / "true_poses.csv").write_text("mine")
     said = run("simulate", *given, "-n", 1, "-o", tmp_path / "taken", code=1).stderr
@@ -164,4 +247,5 @@ def test_what_goes_wrong_is_said_before_anything_is_written(
 
 def test_the_formats_are_those_of_the_library() -> None:
     assert simulate.FORMATS == library.FORMATS
+    assert simulate.LENSES == OUTSIDE_LENSES
     assert load_lens(SAMPLE / "true_camera.yaml") == TRUE_LENS

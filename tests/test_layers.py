@@ -44,7 +44,15 @@ ALLOWED: dict[str, set[str]] = {
     },
     "undistortion": {"errors", "angles", "machines", "files", "photos", "model", "wording"},
     "formats": {"errors", "files", "reading", "plain_yaml", "target", "model", "wording"},
-    "rendering": {"errors", "angles", "plain_yaml", "tables", "target", "wording"},
+    "rendering": {
+        "errors",
+        "angles",
+        "plain_yaml",
+        "tables",
+        "target",
+        "wording",
+        "correspondences",
+    },
     "printing": {"errors", "files", "wording", "target", "formats", "rendering"},
     "advice": {"errors", "angles", "target", "correspondences", "model", "fitting", "rendering"},
 }

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from click.core import ParameterSource
 
 from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
@@ -13,6 +16,7 @@ from cubicfish_cli.cli.numbers import FloatRange, IntRange
 from cubicfish_cli.cli.options import (
     FILE,
     FOLDER,
+    SizeType,
     common_options,
     examples,
     json_option,
@@ -24,12 +28,16 @@ from cubicfish_cli.cli.options import (
 from cubicfish_cli.cli.terminal import print_json, progress, result, say, working
 
 if TYPE_CHECKING:
+    from cubicfish_cli.model.cubic import CubicCamera
+    from cubicfish_cli.rendering.outside import OutsideLens
     from cubicfish_cli.rendering.pose import Pose
     from cubicfish_cli.rendering.views import WholeLens
     from cubicfish_cli.target import Target
 
 # The names of rendering.simulate.FORMATS, here so that --help need not load numpy.
 FORMATS = ("jpg", "png")
+# And those of rendering.outside.OUTSIDE_LENSES.
+LENSES = ("moving-pupil", "mirror", "equisolid", "orthographic")
 
 
 @click.command(
@@ -37,12 +45,25 @@ FORMATS = ("jpg", "png")
     short_help="Render photos of an object through a camera, with the truth beside them.",
     epilog=examples(
         "cubicfish simulate --target target.yaml --model calibration/camera.yaml -n 12 -o photos/",
-        "cubicfish simulate -t target.yaml -m camera.yaml --noise 6 --blur 1.5 --light 0.3",
+        "cubicfish simulate -t target.yaml -m camera.yaml --noise 6 --blur 1.5 --exposure 0.3",
+        "cubicfish simulate -t target.yaml --lens moving-pupil --size 1280x960 --exposure 2",
         "cubicfish simulate -t target.yaml -m camera.yaml --poses photos/true_poses.csv -o again/",
     ),
 )
 @target_option
 @model_option
+@click.option(
+    "--lens",
+    metavar="NAME|FILE",
+    help="In place of --model: a lens that no camera.yaml can hold ("
+    + ", ".join(LENSES)
+    + "), or another tool's camera file, such as mrcal's .cameramodel or COLMAP's cameras.txt.",
+)
+@click.option(
+    "--size",
+    type=SizeType(),
+    help="Size of the photos, for --lens NAME (default 960x720) and files that do not say.",
+)
 @click.option(
     "-n",
     "--number",
@@ -92,12 +113,15 @@ FORMATS = ("jpg", "png")
     help="Share of the light that is lost 90° from the axis.",
 )
 @click.option(
+    "--exposure",
     "--light",
-    type=FloatRange(0.02, 3),
+    "exposure",
+    type=FloatRange(0.02, 4),
     default=1.0,
     show_default=True,
     metavar="FACTOR",
-    help="1 is a well-lit photo, 0.2 a dark one.",
+    help="1 is a well-lit photo, 0.2 a dark one. Above 1.15 white paper saturates and bleeds: "
+    "dark squares come apart at their corners, by some 2 px at 1.5 and 5 px at 3.",
 )
 @click.option("--seed", type=IntRange(0), default=0, show_default=True, metavar="N",
               help="Other poses and other noise; the same seed gives the same photos.")  # fmt: skip
@@ -115,13 +139,15 @@ FORMATS = ("jpg", "png")
 def command(
     target: Path | None,
     model: Path | None,
+    lens: str | None,
+    size: tuple[int, int] | None,
     number: int | None,
     output: Path,
     pose_file: Path | None,
     noise: float,
     blur: float,
     vignetting: float,
-    light: float,
+    exposure: float,
     seed: int,
     form: str,
     overwrite: bool,
@@ -130,6 +156,7 @@ def command(
     """Render photos of the object in target.yaml as a camera would take them.
 
     The camera is a camera.yaml, or a lens given by its formula as in sample_data/true_camera.yaml.
+    A lens that the cubic can hold flatters the fit: --lens takes others.
     Poses are chosen so that the photos together fill its field, from different sides and
     distances, each with whole boards. Beside the photos go true_corners.csv (where each corner
     that can be seen really is), true_poses.csv and true_camera.yaml: calibrate the photos, and you
@@ -147,29 +174,35 @@ def command(
     if pose_file is not None and number is not None:
         raise click.UsageError("--poses says how many photos there are: leave -n out")
     thing = load_target(target)
-    lens, image_size, lens_words = _lens(model_path(model))
+    given = click.get_current_context().get_parameter_source("model")
+    if lens is not None and given is ParameterSource.COMMANDLINE:
+        raise click.UsageError("--lens stands in the place of --model: leave one of them out")
+    if lens is None and size is not None:
+        raise click.UsageError("the camera says the size of its photos: --size goes with --lens")
     with working("Choosing where to take photos from"):
-        poses = _poses(thing, lens, image_size, pose_file, number or 12, seed, form)
+        source = _chosen_lens(lens, size, thing) if lens else _lens(model_path(model))
+        true, image_size = source.lens, source.image_size
+        poses = _poses(thing, true, image_size, pose_file, number or 12, seed, form)
     flat = thing.with_flat_boards()
     if any(board.shape is not None for board in thing.boards):
         say(f"Boards are rendered flat: bends and offsets in {target} are left out.")
-    corners = true_corners_text(flat, lens, poses, image_size)
+    corners = true_corners_text(flat, true, poses, image_size)
     if corners.count("\n") <= 2:
         raise OutputError("no photo shows a corner: check the poses, the target and its units")
     texts = {
         "true_corners.csv": corners,
         "true_poses.csv": pose_table_text(poses),
-        "true_camera.yaml": lens_words,
+        "true_camera.yaml": source.text(flat, poses),
     }
     paths = {name: output / name for name in (*poses, *texts)}
-    look = Look(noise=noise, blur=blur, vignetting=vignetting, light=light)
+    look = Look(noise=noise, blur=blur, vignetting=vignetting, exposure=exposure)
     say(f"Rendering {count(len(poses), 'photo')} of {image_size[0]}x{image_size[1]} pixels.")
     with (
         whole_files(list(paths.values()), overwrite=overwrite) as temporary,
         progress("Rendering") as callback,
     ):
         places = dict(zip(paths, temporary, strict=True))
-        photos = simulated_photos(flat, lens, image_size, poses, look, seed=seed)
+        photos = simulated_photos(flat, true, image_size, poses, look, seed=seed)
         for done, (name, photo) in enumerate(photos, start=1):
             places[name].write_bytes(photo_bytes(photo, form))
             callback(done, len(poses))
@@ -193,17 +226,84 @@ def command(
     result(f"\nNext: cubicfish calibrate {output} --target {target}", whole=True)
 
 
-def _lens(path: Path) -> tuple[WholeLens, tuple[int, int], str]:
-    """The lens of a file, the size of its photos, and the text of true_camera.yaml."""
-    from cubicfish_cli.formats.camera_yaml import camera_text, load_camera
+@dataclass(frozen=True, kw_only=True)
+class _Source:
+    """What photos are taken with.
+
+    Attributes:
+        lens: the true lens.
+        image_size: (width, height) of the photos.
+        text: target and poses -> what true_camera.yaml holds.
+
+    """
+
+    lens: WholeLens
+    image_size: tuple[int, int]
+    text: Callable[[Target, Mapping[str, Pose]], str]
+
+
+def _lens(path: Path) -> _Source:
+    """The lens of a file."""
+    from cubicfish_cli.formats.camera_yaml import load_camera
     from cubicfish_cli.rendering.lens_file import is_lens_file, lens_text, load_lens
+    from cubicfish_cli.rendering.outside import RaysAtDistance
 
     if is_lens_file(path):
-        lens = load_lens(path)
-        return lens, lens.image_size, lens_text(lens)
-    loaded = load_camera(path)
-    text = camera_text(loaded.camera, fit={}, made_by={"command": "simulate", "camera": str(path)})
-    return loaded.camera, loaded.camera.image_size, text
+        true = load_lens(path)
+        if isinstance(true, RaysAtDistance):
+            return _outside(true.lens)
+        return _Source(lens=true, image_size=true.image_size, text=lambda *_: lens_text(true))
+    camera = load_camera(path).camera
+    return _Source(
+        lens=camera,
+        image_size=camera.image_size,
+        text=lambda *_: _camera_text(camera, {"camera": str(path)}),
+    )
+
+
+def _chosen_lens(name: str, size: tuple[int, int] | None, target: Target) -> _Source:
+    """The lens that --lens names."""
+    from cubicfish_cli.fitting.conversion.exact_lens import ExactLens
+    from cubicfish_cli.formats.foreign import read_foreign
+    from cubicfish_cli.rendering.outside import outside_lens
+
+    if name in LENSES:
+        return _outside(outside_lens(name, size or (960, 720), units=target.units))
+    path = Path(name)
+    if not path.exists():
+        raise click.UsageError(f"--lens: {name} is no file and none of {', '.join(LENSES)}")
+    record, found = read_foreign(path, image_size=size)
+    exact = ExactLens.of(record)
+    say(
+        f"true_camera.yaml will be the cubic camera nearest to the lens of {found}, "
+        f"{exact.nearest.error.rms_px:.4f} px from it (RMS); photos and corners are the lens's own."
+    )
+    made_from = {"imported_from": found, "lens": record.model}
+    return _Source(
+        lens=exact,
+        image_size=record.image_size,
+        text=lambda *_: _camera_text(exact.nearest.camera, made_from),
+    )
+
+
+def _outside(lens: OutsideLens) -> _Source:
+    """A lens that is perhaps not central: true_camera.yaml says as which lens of rays."""
+    from cubicfish_cli.rendering.lens_file import lens_text
+    from cubicfish_cli.rendering.truth import visible_points
+
+    return _Source(
+        lens=lens,
+        image_size=lens.image_size,
+        text=lambda target, poses: lens_text(
+            lens.seen_from(visible_points(target, lens, poses, lens.image_size))
+        ),
+    )
+
+
+def _camera_text(camera: CubicCamera, made_by: Mapping[str, object]) -> str:
+    from cubicfish_cli.formats.camera_yaml import camera_text
+
+    return camera_text(camera, fit={}, made_by={"command": "simulate", **made_by})
 
 
 def _poses(

@@ -1,4 +1,8 @@
-"""Lens files: the exact formula of a made-up lens as YAML, which is no camera.yaml."""
+"""Lens files: the exact formula of a made-up lens as YAML, which is no camera.yaml.
+
+A lens from outside the fitted families is stated by its name; the centre and the distance beside it
+say as which lens of rays it is compared with others.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ from typing import Any
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.plain_yaml import load_plain_yaml, plain_yaml_text
 from cubicfish_cli.rendering.lens import TrueLens
+from cubicfish_cli.rendering.outside import OUTSIDE_LENSES, RaysAtDistance, outside_lens
 from cubicfish_cli.wording import did_you_mean, quoted
 
 _COUNTS = {
@@ -23,6 +28,7 @@ _COUNTS = {
     "max_angle_deg": 0,
 }  # how many numbers a key holds; 0 for a number alone
 _NEEDED = ("image_size", "fx", "fy", "cx", "cy")
+_OUTSIDE = ("lens", "image_size", "units", "centre", "distance")
 _MOST = 1e6
 _MAX_SIDE = 100_000
 _LARGEST = 20_000  # bytes; a formula is a few hundred
@@ -36,10 +42,12 @@ def is_lens_file(path: Path) -> bool:
     except OSError:
         pass  # said by whoever reads it
     data = load_plain_yaml(path, error=CameraFileError)
-    return isinstance(data, dict) and "cubicfish" not in data and {"fx", "fy"} <= data.keys()
+    if not isinstance(data, dict) or "cubicfish" in data:
+        return False
+    return "lens" in data or {"fx", "fy"} <= data.keys()
 
 
-def load_lens(path: Path) -> TrueLens:
+def load_lens(path: Path) -> TrueLens | RaysAtDistance:
     """Read a lens file.
 
     Raises:
@@ -50,6 +58,8 @@ def load_lens(path: Path) -> TrueLens:
     data = load_plain_yaml(path, error=CameraFileError)
     if not isinstance(data, dict):
         raise CameraFileError(f"{path} must hold the keys {', '.join(_COUNTS)}")
+    if "lens" in data:
+        return _outside(path, data)
     for key in data:
         if key not in _COUNTS:
             raise CameraFileError(
@@ -59,22 +69,29 @@ def load_lens(path: Path) -> TrueLens:
         if key not in data:
             raise CameraFileError(f"{path}: {key} is missing: a lens has {', '.join(_NEEDED)}")
     values = {key: _numbers(path, key, value) for key, value in data.items()}
-    size = values["image_size"]
-    if not all(side == int(side) and 0 < side <= _MAX_SIDE for side in size):
-        raise CameraFileError(f"{path}: image_size must be two whole numbers above 0")
+    values["image_size"] = _size(path, values["image_size"])
     if values["fx"] <= 0 or values["fy"] <= 0:
         raise CameraFileError(f"{path}: fx and fy must be above 0")
     if not 0 < values.get("max_angle_deg", 95.0) < 180:
         raise CameraFileError(f"{path}: max_angle_deg must be between 0 and 180")
-    values["image_size"] = (int(size[0]), int(size[1]))
     try:
         return TrueLens(**values)
     except ValueError as problem:  # a profile that folds
         raise CameraFileError(f"{path}: {problem}") from problem
 
 
-def lens_text(lens: TrueLens) -> str:
+def lens_text(lens: TrueLens | RaysAtDistance) -> str:
     """A lens file that :func:`load_lens` reads back exactly."""
+    if isinstance(lens, RaysAtDistance):
+        return plain_yaml_text(
+            {
+                "lens": lens.lens.name,
+                "image_size": list(lens.image_size),
+                "units": lens.lens.units,
+                "centre": lens.centre,
+                "distance": lens.distance,
+            }
+        )
     return plain_yaml_text(
         {
             key: list(value) if isinstance(value, tuple) else value
@@ -83,8 +100,36 @@ def lens_text(lens: TrueLens) -> str:
     )
 
 
+def _outside(path: Path, data: dict[str, Any]) -> RaysAtDistance:
+    for key in data:
+        if key not in _OUTSIDE:
+            raise CameraFileError(
+                f"{path}: unknown key {quoted(str(key))}: {did_you_mean(str(key), _OUTSIDE)}"
+            )
+    for key in _OUTSIDE:
+        if key not in data:
+            raise CameraFileError(
+                f"{path}: {key} is missing: such a lens has {', '.join(_OUTSIDE)}"
+            )
+    if data["lens"] not in OUTSIDE_LENSES:
+        raise CameraFileError(f"{path}: lens must be one of {', '.join(OUTSIDE_LENSES)}")
+    if not isinstance(data["units"], str):
+        raise CameraFileError(f"{path}: units must be a word such as mm")
+    values = {key: _numbers(path, key, data[key]) for key in ("image_size", "centre", "distance")}
+    if values["distance"] <= 0:
+        raise CameraFileError(f"{path}: distance must be above 0")
+    lens = outside_lens(data["lens"], _size(path, values["image_size"]), units=data["units"])
+    return RaysAtDistance(lens=lens, centre=values["centre"], distance=values["distance"])
+
+
+def _size(path: Path, size: tuple[float, float]) -> tuple[int, int]:
+    if not all(side == int(side) and 0 < side <= _MAX_SIDE for side in size):
+        raise CameraFileError(f"{path}: image_size must be two whole numbers above 0")
+    return int(size[0]), int(size[1])
+
+
 def _numbers(path: Path, key: str, value: Any) -> Any:
-    count = _COUNTS[key]
+    count = _COUNTS.get(key, 0)
     items = value if isinstance(value, list) else [value]
     if (
         isinstance(value, list) != bool(count)

@@ -5,27 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from math import radians
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.rendering.pose import Pose, rotation_matrix
 from cubicfish_cli.rendering.scene import MARGIN_SQUARES, Plate, nearest, plates
+from cubicfish_cli.rendering.sensor import sensed
 from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
 Unproject = Callable[[FloatArray], FloatArray]
 Background = Callable[[FloatArray], FloatArray]
+Starts = Callable[[FloatArray], FloatArray]
 
-# Shares of the light that are thrown back, and what the brightest paper becomes.
+# Shares of the light that are thrown back.
 _INK, _PAPER, _BACK = 0.07, 0.92, 0.45
-_WHITE_LEVEL = 240.0
 # Light from above and from one side, so that boards at right angles differ in brightness.
 _LIGHT = np.array([0.36, 0.48, 0.8])
 _AMBIENT = 0.6
-_DARK_LEVEL = 6.0  # what a sensor reads where no light comes
 _RAYS_A_BLOCK = 50_000  # fits a processor cache
 _NOTHING, _BLACK = -1, -2  # what a ray shows where there is no board, and outside the field
 
@@ -62,6 +61,7 @@ def render(
     margin: float = MARGIN_SQUARES,
     edges_only: bool = False,
     seed: int | Sequence[int] = 0,
+    ray_starts: Starts | None = None,
 ) -> npt.NDArray[np.uint8]:
     """Render a grey photo of the target -> (height, width) uint8.
 
@@ -78,13 +78,16 @@ def render(
         noise: standard deviation of the sensor's noise, grey levels.
         blur: standard deviation of the lens's blur, pixels.
         vignetting: share of the light that is lost at 90° from the axis.
-        exposure: 1 is a well-lit photo, 0.2 a dark one; above 1 paper is burnt out.
+        exposure: 1 is a well-lit photo, 0.2 a dark one; above 1.15 paper is burnt out and bleeds
+            into dark squares, see :func:`cubicfish_cli.rendering.sensor.bloomed`.
         light_from: (3,) unit world direction in which the lamp is; shadows are not cast.
         background: world directions (N, 3) -> brightness (N,) where no board is.
         margin: white paper around each print, squares.
         edges_only: sub-sample only the pixels beside which something else is seen, several times
             faster. Elsewhere a pixel is one ray, so that seams of the background stay hard.
         seed: of the noise; the same arguments give the same photo.
+        ray_starts: for a lens that is not central: rays (N, 3) -> where on its axis each starts,
+            z (N,) in the target's units. What is seen of the background does not depend on it.
 
     Raises:
         TargetError: a board of a kind that cannot be drawn.
@@ -99,7 +102,7 @@ def render(
         light, shown = np.zeros(len(rays)), np.full(len(rays), _BLACK)
         lit = ~np.isnan(rays).any(axis=1)
         light[lit], shown[lit] = _light(
-            rays[lit], seen, world_from_camera, background, vignetting, lamp
+            rays[lit], seen, world_from_camera, background, vignetting, lamp, ray_starts
         )
         return light, shown
 
@@ -108,13 +111,7 @@ def render(
         _smooth_edges(photo, shown, light_of, supersample)
     else:
         photo, _ = _sampled(light_of, image_size, supersample)
-    photo *= exposure
-    photo = _DARK_LEVEL + photo * (_WHITE_LEVEL - _DARK_LEVEL)
-    if blur > 0:
-        photo = np.asarray(cv2.GaussianBlur(photo, (0, 0), blur), float)
-    if noise > 0:
-        photo += np.random.default_rng(seed).normal(0.0, noise, photo.shape)
-    return np.clip(np.rint(photo), 0, 255).astype(np.uint8)
+    return sensed(photo, exposure=exposure, blur=blur, noise=noise, seed=seed)
 
 
 def _sampled(
@@ -176,10 +173,11 @@ def _light(
     background: Background,
     vignetting: float,
     lamp: FloatArray,
+    ray_starts: Starts | None,
 ) -> tuple[FloatArray, IntArray]:
     """Light of rays (N, 3) -> (N,), and a number for what each shows (N,)."""
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-    index, _, position = nearest(seen, rays)
+    index, _, position = nearest(seen, rays, None if ray_starts is None else ray_starts(rays))
     light, shown = np.empty(len(rays)), 2 * index
     light[index < 0] = background(rays[index < 0] @ world_from_camera.T)
     for i, plate in enumerate(seen):

@@ -40,16 +40,21 @@ class Plate:
         """Whether the camera is on the printed side."""
         return bool(self.eye[2] < 0)
 
-    def hit(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Where rays (N, 3) of the camera meet the plate.
+    def hit(
+        self, rays: FloatArray, starts: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Where rays (N, 3) of the camera meet the plate; ``starts`` as in :func:`nearest`.
 
         Returns the distance in ray lengths (N,), infinite where the plate is missed, and the
         position in the board's plane (N, 2).
         """
         along = rays @ self.board_from_camera.T
+        eye = self.eye[:, None]
+        if starts is not None:
+            eye = eye + self.board_from_camera[:, 2:] * starts
         with np.errstate(divide="ignore", invalid="ignore"):
-            distance = -self.eye[2] / along[:, 2]
-            plane = self.eye[:2] + distance[:, None] * along[:, :2]
+            distance = -eye[2] / along[:, 2]
+            plane = eye[:2].T + distance[:, None] * along[:, :2]
         met = (distance > 0) & np.isfinite(distance) & self.face.covers(plane)
         return np.where(met, distance, np.inf), plane
 
@@ -76,8 +81,12 @@ def plates(target: Target, camera_from_world: Pose, *, margin: float) -> list[Pl
     return seen
 
 
-def nearest(plates: list[Plate], rays: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+def nearest(
+    plates: list[Plate], rays: FloatArray, starts: FloatArray | None = None
+) -> tuple[IntArray, FloatArray, FloatArray]:
     """The first plate that each ray (N, 3) meets.
+
+    Rays start at the camera's centre, or at ``starts`` (N,) along its axis.
 
     Returns its index (N,), -1 where the ray meets none, the distance (N,) in ray lengths and
     the position (N, 2) in that board's plane.
@@ -86,7 +95,7 @@ def nearest(plates: list[Plate], rays: FloatArray) -> tuple[IntArray, FloatArray
     distance = np.full(len(rays), np.inf)
     position = np.zeros((len(rays), 2))
     for i, plate in enumerate(plates):
-        reached, plane = plate.hit(rays)
+        reached, plane = plate.hit(rays, starts)
         nearer = reached < distance
         index[nearer] = i
         distance[nearer] = reached[nearer]

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import TargetError
+from cubicfish_cli.rendering.outside import OutsideLens
 from cubicfish_cli.rendering.pose import Pose, rotation_matrix
 from cubicfish_cli.rendering.ray_grid import RayGrid
 from cubicfish_cli.rendering.render import render
@@ -33,14 +34,14 @@ class Look:
         noise: standard deviation of the sensor's noise, grey levels.
         blur: standard deviation of the lens's blur, pixels.
         vignetting: share of the light that is lost at 90° from the axis.
-        light: 1 is a well-lit photo, 0.2 a dark one.
+        exposure: 1 is a well-lit photo, 0.2 a dark one; overexposed ones bleed.
 
     """
 
     noise: float = 2.0
     blur: float = 0.7
     vignetting: float = 0.4
-    light: float = 1.0
+    exposure: float = 1.0
 
 
 def chosen_poses(
@@ -94,10 +95,11 @@ def simulated_photos(
                 noise=look.noise,
                 blur=look.blur,
                 vignetting=look.vignetting,
-                exposure=look.light,
+                exposure=look.exposure,
                 light_from=rotation_matrix(pose[0]).T @ _LAMP,
                 edges_only=True,
                 seed=(seed, number),
+                ray_starts=lens.starts if isinstance(lens, OutsideLens) else None,
             ),
         )
 

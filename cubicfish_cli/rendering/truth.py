@@ -122,3 +122,16 @@ def true_corners_text(
             x, y = seen.pixel[i]
             rows.append((name, board, seen.column[i], seen.row[i], f"{x:.6f}", f"{y:.6f}"))
     return f"# cubicfish corners 1, image_size {width}x{height}\n" + csv_text(rows)
+
+
+def visible_points(
+    target: Target, lens: Lens, poses: Mapping[str, Pose], image_size: tuple[int, int]
+) -> FloatArray:
+    """The visible corners of all photos (N, 3), each in the camera frame of its photo.
+
+    Raises:
+        TargetError: a board of a kind that cannot be drawn.
+
+    """
+    seen = [project_corners(target, lens, pose, image_size) for pose in poses.values()]
+    return np.concatenate([one.camera[one.visible] for one in seen])
