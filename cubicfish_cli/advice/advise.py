@@ -47,7 +47,7 @@ GRID = (21, 15)
 """Columns and rows over the photo of the uncertainty that pictures show."""
 _FEWEST_PHOTOS = 3
 # A fit again whose uncertainty differs by more than this factor is another one.
-_SAME = 1.25
+_SAME = 30.0
 _ENOUGH_COVERAGE = 0.85
 # A point of the grid belongs to a view when a corner is so near, as a share of the short side.
 _NEAR = 0.1

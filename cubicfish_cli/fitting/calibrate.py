@@ -17,6 +17,7 @@ from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
 from cubicfish_cli.fitting.departures import Departure, departures
 from cubicfish_cli.fitting.diagnosis.diagnose import explained, find_faults, within_noise
 from cubicfish_cli.fitting.diagnosis.finding import Finding
+from cubicfish_cli.fitting.diagnosis.repeats import repeated_groups
 from cubicfish_cli.fitting.findings import (
     coverage,
     coverage_notes,
@@ -26,6 +27,7 @@ from cubicfish_cli.fitting.findings import (
 from cubicfish_cli.fitting.frame import in_companions_frame
 from cubicfish_cli.fitting.held_out import HeldOut, held_out_error, photo_folds
 from cubicfish_cli.fitting.hold import FIRMEST, UNTOLD, choose_hold
+from cubicfish_cli.fitting.photo_spread import photo_spread
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.reach import Reach, reach, trusted_angle_deg
 from cubicfish_cli.fitting.refinement import LEVELS, Drawing, Level, ObjectFit, refine_object
@@ -45,7 +47,7 @@ from cubicfish_cli.fitting.subset import (
     with_mean_weight_one,
     world_scale,
 )
-from cubicfish_cli.fitting.uncertainty import camera_uncertainty, uncertainty_record
+from cubicfish_cli.fitting.uncertainty import uncertainty_record
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lift import lift
 from cubicfish_cli.target import Target
@@ -64,7 +66,7 @@ _MAX_FOCAL_UNCERTAINTY = 0.05
 _DROP_ROUNDS = 12
 # Enough to tell a corner that is pixels off.
 _DROP_DECREASE = 1e-4
-# A richer object must lower the held-out error at least to this share of the poorer one's.
+# A richer object must lower photos' held-out errors at least to this share of the poorer one's.
 _WORTH = 0.99
 _NO_CONVERGENCE = (
     "the fit does not converge: check the target's square sizes, axes and origins, and that all "
@@ -135,8 +137,8 @@ class Calibration:
         target: the object as fitted (the given one where nothing was refined); None for pairs
             that came without one.
         departures: by how much the object departs from its drawing, a board each.
-        uncertainty: how far the pixels of distant points may be off under the corners' noise,
-            on a grid over the photo, as ``uncertainty_record`` of fitting/uncertainty.py has it.
+        uncertainty: how far the pixels of distant points may be off, on a grid over the photo,
+            as ``uncertainty_record`` of fitting/uncertainty.py has it.
         coverage: share of the valid field that corners cover, 0 to 1.
         notes: what a person should know beyond the figures, a line each.
         findings: what is likely wrong with the set-up, with its evidence.
@@ -287,7 +289,8 @@ def _calibrated(
         max_angle_deg=cubic.max_angle_deg,
         radial=companion.camera,
     )
-    spread = camera_uncertainty(cubic)
+    places = repeated_groups(cubic.poses, companion.pairs, companion.camera.fx)
+    spread = photo_spread(cubic, companion.pairs, places, companion.covered)
     covered_deg = float(np.rad2deg(companion.covered))
     trusted = trusted_angle_deg(camera, covered_deg, spread.sigma_px)
     camera = replace(camera, max_angle_deg=trusted)
@@ -402,7 +405,7 @@ def _climb(
             richer, measured[level] = _judged(richer, partial(stages.begin, holding))
         if auto:
             before, after = measured[fit.level], measured[level]
-            if before is None or after is None or after.rms_px > _WORTH * before.rms_px:
+            if before is None or after is None or after.times(before) > _WORTH:
                 break
         fit = richer
         if level == refine_target:

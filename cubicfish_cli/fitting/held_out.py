@@ -41,6 +41,7 @@ class HeldOut:
         companion_rms_px: of the radial companion, on the same folds.
         corners: corners that were counted.
         folds: into how many parts the photos were split.
+        photos_px: (M,) RMS of the cubic camera on each photo; NaN where it sees none of it.
 
     """
 
@@ -48,6 +49,15 @@ class HeldOut:
     companion_rms_px: float
     corners: int
     folds: int
+    photos_px: FloatArray
+
+    def times(self, other: HeldOut) -> float:
+        """Typical ratio of a photo's error to that of another fit of the same photos.
+
+        The geometric mean: one photo that one of the fits fails on does not decide.
+        """
+        ratio = np.log(self.photos_px / other.photos_px)
+        return float(np.exp(np.nanmean(ratio))) if np.isfinite(ratio).any() else np.inf
 
 
 def held_out_error(
@@ -77,12 +87,17 @@ def held_out_error(
         if progress is not None:
             progress(done, len(parts))
         measured.append(_fold(fit, test))
-    cubic, radial = zip(*measured, strict=True)
+    cubic, radial, images = zip(*measured, strict=True)
+    square = np.sum(np.square(np.vstack(cubic)), axis=1)
+    image, count = np.concatenate(images), len(fit.cubic.poses)
+    with np.errstate(invalid="ignore"):
+        mean = np.bincount(image, square, count) / np.bincount(image, minlength=count)
     return HeldOut(
         rms_px=rms_px(np.vstack(cubic)),
         companion_rms_px=rms_px(np.vstack(radial)),
         corners=sum(map(len, cubic)),
         folds=len(parts),
+        photos_px=np.sqrt(mean),
     )
 
 
@@ -104,8 +119,11 @@ def photo_folds(poses: Poses, pairs: Correspondences, focal: float) -> list[IntA
     return [np.flatnonzero(group % folds == fold) for fold in range(folds)]
 
 
-def _fold(fit: ObjectFit, test: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Residuals of the photos ``test`` under a fit to the others: the cubic's, the companion's."""
+def _fold(fit: ObjectFit, test: IntArray) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Residuals of the photos ``test`` under a fit to the others: the cubic's, the companion's.
+
+    And the photo of each of the cubic's.
+    """
     pairs, world = fit.companion.pairs, fit.cubic.fit.world
     out = np.isin(pairs.image, test)
     train = np.setdiff1d(np.arange(len(pairs.images)), test)
@@ -137,10 +155,9 @@ def _fold(fit: ObjectFit, test: IntArray) -> tuple[FloatArray, FloatArray]:
     if isinstance(world, RefinedWorld) and isinstance(trained.world, RefinedWorld):
         left_out = replace(left_out, world=world.like(trained.world).points[out])
     poses = fit.cubic.poses[test]
-    return (
-        pose_only_residual(camera, left_out, poses)[1],
-        pose_only_residual(camera.radial, left_out, poses)[1],
-    )
+    _, cubic, seen = pose_only_residual(camera, left_out, poses)
+    _, radial, _ = pose_only_residual(camera.radial, left_out, poses)
+    return cubic, radial, test[left_out.image[seen]]
 
 
 def pose_only_residual(

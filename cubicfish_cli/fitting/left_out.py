@@ -32,14 +32,12 @@ class LeftOut:
     Attributes:
         photos: which were left out.
         shared: (K,) step of the lens's and the object's parameters.
-        turn: (3,) mean turn of the other photos' poses, radians, camera frame.
         residual: (n, 2) of the corners of these photos, their poses fitted anew, pixels.
 
     """
 
     photos: IntArray
     shared: FloatArray
-    turn: FloatArray
     residual: FloatArray
 
 
@@ -53,6 +51,12 @@ class _Part:
     root: FloatArray  # (n,) root of the weights
     corner: IntArray  # (n,) free corner of each pair; empty where there are none
     by_corner: FloatArray  # (n, 2, 3)
+
+    def pull(self) -> FloatArray:
+        """(n, 3) what each pair adds to the gradient of its free corner."""
+        own = self.residual.reshape(-1, 2, 1)
+        pulled: FloatArray = (self.by_corner.transpose(0, 2, 1) @ own)[:, :, 0]
+        return pulled
 
     def after(self, shared: FloatArray, offset: FloatArray) -> FloatArray:
         """Residuals (n, 2) after a step of what is shared, the photo's pose fitted anew."""
@@ -109,17 +113,28 @@ class Leaving:
         change = () if lens is None else _other_prior(self._fit.lens, lens)
         found = []
         for (photos, parts), equations in zip(self._groups, self._equations, strict=True):
-            shared, pose, offset = equations.solve(*change)
-            others = np.setdiff1d(np.arange(len(self._fit.poses)), photos)
-            found.append(
-                LeftOut(
-                    photos=photos,
-                    shared=shared,
-                    turn=pose[others, :3].mean(axis=0),
-                    residual=np.vstack([part.after(shared, offset) for part in parts]),
-                )
-            )
+            shared, _, offset = equations.solve(*change)
+            residual = np.vstack([part.after(shared, offset) for part in parts])
+            found.append(LeftOut(photos=photos, shared=shared, residual=residual))
         return found
+
+    def influence(self) -> list[FloatArray]:
+        """Steps (K,) of the shared unknowns with each group's pull gone, but not its weight.
+
+        The empirical influence of a group (Jaeckel's infinitesimal jackknife): what it adds to the
+        gradient counts, its share of the equations stays.
+        """
+        normal = self._fit.normal
+        equations = normal.eliminated(_DAMPING)
+        steps = []
+        for _, parts in self._groups:
+            shared, corner = np.zeros(len(normal.shared)), np.zeros_like(normal.corner_gradient)
+            for part in parts:
+                shared -= part.shared.T @ part.residual
+                if len(part.corner):
+                    np.subtract.at(corner, part.corner, part.pull())
+            steps.append(equations.shared_step(shared, corner))
+        return steps
 
 
 def _other_prior(lens: FitLens, other: FitLens) -> tuple[FloatArray, FloatArray]:
@@ -167,9 +182,8 @@ def _without(normal: NormalEquations, photos: IntArray, parts: Sequence[_Part]) 
         if not len(part.corner):
             continue
         across = part.by_corner.transpose(0, 2, 1)
-        own = part.residual.reshape(-1, 2)
         np.subtract.at(corner, part.corner, across @ part.by_corner)
-        np.subtract.at(corner_gradient, part.corner, (across @ own[:, :, None])[:, :, 0])
+        np.subtract.at(corner_gradient, part.corner, part.pull())
         by_shared = across @ part.shared.reshape(-1, 2, count)  # (n, 3, K)
         places = 3 * part.corner[:, None] + np.arange(3)
         # A photo sees each corner once, so no place comes twice.

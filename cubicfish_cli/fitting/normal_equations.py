@@ -130,6 +130,22 @@ class Eliminated:
             return first, second.reshape(-1, 6), other
         return first, other, second.reshape(-1, 3)
 
+    def shared_step(self, shared: FloatArray, corner: FloatArray) -> FloatArray:
+        """The step (K,) of the shared unknowns under another gradient, of no pose.
+
+        Args:
+            shared: (K,).
+            corner: (Q, 3).
+
+        """
+        right = np.zeros(len(self.gradient))
+        right[: self.shared] = shared
+        if self.keeps_poses:
+            right -= np.einsum("qid,qi->d", self.solved[..., :-1], corner)
+        elif self.corners:
+            right[self.shared :] = corner.reshape(-1)
+        return -_solve_scaled(self.matrix, right)[: self.shared]
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Kept:
@@ -192,8 +208,9 @@ def _solve_blocks(blocks: FloatArray, right: FloatArray) -> FloatArray:
     try:
         inverse = np.linalg.inv(np.linalg.cholesky(blocks))
     except np.linalg.LinAlgError:  # rounding left a block that is not positive
-        return np.linalg.solve(blocks, right)
-    return inverse.transpose(0, 2, 1) @ (inverse @ right)
+        return np.asarray(np.linalg.solve(blocks, right), np.float64)
+    solved: FloatArray = inverse.transpose(0, 2, 1) @ (inverse @ right)
+    return solved
 
 
 def _bordered(shared: FloatArray, cross: FloatArray, blocks: FloatArray) -> FloatArray:

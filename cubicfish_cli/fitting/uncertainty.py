@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -170,7 +170,18 @@ def field_grid(camera: CubicCamera) -> tuple[FloatArray, FloatArray, FloatArray]
     return x, y, camera.unproject(np.stack(np.meshgrid(x, y), axis=-1))
 
 
-def uncertainty_record(uncertainty: Uncertainty, camera: CubicCamera) -> dict[str, Any]:
+class Sigma(Protocol):
+    """What tells how far a camera's pixels may be off."""
+
+    @property
+    def noise_px(self) -> float:
+        """Standard deviation of a corner's coordinate, pixels."""
+
+    def sigma_px(self, rays: FloatArray) -> FloatArray:
+        """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (N,), pixels."""
+
+
+def uncertainty_record(uncertainty: Sigma, camera: CubicCamera) -> dict[str, Any]:
     """Uncertainty on a grid over the photo, plain data for camera.yaml and JSON.
 
     ``sigma_px`` holds a row for each of ``y`` with a number for each of ``x``, null outside the
