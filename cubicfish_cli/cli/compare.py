@@ -14,6 +14,7 @@ from cubicfish_cli.cli.options import (
     Argument,
     common_options,
     examples,
+    in_folder,
     json_option,
     max_rms_option,
     overwrite_option,
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     type=FILE,
     metavar="A",
     cls=Argument,
-    meaning="The camera.yaml in whose pixels differences are.",
+    meaning="The camera.yaml, or its folder, in whose pixels differences are.",
     missing=_BOTH,
 )
 @click.argument(
@@ -49,7 +50,7 @@ if TYPE_CHECKING:
     type=FILE,
     metavar="B",
     cls=Argument,
-    meaning="The camera.yaml that is compared with it.",
+    meaning="The camera.yaml, or its folder, that is compared with it.",
     missing=_BOTH,
 )
 @click.option(
@@ -84,7 +85,7 @@ def command(
     if picture is not None:
         refuse_existing(picture, overwrite=overwrite)
         check_suffix(picture)
-    comparison = compare_cameras(_camera(first), _camera(second))
+    comparison = compare_cameras(_camera(in_folder(first)), _camera(in_folder(second)))
     if picture is not None:
         _draw(comparison, picture, overwrite=overwrite)
     record = comparison.as_record()

@@ -35,6 +35,7 @@ COMMANDS = (
     "corners",
     "evaluate",
     "compare",
+    "info",
     "report",
     "advise",
     "undistort",
