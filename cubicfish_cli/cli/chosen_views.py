@@ -299,14 +299,14 @@ def plane_options(function: Decorated) -> Decorated:
     decorators: tuple[Callable[[Any], Any], ...] = (
         click.option(
             "--margin",
-            type=FloatRange(min=0),
+            type=FloatRange(0, 1_000_000),
             metavar="UNITS",
             help="Of a plane: how far it goes on beyond the outer corners. [default: a square]",
         ),
         click.option(
             "--pixels-per-unit",
             "pixels_a_unit",
-            type=FloatRange(min=0, min_open=True),
+            type=FloatRange(1e-9, 1_000_000_000),
             metavar="N",
             help="Scale of a plane: pixels per mm, or whatever the target's units are. [default: "
             "the largest that the photo has there]",

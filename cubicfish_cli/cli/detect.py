@@ -11,7 +11,7 @@ import click
 
 from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.inputs import detect, lost_word, say_photo_problems
+from cubicfish_cli.cli.inputs import detect, lost_word, photos_of, say_photo_problems
 from cubicfish_cli.cli.options import (
     FILE,
     FOLDER,
@@ -93,12 +93,11 @@ def command(
     """
     from cubicfish_cli.correspondences import save_corners
     from cubicfish_cli.files import refuse_existing
-    from cubicfish_cli.photos import find_photos
 
     scheduler.check(jobs)
     target.check()
     refuse_existing(output, overwrite=overwrite)
-    found = find_photos(photos)
+    found = photos_of(photos)
     pictures = drawings(draw, found) if draw else {}
     for picture in pictures.values():
         refuse_existing(picture, overwrite=overwrite)

@@ -18,7 +18,7 @@ from cubicfish_cli.cli.kept import cache_folder
 from cubicfish_cli.cli.options import verbosity
 from cubicfish_cli.cli.target_choice import TargetChoice, say_default
 from cubicfish_cli.cli.terminal import progress, say
-from cubicfish_cli.errors import CubicfishError, DetectionError
+from cubicfish_cli.errors import CorrespondenceError, CubicfishError, DetectionError
 from cubicfish_cli.wording import quoted
 
 if TYPE_CHECKING:
@@ -69,14 +69,27 @@ def load_pairs(
 
     """
     check_inputs(inputs, correspondences=correspondences, target=target)
-    if correspondences is not None:
-        return _from_correspondences(correspondences, size)
     tables = _tables(inputs)
-    if not tables:
-        return _from_photos(inputs, target, jobs, no_cache)
-    if _holds_world_points(tables[0]):
-        return _from_correspondences(tables[0], size)
-    return _from_corners(tables[0], target, size)
+    if correspondences is not None:
+        loaded = _from_correspondences(correspondences, size)
+    elif not tables:
+        loaded = _from_photos(inputs, target, jobs, no_cache)
+    elif _holds_world_points(tables[0]):
+        loaded = _from_correspondences(tables[0], size)
+    else:
+        loaded = _from_corners(tables[0], target, size)
+    _refuse_one_place(loaded)
+    return loaded
+
+
+def _refuse_one_place(loaded: Pairs) -> None:
+    """Raise :class:`CorrespondenceError` where all corners are in one pixel: a column is wrong."""
+    pixel = loaded.pairs.pixel
+    if len(pixel) > 1 and float((pixel.max(axis=0) - pixel.min(axis=0)).max()) < 1:
+        x, y = pixel[0]
+        raise CorrespondenceError(
+            f"all {count(len(pixel), 'corner')} are at x {x:g}, y {y:g}: check the columns x and y"
+        )
 
 
 def check_inputs(
@@ -161,12 +174,11 @@ def _from_photos(
 ) -> Pairs:
     from cubicfish_cli.correspondences import pair
     from cubicfish_cli.files import fingerprint
-    from cubicfish_cli.photos import find_photos
 
     say_default(choice)
     target_file = choice.fingerprint()
     targets = choice.load()
-    photos = find_photos(inputs)
+    photos = photos_of(inputs)
     files = tuple(fingerprint(photo.path) for photo in photos)
     detection, target = detect(photos, targets, jobs, no_cache=no_cache)
     return Pairs(
@@ -177,6 +189,22 @@ def _from_photos(
         files=files,
         target_file=target_file,
     )
+
+
+def photos_of(inputs: Sequence[str | Path]) -> list[Photo]:
+    """The photos that the user named; what may be missed among them is said.
+
+    Raises:
+        PhotoError: there are none, or one cannot be used.
+
+    """
+    from cubicfish_cli.photos import find_photos
+
+    remarks: list[str] = []
+    photos = find_photos(inputs, remarks)
+    for line in remarks:
+        say(line)
+    return photos
 
 
 def photo_problems(detection: Detection) -> list[str]:
@@ -204,6 +232,8 @@ def lost_word(photo: PhotoReport) -> str:
     """A word for why a photo gave no corners."""
     if photo.other_size:
         return "another size"
+    if photo.found is None:
+        return "cannot be read"
     return "left out" if photo.grids else "nothing found"
 
 
