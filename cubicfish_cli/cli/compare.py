@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli import json_keys
-from cubicfish_cli.cli.figures import hold_gate, px
+from cubicfish_cli.cli.figures import hold_gate, print_spread, px
 from cubicfish_cli.cli.options import (
     FILE,
     Argument,
@@ -122,8 +122,7 @@ def _draw(comparison: Comparison, path: Path, *, overwrite: bool) -> None:
 
 def _print(record: dict[str, Any]) -> None:
     result(f"{'RMS difference':<24}{px(record['rms_px']):>7} px  sqrt(mean(dx² + dy²)) over pixels")
-    spread = ", ".join(px(record[key]) for key in ("median_px", "p95_px", "max_px"))
-    result(f"{'median, 95 %, largest':<24}{spread:>7} px")
+    print_spread(record)
     share = 100 * record["common_share"]
     result(f"{'common field':<24}{share:>7.1f} %   of what A sees")
     result(f"{'rotation taken out':<24}{record['rotation_deg']:>7.3f}°")

@@ -28,7 +28,7 @@ def say_next(judged: Verdict, camera: Path, photo: Path | None, report: Path | N
     result()
     if judged.level == "bad":
         result(f"Next: {judged.reasons[0].do}")
-        if judged.asks_for_photos:
+        if judged.reasons[0].do.startswith("take "):
             result(f"      cubicfish advise{_folder(camera)}", whole=True)
     else:
         name = "PHOTO" if photo is None else shlex.quote(str(photo))
