@@ -194,3 +194,24 @@ def test_results_whose_folder_was_removed_are_not_counted(
     said = run(*line, code=1)
     assert "wrote 9 pictures" in said.stdout
     assert "corner_03.jpg is gone again" in said.stderr
+
+
+def test_photos_of_another_camera_are_refused_before_they_are_searched(
+    run: Run, calibrated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    photos = tmp_path / "photos"
+    run("undistort", SAMPLE / "photos", photos, "-m", calibrated, "--size", "640x480")
+    monkeypatch.setattr("cubicfish_cli.cli.inputs.detect", None)
+    error = run("evaluate", photos, "-t", TARGET, "-m", calibrated, code=1).stderr
+    assert "the photos have 640x480 pixels and the camera is for 960x720" in error
+
+
+@pytest.mark.usefixtures("quick_fit")
+def test_a_huge_camera_gets_no_map_of_gigabytes(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cubicfish_cli.photos.MAX_PIXELS", 960 * 720 - 1)
+    line = ("calibrate", CORNERS, "-t", TARGET, "--no-hold-out", "-o", tmp_path / "c")
+    said = run(*line)
+    assert "No undistort_map.npz was written: a map of 960x720 pixels" in said.stderr
+    assert {path.name for path in (tmp_path / "c").iterdir()} == {"camera.yaml", "corners.csv"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -64,6 +65,8 @@ if TYPE_CHECKING:
     from cubicfish_cli.fitting.camera_facts import CameraFacts
     from cubicfish_cli.fitting.verdict import Verdict
     from cubicfish_cli.target import Target
+
+MAP = "undistort_map.npz"
 
 
 @click.command(
@@ -170,6 +173,7 @@ def command(
     from cubicfish_cli.fitting.calibrate import calibrate
     from cubicfish_cli.fitting.camera_facts import camera_facts
     from cubicfish_cli.fitting.verdict import verdict
+    from cubicfish_cli.photos import MAX_PIXELS
 
     made_at()  # said before the work if it cannot be
     if title is not None:
@@ -229,6 +233,12 @@ def command(
         )
     if calibration.refined == "off":
         outputs.pop("target")
+    if math.prod(calibration.camera.image_size) > MAX_PIXELS:
+        outputs.pop("map")
+        say(
+            f"No {MAP} was written: a map of {{}}x{{}} pixels takes gigabytes. 'cubicfish map "
+            "--size' makes a smaller one.".format(*calibration.camera.image_size)
+        )
     options = {"hold_out": hold_out, "refine_target": refine_target}
     made_by = _made_by(options, loaded, outputs, title)
     record = calibration.as_record()
@@ -271,7 +281,7 @@ def command(
 def _outputs(folder: Path, inputs: Sequence[Path]) -> dict[str, Path]:
     outputs = {
         "camera": folder / "camera.yaml",
-        "map": folder / "undistort_map.npz",
+        "map": folder / MAP,
         "target": folder / "target.refined.yaml",
         "report": folder / report_step.NAME,
     }
@@ -322,7 +332,8 @@ def _write(
         if "drawn" in names and loaded.target is not None:
             write_text(names["drawn"], target_text(loaded.target), overwrite=False)
         view = default_view(calibration.camera)
-        save_map(names["map"], build_map(calibration.camera, view), overwrite=False)
+        if "map" in names:
+            save_map(names["map"], build_map(calibration.camera, view), overwrite=False)
         if "target" in names and calibration.target is not None:
             write_text(names["target"], target_text(calibration.target), overwrite=False)
         if "corners" in names and loaded.corners is not None:

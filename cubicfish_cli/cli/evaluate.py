@@ -14,6 +14,7 @@ from cubicfish_cli.cli.inputs import (
     check_inputs,
     load_pairs,
     photo_problems,
+    refuse_other_sizes,
     say_photo_problems,
     why_lost,
 )
@@ -86,6 +87,7 @@ def command(
 
     file = load_camera(model_path(model))
     camera = file.camera
+    refuse_other_sizes(inputs, camera.image_size)
     loaded = load_pairs(
         inputs,
         correspondences=None,

@@ -207,6 +207,31 @@ def photos_of(inputs: Sequence[str | Path]) -> list[Photo]:
     return photos
 
 
+def refuse_other_sizes(inputs: Sequence[Path], size: tuple[int, int]) -> None:
+    """Refuse photos none of which a camera is for, before they are searched.
+
+    Raises:
+        PhotoError: there are none that can be read, or all are of another size.
+
+    """
+    from cubicfish_cli.errors import PhotoError
+    from cubicfish_cli.photos import find_photos, photo_size
+
+    seen = None
+    for photo in find_photos(inputs) if not _tables(inputs) else ():
+        try:
+            seen = photo_size(photo.path)
+        except PhotoError:  # a damaged one is left out with a word later
+            continue
+        if seen == size:
+            return
+    if seen is not None:
+        raise PhotoError(
+            "the photos have {}x{} pixels and the camera is for {}x{}: use photos of the camera's "
+            "own size, or name its camera with --model".format(*seen, *size)
+        )
+
+
 def photo_problems(detection: Detection) -> list[str]:
     """One line for every photo that gave nothing, and for every grid that was left out."""
     lines = []

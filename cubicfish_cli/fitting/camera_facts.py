@@ -80,7 +80,12 @@ class CameraFacts:
 
     @property
     def line(self) -> str:
-        """All that matters in one line."""
+        """All that matters in one line, behind the title."""
+        return f"{self.title}: {self.figures}" if self.title else self.figures
+
+    @property
+    def figures(self) -> str:
+        """``1280x960 px, sees 174° x 143° (...), focal length 384.2 px, ..., good``."""
         parts = ["{}x{} px".format(*self.image_size)]
         if self.field is not None:
             parts.append(
@@ -98,8 +103,7 @@ class CameraFacts:
             parts.append(f"{kind} error {error:.3f} px")
         if self.verdict is not None:
             parts.append(self.verdict.words)
-        words = ", ".join(parts)
-        return f"{self.title}: {words}" if self.title else words
+        return ", ".join(parts)
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON."""
