@@ -97,10 +97,10 @@ class CameraFacts:
                 f"focal length {sum(self.focal_px) / 2:.1f} px, principal point "
                 "({:.1f}, {:.1f})".format(*self.principal_point)
             )
-        error = self.held_out_rms_px if self.held_out_rms_px is not None else self.rms_px
-        if error is not None:
-            kind = "held-out" if self.held_out_rms_px is not None else "RMS"
-            parts.append(f"{kind} error {error:.3f} px")
+        if self.held_out_rms_px is not None:
+            parts.append(f"held-out error {self.held_out_rms_px:.3f} px")
+        elif self.rms_px is not None:
+            parts.append(f"error {self.rms_px:.3f} px RMS")
         if self.verdict is not None:
             parts.append(self.verdict.words)
         return ", ".join(parts)
