@@ -215,3 +215,22 @@ def test_a_huge_camera_gets_no_map_of_gigabytes(
     said = run(*line)
     assert "No undistort_map.npz was written: a map of 960x720 pixels" in said.stderr
     assert {path.name for path in (tmp_path / "c").iterdir()} == {"camera.yaml", "corners.csv"}
+
+
+@pytest.mark.parametrize("factor", [0.0, 1e-200])
+def test_a_degenerate_camera_is_refused_in_one_line_or_scaled(
+    run: Run, calibrated: Path, tmp_path: Path, factor: float
+) -> None:
+    record = yaml.safe_load((calibrated / "camera.yaml").read_text())
+    rows = slice(2, 3) if factor == 0 else slice(0, 3)  # without a denominator, or tiny throughout
+    for row in record["P"][rows]:
+        row[:] = [factor * value for value in row]
+    path = tmp_path / "odd.yaml"
+    path.write_text(yaml.safe_dump(record))
+    if factor:
+        assert (
+            run("project", "0,0,1", "-m", path).stdout[:6]
+            == (run("project", "0,0,1", "-m", calibrated).stdout[:6])
+        )
+    else:
+        assert "P has a pole or a fold" in run("project", "0,0,1", "-m", path, code=1).stderr

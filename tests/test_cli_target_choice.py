@@ -66,6 +66,8 @@ def test_the_board_is_written_beside_the_camera_and_read_back(run: Run, tmp_path
     assert record["file"] == str(out / "target.yaml")
     said = json.loads(run("evaluate", flat, "-m", out, "-t", record["file"], "--json").stdout)
     assert said["rms_px"] < 1
+    run(*line[:-1], tmp_path / "p", "--lift", "point")
+    assert (tmp_path / "p" / "target.yaml").read_bytes() == (out / "target.yaml").read_bytes()
 
 
 def test_what_does_not_go_together_is_wrong_usage(run: Run, tmp_path: Path) -> None:

@@ -132,7 +132,10 @@ def _point_record(camera: PointCamera) -> dict[str, Any]:
 def _unit_norm(P: FloatArray) -> FloatArray:
     """P with Frobenius norm 1; left to the last bit when it has that already."""
     norm = np.linalg.norm(P)
-    return P if abs(norm - 1) < 1e-12 else P / norm
+    if abs(norm - 1) < 1e-12:
+        return P
+    P = P / np.abs(P).max()  # squares of tiny numbers vanish
+    return np.asarray(P / np.linalg.norm(P))
 
 
 def load_camera(path: Path | str) -> CameraFile:
