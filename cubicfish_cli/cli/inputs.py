@@ -257,9 +257,9 @@ def lost_word(photo: PhotoReport) -> str:
     """A word for why a photo gave no corners."""
     if photo.other_size:
         return "another size"
-    if photo.found is None:
-        return "cannot be read"
-    return "left out" if photo.grids else "nothing found"
+    if photo.grids:
+        return "left out"
+    return "nothing found" if photo.found is not None else "cannot be read"
 
 
 def why_lost(detection: Detection) -> dict[str, str]:
