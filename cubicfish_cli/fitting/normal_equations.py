@@ -192,7 +192,7 @@ def _solve_blocks(blocks: FloatArray, right: FloatArray) -> FloatArray:
     try:
         inverse = np.linalg.inv(np.linalg.cholesky(blocks))
     except np.linalg.LinAlgError:  # rounding left a block that is not positive
-        return np.linalg.solve(blocks, right)
+        return np.asarray(np.linalg.solve(blocks, right), float)
     return inverse.transpose(0, 2, 1) @ (inverse @ right)
 
 
