@@ -557,9 +557,13 @@ def _weights(table: Table) -> FloatArray:
     if "weight" not in table.columns:
         return np.ones(len(table.lines))
     weight = table.floats("weight")
-    bad = np.flatnonzero((weight <= 0) | (weight > MAX_COORDINATE))
+    bad = np.flatnonzero(~((weight > 0) & (weight <= MAX_COORDINATE)))
     if bad.size:
-        table.refuse(bad[0], "weight must be above 0: to leave a corner out, remove its row")
+        table.refuse(
+            bad[0],
+            f"weight {weight[bad[0]]:g} must be above 0 and at most {MAX_COORDINATE:g}: to leave a "
+            "corner out, remove its row",
+        )
     return weight
 
 

@@ -22,7 +22,7 @@ MAX_BYTES = 2_000_000_000
 
 
 def refuse_existing(path: Path, *, overwrite: bool, can_skip: bool = False) -> None:
-    """Raise :class:`OutputError` when ``path`` exists and may not be replaced.
+    """Raise :class:`OutputError` when ``path`` may not be replaced, or cannot be written.
 
     Args:
         path: what is to be written.
@@ -30,9 +30,43 @@ def refuse_existing(path: Path, *, overwrite: bool, can_skip: bool = False) -> N
         can_skip: whether the command that asks can leave out what exists.
 
     """
+    if os.path.isdir(path):
+        raise OutputError(f"{path} is a folder: give the name of a file")
     if not overwrite and os.path.lexists(path):
         ways = "--overwrite or --skip-existing" if can_skip else "--overwrite"
         raise OutputError(f"{path} exists already: choose another name or add {ways}")
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise OutputError(f"{path} is no plain file, and is not replaced: choose another name")
+    _refuse_unwritable(path)
+
+
+_writable: set[Path] = set()
+
+
+def _refuse_unwritable(path: Path) -> None:
+    """Raise :class:`OutputError` when no file can be made where ``path`` is to be.
+
+    Of a folder that is not there yet, the nearest one above it is tried, once a process.
+    """
+    folder = next(above for above in path.absolute().parents if os.path.lexists(above))
+    if folder in _writable:
+        return
+    if not folder.is_dir():
+        raise OutputError(f"{path} cannot be written: {folder} is a file, not a folder")
+    trial = temporary_name(folder / path.name)
+    try:
+        os.close(os.open(trial, os.O_CREAT | os.O_EXCL | os.O_WRONLY))
+        os.unlink(trial)
+    except OSError as error:
+        raise _unwritable(path, error) from error
+    _writable.add(folder)
+
+
+def _unwritable(path: Path, error: OSError) -> OutputError:
+    return OutputError(
+        f"{path} cannot be written{on_host()} ({error.strerror or error}): "
+        "check the folder, its permissions and the free space"
+    )
 
 
 @contextmanager
@@ -75,10 +109,6 @@ def whole_files(
     paths = [Path(path) for path in paths]
     for path in paths:
         refuse_existing(path, overwrite=overwrite)
-        if os.path.exists(path) and not os.path.isfile(path):
-            raise OutputError(f"{path} is no plain file, and is not replaced: choose another name")
-        if path.parent.exists() and not path.parent.is_dir():
-            raise OutputError(f"{path} cannot be written: {path.parent} is a file, not a folder")
     for folder in {path.parent for path in paths}:
         if not _looked_through(folder):
             remove_orphans(folder)
@@ -104,10 +134,7 @@ def whole_files(
     except OSError as error:
         at_fault = {str(name) for name in (error.filename, error.filename2) if name is not None}
         path = next((path for path in (*paths, *obsolete) if str(path) in at_fault), path)
-        raise OutputError(
-            f"{path} cannot be written{on_host()} ({error.strerror or error}): "
-            "check the folder, its permissions and the free space"
-        ) from error
+        raise _unwritable(path, error) from error
     finally:
         _remove((*temporaries, *aside.values()))
 

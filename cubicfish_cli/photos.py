@@ -25,6 +25,7 @@ from cubicfish_cli.machines import on_host
 from cubicfish_cli.picture_headers import (
     OTHER_SUFFIXES,
     RAW_SUFFIXES,
+    VIDEO_SUFFIXES,
     Claim,
     claimed,
     is_picture,
@@ -36,6 +37,8 @@ Picture = npt.NDArray[np.integer[Any] | np.floating[Any]]
 
 _NAMES = ".png .jpg .jpeg .jpe .tif .tiff .bmp .dib .webp .jp2 .pgm .ppm .pnm"
 SUFFIXES = frozenset(_NAMES.split())
+_MISSED_SUFFIXES = VIDEO_SUFFIXES | OTHER_SUFFIXES | RAW_SUFFIXES
+_FEW_NAMES = 4
 
 MAX_PIXELS = 200_000_000
 """More than any camera has; a small file that claims more is refused before it fills memory."""
@@ -95,39 +98,84 @@ def shown(path: str | os.PathLike[str]) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in os.fspath(path))
 
 
-def find_photos(arguments: Iterable[str | os.PathLike[str]]) -> list[Photo]:
+def find_photos(
+    arguments: Iterable[str | os.PathLike[str]], remarks: list[str] | None = None
+) -> list[Photo]:
     """The photos that the arguments mean, in natural order, each once.
 
     An argument is a folder (its photos, not those in folders below), a file, or a glob
     pattern (``**`` goes down folders). In folders and patterns, hidden files and files that
-    are no photos are passed over; a file given by name is taken whatever its name.
+    are no photos are passed over; a file given by name is taken whatever its suffix.
+
+    Args:
+        arguments: folders, files and patterns.
+        remarks: a line is added for each kind of what was passed over and may be missed: raw
+            files, videos, photos whose names cannot be used.
 
     Raises:
-        PhotoError: an argument does not exist or holds no photo, or a photo's name cannot
-            be used in a table.
+        PhotoError: an argument does not exist or holds no photo, or the name of a photo that was
+            given by name cannot be used in a table.
 
     """
     paths: dict[Path, Path] = {}
-    for argument in arguments:
-        for path in _expand(os.fspath(argument)):
+    missed: list[Path] = []
+    for argument in [os.fspath(one) for one in arguments]:
+        for path in _expand(argument, missed):
+            if not _is_plain(path.name):
+                if str(path) == argument:
+                    raise PhotoError(
+                        f"{quoted(path.name)}: a photo's name must be plain text: rename the file"
+                    )
+                missed.append(path)
+                continue
             paths.setdefault(_identity(path), path)
+    if not paths:
+        raise PhotoError(
+            f"{quoted(missed[0].name)}: a photo's name must be plain text: rename the file"
+        )
+    if remarks is not None:
+        remarks += _missed(missed)
     ordered = sorted(paths.values(), key=lambda path: natural_key(path.as_posix()))
     names = _names(ordered)
-    for name, path in zip(names, ordered, strict=True):
-        if not name.isprintable() or name != name.strip():
+    for name in names:
+        if not _is_plain(name):  # a folder's name is part of it
             raise PhotoError(
-                f"{quoted(path.name)}: a photo's name must be plain text: rename the file"
+                f"{quoted(name)}: a photo's name must be plain text: rename the folder"
             )
     return [Photo(name=name, path=path) for name, path in zip(names, ordered, strict=True)]
 
 
-def _expand(argument: str) -> list[Path]:
+def _is_plain(name: str) -> bool:
+    return name.isprintable() and name == name.strip()
+
+
+def _missed(paths: Iterable[Path]) -> list[str]:
+    """A line for each kind of file that was passed over."""
+    kinds: dict[str, list[str]] = {}
+    for path in dict.fromkeys(paths):
+        suffix = path.suffix.lower()
+        if suffix in VIDEO_SUFFIXES:
+            kind = "{} left out: frames have to be taken from a video first"
+        elif suffix in SUFFIXES:
+            kind = "{} left out: a photo's name must be plain text, so rename"
+        else:
+            kind = "{} left out: save as PNG or JPEG, in full size and without lens correction"
+        kinds.setdefault(kind, []).append(shown(path.name))
+    lines = []
+    for kind, names in kinds.items():
+        files = f"{len(names)} file{'s' * (len(names) > 1)}"
+        more = f" and {len(names) - _FEW_NAMES} more" * (len(names) > _FEW_NAMES)
+        lines.append(kind.format(f"{files} ({', '.join(names[:_FEW_NAMES])}{more})"))
+    return lines
+
+
+def _expand(argument: str, missed: list[Path]) -> list[Path]:
     path = Path(argument)
     if not argument:
         raise PhotoError("a photo's name is empty: give a folder, files or a pattern")
     try:
         if path.is_dir():
-            return _in_folder(path)
+            return _in_folder(path, missed)
         if os.path.lexists(path):
             return [path]
         matches = [Path(match) for match in glob.glob(argument, recursive=True)]
@@ -141,11 +189,18 @@ def _expand(argument: str) -> list[Path]:
     photos = [match for match in matches if is_photo_name(match) and not match.is_dir()]
     if not photos:
         raise PhotoError(f"{shown(argument)} matches no photo: photos are {_READABLE} files")
+    missed += [match for match in matches if _may_be_missed(match)]
     return photos
 
 
-def _in_folder(folder: Path) -> list[Path]:
-    files = [path for path in folder.iterdir() if not path.is_dir()]
+def _may_be_missed(path: Path) -> bool:
+    """Whether a file that is no photo here may be one for its owner."""
+    return path.suffix.lower() in _MISSED_SUFFIXES and not path.name.startswith(".")
+
+
+def _in_folder(folder: Path, missed: list[Path]) -> list[Path]:
+    entries = sorted(folder.iterdir(), key=lambda path: natural_key(path.name))
+    files = [path for path in entries if not path.is_dir()]
     photos = [path for path in files if is_photo_name(path)]
     if not photos:
         others = sorted({path.suffix.lower() for path in files if path.suffix})
@@ -155,7 +210,15 @@ def _in_folder(folder: Path) -> list[Path]:
                 f"{shown(folder)} holds no photos that can be read{there}: save photos as PNG or "
                 "JPEG, in full size and without lens correction"
             )
+        below = [shown(path) for path in entries if path.is_dir() and path.name[:1] != "."]
+        if below and not others:
+            more = f" and {len(below) - _FEW_NAMES} more" * (len(below) > _FEW_NAMES)
+            raise PhotoError(
+                f"{shown(folder)} holds no photos, only folders: name one of "
+                f"{', '.join(below[:_FEW_NAMES])}{more}"
+            )
         raise PhotoError(f"{shown(folder)} holds no photos{there}: photos are {_READABLE} files")
+    missed += [path for path in files if _may_be_missed(path)]
     return photos
 
 

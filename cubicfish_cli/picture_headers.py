@@ -80,6 +80,8 @@ _RAW_NAMES = (
     ".raw .rw2 .rwl .sr2 .srf .srw .x3f"
 )
 _OTHER_NAMES = ".avif .exr .gif .heic .heif .hif .jxl .pdf .psd"
+_VIDEO_NAMES = ".mp4 .m4v .mov .mkv .webm .avi .mts .m2ts .ts .mpg .mpeg .wmv .insv .360"
+VIDEO_SUFFIXES = frozenset(_VIDEO_NAMES.split())
 RAW_SUFFIXES = frozenset(_RAW_NAMES.split())
 OTHER_SUFFIXES = frozenset(_OTHER_NAMES.split())
 """Of other files that hold a photo, and are not read."""

@@ -360,7 +360,7 @@ _NO_TARGET = (
 
 
 def load_target(path: Path) -> Target:
-    """Read ``target.yaml``.
+    """Read ``target.yaml``, or a target file of Kalibr's.
 
     Raises:
         TargetError: the file cannot be read or does not describe a usable object; the text
@@ -372,7 +372,61 @@ def load_target(path: Path) -> Target:
         raise TargetError(f"{path} is a camera file, not a calibration object: {_NO_TARGET}")
     if not isinstance(data, dict):
         raise TargetError(f"{path} must hold the keys units and boards: {_NO_TARGET}")
+    if "target_type" in data:
+        data = _of_kalibr(str(path), data)
     return _target(str(path), data)
+
+
+def colourings(target: Target) -> list[Target]:
+    """The target, and where that is another one also the same with its colours exchanged.
+
+    Turned by 180°, or by 90° where it is as wide as high, some boards look as if they were.
+    """
+    board = target.boards[0]
+    if len(target.boards) > 1 or board.kind != "checkerboard":
+        return [target]
+    columns, rows = board.columns, board.rows
+    if columns % 2 != rows % 2 or (columns == rows and columns % 2):
+        return [target]
+    other: FirstSquare = "light" if board.first_square == "dark" else "dark"
+    return [target, target.with_boards({0: replace(board, first_square=other)})]
+
+
+# Kalibr's key -> ours, by the type of the target. Its counts of a checkerboard are of inner corners
+# too, its lengths are metres.
+_KALIBR_KEYS = {
+    "checkerboard": ("targetCols", "targetRows", "rowSpacingMeters", "colSpacingMeters"),
+    "aprilgrid": ("tagCols", "tagRows", "tagSize", "tagSpacing"),
+}
+# Two spacings that were measured differ by less than this, relatively.
+_ONE_SPACING = 1e-3
+
+
+def _of_kalibr(where: str, data: dict[str, Any]) -> dict[str, Any]:
+    """What target.yaml would hold for a target file of Kalibr's."""
+    top = _Section(where, data)
+    kind = data["target_type"]
+    if kind not in _KALIBR_KEYS:
+        top.refuse(
+            "target_type",
+            f"{quoted(kind)} is not found in photos here: use a checkerboard or an aprilgrid",
+        )
+    columns, rows, *lengths = _KALIBR_KEYS[kind]
+    for key in (columns, rows, *lengths):
+        top.required(key, f"a target of type {kind} of Kalibr's has it")
+    counts = [data[columns], data[rows]]
+    board: dict[str, Any] = {"name": "board", "type": kind}
+    if kind == "aprilgrid":
+        board |= {"tags": counts, "tag": data["tagSize"], "spacing": data["tagSpacing"]}
+    else:
+        high, wide = (top.length(key, "metres between corners") for key in lengths)
+        if abs(high - wide) > _ONE_SPACING * wide:
+            top.refuse(
+                "rowSpacingMeters",
+                f"{high:g} and colSpacingMeters, {wide:g}, differ: squares must be as high as wide",
+            )
+        board |= {"corners": counts, "square": wide}
+    return {"units": "m", "boards": [board]}
 
 
 def _target(where: str, data: object) -> Target:

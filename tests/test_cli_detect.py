@@ -11,6 +11,7 @@ from conftest import SAMPLE, Run
 from cubicfish_cli.cli.detect import drawings
 from cubicfish_cli.cli.inputs import lost_word
 from cubicfish_cli.correspondences import load_corners
+from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.errors import OutputError
 from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.detect import PhotoReport
@@ -144,7 +145,7 @@ def test_a_camera_is_calibrated_from_one_photo_of_several_boards(run: Run, tmp_p
     ("args", "code", "message"),
     [
         (["detect", "-t", TARGET], 2, "Missing argument"),
-        (["detect", *PHOTOS], 2, "name the calibration object with --target target.yaml"),
+        (["detect", *PHOTOS], 2, "name it with --target target.yaml"),
         (["detect", "black.png", "-t", TARGET], 1, "expose it longer"),
         (["detect", "text.png", "-t", TARGET], 1, "text.png"),
         (["detect", "empty", "-t", TARGET], 1, "empty"),
@@ -191,9 +192,16 @@ def test_a_photo_whose_grids_are_left_out_is_not_called_empty() -> None:
     grid = GridReport(
         verdict=Verdict.TWIN, place=None, corners=35, size=(7, 5), ratio=1.0, rms_px=0.1
     )
+    empty = FoundGrids(grids=(), refused=np.zeros((0, 2)), image_size=(64, 48))
     lost = [
         PhotoReport(name="a.png", problem="why", grids=(grid,)),
-        PhotoReport(name="b.png", problem="why"),
+        PhotoReport(name="b.png", problem="why", found=empty),
+        PhotoReport(name="d.png", problem="why"),
         PhotoReport(name="c.png", problem="why", other_size=True),
     ]
-    assert [lost_word(one) for one in lost] == ["left out", "nothing found", "another size"]
+    assert [lost_word(one) for one in lost] == [
+        "left out",
+        "nothing found",
+        "cannot be read",
+        "another size",
+    ]

@@ -467,3 +467,19 @@ def test_inside_an_outline():
     np.testing.assert_array_equal(
         within(pixel, outline), [True, False, True, True, False, False, False]
     )
+
+
+@pytest.mark.parametrize("name", ["opencv", "nerfstudio", "kalibr-pinhole-equi"])
+def test_own_exports_come_back_with_the_field_they_had(
+    run: Run, calibrated: Path, tmp_path: Path, name: str
+) -> None:
+    path, back = tmp_path / "lens", tmp_path / "back.yaml"
+    said = run("export", "--to", name, "-m", calibrated, "-o", path, "--max-error", "9").stdout
+    assert "lens_from_camera is in the file" in said
+    assert "lens_from_camera: " not in said
+    assert "lens_from_camera: " in path.read_text()
+    assert "that cubicfish exported" in run("import", path, "-o", back).stdout
+    field = load_camera(calibrated / "camera.yaml").camera.max_angle_deg
+    assert load_camera(back).camera.max_angle_deg == pytest.approx(field, abs=1e-3)
+    asked = run("import", path, "-o", back, "--overwrite", "--max-angle", "50").stdout
+    assert "the --max-angle given" in asked

@@ -286,6 +286,11 @@ def test_export_and_import(run: Run, model: Path, tmp_path: Path) -> None:
     assert back["image_size"] == list(size)
 
 
+def test_info(run: Run, calibrated: Path) -> None:
+    (one,) = records(run, ("info", calibrated))
+    assert one["image_size"] == [960, 720]
+
+
 def test_simulate(run: Run, calibrated: Path, tmp_path: Path) -> None:
     seen = load_camera(calibrated / "camera.yaml").fit["per_image"][0]["camera_from_world"]
     numbers = ",".join(map(repr, (*seen["rotation_vector"], *seen["translation"])))
@@ -315,6 +320,7 @@ def test_an_error_leaves_stdout_empty(run: Run, tmp_path: Path, name: str) -> No
         "corners": (missing, "-t", TARGET),
         "evaluate": (CORNERS, "-t", TARGET, *model),
         "compare": (missing, missing),
+        "info": (missing,),
         "report": (missing,),
         "advise": (missing,),
         "undistort": (PHOTO, out / "x.png", *model),

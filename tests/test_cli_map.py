@@ -116,3 +116,11 @@ def test_an_equidistant_views_camera_is_opencvs_fisheye(
     ray = np.array([[[0.4, -0.3, 1.0]]])
     pixel, _ = cv2.fisheye.projectPoints(ray, np.zeros(3), np.zeros(3), matrix, coefficients)
     np.testing.assert_allclose(pixel.ravel(), view.pixels(ray.ravel()), atol=1e-6)
+
+
+def test_ffmpegs_maps_say_what_ffmpeg_does_with_them(
+    run: Run, calibrated: Path, tmp_path: Path
+) -> None:
+    line = ("map", tmp_path / "m.pgm", "-m", calibrated, "--size", "96x72")
+    assert "takes the nearest pixel" in run(*line).stderr
+    assert run(*line, "--overwrite", "-q").stderr == ""

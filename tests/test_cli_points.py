@@ -93,3 +93,14 @@ def test_unreadable_files_are_named(run: Run, model: Path, tmp_path: Path) -> No
     (tmp_path / "a.png").write_bytes(b"\x89PNG\xff")
     said = run("project", tmp_path / "a.png", "-m", model, code=1).stderr
     assert "a.png is not UTF-8 text" in said
+
+
+def test_one_point_may_stand_on_the_command_line(run: Run, calibrated: Path) -> None:
+    end = ("-m", calibrated)
+    piped = run("project", *end, input="-0.2,0.1,1").stdout
+    assert run("project", "-0.2,0.1,1", *end).stdout == piped
+    assert run("project", *end, "-0.2,0.1,1").stdout == piped
+    back = run("unproject", piped.strip(), *end).stdout
+    ray = [float(number) for number in back.split(",")]
+    assert ray[0] / ray[2] == pytest.approx(-0.2, abs=1e-9)
+    assert "is no point: write X,Y,Z" in run("project", "0.2,0.1", *end, code=1).stderr

@@ -242,7 +242,7 @@ def test_a_reason_that_photos_share_is_said_once(run: Run, model: Path, tmp_path
     ]
 
 
-def test_results_that_cannot_be_written_share_their_reason(
+def test_results_that_cannot_be_written_are_refused_before_the_work(
     run: Run, model: Path, tmp_path: Path
 ) -> None:
     photos = [tmp_path / "a.jpg", tmp_path / "b.jpg"]
@@ -251,7 +251,7 @@ def test_results_that_cannot_be_written_share_their_reason(
     (tmp_path / "out").touch()
     end = [tmp_path / "out", "-m", model, "--size", "96x72"]
     error = run("undistort", *photos, *end, code=1).stderr
-    assert error.startswith("Error: none of 2 photos could be undistorted: each result cannot be ")
+    assert error.endswith("out is a file, not a folder\n")
     assert error.count("\n") == 1
 
 

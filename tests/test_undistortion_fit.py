@@ -1,6 +1,7 @@
 """Fields found from what the camera sees: nothing empty, nothing lost, and no more than that."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,12 +9,14 @@ from lenses import cubic_camera
 from synthetic import TRUE_LENS
 
 from cubicfish_cli.errors import ViewError
+from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.model.soundness import cone_rays
 from cubicfish_cli.rendering.lens import TrueLens
+from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.fit import Fitted, fit_view, kept_share, seen_field_deg, sees
 from cubicfish_cli.undistortion.maps import build_map
 from cubicfish_cli.undistortion.view import CentralView, rotation_from_angles
-from cubicfish_cli.undistortion.views import CENTRAL_KINDS
+from cubicfish_cli.undistortion.views import CENTRAL_KINDS, axis_focal
 
 SIZE = (120, 90)
 
@@ -155,3 +158,17 @@ def test_the_seen_field_is_what_rays_say(kind, yaw):
     assert seen_field_deg(camera, view) == pytest.approx(expected, abs=a_pixel)
     if yaw == 40 and kind == "perspective":
         assert 0.5 < expected[0] / view.hfov_deg < 0.9
+
+
+def test_longitude_and_latitude_are_as_large_as_what_is_seen(calibrated: Path) -> None:
+    camera = load_camera(calibrated / "camera.yaml").camera
+    view = build_view(camera, "equirectangular")
+    assert view.focal == pytest.approx(axis_focal(camera))
+    assert kept_share(camera, view) == 1
+    seen = seen_field_deg(camera, view)
+    assert view.vfov_deg - seen[1] < 6
+    assert view.size[0] % 2 == view.size[1] % 2 == 0
+    up = build_view(camera, "equirectangular", rotate_deg=(0, 90, 0))
+    assert kept_share(camera, up) == 1
+    assert up.hfov_deg == pytest.approx(360, abs=0.5)
+    assert build_view(camera, "equirectangular", size=(400, 200)).size == (400, 200)

@@ -122,9 +122,7 @@ def command(
     for path in (output, poses):
         if path is not None:
             refuse_existing(path, overwrite=overwrite)
-    camera_file = calibration or model_path(model)
-    if camera_file.is_dir():
-        camera_file = camera_file / "camera.yaml"
+    camera_file = model_path(calibration or model)
     facts = _facts(camera_file, target, corners)
     if not isinstance(facts.camera, CubicCamera):
         raise CubicfishError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,7 +27,8 @@ from cubicfish_cli.cli.inputs import (
     say_photo_problems,
     why_lost,
 )
-from cubicfish_cli.cli.made_by import made_at, made_by_record
+from cubicfish_cli.cli.made_by import check_title, made_at, made_by_record
+from cubicfish_cli.cli.next_step import say_next
 from cubicfish_cli.cli.options import (
     FILE,
     FOLDER,
@@ -39,10 +41,16 @@ from cubicfish_cli.cli.options import (
     no_cache_option,
     overwrite_option,
     size_option,
-    target_option,
 )
 from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table
+from cubicfish_cli.cli.target_choice import (
+    DEFAULT_TARGET,
+    TargetChoice,
+    recorded_as,
+    target_options,
+)
 from cubicfish_cli.cli.terminal import (
+    apart,
     detail,
     print_json,
     print_table,
@@ -54,8 +62,11 @@ from cubicfish_cli.cli.terminal import (
 
 if TYPE_CHECKING:
     from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
+    from cubicfish_cli.fitting.camera_facts import CameraFacts
     from cubicfish_cli.fitting.verdict import Verdict
     from cubicfish_cli.target import Target
+
+MAP = "undistort_map.npz"
 
 
 @click.command(
@@ -63,6 +74,7 @@ if TYPE_CHECKING:
     short_help="Photos of a known object to a camera and its undistortion map.",
     epilog=examples(
         "cubicfish calibrate photos/ --target target.yaml",
+        "cubicfish calibrate photos/ --board 9x6 --square 25mm --title 'front left'",
         "cubicfish calibrate corners.csv --target target.yaml -o lens_a --max-rms 0.5",
         "cubicfish calibrate --correspondences pairs.csv --size 1280x800",
     ),
@@ -75,7 +87,7 @@ if TYPE_CHECKING:
     cls=Argument,
     meaning="Photos (files, folders or globs), or one corners.csv or correspondences.csv.",
 )
-@target_option
+@target_options
 @click.option(
     "--correspondences",
     type=FILE,
@@ -92,6 +104,7 @@ if TYPE_CHECKING:
     metavar="FOLDER",
     help="Where camera.yaml, undistort_map.npz, corners.csv and report.html go.",
 )
+@click.option("--title", metavar="TEXT", help="What to call this camera, in its file and report.")
 @click.option(
     "--refine-target",
     type=click.Choice(["off", "shape", "points", "auto"]),
@@ -129,10 +142,11 @@ if TYPE_CHECKING:
 @common_options
 def command(
     inputs: tuple[Path, ...],
-    target: Path | None,
+    target: TargetChoice,
     correspondences: Path | None,
     size: tuple[int, int] | None,
     output: Path,
+    title: str | None,
     refine_target: RefineTarget,
     hold_out: bool,
     lift: str,
@@ -146,9 +160,10 @@ def command(
 ) -> None:
     """Calibrate a camera from PHOTOS (files, folders or globs) of the object in target.yaml.
 
-    A corners.csv, from 'cubicfish detect' or any other detector, may stand for the photos.
-    Everything is written together at the end, or nothing is. With --overwrite, what an earlier
-    calibration left in the folder goes.
+    One flat checkerboard needs no file: --board 9x6 --square 25mm says it all. A corners.csv,
+    from 'cubicfish detect' or any other detector, may stand for the photos. Everything is written
+    together at the end, or nothing is. With --overwrite, what an earlier calibration left in the
+    folder goes.
     """
     if lift == "point" and compare:
         raise click.UsageError("--compare is of cameras with rays: it goes with --lift ray")
@@ -156,15 +171,21 @@ def command(
     from cubicfish_cli.advice.summary import summary
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.fitting.calibrate import calibrate
+    from cubicfish_cli.fitting.camera_facts import camera_facts
     from cubicfish_cli.fitting.verdict import verdict
+    from cubicfish_cli.photos import MAX_PIXELS
 
     made_at()  # said before the work if it cannot be
+    if title is not None:
+        check_title(title)
     outputs = _outputs(output, inputs)
+    if target.counts is not None:
+        outputs["drawn"] = output / DEFAULT_TARGET
     if not (report and report_step.is_possible()):
         outputs.pop("report")
     for path in outputs.values():
         refuse_existing(path, overwrite=overwrite)
-    given = (*inputs, target, correspondences)
+    given = (*inputs, target.path, correspondences)
     fitted = () if refine_target == "off" else (outputs["target"],)
     refuse_inputs(fitted, given)
     loaded = load_pairs(
@@ -192,7 +213,7 @@ def command(
         calibrate_points.run(
             loaded,
             outputs,
-            made_by_record({"lift": lift}, loaded.target_file, loaded.files),
+            _made_by({"lift": lift}, loaded, outputs, title),
             hold_out=hold_out,
             as_json=as_json,
             max_rms=max_rms,
@@ -212,21 +233,28 @@ def command(
         )
     if calibration.refined == "off":
         outputs.pop("target")
+    if math.prod(calibration.camera.image_size) > MAX_PIXELS:
+        outputs.pop("map")
+        say(
+            f"No {MAP} was written: a map of {{}}x{{}} pixels takes gigabytes. 'cubicfish map "
+            "--size' makes a smaller one.".format(*calibration.camera.image_size)
+        )
     options = {"hold_out": hold_out, "refine_target": refine_target}
-    made_by = made_by_record(options, loaded.target_file, loaded.files)
+    made_by = _made_by(options, loaded, outputs, title)
     record = calibration.as_record()
     camera = calibration.camera
+    facts = camera_facts(camera, record, made_by)
     page = report_step.make_page(outputs, camera, record, made_by, loaded, calibration.target)
     earlier = of_earlier(outputs, given) if overwrite else []
     with working("Writing"):
-        _write(outputs, calibration, loaded, made_by, page, earlier, overwrite=overwrite)
+        _write(outputs, calibration, loaded, made_by, page, earlier, facts, overwrite=overwrite)
     judged = verdict(record, camera.image_size, camera.outline())
     advice = summary(camera, record, calibration.pairs)
     models = _compared(calibration, loaded.target, hold_out=hold_out) if compare else []
     if as_json:
         compared = {"models": models} if compare else {}
         files = report_step.as_record(judged, outputs)
-        said = {"photo_problems": problems, "advice": advice}
+        said = {"photo_problems": problems, "advice": advice, "summary": facts.line}
         print_json({**record, **compared, **said, **files, "model": str(outputs["camera"])})
     for corner in record["dropped_corners"]:
         detail(
@@ -244,7 +272,7 @@ def command(
         for doubt in departure.doubts:
             say(f"warning: board {departure.board} seems {doubt}")
     if not as_json:
-        _print(calibration, record, judged, advice, models, outputs, _lost(calibration, loaded))
+        _print(calibration, facts, record, judged, advice, models, outputs, loaded)
     say_removed(earlier)
     report_step.say_if_missing(outputs, wanted=report)
     hold_gate(calibration.errors.rms_px, max_rms)
@@ -253,7 +281,7 @@ def command(
 def _outputs(folder: Path, inputs: Sequence[Path]) -> dict[str, Path]:
     outputs = {
         "camera": folder / "camera.yaml",
-        "map": folder / "undistort_map.npz",
+        "map": folder / MAP,
         "target": folder / "target.refined.yaml",
         "report": folder / report_step.NAME,
     }
@@ -283,13 +311,14 @@ def _write(
     made_by: Mapping[str, Any],
     page: str | None,
     earlier: Sequence[Path],
+    facts: CameraFacts,
     *,
     overwrite: bool,
 ) -> None:
     """Write every output, all or none; what is of an earlier calibration goes."""
     from cubicfish_cli.correspondences import save_corners
     from cubicfish_cli.files import whole_files, write_text
-    from cubicfish_cli.formats.camera_yaml import save_camera
+    from cubicfish_cli.formats.camera_yaml import camera_text
     from cubicfish_cli.formats.target_yaml import target_text
     from cubicfish_cli.undistortion.maps import build_map, save_map
     from cubicfish_cli.undistortion.views import default_view
@@ -298,9 +327,13 @@ def _write(
     with whole_files(paths, overwrite=overwrite, obsolete=earlier) as temporary:
         names = dict(zip(outputs, temporary, strict=True))
         fit = calibration.as_record()
-        save_camera(names["camera"], calibration.camera, fit=fit, made_by=made_by, overwrite=False)
+        text = camera_text(calibration.camera, fit=fit, made_by=made_by, comment=facts.line)
+        write_text(names["camera"], text, overwrite=False)
+        if "drawn" in names and loaded.target is not None:
+            write_text(names["drawn"], target_text(loaded.target), overwrite=False)
         view = default_view(calibration.camera)
-        save_map(names["map"], build_map(calibration.camera, view), overwrite=False)
+        if "map" in names:
+            save_map(names["map"], build_map(calibration.camera, view), overwrite=False)
         if "target" in names and calibration.target is not None:
             write_text(names["target"], target_text(calibration.target), overwrite=False)
         if "corners" in names and loaded.corners is not None:
@@ -309,26 +342,55 @@ def _write(
             write_text(names["report"], page, overwrite=False)
 
 
+def _made_by(
+    options: Mapping[str, Any], loaded: Pairs, outputs: Mapping[str, Path], title: str | None
+) -> dict[str, Any]:
+    """How it was made; the object too where it came as counts and its file is still to be."""
+    from cubicfish_cli.formats.target_yaml import target_text
+
+    record = made_by_record(options, loaded.target_file, loaded.files)
+    if "drawn" in outputs and loaded.target is not None:
+        record["target"] = recorded_as(target_text(loaded.target), outputs["drawn"])
+    return {**({} if title is None else {"title": title}), **record}
+
+
 def _print(
     calibration: Calibration,
+    facts: CameraFacts,
     record: Mapping[str, Any],
     judged: Verdict,
     advice: str,
     models: Sequence[Mapping[str, Any]],
     outputs: Mapping[str, Path],
-    lost: Mapping[str, str],
+    loaded: Pairs,
 ) -> None:
-    from cubicfish_cli.fitting.field_uncertainty import recorded
-    from cubicfish_cli.fitting.findings import COVERED
-
+    """The verdict first, then the figures it rests on, the photos, and what to do next."""
     camera, pairs = calibration.camera, calibration.pairs
-    rows = fitted_rows(record, camera.image_size, corners_by_board(pairs), lost)
+    apart()
+    result(facts.line, mark=(judged.words, judged.level))
+    print_verdict(judged)
+    result(f"advice: {advice}\n")
+    _print_figures(calibration, record)
+    result()
+    rows = fitted_rows(
+        record, camera.image_size, corners_by_board(pairs), _lost(calibration, loaded)
+    )
     print_photo_table(rows, pairs.boards, record, everything=str(outputs["camera"]))
     result()
     _print_object(calibration)
     if models:
         print_models(models)
         result()
+    for path in outputs.values():
+        result(f"wrote {path}")
+    photo = loaded.files[0].path if loaded.detection is not None and loaded.files else None
+    say_next(judged, outputs["camera"], photo, outputs.get("report"))
+
+
+def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
+    from cubicfish_cli.fitting.field_uncertainty import recorded
+    from cubicfish_cli.fitting.findings import COVERED
+
     dropped = len(calibration.dropped)
     result(
         f"{count(record['images'], 'photo')}, {count(record['corners'], 'corner')} used, "
@@ -347,19 +409,13 @@ def _print(
         ]
     print_errors(record, more)
     result(
-        f"{'field':<24}{camera.max_angle_deg:>7.1f}°   from the axis, where the camera may be "
-        f"trusted; corners reach {calibration.covered_deg:.1f}°"
+        f"{'field':<24}{calibration.camera.max_angle_deg:>7.1f}°   from the axis, where the camera "
+        f"may be trusted; corners reach {calibration.covered_deg:.1f}°"
     )
     result(f"{'coverage':<24}{100 * calibration.coverage:>7.0f} %   {COVERED}")
     uncertainty = recorded(record)
     if uncertainty is not None:
         result(f"{'uncertainty':<24}{px(uncertainty.median_px):>7} px  {uncertainty.meaning}")
-    result()
-    print_verdict(judged)
-    result(f"advice: {advice}\n")
-    for path in outputs.values():
-        result(f"wrote {path}")
-    result(f"\nNext: cubicfish undistort PHOTO flat.png --model {outputs['camera']}", whole=True)
 
 
 def _lost(calibration: Calibration, loaded: Pairs) -> dict[str, str]:
@@ -381,14 +437,14 @@ def _print_object(calibration: Calibration) -> None:
         f"object fitted too: {what[calibration.refined]}" + f" (held-out: {tried})" * bool(tried)
     )
     print_table(
-        ("board", f"bend {units}", f"twist {units}", "stretch %", f"moved {units}", "turned °",
-         f"corners {units}"),
+        ("board", f"bend x {units}", f"bend y {units}", f"twist {units}", "stretch x %",
+         "stretch y %", f"moved {units}", "turned °", f"corners {units}"),
         [
             (
                 part.board,
-                "{:.2g} {:.2g}".format(*part.bend),
+                *(f"{bend:.2g}" for bend in part.bend),
                 f"{part.twist:.2g}",
-                "{:.2f} {:.2f}".format(*(100 * share for share in part.stretch)),
+                *(f"{100 * share:.2f}" for share in part.stretch),
                 f"{part.shift:.2g}",
                 f"{part.turn_deg:.2f}",
                 f"{part.offset_rms:.2g}",

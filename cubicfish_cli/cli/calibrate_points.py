@@ -49,13 +49,14 @@ def run(
     from cubicfish_cli.fitting.point_fit import calibrate_points
     from cubicfish_cli.fitting.verdict import verdict
     from cubicfish_cli.formats.camera_yaml import save_camera
+    from cubicfish_cli.formats.target_yaml import target_text
 
     with working("Fitting"):
         calibration = calibrate_points(loaded.pairs, hold_out=hold_out)
     record = calibration.as_record()
     camera = calibration.camera
     page = report_step.make_page(outputs, camera, record, made_by, loaded, loaded.target)
-    names = [name for name in ("camera", "corners", "report") if name in outputs]
+    names = [name for name in ("camera", "drawn", "corners", "report") if name in outputs]
     written: dict[str, Path] = {name: outputs[name] for name in names}
     paths = list(written.values())
     earlier = of_earlier(written, given) if overwrite else []
@@ -64,6 +65,8 @@ def run(
         save_camera(places["camera"], camera, fit=record, made_by=made_by, overwrite=False)
         if "corners" in places and loaded.corners is not None:
             save_corners(places["corners"], loaded.corners, overwrite=False)
+        if "drawn" in places and loaded.target is not None:
+            write_text(places["drawn"], target_text(loaded.target), overwrite=False)
         if "report" in places and page is not None:
             write_text(places["report"], page, overwrite=False)
     judged = verdict(record, camera.image_size, camera.valid)

@@ -13,6 +13,7 @@ import click
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange
 from cubicfish_cli.cli.options import FILE, Decorated
+from cubicfish_cli.cli.target_choice import target_path
 from cubicfish_cli.cli.view_options import ChosenView, SeenField, ViewOptions
 
 if TYPE_CHECKING:
@@ -107,7 +108,7 @@ class PlaneOptions:
             if self.pixels_a_unit is not None or self.margin is not None:
                 raise click.UsageError("--pixels-per-unit and --margin go with --plane")
             return
-        if self.target is None:
+        if target_path(self.target) is None:
             raise click.UsageError("--plane needs the object: name it with --target target.yaml")
         if view.is_asked:
             raise click.UsageError(
@@ -132,10 +133,11 @@ class PlanesOfPhotos:
         from cubicfish_cli.target import load_target
         from cubicfish_cli.wording import did_you_mean, quoted
 
-        if options.target is None or options.board is None:
+        target = target_path(options.target)
+        if target is None or options.board is None:
             raise click.UsageError("--plane needs --target")
         self._loaded, self._crop, self._options = loaded, crop, options
-        self._target = load_target(options.target)
+        self._target = load_target(target)
         names = {board.name: board for board in self._target.boards}
         if options.board not in names:
             raise click.UsageError(
@@ -297,14 +299,14 @@ def plane_options(function: Decorated) -> Decorated:
     decorators: tuple[Callable[[Any], Any], ...] = (
         click.option(
             "--margin",
-            type=FloatRange(min=0),
+            type=FloatRange(0, 1_000_000),
             metavar="UNITS",
             help="Of a plane: how far it goes on beyond the outer corners. [default: a square]",
         ),
         click.option(
             "--pixels-per-unit",
             "pixels_a_unit",
-            type=FloatRange(min=0, min_open=True),
+            type=FloatRange(1e-9, 1_000_000_000),
             metavar="N",
             help="Scale of a plane: pixels per mm, or whatever the target's units are. [default: "
             "the largest that the photo has there]",
@@ -314,7 +316,8 @@ def plane_options(function: Decorated) -> Decorated:
             "--target",
             type=FILE,
             metavar="FILE",
-            help="The calibration object: target.yaml; for --plane.",
+            help="The calibration object: a target.yaml, or one of Kalibr's target files. Where "
+            "one is needed, ./target.yaml stands for it; for --plane.",
         ),
         click.option(
             "--plane",

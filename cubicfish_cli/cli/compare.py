@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli import json_keys
-from cubicfish_cli.cli.figures import hold_gate, px
+from cubicfish_cli.cli.figures import hold_gate, print_spread, px
 from cubicfish_cli.cli.options import (
     FILE,
     Argument,
     common_options,
     examples,
+    in_folder,
     json_option,
     max_rms_option,
     overwrite_option,
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     type=FILE,
     metavar="A",
     cls=Argument,
-    meaning="The camera.yaml in whose pixels differences are.",
+    meaning="The camera.yaml, or its folder, in whose pixels differences are.",
     missing=_BOTH,
 )
 @click.argument(
@@ -49,7 +50,7 @@ if TYPE_CHECKING:
     type=FILE,
     metavar="B",
     cls=Argument,
-    meaning="The camera.yaml that is compared with it.",
+    meaning="The camera.yaml, or its folder, that is compared with it.",
     missing=_BOTH,
 )
 @click.option(
@@ -84,7 +85,7 @@ def command(
     if picture is not None:
         refuse_existing(picture, overwrite=overwrite)
         check_suffix(picture)
-    comparison = compare_cameras(_camera(first), _camera(second))
+    comparison = compare_cameras(_camera(in_folder(first)), _camera(in_folder(second)))
     if picture is not None:
         _draw(comparison, picture, overwrite=overwrite)
     record = comparison.as_record()
@@ -121,8 +122,7 @@ def _draw(comparison: Comparison, path: Path, *, overwrite: bool) -> None:
 
 def _print(record: dict[str, Any]) -> None:
     result(f"{'RMS difference':<24}{px(record['rms_px']):>7} px  sqrt(mean(dx² + dy²)) over pixels")
-    spread = ", ".join(px(record[key]) for key in ("median_px", "p95_px", "max_px"))
-    result(f"{'median, 95 %, largest':<24}{spread:>7} px")
+    print_spread(record)
     share = 100 * record["common_share"]
     result(f"{'common field':<24}{share:>7.1f} %   of what A sees")
     result(f"{'rotation taken out':<24}{record['rotation_deg']:>7.3f}°")

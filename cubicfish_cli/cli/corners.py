@@ -19,6 +19,7 @@ from cubicfish_cli.cli.options import (
     overwrite_option,
     target_option,
 )
+from cubicfish_cli.cli.target_choice import needed_target
 from cubicfish_cli.cli.terminal import print_json, result, say
 
 if TYPE_CHECKING:
@@ -121,8 +122,7 @@ def command(
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.target import load_target
 
-    if target is None:
-        raise click.UsageError("name the calibration object with --target target.yaml")
+    target = needed_target(target)
     refuse_existing(output, overwrite=overwrite)
     read = read_corner_files(
         files,

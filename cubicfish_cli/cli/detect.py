@@ -11,7 +11,7 @@ import click
 
 from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.inputs import detect, lost_word, say_photo_problems
+from cubicfish_cli.cli.inputs import detect, lost_word, photos_of, say_photo_problems
 from cubicfish_cli.cli.options import (
     FILE,
     FOLDER,
@@ -22,10 +22,10 @@ from cubicfish_cli.cli.options import (
     json_option,
     no_cache_option,
     overwrite_option,
-    target_option,
 )
 from cubicfish_cli.cli.photo_table import GOOD, PhotoRow, corners_by_board, print_photo_table
 from cubicfish_cli.cli.scheduler_options import SchedulerOptions, scheduler_options
+from cubicfish_cli.cli.target_choice import TargetChoice, say_default, target_options
 from cubicfish_cli.cli.terminal import print_json, progress, result, say
 from cubicfish_cli.errors import OutputError
 
@@ -53,7 +53,7 @@ _FEW_CORNERS = 20
     cls=Argument,
     meaning="Photos: files, folders or globs.",
 )
-@target_option
+@target_options
 @click.option(
     "-o",
     "--output",
@@ -78,7 +78,7 @@ _FEW_CORNERS = 20
 @common_options
 def command(
     photos: tuple[Path, ...],
-    target: Path | None,
+    target: TargetChoice,
     output: Path,
     draw: Path | None,
     overwrite: bool,
@@ -93,20 +93,18 @@ def command(
     """
     from cubicfish_cli.correspondences import save_corners
     from cubicfish_cli.files import refuse_existing
-    from cubicfish_cli.photos import find_photos
-    from cubicfish_cli.target import load_target
 
     scheduler.check(jobs)
-    if target is None:
-        raise click.UsageError("name the calibration object with --target target.yaml")
+    target.check()
     refuse_existing(output, overwrite=overwrite)
-    found = find_photos(photos)
+    found = photos_of(photos)
     pictures = drawings(draw, found) if draw else {}
     for picture in pictures.values():
         refuse_existing(picture, overwrite=overwrite)
-    loaded = load_target(target)
+    say_default(target)
+    loaded = target.load()
     with scheduler.connected() as machines:
-        detection = detect(found, loaded, jobs, no_cache=no_cache, machines=machines)
+        detection, _ = detect(found, loaded, jobs, no_cache=no_cache, machines=machines)
     save_corners(output, detection.corners, overwrite=overwrite)
     drawn = _draw(found, detection, pictures, overwrite=overwrite) if draw is not None else None
     corners, images = len(detection.corners.pixel), len(detection.corners.images)

@@ -14,6 +14,7 @@ from cubicfish_cli.cli.inputs import (
     check_inputs,
     load_pairs,
     photo_problems,
+    refuse_other_sizes,
     say_photo_problems,
     why_lost,
 )
@@ -29,9 +30,9 @@ from cubicfish_cli.cli.options import (
     model_path,
     no_cache_option,
     size_option,
-    target_option,
 )
 from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table
+from cubicfish_cli.cli.target_choice import TargetChoice, target_options
 from cubicfish_cli.cli.terminal import print_json, result, say, working
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ if TYPE_CHECKING:
     cls=Argument,
     meaning="Photos (files, folders or globs), or one corners.csv or correspondences.csv.",
 )
-@target_option
+@target_options
 @model_option
 @size_option
 @max_rms_option
@@ -67,7 +68,7 @@ if TYPE_CHECKING:
 @common_options
 def command(
     inputs: tuple[Path, ...],
-    target: Path | None,
+    target: TargetChoice,
     model: Path | None,
     size: tuple[int, int] | None,
     max_rms: float | None,
@@ -86,6 +87,7 @@ def command(
 
     file = load_camera(model_path(model))
     camera = file.camera
+    refuse_other_sizes(inputs, camera.image_size)
     loaded = load_pairs(
         inputs,
         correspondences=None,

@@ -37,6 +37,8 @@ FORMATS = (
 
 # Of formats of one tool, the one that follows decentred lenses best.
 _NEAREST = {"colmap": "colmap-rad-tan-thin-prism-fisheye", "kalibr": "kalibr-omni"}
+# Formats whose files take no comment.
+_NO_COMMENTS = ("pyocamcalib",)
 _BEHIND_DEG = 90.0
 
 _HELP = """Write the camera for another tool, and say how near its lens model comes.
@@ -148,7 +150,8 @@ def command(
     error = conversion.error
     if not error.max_px <= max_error:
         raise FitError(_too_far(conversion, name, max_error))
-    note = _note(conversion, name, loaded.made_by)
+    trusted = min(max_angle or 180.0, loaded.camera.max_angle_deg)
+    note = _note(conversion, name, loaded.made_by, trusted)
     text = foreign_text(name, conversion.record, note, _poses(loaded.fit, conversion))
     write_text(path, text, overwrite=overwrite)
     if as_json:
@@ -165,13 +168,19 @@ def command(
         return
     result(f"wrote {path}")
     for line in note[1:]:
-        result(line)
+        result(_without_matrix(line) if name not in _NO_COMMENTS else line)
     if error.beyond is not None and not error.beyond["max_px"] <= max_error:
         start = error.beyond["from_deg"]
         say(
             f"warning: beyond {start:.1f}°, where no corner was, {_figures(error.beyond)}: do not "
             f"rely on it there, or leave that out with --max-angle {start:.1f}"
         )
+
+
+def _without_matrix(line: str) -> str:
+    """A line of the note as it is told: numbers for programs stay in the file."""
+    before, named, _ = line.partition("; lens_from_camera: ")
+    return f"{before}: lens_from_camera is in the file" if named else line
 
 
 def _write_map(path: Path, camera: Any, *, overwrite: bool, as_json: bool) -> None:
@@ -200,9 +209,11 @@ def _figures(figures: Mapping[str, float]) -> str:
     return f"RMS {figures['rms_px']:.4f} px, largest {figures['max_px']:.4f} px"
 
 
-def _note(conversion: Conversion, name: str, made_by: Mapping[str, Any]) -> list[str]:
+def _note(
+    conversion: Conversion, name: str, made_by: Mapping[str, Any], trusted_deg: float
+) -> list[str]:
     """How the lens was made, in lines."""
-    from cubicfish_cli.formats.foreign import FRONT_ONLY
+    from cubicfish_cli.formats.foreign import FRONT_ONLY, OWN_FIELD
 
     error = conversion.error
     when = f" of {made_by['date']}" if made_by.get("date") else ""
@@ -218,6 +229,7 @@ def _note(conversion: Conversion, name: str, made_by: Mapping[str, Any]) -> list
             f"from there to {farthest:.1f} degrees, where no corner was: {_figures(error.beyond)}"
         )
     lines += [f"{way}: {_figures(figures)}" for way, figures in error.also.items()]
+    lines.append(f"{OWN_FIELD} {trusted_deg:.3f} degrees from the axis")
     if farthest >= _BEHIND_DEG and name in FRONT_ONLY:
         lines.append(f"{FRONT_ONLY[name]} itself sees nothing at 90 degrees from the axis or more")
     if conversion.turned_deg > 0:

@@ -35,8 +35,13 @@ def print_errors(record: Mapping[str, Any], more: Sequence[tuple[str, float | No
     for name, value, meaning in lines:
         unit = "  " if value is None else "px"
         result(f"{name:<24}{px(value):>7} {unit}  {meaning}".rstrip())
-    spread = ", ".join(px(record[key]) for key in ("median_px", "p95_px", "max_px"))
-    result(f"{'median, 95 %, largest':<24}{spread:>7} px")
+    print_spread(record)
+
+
+def print_spread(record: Mapping[str, Any]) -> None:
+    """Print the median, what 95 % are within and the largest, a line each."""
+    for name, key in (("median", "median_px"), ("95 % within", "p95_px"), ("largest", "max_px")):
+        result(f"{name:<24}{px(record[key]):>7} px")
 
 
 def print_verdict(judged: Verdict) -> None:

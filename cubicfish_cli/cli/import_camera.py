@@ -97,14 +97,15 @@ def command(
     from cubicfish_cli.files import fingerprint, refuse_existing
     from cubicfish_cli.fitting.conversion.from_lens import LARGEST_FIELD_DEG, from_lens
     from cubicfish_cli.formats.camera_yaml import save_camera
-    from cubicfish_cli.formats.foreign import read_foreign
+    from cubicfish_cli.formats.foreign import own_field_deg, read_foreign
 
     made_at()  # said before the work if it cannot be
     refuse_existing(output, overwrite=overwrite)
     source = fingerprint(file)
     record, found = read_foreign(file, name=name, camera=camera, image_size=size)
+    own = own_field_deg(file)
     with working("Fitting the cubic camera to the lens"):
-        imported = from_lens(record, max_angle_deg=max_angle or LARGEST_FIELD_DEG)
+        imported = from_lens(record, max_angle_deg=max_angle or own or LARGEST_FIELD_DEG)
     made, error = imported.camera, imported.error
     made_by = made_by_record({"imported_from": found, "lens": record.model}, None, [source])
     conversion = {
@@ -133,16 +134,18 @@ def command(
         f"wrote {output}: a lens of {found}, {made.image_size[0]}x{made.image_size[1]}, trusted to "
         f"{made.max_angle_deg:.1f}° from its axis"
     )
-    result(f"field: {_why_it_ends(imported, asked=max_angle is not None)}")
+    result(f"field: {_why_it_ends(imported, asked=max_angle is not None, own=own is not None)}")
     result(
         f"conversion error: RMS {error.rms_px:.4f} px, largest {error.max_px:.4f} px up to "
         f"{error.max_angle_deg:.1f}°"
     )
 
 
-def _why_it_ends(imported: ImportedCamera, *, asked: bool) -> str:
+def _why_it_ends(imported: ImportedCamera, *, asked: bool, own: bool) -> str:
     """What ends the field, and what to do where that may be wrong."""
     trusted = f"{imported.camera.max_angle_deg:.1f}°"
+    if own and not asked and imported.ended_by == "angle":
+        return f"as far as the camera was trusted that cubicfish exported, {trusted}"
     unknown = "the file does not say how far the lens was calibrated"
     if imported.ended_by == "fold":
         return (

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from glob import has_magic
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import click
@@ -14,8 +16,9 @@ import click
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.kept import cache_folder
 from cubicfish_cli.cli.options import verbosity
+from cubicfish_cli.cli.target_choice import TargetChoice, say_default
 from cubicfish_cli.cli.terminal import progress, say
-from cubicfish_cli.errors import CubicfishError
+from cubicfish_cli.errors import CorrespondenceError, CubicfishError, DetectionError
 from cubicfish_cli.wording import quoted
 
 if TYPE_CHECKING:
@@ -53,7 +56,7 @@ def load_pairs(
     inputs: Sequence[Path],
     *,
     correspondences: Path | None,
-    target: Path | None,
+    target: TargetChoice,
     size: tuple[int, int] | None,
     jobs: int | None,
     no_cache: bool,
@@ -66,18 +69,31 @@ def load_pairs(
 
     """
     check_inputs(inputs, correspondences=correspondences, target=target)
-    if correspondences is not None:
-        return _from_correspondences(correspondences, size)
     tables = _tables(inputs)
-    if not tables:
-        return _from_photos(inputs, _needed(target), jobs, no_cache)
-    if _holds_world_points(tables[0]):
-        return _from_correspondences(tables[0], size)
-    return _from_corners(tables[0], _needed(target), size)
+    if correspondences is not None:
+        loaded = _from_correspondences(correspondences, size)
+    elif not tables:
+        loaded = _from_photos(inputs, target, jobs, no_cache)
+    elif _holds_world_points(tables[0]):
+        loaded = _from_correspondences(tables[0], size)
+    else:
+        loaded = _from_corners(tables[0], target, size)
+    _refuse_one_place(loaded)
+    return loaded
+
+
+def _refuse_one_place(loaded: Pairs) -> None:
+    """Raise :class:`CorrespondenceError` where all corners are in one pixel: a column is wrong."""
+    pixel = loaded.pairs.pixel
+    if len(pixel) > 1 and float((pixel.max(axis=0) - pixel.min(axis=0)).max()) < 1:
+        x, y = pixel[0]
+        raise CorrespondenceError(
+            f"all {count(len(pixel), 'corner')} are at x {x:g}, y {y:g}: check the columns x and y"
+        )
 
 
 def check_inputs(
-    inputs: Sequence[Path], *, correspondences: Path | None, target: Path | None
+    inputs: Sequence[Path], *, correspondences: Path | None, target: TargetChoice
 ) -> None:
     """Refuse at once, before anything is loaded or done, what cannot be read as pairs.
 
@@ -98,7 +114,7 @@ def check_inputs(
         raise click.UsageError(f"{quoted(str(tables[0]))} must be the only input, as all CSV files")
     _refuse_missing(inputs)
     if not (tables and _holds_world_points(tables[0])):
-        _refuse_missing([_needed(target)])
+        target.check()
 
 
 def _tables(inputs: Sequence[Path]) -> list[Path]:
@@ -109,12 +125,6 @@ def _refuse_missing(paths: Sequence[Path]) -> None:
     for path in paths:
         if not os.path.lexists(path) and not has_magic(str(path)):
             raise CubicfishError(f"{path} does not exist: check the name and the current folder")
-
-
-def _needed(target: Path | None) -> Path:
-    if target is None:
-        raise click.UsageError("name the calibration object with --target target.yaml")
-    return target
 
 
 def _holds_world_points(path: Path) -> bool:
@@ -141,13 +151,13 @@ def _from_correspondences(path: Path, size: tuple[int, int] | None) -> Pairs:
     )
 
 
-def _from_corners(path: Path, target_path: Path, size: tuple[int, int] | None) -> Pairs:
+def _from_corners(path: Path, choice: TargetChoice, size: tuple[int, int] | None) -> Pairs:
     from cubicfish_cli.correspondences import load_corners, pair
     from cubicfish_cli.files import fingerprint
-    from cubicfish_cli.target import load_target
 
-    target_file, file = fingerprint(target_path), fingerprint(path)
-    target = load_target(target_path)
+    say_default(choice)
+    target_file, file = choice.fingerprint(), fingerprint(path)
+    target = choice.load()[0]
     corners = load_corners(path, target, image_size=size)
     return Pairs(
         pairs=pair(corners, target),
@@ -160,18 +170,17 @@ def _from_corners(path: Path, target_path: Path, size: tuple[int, int] | None) -
 
 
 def _from_photos(
-    inputs: Sequence[Path], target_path: Path, jobs: int | None, no_cache: bool
+    inputs: Sequence[Path], choice: TargetChoice, jobs: int | None, no_cache: bool
 ) -> Pairs:
     from cubicfish_cli.correspondences import pair
     from cubicfish_cli.files import fingerprint
-    from cubicfish_cli.photos import find_photos
-    from cubicfish_cli.target import load_target
 
-    target_file = fingerprint(target_path)
-    target = load_target(target_path)
-    photos = find_photos(inputs)
+    say_default(choice)
+    target_file = choice.fingerprint()
+    targets = choice.load()
+    photos = photos_of(inputs)
     files = tuple(fingerprint(photo.path) for photo in photos)
-    detection = detect(photos, target, jobs, no_cache=no_cache)
+    detection, target = detect(photos, targets, jobs, no_cache=no_cache)
     return Pairs(
         pairs=pair(detection.corners, target),
         corners=detection.corners,
@@ -180,6 +189,47 @@ def _from_photos(
         files=files,
         target_file=target_file,
     )
+
+
+def photos_of(inputs: Sequence[str | Path]) -> list[Photo]:
+    """The photos that the user named; what may be missed among them is said.
+
+    Raises:
+        PhotoError: there are none, or one cannot be used.
+
+    """
+    from cubicfish_cli.photos import find_photos
+
+    remarks: list[str] = []
+    photos = find_photos(inputs, remarks)
+    for line in remarks:
+        say(line)
+    return photos
+
+
+def refuse_other_sizes(inputs: Sequence[Path], size: tuple[int, int]) -> None:
+    """Refuse photos none of which a camera is for, before they are searched.
+
+    Raises:
+        PhotoError: there are none that can be read, or all are of another size.
+
+    """
+    from cubicfish_cli.errors import PhotoError
+    from cubicfish_cli.photos import find_photos, photo_size
+
+    seen = None
+    for photo in find_photos(inputs) if not _tables(inputs) else ():
+        try:
+            seen = photo_size(photo.path)
+        except PhotoError:  # a damaged one is left out with a word later
+            continue
+        if seen == size:
+            return
+    if seen is not None:
+        raise PhotoError(
+            "the photos have {}x{} pixels and the camera is for {}x{}: use photos of the camera's "
+            "own size, or name its camera with --model".format(*seen, *size)
+        )
 
 
 def photo_problems(detection: Detection) -> list[str]:
@@ -207,7 +257,9 @@ def lost_word(photo: PhotoReport) -> str:
     """A word for why a photo gave no corners."""
     if photo.other_size:
         return "another size"
-    return "left out" if photo.grids else "nothing found"
+    if photo.grids:
+        return "left out"
+    return "nothing found" if photo.found is not None else "cannot be read"
 
 
 def why_lost(detection: Detection) -> dict[str, str]:
@@ -217,28 +269,43 @@ def why_lost(detection: Detection) -> dict[str, str]:
 
 def detect(
     photos: Sequence[Photo],
-    target: Target,
+    targets: Sequence[Target],
     jobs: int | None,
     *,
     no_cache: bool,
     machines: Machines | None = None,
-) -> Detection:
-    """Find and name the corners of a target in photos, in two passes with progress bars."""
+) -> tuple[Detection, Target]:
+    """Find and name the corners of a target in photos, in two passes with progress bars.
+
+    Of several targets, the one that explains most corners is taken.
+    """
     from cubicfish_cli.naming.cache import GridCache
     from cubicfish_cli.naming.detect import detect_corners
     from cubicfish_cli.naming.second_pass import second_pass
 
-    kept = None if no_cache else cache_folder()
     say(f"Looking for corners in {count(len(photos), 'photo')}.")
-    with progress("Finding corners") as callback:
-        detection = detect_corners(
-            photos,
-            target,
-            jobs=jobs,
-            progress=callback,
-            cache=None if kept is None else GridCache(folder=kept),
-            machines=machines,
-        )
+    with ExitStack() as stack:
+        kept = None if no_cache else cache_folder()
+        if kept is None and len(targets) > 1:  # photos are searched once for all targets
+            kept = Path(stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True)))
+        found: list[tuple[Detection, Target]] = []
+        for number, target in enumerate(targets, start=1):
+            try:
+                with progress("Finding corners") as callback:
+                    detection = detect_corners(
+                        photos,
+                        target,
+                        jobs=jobs,
+                        progress=callback,
+                        cache=None if kept is None else GridCache(folder=kept),
+                        machines=machines,
+                    )
+            except DetectionError:  # the last says why, where none does better
+                if number == len(targets) and not found:
+                    raise
+                continue
+            found.append((detection, target))
+    detection, target = max(found, key=lambda one: len(one[0].corners.pixel))
     with progress("Looking again") as callback:
         detection = second_pass(
             photos, detection, target, jobs=jobs, progress=callback, machines=machines
@@ -246,4 +313,4 @@ def detect(
     added = sum(photo.added for photo in detection.photos)
     if added:
         say(f"A second look, where a fitted camera expects them, added {count(added, 'corner')}.")
-    return detection
+    return detection, target

@@ -17,9 +17,23 @@ from cubicfish_cli.errors import CubicfishError
 if TYPE_CHECKING:
     from cubicfish_cli.files import Fingerprint
 
+_LONGEST_TITLE = 100
 _CHANGES_NO_CAMERA = {
     "as_json", "compare", "jobs", "max_rms", "no_cache", "output", "overwrite", "report",
 }  # fmt: skip
+
+
+def check_title(title: str) -> None:
+    """Refuse a camera's name that is no line of plain text.
+
+    Raises:
+        click.UsageError: it is not.
+
+    """
+    if not title.strip() or not title.isprintable() or len(title) > _LONGEST_TITLE:
+        raise click.UsageError(
+            f"--title must be a line of plain text, of at most {_LONGEST_TITLE} characters"
+        )
 
 
 def made_at() -> str:

@@ -35,6 +35,7 @@ COMMANDS = (
     "corners",
     "evaluate",
     "compare",
+    "info",
     "report",
     "advise",
     "undistort",
@@ -185,6 +186,9 @@ def run() -> int:
     except click.ClickException as error:
         error.show()
         return error.exit_code
+    except OSError as error:  # help or a version that cannot be printed
+        tell(f"Error: {_why(error)}")
+        return 1
     except click.Abort:  # click's word for a signal that came before or after the command
         _end_as_asked()
     return code if isinstance(code, int) else 0

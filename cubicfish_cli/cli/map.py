@@ -29,7 +29,7 @@ from cubicfish_cli.cli.options import (
     overwrite_option,
 )
 from cubicfish_cli.cli.rendering_options import crop_option
-from cubicfish_cli.cli.terminal import print_json, result
+from cubicfish_cli.cli.terminal import print_json, result, say
 from cubicfish_cli.cli.undistort_outlook import say_what_is_unseen
 from cubicfish_cli.cli.view_options import ViewOptions, view_options
 from cubicfish_cli.cli.view_outputs import part_name, view_writers, write_all
@@ -184,3 +184,8 @@ def command(
         result(f"wrote {path}")
     for line in ffmpeg:
         result(f"apply it with: {line}", whole=True)
+    if ffmpeg:
+        say(
+            "note: ffmpeg's remap takes the nearest pixel, so edges are jagged: 'cubicfish "
+            "undistort in.mp4 out.mp4' interpolates"
+        )

@@ -116,7 +116,12 @@ def verbosity() -> int:
 
 
 target_option = click.option(
-    "-t", "--target", type=FILE, help="The calibration object: target.yaml.", metavar="FILE"
+    "-t",
+    "--target",
+    type=FILE,
+    metavar="FILE",
+    help="The calibration object: a target.yaml, or one of Kalibr's target files. Where one is "
+    "needed, ./target.yaml stands for it.",
 )
 
 model_option = click.option(
@@ -125,7 +130,8 @@ model_option = click.option(
     type=FILE,
     envvar="CUBICFISH_MODEL",
     metavar="FILE",
-    help="The camera. [default: $CUBICFISH_MODEL, else calibration/camera.yaml]",
+    help="The camera: its file, or the folder that calibrate wrote. [default: "
+    "$CUBICFISH_MODEL, else calibration/camera.yaml]",
 )
 
 calibration_argument = click.argument(
@@ -213,15 +219,50 @@ size_option = click.option(
 def model_path(given: Path | None) -> Path:
     """The camera file to read: the one that was given, else the default one if it is there.
 
+    A folder stands for the camera.yaml in it. A camera that was not named on the command line is
+    named on stderr.
+
     Raises:
         CameraFileError: nothing was given and the default is not there.
 
     """
-    if given is not None:
-        return given
-    if not DEFAULT_MODEL.exists():
+    path = given or DEFAULT_MODEL
+    if given is None and not path.exists():
         raise CameraFileError(
             f"there is no {DEFAULT_MODEL} here: run 'cubicfish calibrate' first, "
             "or name a camera with --model or $CUBICFISH_MODEL"
         )
-    return DEFAULT_MODEL
+    path = in_folder(path)
+    if not _is_named():
+        from cubicfish_cli.cli.terminal import say
+
+        say(f"Camera: {path}.")
+    return path
+
+
+def in_folder(path: Path) -> Path:
+    """The camera file that is meant: a folder stands for the camera.yaml in it.
+
+    Raises:
+        CameraFileError: the folder has none.
+
+    """
+    if not path.is_dir():
+        return path
+    inside = path / DEFAULT_MODEL.name
+    if not inside.exists():
+        raise CameraFileError(
+            f"{path} is a folder without a {inside.name}: name the folder that 'cubicfish "
+            "calibrate' wrote, or a camera file"
+        )
+    return inside
+
+
+def _is_named() -> bool:
+    """Whether the command line names the camera, with an option or an argument."""
+    from click.core import ParameterSource
+
+    context = click.get_current_context()
+    if context.params.get("calibration") is not None:
+        return True
+    return context.get_parameter_source("model") is ParameterSource.COMMANDLINE

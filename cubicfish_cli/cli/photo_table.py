@@ -24,8 +24,8 @@ ByBoard = Mapping[str, Mapping[str, int]]
 Level = Literal["good", "care", "bad"]
 
 GOOD = "good"
-_MOST_ROWS = 30
-_FEW_LOST, _FEW_ROWS = 6, 14
+_MOST_ROWS = 12
+_FEW_LOST, _FEW_ROWS = 4, 10
 _RANK: Mapping[Level, int] = {"bad": 0, "care": 1, "good": 2}
 _STYLE: Mapping[Level, Style] = {"bad": "bad", "care": "care", "good": "good"}
 # Below so many columns words of judgement are said, and cut, shorter.

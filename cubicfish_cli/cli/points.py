@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import sys
 from array import array
 from collections.abc import Sequence
@@ -33,8 +34,23 @@ class Points:
     has_header: bool
 
 
+# Numbers with commas between them, as a point is written on the command line.
+_A_POINT = re.compile(r"[-+0-9.eE]+(,[-+0-9.eE]+)+")
+
+
+class PointsCommand(click.Command):
+    """A command whose argument may be a point that begins with a minus."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click does, with points behind the options."""
+        points = [arg for arg in args if _A_POINT.fullmatch(arg)]
+        if points and "--" not in args:
+            args = [*(arg for arg in args if arg not in points), "--", *points]
+        return super().parse_args(ctx, args)
+
+
 def read_points(path: Path, columns: Sequence[str]) -> Points:
-    """Read points of the named columns from a file, or from stdin for ``-``.
+    """Read points of the named columns from a file, from stdin for ``-``, or one written out.
 
     Numbers are separated by commas, semicolons or blanks. A first line that is not numbers is a
     header; blank lines and lines that start with ``#`` are skipped; ``nan`` is a point that
@@ -48,6 +64,11 @@ def read_points(path: Path, columns: Sequence[str]) -> Points:
     import numpy as np
 
     name = "stdin" if str(path) == "-" else str(path)
+    if _A_POINT.fullmatch(name) and not path.exists():
+        row = _numbers(name)
+        if row is None or len(row) != len(columns):
+            raise CorrespondenceError(f"{name} is no point: write {','.join(columns)}")
+        return Points(values=np.array([row]), has_header=False)
     if name == "stdin":
         raw = b"" if sys.stdin is None else sys.stdin.buffer.read(MAX_BYTES + 1)
         if len(raw) > MAX_BYTES:

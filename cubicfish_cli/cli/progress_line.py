@@ -12,7 +12,7 @@ from rich.text import Text
 from cubicfish_cli.cli.characters import as_shown, cells, cut_middle, safe
 
 _BAR = (8, 30)
-_NARROW = 50  # fewer columns have no room for a bar
+_LONGEST = 40  # cells of our own words, which are not cut to make room for a bar
 _TAIL = (16, 22)  # cells of counts and times, on a narrow terminal and on others
 # Blanks and the spinner; and the ^C that a terminal echoes must not begin a second line.
 _GAPS = 5 + 3
@@ -35,7 +35,8 @@ class ProgressLine:
         self._stream = stream
         self._started = time.monotonic()
         columns = console.width
-        bar = 0 if columns < _NARROW else max(_BAR[0], min(_BAR[1], columns // 6))
+        bar = min(_BAR[1], columns - _LONGEST - _TAIL[True] - _GAPS)
+        bar = bar if bar >= _BAR[0] else 0
         tail = _TAIL[bar > 0]
         bars = [BarColumn(bar_width=bar, complete_style="cyan", finished_style="cyan")]
         self._progress = Progress(

@@ -14,25 +14,31 @@ from cubicfish_cli.cli.options import (
     model_option,
     model_path,
 )
-from cubicfish_cli.cli.points import print_points, read_points
+from cubicfish_cli.cli.points import PointsCommand, print_points, read_points
 
 
 @click.command(
     "project",
+    cls=PointsCommand,
     short_help="Points in the camera frame to pixels.",
-    epilog=examples("echo 0.5,0,1 | cubicfish project"),
+    epilog=examples(
+        "cubicfish project 0.2,0.1,1",
+        "cubicfish project points.csv --model lens_a/",
+        "echo 0.5,0,1 | cubicfish project",
+    ),
 )
 @click.argument(
     "points",
     type=FILE,
     default=Path("-"),
     cls=Argument,
-    meaning="A CSV file of points X,Y,Z. [default: stdin]",
+    meaning="A CSV file of points X,Y,Z, or one point such as 0.2,0.1,1. [default: stdin]",
 )
 @model_option
 @common_options
 def command(points: Path, model: Path | None) -> None:
-    """Project POINTS to pixels: X,Y,Z a line (a CSV file or stdin) in, x,y a line out.
+    """Project POINTS to pixels: X,Y,Z a line (a CSV file or stdin) in, x,y a line out. One
+    point may stand on the command line: 0.2,0.1,1.
 
     Points are in the camera's frame: X to the right, Y down, Z forward, any unit. Pixel (0, 0)
     is the middle of the top-left pixel. Points outside the camera's valid field give nan,nan.

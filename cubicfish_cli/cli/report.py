@@ -75,9 +75,7 @@ def command(
 
     if missing():
         raise CubicfishError(f"a report needs {' and '.join(missing())}: {INSTALL}")
-    camera = calibration or model_path(model)
-    if camera.is_dir():
-        camera = camera / "camera.yaml"
+    camera = model_path(calibration or model)
     page = output or camera.parent / "report.html"
     refuse_existing(page, overwrite=overwrite)
 

@@ -25,6 +25,7 @@ from cubicfish_cli.cli.options import (
     overwrite_option,
     target_option,
 )
+from cubicfish_cli.cli.target_choice import needed_target
 from cubicfish_cli.cli.terminal import print_json, progress, result, say, working
 
 if TYPE_CHECKING:
@@ -169,8 +170,7 @@ def command(
     from cubicfish_cli.rendering.truth import true_corners_text
     from cubicfish_cli.target import load_target
 
-    if target is None:
-        raise click.UsageError("name the object with --target target.yaml")
+    target = needed_target(target)
     if pose_file is not None and number is not None:
         raise click.UsageError("--poses says how many photos there are: leave -n out")
     thing = load_target(target)

@@ -44,10 +44,9 @@ def main() -> None:
 
 
 def _settle() -> None:
-    """Threads, bounds and characters, before anything that asks for them is loaded."""
-    import io
-
+    """Threads, bounds, streams and characters, before anything that asks for them is loaded."""
     from cubicfish_cli.cli.characters import ERRORS, register
+    from cubicfish_cli.cli.standard_streams import settle_streams
 
     # The matrices here are small: a second BLAS thread gains nothing, and where other processes
     # run it waits for its turn again and again. Work is shared out by processes instead.
@@ -57,6 +56,4 @@ def _settle() -> None:
     # reads, which takes its limit when it is loaded: as in cubicfish_cli.photos.
     os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "200000000")
     register()
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a terminal may lack some characters
-            stream.reconfigure(errors=ERRORS)
+    settle_streams(ERRORS)  # a terminal may lack some characters

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +22,7 @@ from cubicfish_cli.cli.options import (
     json_option,
     overwrite_option,
 )
+from cubicfish_cli.cli.target_choice import CountsType
 from cubicfish_cli.cli.terminal import print_json, print_table, result, say, working
 
 if TYPE_CHECKING:
@@ -33,24 +33,6 @@ if TYPE_CHECKING:
 
 _OBJECTS = ("corner", "box", "block", "board")
 _TYPES = ("checkerboard", "charuco", "aprilgrid")
-
-
-class CountsType(click.ParamType):
-    """``9x6`` -> (9, 6)."""
-
-    name = "COLUMNSxROWS"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[int, int]:
-        """Parse, or fail as a usage error."""
-        if isinstance(value, tuple):
-            return value
-        match = re.fullmatch(r"\s*([0-9]{1,3})\s*[xX×]\s*([0-9]{1,3})\s*", str(value))
-        columns, rows = (int(match[1]), int(match[2])) if match else (0, 0)
-        if not (2 <= columns <= 100 and 2 <= rows <= 100):
-            self.fail(f"{value!r} is not two numbers from 2 to 100, such as 9x6", param, ctx)
-        return columns, rows
 
 
 @click.command(

@@ -23,6 +23,7 @@ from cubicfish_cli.cli.table import print_table
 
 __all__ = [
     "Failure",
+    "apart",
     "detail",
     "print_json",
     "print_table",
@@ -54,6 +55,12 @@ def result(text: str = "", *, mark: tuple[str, Style] | None = None, whole: bool
 
     """
     _print(text, sys.stdout, mark, whole=whole)
+
+
+def apart() -> None:
+    """Keep what follows apart from what was said on stderr, where both are on one terminal."""
+    if columns_of(sys.stdout) is not None and verbosity() >= 0:
+        result()
 
 
 def say(text: str) -> None:

@@ -193,6 +193,8 @@ def command(
                     progress=callback,
                     machines=machines,
                 )
+                if machines is None:
+                    failures = [*failures, *_gone(planned, failures)]
     if as_json:
         record = _record(planned, failures, chosen)
         extra_files = [str(path) for path in extras]
@@ -310,6 +312,20 @@ def _extras(
 def _done(planned: Plan, failures: Sequence[Failure]) -> list[PhotoJob]:
     failed = {failure.job.source for failure in failures}
     return [job for job in planned.jobs if job.source not in failed]
+
+
+def _gone(planned: Plan, failures: Sequence[Failure]) -> list[Failure]:
+    """Photos whose results were written and are not there: somebody removed their folder."""
+    from cubicfish_cli.errors import OutputError
+    from cubicfish_cli.undistortion.batch import Failure
+
+    lost = []
+    for job in _done(planned, failures):
+        missing = next((path for path in job.wanted if not path.is_file()), None)
+        if missing is not None:
+            why = "is gone again: was its folder removed or renamed meanwhile?"
+            lost.append(Failure(job=job, error=OutputError(f"{missing} {why}")))
+    return lost
 
 
 def _record(planned: Plan, failures: Sequence[Failure], chosen: Views) -> dict[str, Any]:

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 import click
 
 from cubicfish_cli.cli.chosen_views import PlaneOptions
+from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.inputs import photos_of
 from cubicfish_cli.cli.video_options import is_video_name
 from cubicfish_cli.cli.view_options import ViewOptions
 
@@ -81,12 +83,13 @@ def plan_of(
 ) -> Plan:
     """Which photo becomes which files."""
     from cubicfish_cli.errors import OutputError
-    from cubicfish_cli.photos import Photo, find_photos, shown
+    from cubicfish_cli.photos import SUFFIXES, Photo, shown
+    from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
     from cubicfish_cli.undistortion.batch import PhotoJob
 
     names = _with_stdin(sources)
     videos = _videos(names)
-    photos = [Photo(name=path.name, path=path) for path in videos] or find_photos(names)
+    photos = [Photo(name=path.name, path=path) for path in videos] or photos_of(names)
     if len({photo.name for photo in photos}) < len(photos):
         raise OutputError("two videos have the same name: do them one at a time")
     if videos and view.parts != ("",):
@@ -96,6 +99,12 @@ def plan_of(
     one = len(photos) == 1 and len(sources) == 1 and os.fspath(photos[0].path) == sources[0]
     to_folder = not one or destination.is_dir() or os.fspath(destination).endswith(os.sep)
     parts = view.parts
+    a_file = destination.suffix.lower() in SUFFIXES | VIDEO_SUFFIXES
+    if a_file and not one and not destination.is_dir():
+        raise click.UsageError(
+            f"{shown(destination)} is the name of one file, and {count(len(photos), 'photo')} "
+            f"become a folder: write {shown(destination.with_suffix(''))}{os.sep}"
+        )
     jobs: list[PhotoJob] = []
     for photo in photos:
         path = destination / photo.name if to_folder else destination

@@ -14,25 +14,30 @@ from cubicfish_cli.cli.options import (
     model_option,
     model_path,
 )
-from cubicfish_cli.cli.points import print_points, read_points
+from cubicfish_cli.cli.points import PointsCommand, print_points, read_points
 
 
 @click.command(
     "unproject",
+    cls=PointsCommand,
     short_help="Pixels to unit viewing rays in the camera frame.",
-    epilog=examples("echo 640,400 | cubicfish unproject"),
+    epilog=examples(
+        "cubicfish unproject 640,400",
+        "echo 640,400 | cubicfish unproject --model lens_a/",
+    ),
 )
 @click.argument(
     "pixels",
     type=FILE,
     default=Path("-"),
     cls=Argument,
-    meaning="A CSV file of pixels x,y. [default: stdin]",
+    meaning="A CSV file of pixels x,y, or one pixel such as 640,400. [default: stdin]",
 )
 @model_option
 @common_options
 def command(pixels: Path, model: Path | None) -> None:
     """Turn PIXELS into viewing rays: x,y a line (a CSV file or stdin) in, X,Y,Z a line out.
+    One pixel may stand on the command line: 640,400.
 
     Rays are unit vectors in the camera's frame: X to the right, Y down, Z forward; Z is
     negative for rays more than 90 degrees off the axis. Pixels outside the camera's valid

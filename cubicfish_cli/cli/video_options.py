@@ -12,17 +12,15 @@ import click
 
 from cubicfish_cli.cli.numbers import IntRange
 from cubicfish_cli.cli.options import Decorated
+from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
 
 if TYPE_CHECKING:
     from cubicfish_cli.undistortion.video import Encoding
 
-_NAMES = ".mp4 .m4v .mov .mkv .webm .avi .mts .m2ts .ts .mpg .mpeg .wmv .insv .360"
-_SUFFIXES = frozenset(_NAMES.split())
-
 
 def is_video_name(path: Path) -> bool:
     """Whether a file's name is that of a video."""
-    return path.suffix.lower() in _SUFFIXES
+    return path.suffix.lower() in VIDEO_SUFFIXES
 
 
 @dataclass(frozen=True, kw_only=True)

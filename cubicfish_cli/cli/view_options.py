@@ -313,7 +313,7 @@ def view_options(function: Decorated) -> Decorated:
         ),
         click.option(
             "--focal",
-            type=FloatRange(0, 1_000_000, min_open=True),
+            type=FloatRange(0.01, 1_000_000),
             metavar="PX",
             help="Focal length: pixels per radian in the middle.",
         ),

@@ -312,7 +312,10 @@ def _refuse_pixels(found: Detections, size: tuple[int, int]) -> None:
         )
     bad = np.flatnonzero(~((found.weight > 0) & (found.weight <= MAX_COORDINATE)))
     if bad.size:
-        raise found.refuse(int(bad[0]), "the weight must be above 0")
+        raise found.refuse(
+            int(bad[0]),
+            f"the weight {found.weight[bad[0]]:g} must be above 0 and at most {MAX_COORDINATE:g}",
+        )
 
 
 def _mirrored(

@@ -18,6 +18,7 @@ FloatArray = npt.NDArray[np.float64]
 # Pixels that numbers are taken at, and rays that the frames are aligned by.
 _PIXELS = 40_000
 _ALIGNING_PIXELS = 2_500
+_FEW_PIXELS = 400
 _RING_DEG = 10.0
 
 
@@ -113,6 +114,9 @@ def compare_cameras(first: ComparedCamera, second: ComparedCamera) -> Comparison
     scale = _scale(first.image_size, second.image_size)
     pixel = pixel_grid(first.image_size, _PIXELS)
     rays = first.unproject(pixel)
+    if np.isfinite(rays[:, 0]).sum() < _FEW_PIXELS:  # a narrow field falls between them
+        pixel = _near_axis(first)
+        rays = first.unproject(pixel)
     seen = np.flatnonzero(np.isfinite(rays[:, 0]))
     some = seen[:: max(1, len(seen) // _ALIGNING_PIXELS)]
     _, rotation = aligned_difference(
@@ -144,6 +148,27 @@ class _KnownPixels:
 
     def project(self, points: FloatArray, /) -> FloatArray:
         return self._pixel
+
+
+def _near_axis(camera: ComparedCamera) -> FloatArray:
+    """Pixels (N, 2) spread evenly over the part of the photo that a camera of narrow field sees."""
+    angle = np.deg2rad(np.geomspace(1e-3, 90, 200))[:, None]
+    around = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    fan = np.stack(
+        np.broadcast_arrays(
+            np.sin(angle) * np.cos(around), np.sin(angle) * np.sin(around), np.cos(angle)
+        ),
+        axis=-1,
+    )
+    edge = camera.project(fan.reshape(-1, 3))
+    edge = edge[np.isfinite(edge[:, 0])]
+    if not len(edge):
+        return np.zeros((0, 2))
+    side = round(_PIXELS**0.5)
+    low = np.maximum(edge.min(axis=0), 0)
+    high = np.minimum(edge.max(axis=0), np.subtract(camera.image_size, 1))
+    x, y = np.linspace(low, high, side).T
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
 def pixel_grid(image_size: tuple[int, int], count: int) -> FloatArray:

@@ -179,6 +179,8 @@ def pose_only_residual(
     seen = camera.project(poses.apply(pairs.image, pairs.world))
     inside = np.isfinite(seen[:, 0])
     index = np.flatnonzero(inside)
+    if not index.size:
+        return poses, np.zeros((0, 2)), index
     own, photos = select(pairs, inside)
     lens = FixedLens(camera=camera)
     fit = adjust(lens, poses[photos], own, huber_px=10.0)

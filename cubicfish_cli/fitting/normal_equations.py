@@ -230,7 +230,10 @@ def _solve_scaled(matrix: FloatArray, gradient: FloatArray) -> FloatArray:
     """Solve a symmetric system after scaling its diagonal to 1."""
     if not len(gradient):
         return gradient
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(matrix), 1e-300))
+    diagonal = np.diagonal(matrix)
+    # What rounding made of nothing, or less than nothing, is not scaled beyond all numbers.
+    least = max(1e-300, 1e-40 * float(diagonal.max()))
+    scale = 1 / np.sqrt(np.maximum(diagonal, least))
     scaled = matrix * scale * scale[:, None]
     try:
         return scale * np.linalg.solve(scaled, scale * gradient)

@@ -18,10 +18,13 @@ from cubicfish_cli.fitting.cubic_fit import CubicResult
 from cubicfish_cli.fitting.field_uncertainty import summed
 from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.model.radial import project_jacobian
 
 FloatArray = npt.NDArray[np.float64]
 
 GRID = (13, 9)  # columns and rows over the photo
+_STEP = 1e-3  # of a difference that stands for a derivative, radians
+_FEW_RAYS = 11  # a radial lens and its turn have so many unknowns
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,16 +48,55 @@ class Uncertainty:
 
     def covariance(self, rays: FloatArray) -> FloatArray:
         """Covariance of the pixels of distant points: unit rays (N, 3) -> (N, 2, 2), pixels²."""
+        by_shared, by_turn = self._by_unknowns(rays)
+        spread = by_shared @ self.shared @ by_shared.transpose(0, 2, 1)
+        return spread + by_turn @ self.turn @ by_turn.transpose(0, 2, 1)
+
+    def _by_unknowns(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Pixels of distant points by the shared unknowns (N, 2, K) and by the turn (N, 2, 3)."""
         _, d_ray, d_lens = self.result.lens.project_jacobian(rays)
         by_turn = -d_ray @ cross_matrix(rays)
         by_shared = by_turn @ self.turn_by_shared
         by_shared[:, :, : d_lens.shape[2]] += d_lens
-        spread = by_shared @ self.shared @ by_shared.transpose(0, 2, 1)
-        return spread + by_turn @ self.turn @ by_turn.transpose(0, 2, 1)
+        return by_shared, by_turn
 
     def sigma_px(self, rays: FloatArray) -> FloatArray:
         """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (N,), pixels."""
         return np.sqrt(np.trace(self.covariance(rays), axis1=1, axis2=2))
+
+    def focal_sigma_px(self) -> FloatArray:
+        """One standard deviation of the focal lengths on the axis: (2,) pixels a radian."""
+        sigma = np.empty(2)
+        for k in range(2):
+            side = _STEP * np.eye(3)[k]
+            rays = np.stack([side, -side]) + np.array([0.0, 0.0, 1.0])
+            by_shared, by_turn = (
+                (part[0, k] - part[1, k]) / (2 * np.arctan(_STEP))
+                for part in self._by_unknowns(rays / np.linalg.norm(rays, axis=1)[:, None])
+            )
+            variance = by_shared @ self.shared @ by_shared + by_turn @ self.turn @ by_turn
+            sigma[k] = np.sqrt(variance)
+        return sigma
+
+    def centre_sigma_px(self, radial: FloatArray, rays: FloatArray) -> FloatArray:
+        """One standard deviation of the centre of symmetry: (2,) pixels.
+
+        How the centre of the nearest radial lens, free to turn, moves with the pixels of the field.
+
+        Args:
+            radial: (8,) parameters of the companion.
+            rays: (N, 3) unit rays over the field.
+
+        """
+        _, d_ray, d_radial = project_jacobian(radial, rays)
+        unknowns = np.concatenate([d_radial, -d_ray @ cross_matrix(rays)], axis=2)
+        scale = np.linalg.norm(unknowns, axis=(0, 1)) + 1e-300
+        centre = (np.linalg.pinv((unknowns / scale).reshape(2 * len(rays), -1)).T / scale).T[2:4]
+        by_shared, by_turn = (
+            centre @ part.reshape(2 * len(rays), -1) for part in self._by_unknowns(rays)
+        )
+        spread = by_shared @ self.shared @ by_shared.T + by_turn @ self.turn @ by_turn.T
+        return np.sqrt(np.diagonal(spread))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -185,18 +227,25 @@ def uncertainty_record(uncertainty: Sigma, camera: CubicCamera) -> dict[str, Any
     """Uncertainty on a grid over the photo, plain data for camera.yaml and JSON.
 
     ``sigma_px`` holds a row for each of ``y`` with a number for each of ``x``, null outside the
-    valid field. ``median_px``, ``p95_px`` and ``max_px`` are of these numbers.
+    valid field. ``median_px``, ``p95_px`` and ``max_px`` are of these numbers; ``focal_px`` and
+    ``principal_point_px`` are one standard deviation each of x and y, on the axis and
+    of the centre of symmetry.
     """
     x, y, rays = field_grid(camera)
     seen = np.isfinite(rays[..., 0])
     sigma = np.full(seen.shape, np.nan)
     sigma[seen] = uncertainty.sigma_px(rays[seen])
     whole = summed(sigma[seen]) if seen.any() else None
+    centre = np.full(2, np.nan)
+    if seen.sum() > _FEW_RAYS:
+        centre = uncertainty.centre_sigma_px(camera.radial.parameters, rays[seen])
     return {
         "noise_px": uncertainty.noise_px,
         "median_px": whole.median_px if whole else None,
         "p95_px": whole.p95_px if whole else None,
         "max_px": float(np.max(sigma[seen])) if seen.any() else None,
+        "focal_px": uncertainty.focal_sigma_px().tolist(),
+        "principal_point_px": [float(x) if np.isfinite(x) else None for x in centre],
         "x": x.tolist(),
         "y": y.tolist(),
         "sigma_px": [

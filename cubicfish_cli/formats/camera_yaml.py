@@ -88,9 +88,13 @@ def save_camera(
 
 
 def camera_text(
-    camera: CubicCamera | PointCamera, *, fit: Mapping[str, Any], made_by: Mapping[str, Any]
+    camera: CubicCamera | PointCamera,
+    *,
+    fit: Mapping[str, Any],
+    made_by: Mapping[str, Any],
+    comment: str = "",
 ) -> str:
-    """The text of a camera.yaml."""
+    """The text of a camera.yaml; ``comment`` is a line for people at its top."""
     is_point = isinstance(camera, PointCamera)
     record = {
         "cubicfish": FORMAT_VERSION,
@@ -100,7 +104,7 @@ def camera_text(
         "fit": dict(fit),
         "made_by": dict(made_by),
     }
-    return plain_yaml_text(record)
+    return (f"# {comment}\n" if comment else "") + plain_yaml_text(record)
 
 
 def _ray_record(camera: CubicCamera) -> dict[str, Any]:
@@ -128,7 +132,10 @@ def _point_record(camera: PointCamera) -> dict[str, Any]:
 def _unit_norm(P: FloatArray) -> FloatArray:
     """P with Frobenius norm 1; left to the last bit when it has that already."""
     norm = np.linalg.norm(P)
-    return P if abs(norm - 1) < 1e-12 else P / norm
+    if abs(norm - 1) < 1e-12:
+        return P
+    P = P / np.abs(P).max()  # squares of tiny numbers vanish
+    return np.asarray(P / np.linalg.norm(P))
 
 
 def load_camera(path: Path | str) -> CameraFile:

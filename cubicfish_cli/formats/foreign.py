@@ -74,6 +74,9 @@ FRONT_ONLY = {
 }
 """Format -> what reads it and divides by z first: it sees nothing behind, whatever the lens."""
 
+OWN_FIELD = "the camera is trusted to"
+"""What stands in our own files before the half-angle of the field, degrees."""
+
 READABLE = ("opencv", "ros", "kalibr", "ocamcalib", "pyocamcalib", "colmap", "nerfstudio", "mrcal")
 _SNIFFED_BYTES = 64_000_000
 
@@ -139,6 +142,19 @@ def read_foreign(
             )
         )
     return record, name
+
+
+def own_field_deg(path: Path) -> float | None:
+    """How far from its axis the lens in a file is trusted, where cubicfish exported it.
+
+    Raises:
+        CameraFileError: the file cannot be read.
+
+    """
+    data = read_bounded_bytes(path, max_bytes=_SNIFFED_BYTES)
+    found = re.search(rb"%s ([0-9.]{1,9}) degrees" % OWN_FIELD.encode(), data)
+    degrees = float(found[1]) if found and found[1].count(b".") < 2 else 0.0
+    return degrees if 0 < degrees < 180 else None
 
 
 def _read(

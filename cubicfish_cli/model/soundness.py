@@ -82,6 +82,12 @@ def check_soundness(P: npt.ArrayLike, angle_deg: float) -> Soundness:
     return Soundness(
         angle_deg=float(angle_deg),
         sound_to_deg=float(angle_deg) if good.all() else float(theta[~good].min()),
-        smallest_denominator=float(denominator.min() / abs(np.median(denominator))),
-        smallest_determinant=float(determinant.min() / abs(np.median(determinant))),
+        smallest_denominator=_smallest(denominator),
+        smallest_determinant=_smallest(determinant),
     )
+
+
+def _smallest(values: FloatArray) -> float:
+    """The smallest, relative to the typical one; 0 where that is 0 too, as for a P of zeros."""
+    typical = abs(float(np.median(values)))
+    return float(values.min()) / typical if typical > 0 else 0.0

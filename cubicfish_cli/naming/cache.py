@@ -54,9 +54,14 @@ class GridCache:
     def load(self, key: str) -> FoundGrids | None:
         """The entry, or None where there is none or it is damaged."""
         try:
+            path = self.folder / f"{key}.npz"
+            if not path.is_file():  # a pipe would be waited for
+                return None
             # Through memory: numpy leaves a damaged file open.
-            data = io.BytesIO((self.folder / f"{key}.npz").read_bytes())
+            data = io.BytesIO(path.read_bytes())
             with np.load(data, allow_pickle=False) as entry:
+                if str(entry["key"]) != key:  # another photo's, under a name that is not its own
+                    return None
                 count = int(entry["count"])
                 if not 0 <= count <= _MAX_GRIDS:
                     return None
@@ -90,6 +95,7 @@ class GridCache:
             with whole_file(self.folder / f"{key}.npz", overwrite=True) as temporary:
                 np.savez_compressed(
                     temporary,
+                    key=key,
                     count=len(grids),
                     parity=np.array([grid.parity for grid in grids], int),
                     step=np.array([grid.step for grid in grids], float),

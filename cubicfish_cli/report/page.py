@@ -10,6 +10,7 @@ from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 
+from cubicfish_cli.fitting.camera_facts import camera_facts
 from cubicfish_cli.fitting.field_uncertainty import recorded
 from cubicfish_cli.fitting.findings import COVERED
 from cubicfish_cli.fitting.verdict import WORDS
@@ -43,6 +44,7 @@ def report_html(facts: Facts) -> str:
     date = _text(facts.made_by.get("date"))
     return _template().render(
         facts=facts,
+        known=camera_facts(facts.camera, facts.fit, facts.made_by),
         fit=facts.fit,
         verdict=facts.verdict,
         words=WORDS,

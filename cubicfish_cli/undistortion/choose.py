@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 from cubicfish_cli.errors import ViewError
-from cubicfish_cli.undistortion.fit import INNER, OUTER, Fitted, fit_view
+from cubicfish_cli.undistortion.fit import INNER, OUTER, Fitted, cropped_view, fit_view
 from cubicfish_cli.undistortion.view import Camera, CentralView, Rotation, is_numbers
 from cubicfish_cli.undistortion.views import (
     CENTRAL_KINDS,
@@ -37,7 +37,8 @@ def build_view(
 
     Its field comes from one of ``hfov_deg``, ``vfov_deg``, ``focal`` and ``fit``. Without any, a
     flat view keeps the photo's scale on its axis, up to 120° along the longer side, and the others
-    show all that the camera sees.
+    show all that the camera sees; an ``equirectangular`` view of no given size is just as large as
+    that at the photo's scale.
 
     Args:
         camera: whose photos are rendered.
@@ -92,7 +93,8 @@ def choose_view(
     """The view of a kind whose field is asked for in one of several ways, or in none.
 
     Without a field of its own, a flat view keeps the default view's field at any size, and others
-    show all that the camera sees; a cylinder, which may not, keeps the photo's scale.
+    show all that the camera sees; a cylinder, which may not, keeps the photo's scale. A picture of
+    longitude and latitude is as large as that.
 
     Args:
         camera: the camera.
@@ -108,6 +110,10 @@ def choose_view(
         ViewError: the view is not one that can be rendered.
 
     """
+    if kind is CENTRAL_KINDS["equirectangular"] and (size, hfov_deg, vfov_deg, focal, share) == (
+        (None,) * 5
+    ):
+        return _fixed(cropped_view(camera, kind, axis_focal(camera), rotation))
     size = size or camera.image_size
     if hfov_deg is not None:
         return _fixed(_with_hfov(kind, hfov_deg, vfov_deg, size, rotation))

@@ -82,6 +82,40 @@ def fit_view(
     return Fitted(view=replace(view, focal=focal), at_limit=at_limit)
 
 
+def cropped_view(
+    camera: Camera, kind: type[CentralView], focal: float, rotation: Rotation
+) -> CentralView:
+    """The smallest view of a scale that shows all that the camera sees, with even sides.
+
+    Args:
+        camera: the camera.
+        kind: the kind of view, one that shows every direction at a finite place.
+        focal: pixels a radian in its middle.
+        rotation: where it looks, as in :class:`CentralView`.
+
+    Raises:
+        ViewError: the camera sees nothing.
+
+    """
+    region = _region(camera)
+    if not len(region):
+        raise ViewError("the camera sees nothing within its cone: calibrate it again")
+    most = np.array([kind.max_hfov_deg, kind.max_vfov_deg])
+    most = np.maximum(2, 2 * np.floor(focal * np.deg2rad(most) / 2)).astype(int)
+    turned = kind(size=(2, 2), focal=focal, rotation=rotation).camera_from_view
+    half = np.abs(kind.ray_offsets(region @ turned)).max(axis=0)
+    size = np.minimum(2 * np.ceil(focal * half).astype(int) + 2, most)
+    while True:  # the region is of single rays: what lies between them shows at the border
+        view = kind(size=(int(size[0]), int(size[1])), focal=focal, rotation=rotation)
+        border = _border(view.size, 0.5)
+        seen = border[sees(camera, view.rays(border))]
+        beyond = (np.abs(seen - (size - 1) / 2) >= size / 2 - 1e-6).any(axis=0)
+        grown = np.where(beyond, np.minimum(size + 2 * (1 + size // 400), most), size)
+        if (grown == size).all():
+            return view
+        size = grown
+
+
 def sees(camera: Camera, rays: FloatArray, *, margin: float = 0.0) -> npt.NDArray[np.bool_]:
     """Whether the camera's photo holds the rays (..., 3), by ``margin`` pixels at least."""
     width, height = camera.image_size

@@ -1,0 +1,105 @@
+"""``cubicfish info``: what a camera is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli.figures import count, print_verdict, px
+from cubicfish_cli.cli.options import (
+    calibration_argument,
+    common_options,
+    examples,
+    json_option,
+    model_option,
+    model_path,
+)
+from cubicfish_cli.cli.terminal import print_json, result
+
+if TYPE_CHECKING:
+    from cubicfish_cli.fitting.camera_facts import CameraFacts
+
+
+@click.command(
+    "info",
+    short_help="What a camera is: focal length, field of view, how far to trust it.",
+    epilog=examples(
+        "cubicfish info",
+        "cubicfish info lens_a/",
+        "cubicfish info camera.yaml --json",
+    ),
+)
+@calibration_argument
+@model_option
+@json_option(json_keys.INFO)
+@common_options
+def command(calibration: Path | None, model: Path | None, as_json: bool) -> None:
+    """Say what the camera in FOLDER (by default: calibration) is.
+
+    Size, focal length and principal point with one standard deviation, the field of view that a
+    photo shows, how far from the axis corners reach, the errors, the verdict, and when and from
+    what it was made. The focal length is in pixels a radian, on the axis.
+    """
+    from cubicfish_cli.fitting.camera_facts import camera_facts
+    from cubicfish_cli.formats.camera_yaml import load_any_camera
+
+    path = model_path(calibration or model)
+    loaded = load_any_camera(path)
+    facts = camera_facts(loaded.camera, loaded.fit, loaded.made_by)
+    if as_json:
+        print_json({"model": str(path), **facts.as_record()})
+        return
+    result(facts.line + "\n")
+    for name, words in _rows(facts):
+        result(f"{name:<18}{words}")
+    if facts.verdict is not None:
+        result()
+        print_verdict(facts.verdict)
+
+
+def _rows(facts: CameraFacts) -> list[tuple[str, str]]:
+    """(what, in words) of all that is known."""
+    rows = [("size", "{} x {} px".format(*facts.image_size))]
+    if facts.focal_px is not None and facts.principal_point is not None:
+        rows += [
+            ("focal length", _two(facts.focal_px, facts.focal_sigma_px)),
+            ("principal point", _two(facts.principal_point, facts.principal_point_sigma_px)),
+        ]
+    if facts.field is not None:
+        seen = facts.field
+        rows.append(
+            (
+                "field of view",
+                f"{seen.horizontal:.1f}° horizontal, {seen.vertical:.1f}° vertical, "
+                f"{seen.diagonal:.1f}° diagonal",
+            )
+        )
+    if facts.max_angle_deg is not None:
+        reach = f"; corners reach {facts.covered_deg:.1f}°" if facts.covered_deg else ""
+        rows.append(("trusted", f"to {facts.max_angle_deg:.1f}° from the axis{reach}"))
+    if facts.rms_px is not None:
+        held_out = facts.held_out_rms_px
+        left_out = f", {px(held_out)} px on photos left out" if held_out is not None else ""
+        rows.append(("error", f"{px(facts.rms_px)} px RMS{left_out}"))
+    if facts.images is not None and facts.corners is not None:
+        rows.append(("from", f"{count(facts.images, 'photo')}, {count(facts.corners, 'corner')}"))
+    if facts.target is not None:
+        rows.append(("target", facts.target))
+    if facts.date is not None:
+        by = f", by cubicfish {facts.version}" if facts.version else ""
+        rows.append(("date", facts.date + by))
+    if facts.command is not None:
+        rows.append(("command", facts.command))
+    return rows
+
+
+def _two(value: tuple[float, float], sigma: tuple[float, float] | None) -> str:
+    """``x 277.13 ± 0.02 px, y 277.20 ± 0.02 px``."""
+    spread = sigma or (None, None)
+    return ", ".join(
+        f"{axis} {number:.2f}" + (f" ± {one:.2f}" if one is not None else "") + " px"
+        for axis, number, one in zip("xy", value, spread, strict=True)
+    )

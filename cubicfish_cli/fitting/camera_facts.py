@@ -1,0 +1,229 @@
+"""What a camera is, in the figures that people ask for first: the same wherever it is told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.angles import angle_from_axis
+from cubicfish_cli.fitting.verdict import Verdict, verdict
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.model.point_cubic import PointCamera
+
+FloatArray = npt.NDArray[np.float64]
+
+_STEPS = 512  # pixels that are looked at between the axis and an edge
+
+
+@dataclass(frozen=True, kw_only=True)
+class FieldSeen:
+    """The angle that a photo spans where the camera may be trusted, degrees.
+
+    Attributes:
+        horizontal, vertical: along the row and the column of the axis's pixel.
+        diagonal: the larger of the two from corner to corner.
+
+    """
+
+    horizontal: float
+    vertical: float
+    diagonal: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraFacts:
+    """A camera in figures; what is not known, or not of this kind of camera, is None.
+
+    Attributes:
+        title: what its owner calls it; empty without a name.
+        image_size: (width, height), pixels.
+        focal_px: (x, y) pixels a radian on the axis.
+        principal_point: (x, y) pixel of the axis.
+        focal_sigma_px, principal_point_sigma_px: one standard deviation of each, from the
+            corners' noise.
+        field: the field that a photo shows.
+        max_angle_deg: as far from the axis the camera may be trusted.
+        covered_deg: as far from it corners reach.
+        rms_px, held_out_rms_px: reprojection errors of the fit.
+        images, corners: how many were used.
+        verdict: what the fit is worth; None for a camera of which no fit is on record.
+        date: when it was made, ISO 8601.
+        version: of the program that made it.
+        command: that made it.
+        target: the object's file.
+
+    """
+
+    title: str
+    image_size: tuple[int, int]
+    focal_px: tuple[float, float] | None
+    principal_point: tuple[float, float] | None
+    focal_sigma_px: tuple[float, float] | None
+    principal_point_sigma_px: tuple[float, float] | None
+    field: FieldSeen | None
+    max_angle_deg: float | None
+    covered_deg: float | None
+    rms_px: float | None
+    held_out_rms_px: float | None
+    images: int | None
+    corners: int | None
+    verdict: Verdict | None
+    date: str | None
+    version: str | None
+    command: str | None
+    target: str | None
+
+    @property
+    def line(self) -> str:
+        """All that matters in one line, behind the title."""
+        return f"{self.title}: {self.figures}" if self.title else self.figures
+
+    @property
+    def figures(self) -> str:
+        """``1280x960 px, sees 174° x 143° (...), focal length 384.2 px, ..., good``."""
+        parts = ["{}x{} px".format(*self.image_size)]
+        if self.field is not None:
+            parts.append(
+                f"sees {self.field.horizontal:.0f}° x {self.field.vertical:.0f}° "
+                f"({self.field.diagonal:.0f}° across corners)"
+            )
+        if self.focal_px is not None and self.principal_point is not None:
+            parts.append(
+                f"focal length {sum(self.focal_px) / 2:.1f} px, principal point "
+                "({:.1f}, {:.1f})".format(*self.principal_point)
+            )
+        if self.held_out_rms_px is not None:
+            parts.append(f"held-out error {self.held_out_rms_px:.3f} px")
+        elif self.rms_px is not None:
+            parts.append(f"error {self.rms_px:.3f} px RMS")
+        if self.verdict is not None:
+            parts.append(self.verdict.words)
+        return ", ".join(parts)
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        seen = self.field
+        return {
+            "title": self.title or None,
+            "summary": self.line,
+            "image_size": list(self.image_size),
+            "focal_px": _list(self.focal_px),
+            "focal_sigma_px": _list(self.focal_sigma_px),
+            "principal_point": _list(self.principal_point),
+            "principal_point_sigma_px": _list(self.principal_point_sigma_px),
+            "horizontal_deg": seen and seen.horizontal,
+            "vertical_deg": seen and seen.vertical,
+            "diagonal_deg": seen and seen.diagonal,
+            "max_angle_deg": self.max_angle_deg,
+            "covered_deg": self.covered_deg,
+            "rms_px": self.rms_px,
+            "held_out_rms_px": self.held_out_rms_px,
+            "images": self.images,
+            "corners": self.corners,
+            "verdict": None if self.verdict is None else self.verdict.as_record(),
+            "date": self.date,
+            "version": self.version,
+            "command": self.command,
+            "target": self.target,
+        }
+
+
+def camera_facts(
+    camera: CubicCamera | PointCamera, fit: Mapping[str, Any], made_by: Mapping[str, Any]
+) -> CameraFacts:
+    """What a camera is.
+
+    Args:
+        camera: the camera.
+        fit: its errors, as camera.yaml has them; what is missing there, or no figure, counts as
+            not known.
+        made_by: how it was made, likewise.
+
+    """
+    focal = axis = seen = outline = None
+    if isinstance(camera, CubicCamera):
+        pixel, slope = camera.project_jacobian(np.array([0.0, 0.0, 1.0]))
+        focal = (float(slope[0, 0]), float(slope[1, 1]))
+        axis = (float(pixel[0]), float(pixel[1]))
+        seen = field_seen(camera)
+        outline = camera.outline()
+    else:
+        outline = camera.valid
+    uncertainty = fit.get("uncertainty")
+    sigma = uncertainty if isinstance(uncertainty, Mapping) else {}
+    target = made_by.get("target")
+    return CameraFacts(
+        title=_text(made_by, "title") or "",
+        image_size=camera.image_size,
+        focal_px=focal,
+        principal_point=axis,
+        focal_sigma_px=_two(sigma.get("focal_px")),
+        principal_point_sigma_px=_two(sigma.get("principal_point_px")),
+        field=seen,
+        max_angle_deg=camera.max_angle_deg if isinstance(camera, CubicCamera) else None,
+        covered_deg=_number(fit.get("covered_deg")),
+        rms_px=_number(fit.get("rms_px")),
+        held_out_rms_px=_number(fit.get("held_out_rms_px")),
+        images=_count(fit.get("images")),
+        corners=_count(fit.get("corners")),
+        verdict=verdict(fit, camera.image_size, outline)
+        if _number(fit.get("rms_px")) is not None
+        else None,
+        date=_text(made_by, "date"),
+        version=_text(made_by, "version"),
+        command=_text(made_by, "command"),
+        target=_text(target, "file") if isinstance(target, Mapping) else None,
+    )
+
+
+def field_seen(camera: CubicCamera) -> FieldSeen:
+    """The angles that a photo of a camera spans, as far as the camera may be trusted."""
+    width, height = camera.image_size
+    left, right, top, bottom = -0.5, width - 0.5, -0.5, height - 0.5
+    x, y = camera.project(np.array([0.0, 0.0, 1.0]))
+
+    def reach(to_x: float, to_y: float) -> float:
+        """The largest angle from the axis towards a place on the photo's edge, degrees."""
+        share = np.linspace(0, 1, _STEPS)[:, None]
+        rays = camera.unproject((1 - share) * [x, y] + share * [to_x, to_y])
+        angle = np.rad2deg(angle_from_axis(rays[np.isfinite(rays[:, 0])]))
+        return float(angle.max()) if len(angle) else 0.0
+
+    return FieldSeen(
+        horizontal=reach(left, y) + reach(right, y),
+        vertical=reach(x, top) + reach(x, bottom),
+        diagonal=max(
+            reach(left, top) + reach(right, bottom), reach(left, bottom) + reach(right, top)
+        ),
+    )
+
+
+def _list(values: tuple[float, float] | None) -> list[float] | None:
+    return None if values is None else list(values)
+
+
+def _number(value: object) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if math.isfinite(value) else None
+
+
+def _count(value: object) -> int | None:
+    number = _number(value)
+    return None if number is None else int(number)
+
+
+def _two(value: object) -> tuple[float, float] | None:
+    numbers = [_number(one) for one in value] if isinstance(value, list) else []
+    known = [number for number in numbers if number is not None]
+    return (known[0], known[1]) if len(known) == len(numbers) == 2 else None
+
+
+def _text(record: Mapping[str, Any], key: str) -> str | None:
+    value = record.get(key)
+    return value if isinstance(value, str) and value else None
