@@ -93,7 +93,7 @@ INFO = {
     "summary": "the camera in one line",
     "image_size": "[width, height]",
     "focal_px": "[x, y] pixels a radian on the axis",
-    "focal_sigma_px": "one standard deviation of each, from the corners' noise",
+    "focal_sigma_px": "one standard deviation of each",
     "principal_point": "[x, y] the axis's pixel",
     "principal_point_sigma_px": "one standard deviation of each",
     "horizontal_deg": "field of view that a photo shows, along the axis's row",

@@ -52,12 +52,14 @@ class HeldOut:
     photos_px: FloatArray
 
     def times(self, other: HeldOut) -> float:
-        """Typical ratio of a photo's error to that of another fit of the same photos.
+        """Ratio to the error of another fit of the same photos.
 
-        The geometric mean: one photo that one of the fits fails on does not decide.
+        The geometric mean of that of all corners and of that of the typical photo: one photo that
+        one of the fits fails on does not decide, and counts.
         """
-        ratio = np.log(self.photos_px / other.photos_px)
-        return float(np.exp(np.nanmean(ratio))) if np.isfinite(ratio).any() else np.inf
+        photos = np.log(self.photos_px / other.photos_px)
+        typical = np.nanmean(photos) if np.isfinite(photos).any() else np.inf
+        return float(np.exp((typical + np.log(self.rms_px / other.rms_px)) / 2))
 
 
 def held_out_error(
@@ -156,8 +158,8 @@ def _fold(fit: ObjectFit, test: IntArray) -> tuple[FloatArray, FloatArray, IntAr
         left_out = replace(left_out, world=world.like(trained.world).points[out])
     poses = fit.cubic.poses[test]
     _, cubic, seen = pose_only_residual(camera, left_out, poses)
-    _, radial, _ = pose_only_residual(camera.radial, left_out, poses)
-    return cubic, radial, test[left_out.image[seen]]
+    _, of_radial, _ = pose_only_residual(camera.radial, left_out, poses)
+    return cubic, of_radial, test[left_out.image[seen]]
 
 
 def pose_only_residual(

@@ -57,23 +57,42 @@ class PhotoSpread:
         return self.noise.noise_px
 
     def sigma_px(self, rays: FloatArray) -> FloatArray:
-        """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (N,), pixels.
+        """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (N,), pixels."""
+        of_photos = self._of_photos(
+            *(self._changes(steps, rays) for steps in (self.left_out, self.influence))
+        )
+        both = of_photos.reshape(-1, 2).sum(axis=1)
+        return np.sqrt(np.maximum(np.square(self.noise.sigma_px(rays)), both))
+
+    def variance(self, rays: FloatArray, weights: FloatArray) -> FloatArray:
+        """See :class:`~cubicfish_cli.fitting.uncertainty.Sigma`."""
+        of_photos = self._of_photos(
+            *(weights @ self._changes(steps, rays) for steps in (self.left_out, self.influence))
+        )
+        return np.maximum(self.noise.variance(rays, weights), of_photos)
+
+    def _of_photos(self, left_out: FloatArray, influence: FloatArray) -> FloatArray:
+        """Variance (F,) of what changes so, (F, G), without each cluster.
 
         Leaving clusters out overstates the variance by their leverage twice, their influence
         alone understates it by none: the geometric mean takes it once, which is unbiased where
         clusters are alike (HC2; MacKinnon & White 1985).
         """
-        of_noise = self.noise.sigma_px(rays)
-        clusters = len(self.left_out)
+        clusters = left_out.shape[1]
         if clusters < 2:
-            return of_noise
-        square = np.sqrt(self._variance(self.left_out, rays) * self._variance(self.influence, rays))
+            return np.zeros(len(left_out))
         freedom = max(clusters - 1, _LEAST_FREEDOM)
-        of_photos: FloatArray = np.sqrt(square * freedom / (freedom - 2))
-        return np.maximum(of_noise, of_photos)
+        spread = (
+            np.sum(np.square(change - change.mean(axis=1, keepdims=True)), axis=1)
+            for change in (left_out, influence)
+        )
+        mean: FloatArray = np.sqrt(np.prod(list(spread), axis=0))
+        return mean * (clusters - 1) / clusters * freedom / (freedom - 2)
 
-    def _variance(self, steps: FloatArray, rays: FloatArray) -> FloatArray:
-        """(N,) of the jackknife: (G − 1)/G times the sum of squares about the mean."""
+    def _changes(self, steps: FloatArray, rays: FloatArray) -> FloatArray:
+        """(2N, G) how the pixels of rays move by each step, the common turn taken out."""
+        if not len(steps):
+            return np.zeros((2 * len(rays), 0))
         lens = self.noise.result.lens
         _, by_ray, by_lens = lens.project_jacobian(self.aligned)
         turned = (-by_ray @ cross_matrix(self.aligned)).reshape(-1, 3)
@@ -81,9 +100,7 @@ class PhotoSpread:
         turn = np.linalg.lstsq(turned, moved, rcond=None)[0]
         _, by_ray, by_lens = lens.project_jacobian(rays)
         change = by_lens @ steps.T - (-by_ray @ cross_matrix(rays)) @ turn
-        change -= change.mean(axis=2, keepdims=True)
-        share = (len(steps) - 1) / len(steps)
-        return np.asarray(share * np.sum(np.square(change), axis=(1, 2)))
+        return np.asarray(change.reshape(-1, len(steps)))
 
 
 def photo_spread(

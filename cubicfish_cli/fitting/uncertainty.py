@@ -64,39 +64,13 @@ class Uncertainty:
         """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (N,), pixels."""
         return np.sqrt(np.trace(self.covariance(rays), axis1=1, axis2=2))
 
-    def focal_sigma_px(self) -> FloatArray:
-        """One standard deviation of the focal lengths on the axis: (2,) pixels a radian."""
-        sigma = np.empty(2)
-        for k in range(2):
-            side = _STEP * np.eye(3)[k]
-            rays = np.stack([side, -side]) + np.array([0.0, 0.0, 1.0])
-            by_shared, by_turn = (
-                (part[0, k] - part[1, k]) / (2 * np.arctan(_STEP))
-                for part in self._by_unknowns(rays / np.linalg.norm(rays, axis=1)[:, None])
-            )
-            variance = by_shared @ self.shared @ by_shared + by_turn @ self.turn @ by_turn
-            sigma[k] = np.sqrt(variance)
-        return sigma
-
-    def centre_sigma_px(self, radial: FloatArray, rays: FloatArray) -> FloatArray:
-        """One standard deviation of the centre of symmetry: (2,) pixels.
-
-        How the centre of the nearest radial lens, free to turn, moves with the pixels of the field.
-
-        Args:
-            radial: (8,) parameters of the companion.
-            rays: (N, 3) unit rays over the field.
-
-        """
-        _, d_ray, d_radial = project_jacobian(radial, rays)
-        unknowns = np.concatenate([d_radial, -d_ray @ cross_matrix(rays)], axis=2)
-        scale = np.linalg.norm(unknowns, axis=(0, 1)) + 1e-300
-        centre = (np.linalg.pinv((unknowns / scale).reshape(2 * len(rays), -1)).T / scale).T[2:4]
+    def variance(self, rays: FloatArray, weights: FloatArray) -> FloatArray:
+        """Variance (F,) of weighted sums of pixels, weights (F, 2N), of unit rays (N, 3)."""
         by_shared, by_turn = (
-            centre @ part.reshape(2 * len(rays), -1) for part in self._by_unknowns(rays)
+            weights @ part.reshape(2 * len(rays), -1) for part in self._by_unknowns(rays)
         )
         spread = by_shared @ self.shared @ by_shared.T + by_turn @ self.turn @ by_turn.T
-        return np.sqrt(np.diagonal(spread))
+        return np.diagonal(spread).copy()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -222,6 +196,40 @@ class Sigma(Protocol):
     def sigma_px(self, rays: FloatArray) -> FloatArray:
         """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (N,), pixels."""
 
+    def variance(self, rays: FloatArray, weights: FloatArray) -> FloatArray:
+        """Variance (F,) of weighted sums of pixels, weights (F, 2N), of unit rays (N, 3)."""
+
+
+def _focal_sigma_px(uncertainty: Sigma) -> FloatArray:
+    """One standard deviation of the focal lengths on the axis: (2,) pixels a radian."""
+    variance = []
+    for k in range(2):
+        side = _STEP * np.eye(3)[k]
+        rays = np.stack([side, -side]) + np.array([0.0, 0.0, 1.0])
+        weights = np.zeros((1, 2, 2))
+        weights[0, :, k] = np.array([1, -1]) / (2 * np.arctan(_STEP))
+        unit = rays / np.linalg.norm(rays, axis=1)[:, None]
+        variance.append(uncertainty.variance(unit, weights.reshape(1, 4))[0])
+    return np.sqrt(variance)
+
+
+def _centre_sigma_px(uncertainty: Sigma, radial: FloatArray, rays: FloatArray) -> FloatArray:
+    """One standard deviation of the centre of symmetry: (2,) pixels.
+
+    How the centre of the nearest radial lens, free to turn, moves with the pixels of the field.
+
+    Args:
+        uncertainty: of the camera.
+        radial: (8,) parameters of the companion.
+        rays: (N, 3) unit rays over the field.
+
+    """
+    _, d_ray, d_radial = project_jacobian(radial, rays)
+    unknowns = np.concatenate([d_radial, -d_ray @ cross_matrix(rays)], axis=2)
+    scale = np.linalg.norm(unknowns, axis=(0, 1)) + 1e-300
+    centre = (np.linalg.pinv((unknowns / scale).reshape(2 * len(rays), -1)).T / scale).T[2:4]
+    return np.sqrt(uncertainty.variance(rays, centre))
+
 
 def uncertainty_record(uncertainty: Sigma, camera: CubicCamera) -> dict[str, Any]:
     """Uncertainty on a grid over the photo, plain data for camera.yaml and JSON.
@@ -238,13 +246,13 @@ def uncertainty_record(uncertainty: Sigma, camera: CubicCamera) -> dict[str, Any
     whole = summed(sigma[seen]) if seen.any() else None
     centre = np.full(2, np.nan)
     if seen.sum() > _FEW_RAYS:
-        centre = uncertainty.centre_sigma_px(camera.radial.parameters, rays[seen])
+        centre = _centre_sigma_px(uncertainty, camera.radial.parameters, rays[seen])
     return {
         "noise_px": uncertainty.noise_px,
         "median_px": whole.median_px if whole else None,
         "p95_px": whole.p95_px if whole else None,
         "max_px": float(np.max(sigma[seen])) if seen.any() else None,
-        "focal_px": uncertainty.focal_sigma_px().tolist(),
+        "focal_px": _focal_sigma_px(uncertainty).tolist(),
         "principal_point_px": [float(x) if np.isfinite(x) else None for x in centre],
         "x": x.tolist(),
         "y": y.tolist(),
