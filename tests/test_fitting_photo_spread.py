@@ -1,0 +1,92 @@
+"""What leaving photos out foretells, against cameras from other photos of the same lens."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import synthetic
+
+from cubicfish_cli.correspondences import pair
+from cubicfish_cli.fitting.alignment import aligned_difference
+from cubicfish_cli.fitting.companion import fit_companion
+from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
+from cubicfish_cli.fitting.photo_spread import photo_spread
+from cubicfish_cli.fitting.subset import world_scale
+from cubicfish_cli.fitting.uncertainty import camera_uncertainty
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.model.soundness import cone_rays
+from cubicfish_cli.rendering.outside import outside_lens
+from cubicfish_cli.rendering.simulated import CornerErrors, simulated_corners
+
+TARGET = synthetic.corner_of_three()
+HOLD = Hold(spread=1e-3, weight=1.0)
+PHOTOS = 10
+
+
+def fitted(seed, errors):
+    corners, _ = simulated_corners(
+        outside_lens("equisolid"), TARGET, PHOTOS, seed=seed, errors=errors
+    )
+    pairs = pair(corners, TARGET)
+    companion = fit_companion(replace(pairs, world=pairs.world / world_scale(pairs)))
+    return companion, fit_cubic(companion, HOLD)
+
+
+def camera_of(companion, cubic):
+    return CubicCamera(
+        image_size=companion.pairs.image_size,
+        P=cubic.lens.P,
+        max_angle_deg=cubic.max_angle_deg,
+        radial=companion.camera,
+    )
+
+
+def observed_over_predicted(errors):
+    """RMS distance between pairs of cameras over what they foretell: of photos, of noise."""
+    ratios = []
+    for seed in range(6):
+        (one, first), (two, second) = (fitted(seed + more, errors) for more in (0, 100))
+        rays = cone_rays(min(one.covered, two.covered), 200)
+        difference, _ = aligned_difference(camera_of(one, first), camera_of(two, second), rays)
+        seen = np.isfinite(difference).all(axis=1)
+        both = []
+        for companion, cubic in ((one, first), (two, second)):
+            spread = photo_spread(cubic, companion.pairs, np.arange(PHOTOS), companion.covered)
+            noise = camera_uncertainty(cubic).sigma_px(rays[seen])
+            both.append((spread.sigma_px(rays[seen]), noise))
+        distance = np.sqrt(np.mean(np.sum(difference[seen] ** 2, axis=1)))
+        ratios.append(
+            [distance / np.sqrt(np.mean(a**2 + b**2)) for a, b in zip(*both, strict=True)]
+        )
+    return np.median(ratios, axis=0)
+
+
+def test_errors_that_a_photo_shares_are_foretold():
+    of_photos, of_noise = observed_over_predicted(CornerErrors(noise=0.05, shared=0.15))
+    assert 0.6 < of_photos < 1.5
+    assert of_noise > 1.5 * of_photos  # single corners' noise knows nothing of them
+
+
+def test_independent_errors_are_too():
+    of_photos, of_noise = observed_over_predicted(CornerErrors(noise=0.1, shared=0, spread=0))
+    assert 0.6 < of_photos < 1.5
+    assert 0.6 < of_noise < 1.5
+
+
+def test_one_place_leaves_the_noise_alone():
+    companion, cubic = fitted(3, CornerErrors())
+    rays = cone_rays(companion.covered, 50)
+    same = photo_spread(cubic, companion.pairs, np.zeros(PHOTOS, int), companion.covered)
+    noise = camera_uncertainty(cubic)
+    np.testing.assert_array_equal(same.sigma_px(rays), noise.sigma_px(rays))
+    weights = np.eye(2 * len(rays))[:4]
+    np.testing.assert_allclose(same.variance(rays, weights), noise.variance(rays, weights))
+
+
+def test_variances_add_up_to_sigma():
+    companion, cubic = fitted(4, CornerErrors())
+    spread = photo_spread(cubic, companion.pairs, np.arange(PHOTOS), companion.covered)
+    rays = cone_rays(companion.covered, 30)
+    single = spread._of_photos(*(spread._changes(s, rays) for s in (spread.left_out, spread.influence)))
+    assert (spread.sigma_px(rays) ** 2 >= single.reshape(-1, 2).sum(axis=1) * (1 - 1e-12)).all()
+    assert spread.noise_px == pytest.approx(spread.noise.noise_px)
