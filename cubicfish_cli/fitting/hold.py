@@ -7,19 +7,18 @@ out say, from the plain radial lens at one end to a nearly free P at the other.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.fitting.companion import Companion
 from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic, held
-from cubicfish_cli.fitting.left_out import Leaving
+from cubicfish_cli.fitting.left_out import Leaving, LeftOut
 from cubicfish_cli.fitting.robust import huber_px
-from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.world import World
 
+FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
 
 # From the most symmetric and the firmest on. A hundredth is far more asymmetry than any lens has
@@ -29,8 +28,9 @@ WEIGHTS = tuple(10.0 ** (1.5 - step / 2) for step in range(8))
 FIRMEST = Hold(spread=SPREADS[0], weight=WEIGHTS[0])
 # Where photos that are left out cannot tell.
 UNTOLD = Hold(spread=1e-3, weight=1.0)
-# A step to a freer P must lower the error by this share: chance does by less.
-_WORTH = 5e-4
+# A freer P must gain over all photos more than so many times what single photos' gains differ by:
+# one or two photos do not decide.
+_CLEARLY = 2.0
 # From hold to hold; each is looked at from a fit under the last.
 _MOST_STEPS = 12
 # What only leads to a choice need not be known to the last digit.
@@ -68,7 +68,8 @@ def choose_hold(
     if len(groups) < 2:
         return fit_cubic(companion, hold, world=world, start=start)
     place, seen = _place_of(hold), set[_Place]()
-    everywhere = start is None
+    squares: dict[_Place, FloatArray] = {}
+    places = _EVERY_PLACE if start is None else _around(place)
     while place not in seen and len(seen) < _MOST_STEPS:
         seen.add(place)
         start = fit_cubic(
@@ -79,9 +80,11 @@ def choose_hold(
             relative_decrease=_SCAN_DECREASE,
         )
         leaving = Leaving(start.fit, companion.pairs, huber_px(start.residual), groups)
-        places = _EVERY_PLACE if everywhere else _around(place)
-        place = min(places, key=partial(_error, leaving, start, companion))
-        everywhere = False
+        for other in places:
+            lens = held(start.lens, companion, _hold(other))
+            squares[other] = _squares(leaving.left_out(lens), len(start.poses))
+        place = _firmest_of_the_best(squares)
+        places = _around(place)
     assert start is not None
     return fit_cubic(companion, start.hold, world=start.fit.world, start=start)
 
@@ -99,7 +102,22 @@ def _around(place: _Place) -> list[_Place]:
     return [other for other in _EVERY_PLACE if np.abs(np.subtract(place, other)).sum() <= 1]
 
 
-def _error(leaving: Leaving, fit: CubicResult, companion: Companion, place: _Place) -> float:
-    """RMS over corners of photos that are left out, a little more for a freer P."""
-    judged = leaving.left_out(held(fit.lens, companion, _hold(place)))
-    return rms_px(np.vstack([one.residual for one in judged])) * (1 + _WORTH * sum(place))
+def _squares(judged: Sequence[LeftOut], photos: int) -> FloatArray:
+    """(M,) squared errors of each photo under a fit without it, summed over its corners."""
+    image = np.concatenate([one.image for one in judged])
+    residual = np.vstack([one.residual for one in judged])
+    return np.bincount(image, np.sum(residual**2, axis=1), photos)
+
+
+def _firmest_of_the_best(squares: Mapping[_Place, FloatArray]) -> _Place:
+    """The firmest hold that is not clearly worse than the best.
+
+    What corners of one photo say they say together: whether a freer P is better is a matter of
+    photos, of which there may be five, and the least of several errors is least by chance too.
+    """
+    best = min(squares, key=lambda place: float(squares[place].sum()))
+    for place in sorted(squares, key=lambda place: (sum(place), place)):
+        worse = squares[place] - squares[best]
+        if worse.sum() <= _CLEARLY * np.std(worse, ddof=1):
+            return place
+    return best

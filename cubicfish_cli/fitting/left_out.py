@@ -33,12 +33,14 @@ class LeftOut:
         photos: which were left out.
         shared: (K,) step of the lens's and the object's parameters.
         residual: (n, 2) of the corners of these photos, their poses fitted anew, pixels.
+        image: (n,) photo of each of these corners.
 
     """
 
     photos: IntArray
     shared: FloatArray
     residual: FloatArray
+    image: IntArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -114,8 +116,14 @@ class Leaving:
         found = []
         for (photos, parts), equations in zip(self._groups, self._equations, strict=True):
             shared, _, offset = equations.solve(*change)
-            residual = np.vstack([part.after(shared, offset) for part in parts])
-            found.append(LeftOut(photos=photos, shared=shared, residual=residual))
+            found.append(
+                LeftOut(
+                    photos=photos,
+                    shared=shared,
+                    residual=np.vstack([part.after(shared, offset) for part in parts]),
+                    image=np.repeat(photos, [len(part.root) for part in parts]),
+                )
+            )
         return found
 
     def influence(self) -> list[FloatArray]:
