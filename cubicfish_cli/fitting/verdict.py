@@ -415,8 +415,8 @@ def _of_uncertainty(fit: Mapping[str, Any], scale: float) -> Iterator[Reason]:
     if level is not None:
         yield Reason(
             level=level,
-            why=f"its pixels are uncertain by {typical:.2f} px (one standard deviation, median over "
-            "the field)",
+            why=f"its pixels are uncertain by {typical:.2f} px (one standard deviation, median "
+            "over the field)",
             do="take more photos, sharper ones, or boards with more squares",
         )
     elif most is not None and most / scale > _RIM_UNCERTAINTY_PX:
