@@ -380,6 +380,34 @@ def test_a_left_out_photo_costs_what_least_squares_without_it_says():
     assert share == pytest.approx((photos.squares.sum() + total) / known)
 
 
+@pytest.mark.parametrize(
+    ("together", "apart", "unforeseen", "said"),
+    [
+        (0.5, 0.3, 1.05, True),
+        # Where two lenses are all there is, what few photos miss of each other is nothing.
+        (3.9, 0.18, 1.2, True),
+        (1.0, 0.5, 1.6, False),  # nor are groups foretold where each photo has a lens of its own
+        (0.25, 0.24, 1.02, False),  # photos that share their errors
+        (0.05, 0.03, 1.01, False),  # what nobody notices
+    ],
+)
+def test_two_lenses_are_worth_an_accusation(together, apart, unforeseen, said):
+    assert lens_faults.worth_it(together, apart, unforeseen, noticed=0.05) == said
+
+
+def test_photos_that_know_their_lenses_along_different_axes_are_sorted():
+    """Medians of the entries of what photos know need not be what any photo can know."""
+    signs = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1]])
+    photos = own_lenses(np.random.default_rng(16), 6)
+    information = np.tile(np.eye(5), (6, 1, 1))
+    for photo in range(6):
+        xy, yz, xz = 0.9 * signs[photo // 2]
+        information[photo, :3, :3] = [[1, xy, xz], [xy, 1, yz], [xz, yz, 1]]
+    assert np.linalg.eigvalsh(information).min() > 0
+    assert np.linalg.eigvalsh(np.median(information, axis=0)).min() < 0
+    assert two_lenses(replace(photos, information=information)).second.any()
+
+
 def test_too_few_photos_are_never_split():
     photos = own_lenses(np.random.default_rng(0), 4)
     assert two_lenses(photos) is None

@@ -29,9 +29,11 @@ _NEAR = 0.1
 # The rim's errors are those of the outermost corners, the middle's of those within half the field.
 _RIM_SHARE, _FEWEST_AT_THE_RIM = 0.1, 20
 _MIDDLE = 0.5
-# Beyond the corners the camera may be trusted as long as it is no more uncertain than so many
-# times as at their edge, or than so many pixels of a photo of 2000; a degree is let in any case.
-_TIMES, _CERTAIN_PX, _SIDE = 2.0, 0.3, 2000.0
+CERTAIN_PX = 0.5
+"""A camera is certain where its pixels are known to this, in a photo of up to 2000 pixels."""
+# Beyond the corners the camera may be trusted as long as it is certain, or no more than so many
+# times as uncertain as at their edge; a degree is let in any case.
+_TIMES, _SIDE = 2.0, 2000.0
 _LEAST_MARGIN_DEG = 1.0
 _STEP_DEG = 0.25
 
@@ -109,7 +111,7 @@ def trusted_angle_deg(camera: CubicCamera, covered_deg: float, sigma: Sigma) -> 
     farthest = camera.max_angle_deg
     least = min(covered_deg + _LEAST_MARGIN_DEG, farthest)
     tried = np.append(np.arange(least, farthest, _STEP_DEG), farthest)
-    limit = _CERTAIN_PX * max(1.0, max(camera.image_size) / _SIDE)
+    limit = CERTAIN_PX * max(1.0, max(camera.image_size) / _SIDE)
     limit = max(limit, _TIMES * _on_ring(sigma, covered_deg))
     certain = [_on_ring(sigma, angle) <= limit for angle in tried]
     last = len(tried) if all(certain) else certain.index(False)

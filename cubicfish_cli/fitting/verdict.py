@@ -16,6 +16,8 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.fitting.reach import CERTAIN_PX
+
 FloatArray = npt.NDArray[np.float64]
 Level = Literal["good", "care", "bad"]
 
@@ -37,8 +39,10 @@ _BESIDE_COMPANION = ((1.05, _RIGHT_PX), (2.0, 0.5))
 _WORSE_THAN_BEFORE = ((2.0, 0.1), (5.0, 0.5))
 _COVERAGE = (0.5, 0.2)
 _SEEN_SHARE = 0.3
-_MEDIAN_UNCERTAINTY_PX = (0.3, 2.0)
-_RIM_UNCERTAINTY_PX = 1.0
+# How far pixels may be off by all that photos say, of which corners' noise is the least: where a
+# camera counts as certain, and where it is as bad as corners that are off by so much.
+_MEDIAN_UNCERTAINTY_PX = (CERTAIN_PX, _ERROR_PX[1])
+_RIM_UNCERTAINTY_PX = 2 * CERTAIN_PX
 _DROPPED_SHARE = (0.05, 0.2)
 _UNFIT_SHARE = (1 / 3, 1 / 2)
 _FEW_CORNERS = 200
@@ -50,8 +54,8 @@ _FEW_OF_A_PLANE = (8, 4)
 _RIM_ERROR = ((2.5, _RIGHT_PX), (math.inf, math.inf))
 # Less of the rim than this is told beside the coverage of the whole.
 _WHOLE_RIM = 0.9
-# A field that goes so far beyond where corners are all around, degrees, at such a cost, pixels.
-_EXTRAPOLATED_DEG, _EXTRAPOLATED_PX = 15.0, 0.3
+# A field that goes so many degrees beyond where corners are all around, and is uncertain there.
+_EXTRAPOLATED_DEG = 15.0
 # Findings that explain no errors.
 _NO_ERRORS = ("repeats", "one_place")
 _WORSE_PHOTO = 3.0
@@ -358,7 +362,7 @@ def _of_rim(fit: Mapping[str, Any], scale: float) -> Iterator[Reason]:
     edge = _number(record, "edge_uncertainty_px")
     if covered is None or around is None or edge is None:
         return
-    if covered - around > _EXTRAPOLATED_DEG and edge / scale > _EXTRAPOLATED_PX:
+    if covered - around > _EXTRAPOLATED_DEG and edge / scale > CERTAIN_PX:
         yield Reason(
             level="care",
             why=f"corners reach {covered:.0f}° from the axis on some sides and {around:.0f}° all "
@@ -411,8 +415,8 @@ def _of_uncertainty(fit: Mapping[str, Any], scale: float) -> Iterator[Reason]:
     if level is not None:
         yield Reason(
             level=level,
-            why=f"the corners' noise leaves its pixels uncertain by {typical:.2f} px (median over "
-            "the field)",
+            why=f"its pixels are uncertain by {typical:.2f} px (one standard deviation, median "
+            "over the field)",
             do="take more photos, sharper ones, or boards with more squares",
         )
     elif most is not None and most / scale > _RIM_UNCERTAINTY_PX:

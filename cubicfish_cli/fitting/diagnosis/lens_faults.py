@@ -55,9 +55,9 @@ _FEWEST_OTHERS = 8
 _CLEAR_MARGIN = 0.1
 _MOST = 0.8
 _NOTICED_PX, _SIDE = 0.05, 2000.0
-# Photos of one lens foretell another one's errors to this share. Where the focus is another in
-# every photo, groups of photos do not.
-_FORETOLD = 1.15
+# Photos of one lens foretell another one's squared errors to this share of what is left, or of
+# what two lenses take away. Where the focus is another in every photo, groups of photos do not.
+_FORETOLD, _FORETOLD_OF_GAIN = 0.15, 0.05
 # Of fewer photos of one flat board a lens of their own says nothing.
 _FEWEST_OF_A_PLANE = 3
 # By themselves, photos that do not fit have no more than this of their squared error.
@@ -185,13 +185,9 @@ def _followed(
         return None
     if split.kind == "order":
         split, apart = _at_the_boundary(fit, split, apart, given)
-    unforeseen = left_out_share(apart.photos, split.second)
-    left_out_px = apart.rms_px * np.sqrt(unforeseen)
-    gain = 1 - (left_out_px / together) ** 2
     noticed = _NOTICED_PX * max(1.0, max(pairs.image_size) / _SIDE)
-    if unforeseen > _FORETOLD or gain < _CLEAR_MARGIN or split.explained < _MOST:
-        return None
-    if together * np.sqrt(gain) < noticed:
+    unforeseen = left_out_share(apart.photos, split.second)
+    if split.explained < _MOST or not worth_it(together, apart.rms_px, unforeseen, noticed):
         return None
     scale = 1 + split.own[:, 0] / photos.reach
     middle = (np.array(pairs.image_size, float) - 1) / 2
@@ -209,6 +205,23 @@ def _followed(
         in_order=split.kind == "order",
         evidence=f"the RMS is {together:.2f} px together and {apart.rms_px:.2f} px apart",
     )
+
+
+def worth_it(together: float, apart: float, unforeseen: float, noticed: float) -> bool:
+    """Whether two lenses foretell photos that had no say in them, and better than one, clearly.
+
+    Args:
+        together: RMS with one lens for all, pixels.
+        apart: with two.
+        unforeseen: how many times larger the squared error is of photos that had no say.
+        noticed: pixels that a person would notice.
+
+    """
+    left, gain = apart**2, together**2 - apart**2
+    not_foretold = left * (unforeseen - 1)
+    if not_foretold > max(_FORETOLD * left, _FORETOLD_OF_GAIN * gain):
+        return False
+    return gain - not_foretold >= max(_CLEAR_MARGIN * together**2, noticed**2)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

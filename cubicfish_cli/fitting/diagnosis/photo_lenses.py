@@ -358,7 +358,11 @@ def _best(orders: IntArray, own: FloatArray, weight: FloatArray) -> tuple[float,
 
 def _sorted_along(own: FloatArray, weight: FloatArray) -> IntArray:
     """(6, K) the photos sorted along the axes of their scatter: cuts are planes across them."""
-    root = np.linalg.cholesky(np.median(weight, axis=0))
+    # A mean to which each photo adds alike; medians of single entries need not be a matrix of this
+    # kind.
+    root = np.linalg.cholesky(
+        np.mean(weight / np.trace(weight, axis1=1, axis2=2)[:, None, None], 0)
+    )
     white = own @ root
     white = white - np.median(white, axis=0)
     axes = np.linalg.svd(white, full_matrices=False)[2]
