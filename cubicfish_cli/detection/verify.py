@@ -18,12 +18,16 @@ _MISFIT = 0.18  # of the contrast
 _BLUR = 2.5  # times the median around
 # Edges follow the grid, within what its local fit may be wrong by. A lattice of knight's moves, the
 # likeliest wrong one, is off by 0.46.
-_TURN = 0.25  # radians
+_TURN, _MOST_TURN = 0.25, 0.4  # radians
+# Times the median around: bent paper, a camera that moved while it read its rows out, and gaps
+# where white bleeds turn the edges of all corners alike.
+_TURN_AROUND = 3.0
 _TRAVEL = 0.15  # of the side
 _MOST_SPREAD = 0.05  # predicted standard deviation, of the side
 # Times the median around: the edge of a shadow or of the paper within the window shows as a model
 # that fits worse than it does next door.
 _SPREAD = 3.5
+_FINE = 0.1  # px: so well placed a corner is good enough however well those around are placed
 
 
 def whole_corners(
@@ -34,6 +38,7 @@ def whole_corners(
     contrast_around: FloatArray,
     blur_around: FloatArray,
     spread_around: FloatArray,
+    turn_around: FloatArray,
     noise: float,
 ) -> BoolArray:
     """Tell which of N corners pass every test."""
@@ -43,7 +48,9 @@ def whole_corners(
     good &= contrast > np.maximum(_CONTRAST * contrast_around, _LEAST_SIGNAL * noise)
     good &= found.misfit < np.maximum(_MISFIT * contrast, 1.5 * noise)
     good &= found.blur.max(1) < _BLUR * blur_around + 0.5
-    good &= found.turn < _TURN
+    good &= found.turn < np.clip(_TURN_AROUND * turn_around, _TURN, _MOST_TURN)
     good &= moved < np.maximum(_TRAVEL * side, 0.5)
-    good &= found.spread < np.minimum(_MOST_SPREAD * side, _SPREAD * spread_around)
+    good &= found.spread < np.minimum(
+        _MOST_SPREAD * side, np.maximum(_SPREAD * spread_around, _FINE)
+    )
     return good
