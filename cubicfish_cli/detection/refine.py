@@ -18,6 +18,7 @@ _SMALLEST_HALF, _USUAL_HALF, _LARGEST_HALF = 3.0, 5.0, 12.0
 _OF_SIDE, _OF_BLUR, _OF_GAP = 0.4, 3.5, 1.0
 # Corners whose gaps should be alike, and how alike at least, pixels.
 _AROUND, _GAP_SPREAD = 7, 0.15
+_ODD_GAP = 3.0  # a corner whose gap stays that far away, in such spreads, is none
 # How far a crossing moves towards the saddle point, and from what distance on it does not.
 _SADDLE_SHARE, _SADDLE_TRAVEL = 1 / 3, 0.5
 
@@ -84,6 +85,7 @@ def _share_gaps(
         gaps = Gaps(mean=mean[rows], spread=spread[rows])
         again = fit_crossings(image, start[rows], fit.select(rows), half[rows], noise, gaps)
         found.replace(rows, again)
+    found.ok[np.abs(found.gap - mean) > _ODD_GAP * spread] = False
 
 
 def _lean_on_saddles(image: npt.NDArray[np.generic], found: Crossings, half: FloatArray) -> None:
