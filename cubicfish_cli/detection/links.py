@@ -72,12 +72,15 @@ def find_links(pyramid: Pyramid, corners: XCorners) -> Links:
     along_p, along_q = _unit(corners.angle[p, arm_p]), -_unit(corners.angle[q, arm_q])
     scale = np.minimum(corners.contrast[p], corners.contrast[q])[:, None]
     scale *= np.where(arm_p % 2 == 0, 1, -1)[:, None]
-    ends = corners.pixel[p], corners.pixel[q], along_p, along_q, length
-    difference = _edge(pyramid, *ends, ASIDE) / scale
+    start, end = corners.pixel[p], corners.pixel[q]
+    difference = _edge(pyramid, start, end, along_p, along_q, length, ASIDE) / scale
     seen = edge_is_seen(difference)
     # Where white bleeds the dark squares draw back from the line between their corners.
     rest = np.nonzero(~seen)[0]
-    difference[rest] = _edge(pyramid, *(part[rest] for part in ends), _FAR_ASIDE) / scale[rest]
+    far = _edge(
+        pyramid, start[rest], end[rest], along_p[rest], along_q[rest], length[rest], _FAR_ASIDE
+    )
+    difference[rest] = far / scale[rest]
     seen[rest] = edge_is_seen(difference[rest])
     cost[rest] *= _BLEEDING
     cost /= np.clip(difference.min(1), EDGE_LEAST, 1.0)  # an edge that is seen all along is one
