@@ -7,6 +7,9 @@ import pytest
 from cubicfish_cli.detection import finder
 from cubicfish_cli.detection.diagnose import explain_no_grids
 from cubicfish_cli.detection.finder import find_grids
+from cubicfish_cli.detection.growth import measure_contrast
+from cubicfish_cli.detection.lattice import Lattice
+from cubicfish_cli.detection.pyramid import build_pyramid
 from cubicfish_cli.rendering.pose import look_at
 from cubicfish_cli.rendering.render import render
 from cubicfish_cli.rendering.truth import project_corners
@@ -35,7 +38,8 @@ def matched(found, truth):
     result = []
     for grid in found.grids:
         distance = np.hypot(*(grid.pixel[:, None] - truth.pixel[rows][None]).transpose(2, 0, 1))
-        assert distance.min(1).max() < 0.9
+        # As the benchmarks count: at the dim rim, noise moves one in a thousand by nearly as much.
+        assert distance.min(1).max() < 1.0
         result.append(rows[distance.argmin(1)])
     return result
 
@@ -265,6 +269,15 @@ def test_a_stray_corner_on_a_single_link_is_left_out():
     found = find_grids(seen(light))
     assert [len(grid) for grid in found.grids] == [54]
     assert found.grids[0].cells.max(0).tolist() in ([8, 5], [5, 8])
+
+
+def test_corners_in_a_line_have_squares_without_a_side_and_no_warning():
+    pixel = np.tile([[20.0, 20.0]], (4, 1))
+    cells = np.array([(0, 0), (1, 0), (0, 1), (1, 1)])
+    lattice = Lattice.from_cells(cells, pixel, np.ones(4), 1)
+    image = np.random.default_rng(0).integers(0, 255, (48, 48)).astype(np.uint8)
+    measure_contrast(build_pyramid(image), lattice)
+    assert np.isfinite(lattice.contrast).all()
 
 
 @pytest.mark.parametrize("gap", [0.8, 2.0, 4.0])

@@ -136,7 +136,6 @@ def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> tuple[Crossings, in
         around(found.contrast(sign)),
         around(found.blur.max(1)),
         around(found.spread),
-        around(found.turn),
         pyramid.noise,
     )
     lattice.drop(cells[~good])

@@ -175,7 +175,6 @@ def refine_corners(
         np.median(found.contrast(seen)[index], axis=1),
         np.median(found.blur.max(1)[index], axis=1),
         np.median(found.spread[index], axis=1),
-        np.median(found.turn[index], axis=1),
         pyramid.noise,
     )
     refined[rows[ok]], good[rows[ok]] = found.pixel[ok], True

@@ -69,8 +69,9 @@ def quadrants(
         half_gap: how far dark squares draw back from their edges, pixels.
 
     """
-    away = np.clip(_LEAST_DIAGONAL_PX / fit.side, _DIAGONAL, _LONGEST_DIAGONAL)
-    away = np.minimum(away + half_gap / fit.side, _INMOST_DIAGONAL)
+    side = np.maximum(fit.side, 1e-6)  # 0 where corners that chance put together lie in a line
+    away = np.clip(_LEAST_DIAGONAL_PX / side, _DIAGONAL, _LONGEST_DIAGONAL)
+    away = np.minimum(away + half_gap / side, _INMOST_DIAGONAL)
     return _along_diagonals(pyramid, pixel, fit, sign, away, _ALONG_DIAGONAL)
 
 

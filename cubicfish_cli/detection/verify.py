@@ -18,18 +18,14 @@ _MISFIT = 0.18  # of the contrast
 _BLUR = 2.5  # times the median around
 # Edges follow the grid, within what its local fit may be wrong by. A lattice of knight's moves, the
 # likeliest wrong one, is off by 0.46.
-_TURN, _MOST_TURN = 0.25, 0.32  # radians
-# Times the median around: bent paper, a camera that moved while it read its rows out, and gaps
-# where white bleeds turn the edges of all corners alike. Only where the blur is this small a share
-# of the side: a blur that rounds the squares turns edges anyhow.
-_TURN_AROUND, _SHARP = 3.0, 0.05
+_TURN = 0.25  # radians
 _TRAVEL = 0.15  # of the side
 _MOST_SPREAD = 0.05  # predicted standard deviation, of the side
 # Times the median around: the edge of a shadow or of the paper within the window shows as a model
-# that fits worse than it does next door.
-_SPREAD = 3.0
-# Of the side: so well placed a corner is good enough, however well those around are placed.
-_FINE = 0.012
+# that fits worse than it does next door. Next door may fit to hundredths of a pixel, though, and
+# prints and paper are not true to more than a hundredth of a square: on rendered photos corners of
+# a spread under a tenth of a pixel are as good as it says, whatever is next to them.
+_SPREAD, _HARMLESS, _TRUE_TO = 3.5, 0.1, 0.01  # times that around, px, of the side
 
 
 def whole_corners(
@@ -40,7 +36,6 @@ def whole_corners(
     contrast_around: FloatArray,
     blur_around: FloatArray,
     spread_around: FloatArray,
-    turn_around: FloatArray,
     noise: float,
 ) -> BoolArray:
     """Tell which of N corners pass every test."""
@@ -50,10 +45,9 @@ def whole_corners(
     good &= contrast > np.maximum(_CONTRAST * contrast_around, _LEAST_SIGNAL * noise)
     good &= found.misfit < np.maximum(_MISFIT * contrast, 1.5 * noise)
     good &= found.blur.max(1) < _BLUR * blur_around + 0.5
-    most_turn = np.clip(_TURN_AROUND * turn_around, _TURN, _MOST_TURN)
-    good &= found.turn < np.where(found.blur.max(1) < _SHARP * side, most_turn, _TURN)
+    good &= found.turn < _TURN
     good &= moved < np.maximum(_TRAVEL * side, 0.5)
-    good &= found.spread < np.minimum(
-        _MOST_SPREAD * side, np.maximum(_SPREAD * spread_around, _FINE * side)
-    )
+    harmless = np.maximum(_HARMLESS, _TRUE_TO * side)
+    most_spread = np.hypot(_SPREAD * spread_around, harmless)
+    good &= found.spread < np.minimum(_MOST_SPREAD * side, most_spread)
     return good
