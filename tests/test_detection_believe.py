@@ -22,6 +22,7 @@ def judged(*, jitter=0.0, blur=1.0, contrast_change=0.0, shape=(4, 4), side=20.0
         level=np.zeros((count, 4)),
         blur=np.full((count, 2), blur),
         turn=np.zeros(count),
+        gap=np.zeros(count),
         misfit=np.zeros(count),
         spread=np.zeros(count),
     )

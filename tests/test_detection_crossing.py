@@ -118,3 +118,29 @@ def test_a_corner_at_the_photo_s_border_is_refused_not_read_beyond_it():
     found = fit_crossings(image[:24], place, fit, np.full(3, 5.0), 0.5)
     assert not found.ok.any()
     assert np.array_equal(found.pixel, place)
+
+
+@pytest.mark.parametrize("dark_first", [True, False])
+@pytest.mark.parametrize("gap", [1.0, 2.0, 4.0])
+def test_the_place_is_the_middle_of_the_gap_that_bleeding_leaves(gap, dark_first):
+    _, place, fit = drawn_corners(60, blur=0.7, seed=3)
+    image = np.full((41, 41 * len(place)), 255.0)
+    sub = (np.arange(41 * 5) + 0.5) / 5 - 0.5
+    x, y = np.meshgrid(sub, sub)
+    for k in range(len(place)):
+        apart = np.stack([x + 41 * k, y], -1) - place[k]
+        cell = apart @ np.linalg.inv(fit.step[k]).T
+        area = abs(np.linalg.det(fit.step[k]))
+        u, v = (np.moveaxis(cell, -1, 0) * area / SIDE) * [[[1.0]], [[1.0 if dark_first else -1]]]
+        half = gap / 2
+        dark = ((u > half) & (v > half)) | ((u < -half) & (v < -half))
+        light = np.where(dark, 60.0, 255.0).reshape(41, 5, 41, 5).mean((1, 3))
+        image[:, 41 * k : 41 * (k + 1)] = light
+    image += np.random.default_rng(0).normal(0, 1, image.shape)
+    found = fitted(np.minimum(image, 255.0), place, fit, noise=1.0, half=7.0)
+    error = found.pixel - place
+    assert found.ok.all()
+    assert np.median(found.gap) == pytest.approx(gap, abs=0.15)
+    assert np.hypot(*error.mean(0)) < 0.01
+    assert np.sqrt((error**2).sum(1).mean()) < 0.05
+    assert found.turn.max() < 0.1

@@ -7,6 +7,9 @@ import pytest
 from cubicfish_cli.detection import finder
 from cubicfish_cli.detection.diagnose import explain_no_grids
 from cubicfish_cli.detection.finder import find_grids
+from cubicfish_cli.detection.growth import measure_contrast
+from cubicfish_cli.detection.lattice import Lattice
+from cubicfish_cli.detection.pyramid import build_pyramid
 from cubicfish_cli.rendering.pose import look_at
 from cubicfish_cli.rendering.render import render
 from cubicfish_cli.rendering.truth import project_corners
@@ -35,7 +38,8 @@ def matched(found, truth):
     result = []
     for grid in found.grids:
         distance = np.hypot(*(grid.pixel[:, None] - truth.pixel[rows][None]).transpose(2, 0, 1))
-        assert distance.min(1).max() < 0.8
+        # As the benchmarks count: at the dim rim, noise moves one in a thousand by nearly as much.
+        assert distance.min(1).max() < 1.0
         result.append(rows[distance.argmin(1)])
     return result
 
@@ -237,3 +241,52 @@ def test_the_explanation_names_the_cause(box):
     assert "pattern" in explain_no_grids(
         image, finder.FoundGrids(grids=(), refused=np.zeros((3, 2)), image_size=(576, 432))
     )
+
+
+def drawn_board(gap=0.0, side=24):
+    """A 9x6 board, drawn at five times its size, whose dark squares draw back by half a gap."""
+    y, x = (np.indices((240 * 5, 320 * 5)) + 0.5) / 5 - 0.5
+    i, j = (x - 60.1) / side, (y - 60.3) / side
+    inside = (i > -1) & (i < 9) & (j > -1) & (j < 6)
+    edge = gap / 2 / side
+    within = (np.abs(i - np.floor(i) - 0.5) < 0.5 - edge) & (
+        np.abs(j - np.floor(j) - 0.5) < 0.5 - edge
+    )
+    dark = inside & within & ((np.floor(i) + np.floor(j)) % 2 == 0)
+    return np.where(dark, 40.0, 255.0), i, j
+
+
+def seen(light):
+    light = cv2.GaussianBlur(light, (0, 0), 2.5).reshape(240, 5, 320, 5).mean((1, 3))
+    light += np.random.default_rng(0).normal(0, 1.5, light.shape)
+    return np.clip(np.rint(light), 0, 255).astype(np.uint8)
+
+
+def test_a_stray_corner_on_a_single_link_is_left_out():
+    light, i, j = drawn_board()
+    # Something dark beyond the margin touches the outer corner of a dark square.
+    light[(i > -2) & (i < -1) & (j > 0) & (j < 0.6)] = 40.0
+    found = find_grids(seen(light))
+    assert [len(grid) for grid in found.grids] == [54]
+    assert found.grids[0].cells.max(0).tolist() in ([8, 5], [5, 8])
+
+
+def test_corners_in_a_line_have_squares_without_a_side_and_no_warning():
+    pixel = np.tile([[20.0, 20.0]], (4, 1))
+    cells = np.array([(0, 0), (1, 0), (0, 1), (1, 1)])
+    lattice = Lattice.from_cells(cells, pixel, np.ones(4), 1)
+    image = np.random.default_rng(0).integers(0, 255, (48, 48)).astype(np.uint8)
+    measure_contrast(build_pyramid(image), lattice)
+    assert np.isfinite(lattice.contrast).all()
+
+
+@pytest.mark.parametrize("gap", [0.8, 2.0, 4.0])
+def test_a_board_whose_dark_squares_no_longer_touch_is_whole(gap):
+    light, _, _ = drawn_board(gap=gap)
+    found = find_grids(seen(light))
+    assert [len(grid) for grid in found.grids] == [54]
+    truth = np.stack(np.meshgrid(60.1 + 24.0 * np.arange(9), 60.3 + 24.0 * np.arange(6)), -1)
+    away = found.grids[0].pixel[:, None] - truth.reshape(-1, 2)
+    error = away[np.arange(54), np.hypot(*away.transpose(2, 0, 1)).argmin(1)]
+    assert np.hypot(*error.T).max() < 0.15
+    assert np.hypot(*error.mean(0)) < 0.02

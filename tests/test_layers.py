@@ -66,7 +66,7 @@ ALLOWED["__init__"] = {*ALLOWED} - {"cli", "report", "__main__"}  # what it offe
 # test_cli_main.py, since importing it lazily is enough there.
 CONFINED: dict[str, set[str]] = {
     "cv2": {"photos", "detection", "naming", "undistortion", "rendering"},
-    "scipy": {"fitting"},
+    "scipy": {"detection", "fitting"},
     "av": {"undistortion"},
     "OpenEXR": {"undistortion"},
     "click": {"cli"},

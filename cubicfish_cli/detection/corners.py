@@ -12,7 +12,7 @@ from cubicfish_cli.detection.candidates import SCALES, find_saddles
 from cubicfish_cli.detection.grids import Float32Array, FloatArray
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import Pyramid
-from cubicfish_cli.detection.ring import RADII, check_rings
+from cubicfish_cli.detection.ring import check_rings
 from cubicfish_cli.detection.saddle import fit_saddles
 
 # A ring's span (largest minus smallest of 48 smoothed samples) reaches about 4 sigma of what
@@ -87,7 +87,7 @@ def _at_scale(
     free = taken[row, column] == 0
     pixel, response = pixel[free], saddles.response[free]
     rings = check_rings(image, pixel, _NOISE_CONTRAST * noise)
-    good = rings.ok & (rings.radius >= RADII[1])
+    good = rings.ok
     fit = fit_saddles(image, pixel[good], np.full(int(good.sum()), max(2.0, 1.6 * scale)))
     radius, response = rings.radius[good][fit.ok], response[good][fit.ok]
     keep = _strongest(fit.pixel[fit.ok], response * np.sqrt(radius), np.clip(0.6 * radius, 2, 5))

@@ -1,4 +1,13 @@
-"""Sub-pixel position of corners: two blurred edges that cross, fitted to the pixels themselves."""
+"""Sub-pixel position of corners: two blurred edges that cross, fitted to the pixels themselves.
+
+Where white is overexposed it bleeds: dark squares shrink, and those that meet at a corner stop
+touching. Every edge then is a pair of half edges, moved apart to either side by half the gap, and
+the corner's place is the middle of the gap. As long as the light spills alike to all sides that is
+where the edges of the print cross, whatever the gap: half a turn about the corner takes the picture
+to itself, so the gap (like turn and blur, even under that half turn) has no say in the shift (odd).
+What bias is left comes from light that spills to one side only: all corners of a photo, and so
+its image centre, move by as much, and none of the shape of the lens is lost.
+"""
 
 from __future__ import annotations
 
@@ -18,15 +27,19 @@ _STILL_MOVING = 0.05  # px: a fit whose last step was longer has not found its m
 # more for the shape of tanh).
 _SHARPEST = 0.35
 _TANH = 0.8  # tanh(0.8 z) has the slope of the Gaussian's own step at its middle
-# Shift (px), turn (radians) and logarithm of the blur (px) of both edges: weak prior knowledge
-# that keeps hardly determined fits in place, and the longest single step.
-_PRIOR_MEAN = np.array([0.0, 0.0, 0.0, 0.0, np.log(0.8), np.log(0.8)])
-_PRIOR_SPREAD = np.array([1.0, 1.0, 0.3, 0.3, 0.8, 0.8])
-_LONGEST_STEP = np.array([0.7, 0.7, 0.3, 0.3, 0.7, 0.7])
+# Shift (px), turn (radians) and logarithm of the blur (px) of both edges, and half the gap between
+# the dark squares (px): weak prior knowledge that keeps hardly determined fits in place, and the
+# longest single step.
+_GAP_SPREAD = 2.0
+_PRIOR_MEAN = np.array([0.0, 0.0, 0.0, 0.0, np.log(0.8), np.log(0.8), 0.0])
+_PRIOR_SPREAD = np.array([1.0, 1.0, 0.3, 0.3, 0.8, 0.8, 0.5 * _GAP_SPREAD])
+_LONGEST_STEP = np.array([0.7, 0.7, 0.3, 0.3, 0.7, 0.7, 0.7])
+_UNKNOWNS = len(_PRIOR_MEAN)
+_STEEPEST = 40.0  # logistic functions of more are 0 or 1
 # Windows end before the next edge, fading out: in sides, along each axis of the grid.
 _WITHIN, _FADE = 0.45, 0.1
 
-_FIELDS = ("pixel", "ok", "level", "blur", "turn", "misfit", "spread")
+_FIELDS = ("pixel", "ok", "level", "blur", "turn", "gap", "misfit", "spread")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,6 +52,8 @@ class Crossings:
         level: (N, 4) grey levels of the quadrants (+,+), (-,+), (-,-), (+,-) at the corner.
         blur: (N, 2) standard deviation of the blur across the edges along j and along i, px.
         turn: (N,) largest angle of an edge against the grid's own line, radians.
+        gap: (N,) distance along either edge between the dark squares that meet there, px: more
+            than 0 where they do not touch, less where they overlap.
         misfit: (N,) RMS of what the model does not explain, grey levels.
         spread: (N,) predicted standard deviation of the position for noise of ``misfit``, px.
 
@@ -49,6 +64,7 @@ class Crossings:
     level: FloatArray
     blur: FloatArray
     turn: FloatArray
+    gap: FloatArray
     misfit: FloatArray
     spread: FloatArray
 
@@ -74,17 +90,31 @@ class Crossings:
         return self.bright(sign).mean(1) - self.dark(sign).mean(1)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Gaps:
+    """What is known of N gaps: mean and standard deviation (N,), pixels."""
+
+    mean: FloatArray
+    spread: FloatArray
+
+    def select(self, rows: BoolArray | IntArray) -> Gaps:
+        """Take some rows."""
+        return Gaps(mean=self.mean[rows], spread=self.spread[rows])
+
+
 def fit_crossings(
     image: npt.NDArray[np.generic],
     pixel: FloatArray,
     fit: LocalFit,
     half: FloatArray,
     noise: float,
+    gap: Gaps | None = None,
 ) -> Crossings:
-    """Fit ``c0 + c1 U + c2 V + c3 U V`` with two blurred steps U, V across the grid's own lines.
+    """Fit four quadrants, divided by blurred steps across the grid's own lines.
 
     The lines are bent as the grid is (``fit.bend``), so curved edges do not pull the result;
-    four free grey levels make it blind to shadows and light that falls off across the corner.
+    four free grey levels make it blind to shadows and light that falls off across the corner, a
+    free gap between the dark ones to how far the bright ones spill over.
 
     Args:
         image: (H, W) grey levels, any number type.
@@ -92,22 +122,26 @@ def fit_crossings(
         fit: local shape of the grid around each corner.
         half: (N,) half-size of the window, pixels.
         noise: standard deviation of the pixel noise, grey levels.
+        gap: what is known of the gaps beforehand; None: about none, 2 px at most.
 
     """
     count = len(pixel)
+    if gap is None:
+        gap = Gaps(mean=np.zeros(count), spread=np.full(count, _GAP_SPREAD))
     out = Crossings(
         pixel=np.array(pixel, float),
         ok=np.zeros(count, bool),
         level=np.zeros((count, 4)),
         blur=np.ones((count, 2)),
         turn=np.zeros(count),
+        gap=np.zeros(count),
         misfit=np.zeros(count),
         spread=np.full(count, np.inf),
     )
     reach = np.ceil(half).astype(int)
     for radius in np.unique(reach):
         rows = np.nonzero(reach == radius)[0]
-        _fit(image, out, rows, fit, half[rows], int(radius), noise)
+        _fit(image, out, rows, fit, half[rows], int(radius), noise, gap)
     return out
 
 
@@ -119,6 +153,7 @@ def _fit(
     half: FloatArray,
     radius: int,
     noise: float,
+    gap: Gaps,
 ) -> None:
     """Fit the corners of some rows, all with windows of (2 radius + 1) pixels, into ``out``."""
     height, width = image.shape
@@ -131,7 +166,7 @@ def _fit(
     frame = _frame(out.pixel[rows], centre, fit.select(rows), half, radius)
     offset = frame.offset
     value = image[centre[:, 1:] + offset[:, 1], centre[:, :1] + offset[:, 0]].astype(float)
-    state = _minimise(value, frame, max(noise, 0.3))
+    state = _minimise(value, frame, max(noise, 0.3), gap.select(rows))
 
     # Where the turned, shifted edges cross.
     turn = state.shape[:, 2:4] * frame.lean[:, None]
@@ -143,13 +178,15 @@ def _fit(
     out.pixel[rows] += (fit.step[rows] @ q[..., None])[..., 0]
     out.pixel[rows] += (fit.bend[rows] @ second[..., None])[..., 0]
     out.ok[rows] = (state.last_move < _STILL_MOVING) & (closing > 0.5)
-    signs = np.array([(1, 1, 1, 1), (1, -1, 1, -1), (1, -1, -1, 1), (1, 1, -1, -1)])
-    out.level[rows] = state.levels @ signs.T
-    blur = state.shape[:, 4:].copy()  # taken out of its array: angles.py says why
+    out.level[rows] = state.levels
+    blur = state.shape[:, 4:6].copy()  # taken out of its array: angles.py says why
     out.blur[rows] = np.hypot(_SHARPEST, np.exp(blur))
     out.turn[rows] = np.abs(state.shape[:, 2:4]).max(1)
+    out.gap[rows] = 2 * state.shape[:, 6]
     out.misfit[rows] = state.misfit
-    covariance = np.linalg.inv(state.normal)
+    final = np.maximum(state.misfit, max(noise, 0.3))[:, None, None]
+    prior = (1 / _PRIOR_SPREAD) ** 2 * np.eye(_UNKNOWNS)
+    covariance = np.linalg.inv(state.data / final**2 + prior)
     out.spread[rows] = frame.lean * np.sqrt(0.5 * (covariance[:, 0, 0] + covariance[:, 1, 1]))
 
 
@@ -208,25 +245,31 @@ def _frame(
 class _State:
     """Best fit so far of n corners."""
 
-    shape: FloatArray  # (n, 6) shift u, v (px), turn u, v (radians), log blur u, v
-    levels: FloatArray  # (n, 4) c0..c3
+    shape: FloatArray  # (n, 7) shift u, v (px), turn u, v (radians), log blur u, v, half gap (px)
+    levels: FloatArray  # (n, 4) grey levels of the quadrants (+,+), (-,+), (-,-), (+,-)
     cost: FloatArray  # (n,)
     misfit: FloatArray  # (n,) grey levels
-    normal: FloatArray  # (n, 6, 6)
-    right: FloatArray  # (n, 6)
+    data: (
+        FloatArray  # (n, 7, 7) the pixels' part of the normal equations, for noise of 1 grey level
+    )
+    normal: FloatArray  # (n, 7, 7)
+    right: FloatArray  # (n, 7)
     last_move: FloatArray  # (n,) px
 
 
-def _minimise(value: FloatArray, frame: _Frame, noise: float) -> _State:
+def _minimise(value: FloatArray, frame: _Frame, noise: float, gap: Gaps) -> _State:
     """Levenberg-Marquardt on all corners at once; those that are done no longer take part."""
     count = len(value)
+    mean, spread = np.tile(_PRIOR_MEAN, (count, 1)), np.tile(_PRIOR_SPREAD, (count, 1))
+    mean[:, 6], spread[:, 6] = 0.5 * gap.mean, 0.5 * gap.spread
     state = _State(
-        shape=np.tile(_PRIOR_MEAN, (count, 1)),
+        shape=mean.copy(),
         levels=np.zeros((count, 4)),
         cost=np.full(count, np.inf),
         misfit=np.zeros(count),
-        normal=np.tile(np.eye(6), (count, 1, 1)),
-        right=np.zeros((count, 6)),
+        data=np.zeros((count, _UNKNOWNS, _UNKNOWNS)),
+        normal=np.tile(np.eye(_UNKNOWNS), (count, 1, 1)),
+        right=np.zeros((count, _UNKNOWNS)),
         last_move=np.full(count, np.inf),
     )
     # The spread of the levels keeps the weight of the prior in scale before the fit is good.
@@ -234,37 +277,40 @@ def _minimise(value: FloatArray, frame: _Frame, noise: float) -> _State:
     damping = np.full(count, 1e-3)
     active = np.arange(count)
     trial = state.shape.copy()
+    dark_first = _dark_first(value, frame)
     for round_ in range(_ROUNDS):
-        levels, residual, columns = _model(trial[active], value, frame)
+        levels, residual, columns = _model(trial[active], dark_first[active], value, frame)
         squares = (residual**2).sum(1)
-        misfit2 = squares / np.maximum((frame.root_weight**2).sum(1) - 10, 1)
+        misfit2 = squares / np.maximum((frame.root_weight**2).sum(1) - 11, 1)
         if round_ in (1, 4):  # the misfit tells by now how well the model can do
             sigma2[active] = np.maximum(misfit2, noise**2)
             state.cost[active] = np.inf
-        away = (_PRIOR_MEAN - trial[active]) / _PRIOR_SPREAD
+        away = (mean[active] - trial[active]) / spread[active]
         cost = squares / sigma2[active] + (away**2).sum(1)
         better = cost < state.cost[active]
         rows = active[better]
-        columns = columns[better] / np.sqrt(sigma2[rows])[:, None, None]
-        scaled = residual[better] / np.sqrt(sigma2[rows])[:, None]
+        columns = columns[better]
+        scaled = residual[better] / sigma2[rows, None]
         state.shape[rows] = trial[rows]
         state.levels[rows] = levels[better]
         state.cost[rows] = cost[better]
         state.misfit[rows] = np.sqrt(misfit2[better])
-        state.normal[rows] = columns.transpose(0, 2, 1) @ columns + np.diag(_PRIOR_SPREAD**-2.0)
+        state.data[rows] = columns.transpose(0, 2, 1) @ columns
+        state.normal[rows] = state.data[rows] / sigma2[rows, None, None]
+        state.normal[rows] += spread[rows, :, None] ** -2.0 * np.eye(_UNKNOWNS)
         state.right[rows] = (columns.transpose(0, 2, 1) @ scaled[..., None])[..., 0]
-        state.right[rows] += away[better] / _PRIOR_SPREAD
+        state.right[rows] += away[better] / spread[rows]
         now = damping[active]
         damping[active] = np.where(better, np.maximum(0.2 * now, 1e-4), np.maximum(10 * now, 0.3))
 
         normal = state.normal[active]
-        damped = normal + damping[active, None, None] * normal * np.eye(6)
+        damped = normal + damping[active, None, None] * normal * np.eye(_UNKNOWNS)
         move = np.linalg.solve(damped, state.right[active][..., None])[..., 0]
         move = np.clip(move, -_LONGEST_STEP, _LONGEST_STEP)
         trial[active] = state.shape[active] + move
         state.last_move[active] = np.abs(move[:, :2]).max(1)
         going = state.last_move[active] > _CONVERGED
-        going |= np.abs(move[:, 4:]).max(1) > _BLUR_CONVERGED
+        going |= np.abs(move[:, 4:6]).max(1) > _BLUR_CONVERGED
         if not going.all():
             active, value, frame = active[going], value[going], frame.select(going)
         if not len(active):
@@ -272,26 +318,61 @@ def _minimise(value: FloatArray, frame: _Frame, noise: float) -> _State:
     return state
 
 
+def _dark_first(value: FloatArray, frame: _Frame) -> BoolArray:
+    """Tell where the quadrants (+,+) and (-,-) are darker than the others, on the whole (n,)."""
+    weight = frame.root_weight**2
+    above = value - ((weight * value).sum(1) / np.maximum(weight.sum(1), 1e-9))[:, None]
+    return np.asarray((weight * np.sign(frame.across).prod(-1) * above).sum(1) < 0)
+
+
 def _model(
-    shape: FloatArray, value: FloatArray, frame: _Frame
+    shape: FloatArray, dark_first: BoolArray, value: FloatArray, frame: _Frame
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Levels (n, 4) that fit best, weighted residuals (n, K) and derivatives (n, K, 6)."""
-    own = np.exp(2 * shape[:, None, 4:])
+    """Levels (n, 4) that fit best, weighted residuals (n, K) and derivatives (n, K, 7).
+
+    Two opposite quadrants draw back by half the gap from both edges, the dark ones where the gap
+    is positive and the bright ones where it is negative. With logistic steps the share of the two
+    others at a point is again a logistic function of both distances, and without a gap the shares
+    are the products of the steps across either edge.
+    """
+    half_gap = shape[:, 6]
+    # The quadrants that draw back lie at (+,+) and (-,-) once the second axis is turned.
+    turned = np.where(dark_first == (half_gap >= 0), 1.0, -1.0)
+    own = np.exp(2 * shape[:, None, 4:6])
     blur = np.sqrt(_SHARPEST**2 + own)
-    z = (frame.across - shape[:, None, :2] - shape[:, None, 2:4] * frame.along) / blur
-    step = np.tanh(_TANH * z)
-    u, v = step[..., 0], step[..., 1]
-    basis = np.stack([np.ones_like(u), u, v, u * v], -1) * frame.root_weight[..., None]
+    steep = 2 * _TANH / blur
+    z = (frame.across - shape[:, None, :2] - shape[:, None, 2:4] * frame.along) * steep
+    z = np.clip(z, -_STEEPEST, _STEEPEST)
+    z[..., 1] *= turned[:, None]
+    back = np.minimum(np.abs(half_gap)[:, None, None] * steep, _STEEPEST)
+    away, bar = np.exp(-z), np.exp(back)
+    plus, minus = 1 / (1 + away * bar), away / (away + bar)  # steps up to the two quadrants
+    first, third = plus.prod(-1), minus.prod(-1)
+    rest = 1 - first - third
+    fourth = away[..., 1] / (away[..., 1] + away[..., 0])
+    weight = frame.root_weight
+    basis = np.stack([first, rest * (1 - fourth), third, rest * fourth], -1) * weight[..., None]
     normal = basis.transpose(0, 2, 1) @ basis + 1e-6 * np.eye(4)
-    target = value * frame.root_weight
+    target = value * weight
     levels = np.linalg.solve(normal, basis.transpose(0, 2, 1) @ target[..., None])
     residual = target - (basis @ levels)[..., 0]
-    c = levels[:, 1:, 0]
-    slope = _TANH * (1 - step * step) / blur
-    slope[..., 0] *= (c[:, :1] + c[:, 2:] * v) * frame.root_weight
-    slope[..., 1] *= (c[:, 1:2] + c[:, 2:] * u) * frame.root_weight
-    columns = -np.concatenate([slope, slope * frame.along, slope * z * (own / blur)], -1)
+    one, two, three, four = levels.transpose(1, 0, 2)
+    between = two + (four - two) * fourth
+    of_plus = ((one - between) * weight)[..., None] * plus[..., ::-1] * plus * (1 - plus)
+    of_minus = ((three - between) * weight)[..., None] * minus[..., ::-1] * minus * (1 - minus)
+    sharing = rest * (four - two) * fourth * (1 - fourth) * weight
+    slope = of_plus - of_minus
+    slope[..., 0] += sharing
+    slope[..., 1] -= sharing
+    gap_slope = of_plus + of_minus
+    sign = np.where(half_gap >= 0, 1.0, -1.0)[:, None]
+    by_gap = (gap_slope * steep).sum(-1) * sign
+    by_blur = (slope * z - gap_slope * back) * (own / blur**2)
+    slope *= steep
+    slope[..., 1] *= turned[:, None]
+    columns = -np.concatenate([slope, slope * frame.along, by_blur, by_gap[..., None]], -1)
     # Kaufman's variable projection: the levels follow the shape.
     columns -= basis @ np.linalg.solve(normal, basis.transpose(0, 2, 1) @ columns)
     best = np.asarray(levels[..., 0], np.float64)
+    best = np.where(turned[:, None] > 0, best, best[:, ::-1])
     return best, residual, np.asarray(columns, np.float64)

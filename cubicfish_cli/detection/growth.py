@@ -14,6 +14,7 @@ from cubicfish_cli.detection.squares import (
     NEIGHBOUR_STEPS,
     SEPARATION,
     edges_seen,
+    measure_half_gap,
     quadrants,
 )
 
@@ -106,7 +107,7 @@ def looks_like_corner(
 ) -> tuple[BoolArray, FloatArray]:
     """Test brightness of the four squares and of the edges to known neighbours."""
     sign = lattice.sign(cells)
-    square = quadrants(pyramid, pixel, fit, sign)
+    square = quadrants(pyramid, pixel, fit, sign, lattice.half_gap)
     around = cells[:, None] + NEIGHBOUR_STEPS
     neighbour = lattice.pixel[around[..., 0], around[..., 1]]
     expected = _contrast_around(lattice, cells)
@@ -115,7 +116,9 @@ def looks_like_corner(
     own = np.maximum(square.contrast, 1e-6)
     good = square.separation > SEPARATION * own
     good &= own > np.maximum(LEAST_CONTRAST * expected, 3.0 * pyramid.noise)
-    seen = edges_seen(pyramid, pixel, fit, sign, np.minimum(own, expected), neighbour)
+    seen = edges_seen(
+        pyramid, pixel, fit, sign, np.minimum(own, expected), neighbour, lattice.half_gap
+    )
     good &= 2 * seen.sum(1) >= (~np.isnan(neighbour[..., 0])).sum(1)
     good &= seen.any(1)
     return good, square.contrast
@@ -129,11 +132,13 @@ def _contrast_around(lattice: Lattice, cells: IntArray) -> FloatArray:
 
 
 def measure_contrast(pyramid: Pyramid, lattice: Lattice) -> None:
-    """Set the contrast of all corners from the squares around them."""
+    """Set the gap of the lattice, and the contrast of all corners from the squares around them."""
     cells = lattice.cells()
     fit = lattice.fit(cells)
     pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
-    contrast = quadrants(pyramid, pixel, fit, lattice.sign(cells)).contrast
+    sign = lattice.sign(cells)
+    lattice.half_gap = measure_half_gap(pyramid, pixel, fit, sign)
+    contrast = quadrants(pyramid, pixel, fit, sign, lattice.half_gap).contrast
     lattice.put(cells, pixel, np.maximum(contrast, 0))
 
 

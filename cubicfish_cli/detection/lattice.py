@@ -106,6 +106,7 @@ class Lattice:
         contrast: (I, J) bright minus dark level, grey levels.
         tried: (I, J) number of neighbours at the last failed try of an empty cell.
         parity: +1 when the quadrant (+, +) of array cell (0, 0) is bright, else -1.
+        half_gap: how far dark squares draw back from their edges where white bleeds, pixels.
 
     """
 
@@ -113,6 +114,7 @@ class Lattice:
     contrast: FloatArray
     tried: IntArray = field(init=False)
     parity: int
+    half_gap: float = 0.0
 
     def __post_init__(self) -> None:
         """Start with no cell tried."""

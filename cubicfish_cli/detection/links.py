@@ -27,6 +27,8 @@ _CONTRAST_RATIO = 3.0
 # at 27 degrees or more are then not mixed up.
 ALONG_EDGE = np.linspace(0.2, 0.8, 7)
 ASIDE, LEAST_ASIDE = 0.1, 1.2  # of the length, px
+# The same where white bleeds, and how much dearer such a link is: no other is left for it.
+_FAR_ASIDE, _BLEEDING = 0.22, 1e3
 # Of the corner's contrast: what an edge shows, in the middle of its samples and at worst.
 EDGE_MEDIAN, EDGE_LEAST = 0.30, 0.10
 
@@ -68,12 +70,19 @@ def find_links(pyramid: Pyramid, corners: XCorners) -> Links:
     # The ends of an arc miss the chord alike, to opposite sides.
     cost = length * (1 + np.abs(miss_p) + np.abs(miss_q) + _NO_ARC * np.abs(miss_p + miss_q))
     along_p, along_q = _unit(corners.angle[p, arm_p]), -_unit(corners.angle[q, arm_q])
-    difference = (
-        _edge(pyramid, corners.pixel[p], corners.pixel[q], along_p, along_q, length)
-        / np.minimum(corners.contrast[p], corners.contrast[q])[:, None]
-    )
-    difference *= np.where(arm_p % 2 == 0, 1, -1)[:, None]
+    scale = np.minimum(corners.contrast[p], corners.contrast[q])[:, None]
+    scale *= np.where(arm_p % 2 == 0, 1, -1)[:, None]
+    start, end = corners.pixel[p], corners.pixel[q]
+    difference = _edge(pyramid, start, end, along_p, along_q, length, ASIDE) / scale
     seen = edge_is_seen(difference)
+    # Where white bleeds the dark squares draw back from the line between their corners.
+    rest = np.nonzero(~seen)[0]
+    far = _edge(
+        pyramid, start[rest], end[rest], along_p[rest], along_q[rest], length[rest], _FAR_ASIDE
+    )
+    difference[rest] = far / scale[rest]
+    seen[rest] = edge_is_seen(difference[rest])
+    cost[rest] *= _BLEEDING
     cost /= np.clip(difference.min(1), EDGE_LEAST, 1.0)  # an edge that is seen all along is one
     p, q, arm_p, arm_q, cost = p[seen], q[seen], arm_p[seen], arm_q[seen], cost[seen]
     return _mutual(count, p, q, arm_p, arm_q, cost)
@@ -155,6 +164,7 @@ def _edge(
     leaving: FloatArray,
     arriving: FloatArray,
     length: FloatArray,
+    aside: float,
 ) -> FloatArray:
     """Difference across the cubic Hermite curve with the given unit tangents at its ends."""
     t = ALONG_EDGE[:, None]
@@ -172,7 +182,7 @@ def _edge(
     )
     normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)  # clockwise of the curve
     normal /= np.maximum(np.hypot(normal[..., 0], normal[..., 1]), 1e-9)[..., None]
-    offset = np.maximum(ASIDE * length, LEAST_ASIDE)
+    offset = np.maximum(aside * length, LEAST_ASIDE)
     return edge_difference(pyramid, points, normal * offset[:, None, None], length)
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
+from scipy.spatial import cKDTree
 
 from cubicfish_cli.detection.grids import FloatArray, IntArray
 
@@ -23,7 +23,5 @@ def nearest(points: FloatArray, others: FloatArray, count: int) -> tuple[FloatAr
     count = min(count, len(others))
     if not len(points):
         return np.zeros((0, count)), np.zeros((0, count), int)
-    distance, index = cv2.batchDistance(
-        points.astype(np.float32), others.astype(np.float32), cv2.CV_32F, K=count
-    )
-    return distance.astype(float), index.astype(int)
+    distance, index = cKDTree(others).query(points, k=np.arange(1, count + 1))
+    return np.asarray(distance, float), np.asarray(index, np.intp)

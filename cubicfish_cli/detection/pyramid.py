@@ -73,12 +73,12 @@ def bilinear(image: Float32Array, points: FloatArray) -> Float32Array:
     fits read the pixels themselves.
     """
     shape = points.shape[:-1]
-    flat = points.reshape(-1, 2).astype(np.float32)
+    count = points.size // 2
     columns = 64
-    rows = -(-len(flat) // columns)
-    padded = np.zeros((rows * columns, 2), np.float32)
-    padded[: len(flat)] = flat
-    x, y = np.ascontiguousarray(padded.reshape(rows, columns, 2).transpose(2, 0, 1))
+    rows = -(-count // columns)
+    x, y = np.zeros((2, rows * columns), np.float32)
+    x[:count], y[:count] = points[..., 0].ravel(), points[..., 1].ravel()
+    x, y = x.reshape(rows, columns), y.reshape(rows, columns)
     blocks = [slice(i, i + _MOST_ROWS) for i in range(0, rows, _MOST_ROWS)]
     pieces = [
         cv2.remap(image, x[b], y[b], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -87,7 +87,7 @@ def bilinear(image: Float32Array, points: FloatArray) -> Float32Array:
     if not pieces:
         return np.zeros(shape, np.float32)
     sampled = np.concatenate([np.asarray(piece, np.float32) for piece in pieces])
-    return sampled.reshape(-1)[: len(flat)].reshape(shape)
+    return sampled.reshape(-1)[:count].reshape(shape)
 
 
 def estimate_noise(image: Float32Array) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.detection.crossing import Crossings, fit_crossings
+from cubicfish_cli.detection.crossing import Crossings, Gaps, fit_crossings
 from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
 from cubicfish_cli.detection.lattice import LocalFit
 from cubicfish_cli.detection.nearby import nearest
@@ -15,7 +15,10 @@ from cubicfish_cli.detection.verify import whole_corners
 
 # Half-size of the window, pixels.
 _SMALLEST_HALF, _USUAL_HALF, _LARGEST_HALF = 3.0, 5.0, 12.0
-_OF_SIDE, _OF_BLUR = 0.4, 3.5
+_OF_SIDE, _OF_BLUR, _OF_GAP = 0.4, 3.5, 1.0
+# Corners whose gaps should be alike, and how alike at least, pixels.
+_AROUND, _GAP_SPREAD = 7, 0.15
+_ODD_GAP = 3.0  # a corner whose gap stays that far away, in such spreads, is none
 # How far a crossing moves towards the saddle point, and from what distance on it does not.
 _SADDLE_SHARE, _SADDLE_TRAVEL = 1 / 3, 0.5
 
@@ -39,16 +42,50 @@ def _cross(
     half = np.clip(_OF_SIDE * fit.side, _SMALLEST_HALF, _USUAL_HALF)
     found = fit_crossings(image, start, fit, half, noise)
     for _ in range(3):
-        # A window within the blur sees no more than a slope.
-        wider = np.clip(_OF_BLUR * found.blur.max(1), half, largest)
+        # A window within the blur, or the gap, sees no more than a slope.
+        need = _OF_BLUR * found.blur.max(1) + _OF_GAP * np.abs(found.gap)
+        wider = np.clip(need, half, largest)
         wider = np.minimum(wider, np.maximum(_OF_SIDE * fit.side, half))
         rows = np.nonzero(wider > half + 0.5)[0]
         if not len(rows):
             break
         found.replace(rows, fit_crossings(image, start[rows], fit.select(rows), wider[rows], noise))
         half[rows] = wider[rows]
+    _share_gaps(image, start, found, fit, half, noise)
     _lean_on_saddles(image, found, half)
     return found
+
+
+def _share_gaps(
+    image: npt.NDArray[np.generic],
+    start: FloatArray,
+    found: Crossings,
+    fit: LocalFit,
+    half: FloatArray,
+    noise: float,
+) -> None:
+    """Fit the corners again whose gap is not like those around them, held to these, in place.
+
+    White bleeds alike all over a part of a board, and a blur along one diagonal (a moved camera)
+    parts all dark squares that meet along the one and joins those along the other. A gap of its own
+    has a corner that uses it to follow something else: the edge of a shadow, the border of the
+    image circle.
+    """
+    alike = found.contrast(np.ones(len(start), int)) > 0
+    mean, spread = np.zeros(len(start)), np.full(len(start), np.inf)
+    for group in (alike, ~alike):
+        if group.sum() >= _AROUND:
+            around = nearest(start[group], start[group], _AROUND)[1]
+            gap = found.gap[group][around]
+            mean[group] = np.median(gap, axis=1)
+            scatter = np.median(np.abs(gap - mean[group, None]), axis=1)
+            spread[group] = np.maximum(1.5 * scatter, _GAP_SPREAD)
+    rows = np.nonzero(np.abs(found.gap - mean) > 2 * spread)[0]
+    if len(rows):
+        gaps = Gaps(mean=mean[rows], spread=spread[rows])
+        again = fit_crossings(image, start[rows], fit.select(rows), half[rows], noise, gaps)
+        found.replace(rows, again)
+    found.ok[np.abs(found.gap - mean) > _ODD_GAP * spread] = False
 
 
 def _lean_on_saddles(image: npt.NDArray[np.generic], found: Crossings, half: FloatArray) -> None:

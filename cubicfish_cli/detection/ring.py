@@ -25,7 +25,7 @@ class Rings:
     """Result of :func:`check_rings`, one row a point.
 
     Attributes:
-        ok: (N,) whether at least one ring passed.
+        ok: (N,) whether the second ring passed, and agrees with the smallest if that passed.
         angle: (N, 4) directions of the four edges ("arms"), radians, clockwise on screen
             (x right, y down), starting with one whose clockwise side is bright.
         radius: (N,) the largest ring of an unbroken run of good ones, pixels.
@@ -52,7 +52,9 @@ def check_rings(image: Float32Array, pixel: FloatArray, least_contrast: float) -
     contrast = np.zeros(count)
     phi = np.arange(_SAMPLES) * (_TURN / _SAMPLES)
     circle = np.stack([np.cos(phi), np.sin(phi)], axis=-1)
-    active = np.arange(count)
+    # All that come out have passed the second ring: it sorts out most of a texture before the
+    # others are looked at.
+    active = np.nonzero(_ring(image, pixel, RADII[1] * circle, least_contrast)[0])[0]
     for k, r in enumerate(RADII):
         good, arms, spread = _ring(image, pixel[active], r * circle, least_contrast)
         seen = ok[active]
@@ -66,6 +68,9 @@ def check_rings(image: Float32Array, pixel: FloatArray, least_contrast: float) -
         ok[rows], angle[rows], radius[rows], contrast[rows] = True, arms[good], r, spread[good]
         # Blur may hide the pattern on the very smallest ring only.
         active = active if k == 0 else rows
+        if k == 1:
+            ok[:] = False
+            ok[rows] = True
     return Rings(ok=ok, angle=angle % _TURN, radius=radius, contrast=contrast)
 
 

@@ -20,7 +20,11 @@ from cubicfish_cli.detection.pyramid import Pyramid
 # Along the diagonal of each square, in sides: within the white margin that ChArUco boards leave
 # around a marker (0.1 to 0.15 of a square), but beyond the blur where squares are small.
 _DIAGONAL, _LEAST_DIAGONAL_PX, _LONGEST_DIAGONAL = 0.09, 1.2, 0.25
+_INMOST_DIAGONAL = 0.35
 _ALONG_DIAGONAL = np.array([0.7, 1.0, 1.3])
+# Where the profile of a dark square is taken, and which of it is its inside.
+_PROFILE = np.linspace(0.02, 0.42, 17)
+_DEEP = slice(11, None)
 # Quadrants (+,+), (-,+), (-,-), (+,-): clockwise; the first and third share their colour.
 _QUADRANTS = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
 SEPARATION = 0.30  # darker bright minus brighter dark quadrant, of the corner's contrast
@@ -52,10 +56,47 @@ class Quadrants:
         return self.bright.mean(2).min(1) - self.dark.mean(2).max(1)
 
 
-def quadrants(pyramid: Pyramid, pixel: FloatArray, fit: LocalFit, sign: IntArray) -> Quadrants:
-    """Sample the four squares at (N, 2) pixels; ``sign`` +1 where quadrant (+, +) is bright."""
-    away = np.clip(_LEAST_DIAGONAL_PX / fit.side, _DIAGONAL, _LONGEST_DIAGONAL)
-    offset = (_QUADRANTS[:, None, :] * _ALONG_DIAGONAL[None, :, None]).reshape(-1, 2)
+def quadrants(
+    pyramid: Pyramid, pixel: FloatArray, fit: LocalFit, sign: IntArray, half_gap: float = 0.0
+) -> Quadrants:
+    """Sample the four squares at (N, 2) pixels.
+
+    Args:
+        pyramid: the photo.
+        pixel: (N, 2) the corners.
+        fit: local fit around each.
+        sign: (N,) +1 where quadrant (+, +) is bright.
+        half_gap: how far dark squares draw back from their edges, pixels.
+
+    """
+    side = np.maximum(fit.side, 1e-6)  # 0 where corners that chance put together lie in a line
+    away = np.clip(_LEAST_DIAGONAL_PX / side, _DIAGONAL, _LONGEST_DIAGONAL)
+    away = np.minimum(away + half_gap / side, _INMOST_DIAGONAL)
+    return _along_diagonals(pyramid, pixel, fit, sign, away, _ALONG_DIAGONAL)
+
+
+def measure_half_gap(pyramid: Pyramid, pixel: FloatArray, fit: LocalFit, sign: IntArray) -> float:
+    """How far the dark squares draw back from their edges, pixels: the median over the corners.
+
+    Along each diagonal brightness falls through the middle between the levels of the bright
+    squares and of the dark ones where the dark square begins: at the corner itself unless white
+    bleeds. The arguments are those of :func:`quadrants`.
+    """
+    square = _along_diagonals(pyramid, pixel, fit, sign, np.full(len(pixel), 1.0), _PROFILE)
+    level = 0.5 * (np.median(square.bright, axis=(1, 2)) + square.dark[..., _DEEP].mean((1, 2)))
+    begins = _PROFILE[np.argmax(square.dark < level[:, None, None], axis=2)]
+    return float(np.median((begins - _PROFILE[0]) * fit.side[:, None]))
+
+
+def _along_diagonals(
+    pyramid: Pyramid,
+    pixel: FloatArray,
+    fit: LocalFit,
+    sign: IntArray,
+    away: FloatArray,
+    along: FloatArray,
+) -> Quadrants:
+    offset = (_QUADRANTS[:, None, :] * along[None, :, None]).reshape(-1, 2)
     points = fit.at(away[:, None, None] * offset) + (pixel - fit.pixel)[:, None]
     level = pyramid.sample(points, fit.side).reshape(len(pixel), 4, -1).astype(float)
     plus = (sign > 0)[:, None, None]
@@ -72,6 +113,7 @@ def edges_seen(
     sign: IntArray,
     contrast: FloatArray,
     neighbour: FloatArray,
+    half_gap: float = 0.0,
 ) -> BoolArray:
     """Which of the four edges to known neighbours can be seen: (N, 4).
 
@@ -82,6 +124,7 @@ def edges_seen(
         sign: (N,) parity.
         contrast: (N,) grey levels.
         neighbour: (N, 4, 2) positions of the neighbours along NEIGHBOUR_STEPS, NaN if unknown.
+        half_gap: how far dark squares draw back from their edges, pixels.
 
     """
     row, arm = np.nonzero(~np.isnan(neighbour[..., 0]))
@@ -100,7 +143,7 @@ def edges_seen(
     across = (part.step @ np.stack([-direction[:, 1], direction[:, 0]], -1)[..., None])[..., 0]
     area = np.abs(np.linalg.det(part.step))
     height = area / np.hypot(*(part.step @ direction[..., None])[..., 0].T)
-    share = np.clip(LEAST_ASIDE / height, ASIDE, 0.4)
+    share = np.minimum(np.clip(LEAST_ASIDE / height, ASIDE, 0.4) + half_gap / height, 0.4)
     difference = edge_difference(pyramid, points, (share[:, None] * across)[:, None], length)
     difference *= (sign[row] * np.where(arm % 2 == 0, 1, -1))[:, None]
     difference /= np.maximum(contrast[row], 1e-6)[:, None]

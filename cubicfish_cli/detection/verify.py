@@ -22,8 +22,10 @@ _TURN = 0.25  # radians
 _TRAVEL = 0.15  # of the side
 _MOST_SPREAD = 0.05  # predicted standard deviation, of the side
 # Times the median around: the edge of a shadow or of the paper within the window shows as a model
-# that fits worse than it does next door.
-_SPREAD = 3.5
+# that fits worse than it does next door. Next door may fit to hundredths of a pixel, though, and
+# prints and paper are not true to more than a hundredth of a square: on rendered photos corners of
+# a spread under a tenth of a pixel are as good as it says, whatever is next to them.
+_SPREAD, _HARMLESS, _TRUE_TO = 3.5, 0.1, 0.01  # times that around, px, of the side
 
 
 def whole_corners(
@@ -45,5 +47,7 @@ def whole_corners(
     good &= found.blur.max(1) < _BLUR * blur_around + 0.5
     good &= found.turn < _TURN
     good &= moved < np.maximum(_TRAVEL * side, 0.5)
-    good &= found.spread < np.minimum(_MOST_SPREAD * side, _SPREAD * spread_around)
+    harmless = np.maximum(_HARMLESS, _TRUE_TO * side)
+    most_spread = np.hypot(_SPREAD * spread_around, harmless)
+    good &= found.spread < np.minimum(_MOST_SPREAD * side, most_spread)
     return good
