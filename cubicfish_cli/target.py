@@ -309,7 +309,7 @@ class Target:
         return self.in_mirror() if self.mirrored else self
 
     def moved(self, offset: FloatArray) -> Target:
-        """The object with its world's origin elsewhere: ``offset`` (3,) is added to all points."""
+        """The object with ``offset`` (3,), in the target's units, added to all its points."""
         if not offset.any():
             return self
         return replace(self, boards=tuple(board.moved(offset) for board in self.boards))

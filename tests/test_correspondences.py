@@ -258,7 +258,7 @@ ROW = "a.png,floor,0,0,10,20\n"
         (HEADER + "\n\n" + ROW + ROW, "line 6: the same corner as in line 5"),
         (
             HEADER.replace(",y\n", ",y,weight\n") + "a,floor,0,0,1,2,0\n",
-            "line 3: weight must be",
+            "line 3: weight 0 must be above 0",
         ),
         (
             HEADER.replace(",y\n", ",y,certain\n") + "a,floor,0,0,1,2,2\n",

@@ -87,6 +87,8 @@ def test_variances_add_up_to_sigma():
     companion, cubic = fitted(4, CornerErrors())
     spread = photo_spread(cubic, companion.pairs, np.arange(PHOTOS), companion.covered)
     rays = cone_rays(companion.covered, 30)
-    single = spread._of_photos(*(spread._changes(s, rays) for s in (spread.left_out, spread.influence)))
+    single = spread._of_photos(
+        *(spread._changes(s, rays) for s in (spread.left_out, spread.influence))
+    )
     assert (spread.sigma_px(rays) ** 2 >= single.reshape(-1, 2).sum(axis=1) * (1 - 1e-12)).all()
     assert spread.noise_px == pytest.approx(spread.noise.noise_px)

@@ -256,7 +256,7 @@ def calibrate(
         near,
         pairs=replace(used, world=used.world + origin, weight=used.weight * weight),
         poses=near.poses.of_world(origin),
-        target=near.target and near.target.moved(origin),
+        target=near.target.moved(origin) if near.target and near.refined != "off" else target,
     )
 
 

@@ -67,8 +67,8 @@ def held_out_error(
 ) -> HeldOut | None:
     """Cross-validation by photo: each photo is judged by a camera that never saw it.
 
-    Photo i belongs to fold i modulo the number of folds; photos from the same place count as one,
-    so that none is judged by a camera that saw its repeat. In each fold companion, P and, at its
+    Photos are dealt out to the folds in the order of their names; photos from the same place count
+    as one, so that none is judged by a camera that saw its repeat. In each fold companion, P and, at its
     level, the object are fitted to the other photos; then only the poses of the photos left out
     are fitted. The fits start where the fit to all photos ended, a few steps from their own
     optimum; the priors and their weights are those that the fit to all photos chose.
@@ -118,7 +118,11 @@ def photo_folds(poses: Poses, pairs: Correspondences, focal: float) -> list[IntA
     group = repeated_groups(poses, pairs, focal)
     places = int(group.max()) + 1
     folds = min(FOLDS, places) if places >= MIN_PHOTOS else 0
-    return [np.flatnonzero(group % folds == fold) for fold in range(folds)]
+    # Dealt out by name, so that the order in which photos come does not matter.
+    by_name = group[np.argsort(pairs.images, kind="stable")]
+    _, first = np.unique(by_name, return_index=True)
+    rank = np.argsort(np.argsort(first))
+    return [np.flatnonzero(rank[group] % folds == fold) for fold in range(folds)]
 
 
 def _fold(fit: ObjectFit, test: IntArray) -> tuple[FloatArray, FloatArray, IntArray]:

@@ -106,7 +106,7 @@ def _squares(judged: Sequence[LeftOut], photos: int) -> FloatArray:
     """(M,) squared errors of each photo under a fit without it, summed over its corners."""
     image = np.concatenate([one.image for one in judged])
     residual = np.vstack([one.residual for one in judged])
-    return np.bincount(image, np.sum(residual**2, axis=1), photos)
+    return np.bincount(image, np.sum(residual**2, axis=1), photos).astype(float)
 
 
 def _firmest_of_the_best(squares: Mapping[_Place, FloatArray]) -> _Place:

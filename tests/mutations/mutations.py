@@ -42,14 +42,14 @@ MUTATIONS = tuple(
         ),
         (
             "model/cubic.py",
-            "rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)\n        homogeneous",
-            "homogeneous",
+            "rays = unit_rays(points)\n        with",
+            "rays = points\n        with",
             "model_cameras",
         ),
         (
             "model/cubic.py",
-            "theta <= np.deg2rad(self.max_angle_deg)",
-            "theta <= np.pi",
+            "<= np.deg2rad(self.max_angle_deg) + _EDGE_SLACK_RAD",
+            "<= np.pi",
             "model_cameras",
         ),
         (
