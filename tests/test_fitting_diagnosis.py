@@ -570,6 +570,15 @@ def test_odd_photos_are_compared_with_a_lens_that_knows_none_of_them(size):
     assert [one.images for one in found] == [("03.png", "08.png", "09.png")] * (size > 0)
 
 
+@pytest.mark.parametrize("cause", ["sheared", "lens"])
+def test_one_odd_photo_is_no_reason_to_doubt_a_camera(pairs, cause):
+    odd = [
+        photo_lenses.Unlike(photo=photo, chance=1e-9, size_px=2.0, share=0.6) for photo in (2, 5)
+    ]
+    assert lens_faults._single_finding(odd[:1], pairs, cause).level == "note"
+    assert lens_faults._single_finding(odd, pairs, cause).level == "care"
+
+
 # Many photos, of which a few are looked at first
 
 

@@ -496,10 +496,12 @@ def _single_finding(certain: list[Unlike], pairs: Correspondences, cause: str) -
     where = listed(names, "photos")
     of_it = f"of {pairs.images[most.photo]}" if len(names) > 1 else "of it"
     evidence = f"{100 * most.share:.0f} % of the squared error {of_it}"
+    # A camera that eight others determine hardly hangs on one.
+    level: Literal["note", "care"] = "note" if len(certain) == 1 else "care"
     if cause == "sheared":
         return Finding(
             cause="sheared",
-            level="care",
+            level=level,
             what=f"{where}: sheared by up to {most.size_px:.1f} px from the middle row to the "
             "last, as when camera or object moves under a rolling shutter",
             evidence=evidence,
@@ -508,7 +510,7 @@ def _single_finding(certain: list[Unlike], pairs: Correspondences, cause: str) -
         )
     return Finding(
         cause="photo_lens",
-        level="care",
+        level=level,
         what=f"{where}: scale or centre differ from the other photos' by up to "
         f"{most.size_px:.1f} px: another zoom or focus, cropped, or another camera",
         evidence=evidence,
