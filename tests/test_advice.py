@@ -256,7 +256,7 @@ def test_a_good_calibration_is_enough(fitted):
     # Where the verdict asks for photos, nothing says that there are enough.
     overfit = {**record, "rms_px": 0.15, "held_out_rms_px": 0.3}
     line = summary(fitted.camera, overfit, fitted.pairs)
-    assert line.startswith("heed the verdict first; by the corners' noise alone photos are enough")
+    assert line.startswith("heed the verdict first; by the uncertainty alone photos are enough")
     # Least of all where the camera is not to be trusted.
     wrong = {**record, "held_out_rms_px": 9 * record["rms_px"] + 1}
     assert "enough" not in summary(fitted.camera, wrong, fitted.pairs)

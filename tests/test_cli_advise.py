@@ -76,7 +76,7 @@ def test_a_verdict_that_asks_for_photos_is_not_contradicted(
     camera.write_text(changed)
     given = ("--corners", SAMPLE / "true_corners.csv", "--target", TARGET)
     said = " ".join(run("advise", camera, *given).stdout.split())
-    assert "Heed the verdict first: not to be trusted: on photos left out" in said
+    assert "Not enough: the camera is not to be trusted: on photos left out" in said
     assert "Enough" not in said
 
 

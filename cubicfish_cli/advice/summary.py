@@ -13,7 +13,7 @@ from cubicfish_cli.fitting.verdict import verdict
 from cubicfish_cli.model.cubic import CubicCamera
 
 HEED_FIRST = "heed the verdict first"
-NOISE_ALONE = "heed the verdict first; by the corners' noise alone"
+NOISE_ALONE = "heed the verdict first; by the uncertainty alone"
 _PARTS = 2
 
 

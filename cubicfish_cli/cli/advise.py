@@ -192,7 +192,7 @@ def _print(advice: Advice, judged: Verdict) -> None:
     if advice.enough:
         if judged.asks_for_photos:
             _paragraph(f"Heed the verdict first: {judged.line}.")
-            result("By the corners' noise alone more photos are not needed.")
+            result("By the uncertainty alone more photos are not needed.")
         else:
             result("Enough: more photos are not needed.")
         result("Smaller uncertainty can be asked for with --goal.\n")

@@ -239,7 +239,7 @@ def calibrate(
     # What the user chose freely, the world's origin and the unit of weights, must not matter.
     origin, weight = middle(pairs), pairs.weight.mean()
     pairs = with_mean_weight_one(replace(pairs, world=pairs.world - origin))
-    target = target and target.moved(-origin)
+    given, target = target, target and target.moved(-origin)
     refined = target is not None and (hold_out or refine_target != "auto")
     stages = Stages(progress, refined=refined and refine_target != "off", hold_out=hold_out)
     sought = known if diagnose else None
@@ -256,7 +256,7 @@ def calibrate(
         near,
         pairs=replace(used, world=used.world + origin, weight=used.weight * weight),
         poses=near.poses.of_world(origin),
-        target=near.target.moved(origin) if near.target and near.refined != "off" else target,
+        target=near.target.moved(origin) if near.target and near.refined != "off" else given,
     )
 
 

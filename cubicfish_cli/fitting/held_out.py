@@ -68,9 +68,9 @@ def held_out_error(
     """Cross-validation by photo: each photo is judged by a camera that never saw it.
 
     Photos are dealt out to the folds in the order of their names; photos from the same place count
-    as one, so that none is judged by a camera that saw its repeat. In each fold companion, P and, at its
-    level, the object are fitted to the other photos; then only the poses of the photos left out
-    are fitted. The fits start where the fit to all photos ended, a few steps from their own
+    as one, so that none is judged by a camera that saw its repeat. In each fold companion, P and,
+    at its level, the object are fitted to the other photos; then only the poses of the photos left
+    out are fitted. The fits start where the fit to all photos ended, a few steps from their own
     optimum; the priors and their weights are those that the fit to all photos chose.
 
     Args:
