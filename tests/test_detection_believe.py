@@ -9,7 +9,18 @@ from cubicfish_cli.detection.lattice import Lattice
 from cubicfish_cli.detection.pyramid import enlarged, reduced
 
 
-def judged(*, jitter=0.0, blur=1.0, contrast_change=0.0, shape=(4, 4), side=20.0):
+def judged(
+    *,
+    jitter=0.0,
+    blur=1.0,
+    contrast_change=0.0,
+    shape=(4, 4),
+    side=20.0,
+    turn=0.0,
+    gap=0.0,
+    gap_by_colour=0.0,
+    gap_scatter=0.0,
+):
     rng = np.random.default_rng(0)
     cells = np.argwhere(np.ones(shape, bool))
     pixel = 50 + side * cells + side * rng.normal(0, 1, cells.shape) * jitter
@@ -21,8 +32,8 @@ def judged(*, jitter=0.0, blur=1.0, contrast_change=0.0, shape=(4, 4), side=20.0
         ok=np.ones(count, bool),
         level=np.zeros((count, 4)),
         blur=np.full((count, 2), blur),
-        turn=np.zeros(count),
-        gap=np.zeros(count),
+        turn=np.full(count, turn),
+        gap=gap + gap_by_colour * (-1) ** cells.sum(1) + gap_scatter * rng.normal(0, 1, count),
         misfit=np.zeros(count),
         spread=np.zeros(count),
     )
@@ -34,7 +45,21 @@ def test_a_regular_sharp_grid_is_a_board():
     assert judged(jitter=0.01, blur=0.8, contrast_change=0.05, side=7.0)
 
 
-@pytest.mark.parametrize("flaw", [{"jitter": 0.12}, {"blur": 3.5}, {"contrast_change": 0.6}])
+FLAWS = [
+    {"jitter": 0.12},
+    {"blur": 3.5},
+    {"contrast_change": 0.6},
+    {"turn": 0.2},
+    {"gap_scatter": 5.0},
+]
+
+
+def test_gaps_that_are_alike_or_alike_by_colour_are_a_board_s():
+    assert judged(gap=4.0)
+    assert judged(gap_by_colour=4.0)
+
+
+@pytest.mark.parametrize("flaw", FLAWS)
 def test_each_flaw_alone_speaks_against_it(flaw):
     assert not judged(**flaw)
 

@@ -18,6 +18,10 @@ LEAST_SQUARES = 4
 # 0.06, 0.17 and 0.22; boards on rendered and on real fisheye photos stay under 0.03, 0.13 (squares
 # of 6 px) and 0.17, mostly far under.
 _MISS, _BLUR, _CONTRAST = 0.04, 0.15, 0.25
+# The gaps between dark squares are alike where white bleeds (and by colour where the camera moved),
+# and edges follow the grid: gaps of boards on rendered photos scatter by up to 0.035 sides, edges
+# turn by up to 0.054 radians. In grids of text, lines and dots either is 0.1 to 0.2.
+_GAP, _TURN = 0.1, 0.15
 # The sum of squares may be 1 for the smallest grids, and more for large ones, which chance cannot
 # make.
 _LARGE = 40
@@ -68,6 +72,24 @@ def is_board(
     blur = float(np.median(found.blur.max(1) / side))
     contrast = lattice.contrast[cells[:, 0], cells[:, 1]]
     change = np.abs(np.log(np.maximum(contrast, 1e-6) / np.maximum(contrast_around, 1e-6)))
-    score = np.array([np.median(miss) / _MISS, blur / _BLUR, np.median(change) / _CONTRAST])
+    score = np.array(
+        [
+            np.median(miss) / _MISS,
+            blur / _BLUR,
+            np.median(change) / _CONTRAST,
+            np.median(_gap_scatter(found.gap, lattice.sign(cells)) / side) / _GAP,
+            np.median(found.turn) / _TURN,
+        ]
+    )
     limit = 1 + min(1.0, max(0.0, (len(cells) - LEAST_CORNERS) / (_LARGE - LEAST_CORNERS)))
     return bool((score**2).sum() < limit and blur < _MOST_BLUR)
+
+
+def _gap_scatter(gap: FloatArray, sign: IntArray) -> FloatArray:
+    """How far each gap is from the median of its colour's gaps, pixels (N,)."""
+    scatter = np.zeros(len(gap))
+    for colour in (-1, 1):
+        of_colour = sign == colour
+        if of_colour.any():
+            scatter[of_colour] = np.abs(gap[of_colour] - np.median(gap[of_colour]))
+    return scatter
