@@ -21,6 +21,11 @@ from cubicfish_cli.detection.saddle import fit_saddles
 _NOISE_CONTRAST = 3.0
 # Beyond this many only the clearest are kept: a bound on time and memory for textures.
 MOST_CORNERS = 8_000
+# The same for what is looked at more closely at one scale: saddles, of which texture has one in
+# thirty pixels and the corners of boards are among the strongest, and those that look like corners
+# on rings, of which a tenth becomes corners of grids at most.
+_MOST_SADDLES = 100_000
+_MOST_FITTED = 2 * MOST_CORNERS
 
 # Positions, arm angles, radii, contrasts.
 _Part = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
@@ -60,9 +65,8 @@ def find_corners(pyramid: Pyramid) -> XCorners:
         none = np.zeros(0)
         return XCorners(pixel=np.zeros((0, 2)), angle=np.zeros((0, 4)), radius=none, contrast=none)
     pixel, angle, radius, contrast = (np.concatenate(part) for part in zip(*parts, strict=True))
-    if len(pixel) > MOST_CORNERS:
-        best = np.argsort(-contrast * np.sqrt(radius), kind="stable")[:MOST_CORNERS]
-        pixel, angle, radius, contrast = pixel[best], angle[best], radius[best], contrast[best]
+    best = _first(contrast * np.sqrt(radius), MOST_CORNERS)
+    pixel, angle, radius, contrast = pixel[best], angle[best], radius[best], contrast[best]
     return XCorners(pixel=pixel, angle=angle, radius=radius, contrast=contrast)
 
 
@@ -86,9 +90,12 @@ def _at_scale(
     column, row = np.rint(pixel).astype(int).T
     free = taken[row, column] == 0
     pixel, response = pixel[free], saddles.response[free]
+    strongest = _first(response, _MOST_SADDLES)
+    pixel, response = pixel[strongest], response[strongest]
     rings = check_rings(image, pixel, _NOISE_CONTRAST * noise)
-    good = rings.ok
-    fit = fit_saddles(image, pixel[good], np.full(int(good.sum()), max(2.0, 1.6 * scale)))
+    good = np.flatnonzero(rings.ok)
+    good = good[_first((rings.contrast * np.sqrt(rings.radius))[good], _MOST_FITTED)]
+    fit = fit_saddles(image, pixel[good], np.full(len(good), max(2.0, 1.6 * scale)))
     radius, response = rings.radius[good][fit.ok], response[good][fit.ok]
     keep = _strongest(fit.pixel[fit.ok], response * np.sqrt(radius), np.clip(0.6 * radius, 2, 5))
     return (
@@ -97,6 +104,13 @@ def _at_scale(
         radius[keep],
         rings.contrast[good][fit.ok][keep],
     )
+
+
+def _first(score: FloatArray, most: int) -> npt.NDArray[np.intp]:
+    """Indices of the ``most`` best scores, in the order in which they came."""
+    if len(score) <= most:
+        return np.arange(len(score))
+    return np.sort(np.argsort(-score, kind="stable")[:most])
 
 
 def _strongest(pixel: FloatArray, score: FloatArray, radius: FloatArray) -> npt.NDArray[np.bool_]:
