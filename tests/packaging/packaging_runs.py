@@ -50,7 +50,7 @@ def _step(line: str, *writes: str, input: str = "", extra: str | None = None) ->
 
 
 COMMANDS = (
-    "target", "target check", "target print", "calibrate", "detect", "corners", "evaluate",
+    "target", "target check", "target print", "calibrate", "frames", "detect", "corners", "evaluate",
     "compare", "report", "advise", "undistort", "map", "project", "unproject", "export", "import",
     "simulate",
 )  # fmt: skip
