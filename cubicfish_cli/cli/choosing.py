@@ -122,7 +122,7 @@ def choose_frames(
     }
     photos = _photos(measured, names)
     frames = sum(map(len, measured))
-    say(f"Looking for boards in {len(photos)} of {count(frames, 'frame')}.")
+    say(f"{count(frames, 'frame')}; the best {len(photos)} are searched for boards.")
     try:
         seen = _seen(photos, target, jobs, no_cache=no_cache)
     except DetectionError as error:

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-Grey = npt.NDArray[np.integer[Any]]
+Grey = npt.NDArray[np.integer[Any] | np.floating[Any]]
 Float32Array = npt.NDArray[np.float32]
 
 # Lines of the frame that are looked at for its sharpness, along and across.
