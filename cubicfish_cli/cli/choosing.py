@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from glob import glob, has_magic
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.inputs import detect
 from cubicfish_cli.cli.kept import cache_folder
-from cubicfish_cli.cli.target_choice import TargetChoice, say_default
+from cubicfish_cli.cli.target_choice import TargetChoice
 from cubicfish_cli.cli.terminal import progress, say
 from cubicfish_cli.cli.video_options import is_video_name
 from cubicfish_cli.errors import DetectionError, PhotoError
@@ -142,7 +142,8 @@ def choose_frames(
         for at, name in enumerate(names.values())
         if not choice.why_not[at]
     ]
-    _write(table, sheet, chosen, films, measured, list(names), seen, choice, overwrite=overwrite)
+    of = frames_table.depends_on(films, most, _sha256(target))
+    _write(table, sheet, of, chosen, measured, list(names), seen, choice, overwrite=overwrite)
     shutil.rmtree(unfinished, ignore_errors=True)
     return ChosenFrames(
         photos=tuple(path for path, _, _ in chosen),
@@ -173,9 +174,9 @@ def frames_to_calibrate(
     from cubicfish_cli.films import table as frames_table
     from cubicfish_cli.films.film import open_films
 
-    say_default(target)
     table = folder / frames_table.NAME
-    if not overwrite and table.is_file() and frames_table.is_of(table, open_films(expanded(paths))):
+    of = frames_table.depends_on(open_films(expanded(paths)), most, _sha256(target))
+    if not no_cache and table.is_file() and frames_table.is_of(table, of):
         kept = [folder / name for name in frames_table.photos_of_table(table)]
         if kept and all(path.is_file() for path in kept):
             say(f"{count(len(kept), 'frame')} chosen before in {folder}: these are used.")
@@ -229,6 +230,14 @@ def refuse_other_photos(photos: Sequence[Photo], films: Sequence[Path]) -> None:
                     photo.name, *other, films[0], *size
                 )
             )
+
+
+def _sha256(target: TargetChoice | None) -> str | None:
+    """What tells one object from another."""
+    if target is None:
+        return None
+    file = target.fingerprint()
+    return f"{target.counts} {target.square}" if file is None else file.sha256
 
 
 def _names(measured: Measured) -> dict[int, str]:
@@ -301,8 +310,8 @@ def _choose(seen: Sequence[Seen], size: tuple[int, int], most: int) -> Choice:
 def _write(
     table: Path,
     sheet: Path,
+    of: Mapping[str, Any],
     chosen: Sequence[tuple[Path, Path, int]],
-    films: Sequence[Film],
     measured: Sequence[Measured],
     places: Sequence[tuple[int, int]],
     seen: Sequence[Seen],
@@ -343,12 +352,13 @@ def _write(
                 f"motion {one.motion:.1f} px, gain {choice.gain[at]:.1f}",
             )
 
+    films = [one.film for one in measured]
     title = f"{count(len(chosen), 'frame')} of {_listed(films)}"
     paths = [table, sheet, *(path for path, _, _ in chosen)]
     old = [table.parent / name for name in photos_of_table(table)] if overwrite else []
     obsolete = [path for path in old if path not in paths]
     with whole_files(paths, overwrite=overwrite, obsolete=obsolete) as temporaries:
-        write_rows(temporaries[0], films, rows())
+        write_rows(temporaries[0], of, rows())
         write_text(temporaries[1], contact.sheet(title, captions()), overwrite=False)
         for temporary, (_, source, _) in zip(temporaries[2:], chosen, strict=True):
             shutil.copyfile(source, temporary)

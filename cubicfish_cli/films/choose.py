@@ -30,9 +30,9 @@ _FEWEST_COMMON = 4
 _MANY = 1_000_000  # columns or rows, more than any board has
 # Beside the better pictures: blurred below this share of their sharpness, moving above these times
 # their motion.
-_BLURRED, _MOVING = 0.75, 3.0
-# With fewer good pictures than these the others are taken too.
-_ENOUGH = 10
+_BLURRED, _MOVING = 0.75, 2.0
+# With fewer good pictures than these, which no camera can be made from, others are taken too.
+_ENOUGH = 3
 # A picture that adds less than this share of what the first added is not worth its time.
 _WORTH = 0.02
 _DIRECTIONS = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]])

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from cubicfish_cli import __version__
 from cubicfish_cli.films.film import Film
 
 NAME = "frames.csv"
@@ -41,10 +43,17 @@ class FrameRow:
     photo: str
 
 
-def write_rows(path: Path, films: Sequence[Film], rows: Iterable[FrameRow]) -> None:
-    """Write the table to a file that is a temporary one."""
+def write_rows(path: Path, of: Mapping[str, Any], rows: Iterable[FrameRow]) -> None:
+    """Write the table to a file that is a temporary one.
+
+    Args:
+        path: the file.
+        of: what the choice depends on; see :func:`depends_on`.
+        rows: every frame.
+
+    """
     with path.open("w", encoding="utf-8", newline="") as file:
-        file.write(f"{_MARK}{json.dumps({'films': _stamps(films)})}\n")
+        file.write(f"{_MARK}{json.dumps(of)}\n")
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
         for row in rows:
@@ -77,17 +86,21 @@ def photos_of_table(path: Path) -> list[str]:
     return [name for name in names if name and Path(name).name == name and name.endswith(".png")]
 
 
-def is_of(path: Path, films: Sequence[Film]) -> bool:
-    """Whether a table is of these very films, as they are now."""
+def depends_on(films: Sequence[Film], most: int, target_sha256: str | None) -> dict[str, Any]:
+    """What a choice depends on: the films as they are now, how many may be chosen, the object."""
+    return {
+        "films": [[str(film.path.resolve()), *film.stamp] for film in films],
+        "most": most,
+        "target": target_sha256,
+        "version": __version__,
+    }
+
+
+def is_of(path: Path, of: Mapping[str, Any]) -> bool:
+    """Whether a table's choice depended on just this."""
     try:
         with path.open(encoding="utf-8") as file:
             line = file.readline(_FIRST_BYTES)
-        return line.startswith(_MARK) and json.loads(line.removeprefix(_MARK)) == {
-            "films": _stamps(films)
-        }
+        return line.startswith(_MARK) and json.loads(line.removeprefix(_MARK)) == of
     except (OSError, ValueError):
         return False
-
-
-def _stamps(films: Sequence[Film]) -> list[list[object]]:
-    return [[str(film.path.resolve()), *film.stamp] for film in films]
