@@ -155,7 +155,7 @@ def _missed(paths: Iterable[Path]) -> list[str]:
     for path in dict.fromkeys(paths):
         suffix = path.suffix.lower()
         if suffix in VIDEO_SUFFIXES:
-            kind = "{} left out: frames have to be taken from a video first"
+            kind = "{} left out: frames have to be taken from a video first ('cubicfish frames')"
         elif suffix in SUFFIXES:
             kind = "{} left out: a photo's name must be plain text, so rename"
         else:

@@ -91,7 +91,7 @@ _RAW = (
     "is a camera's raw file: develop it and save it as PNG or JPEG, in full size and without lens "
     "correction"
 )
-_VIDEO = "is a video: save frames of it as PNG or JPEG ('ffmpeg -i VIDEO frame_%04d.png')"
+_VIDEO = "is a video: save frames of it as PNG or JPEG ('cubicfish frames')"
 _PICTURE = "is {} picture, a kind that is not read: save it as PNG or JPEG, in full size"
 _BRANDS = (
     (b"avif", _PICTURE.format("an AVIF")),

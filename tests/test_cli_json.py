@@ -316,6 +316,7 @@ def test_an_error_leaves_stdout_empty(run: Run, tmp_path: Path, name: str) -> No
         "target check": (missing,),
         "target print": (missing,),
         "calibrate": (missing, "-t", TARGET),
+        "frames": (missing, "-o", out),
         "detect": (missing, "-t", TARGET),
         "corners": (missing, "-t", TARGET),
         "evaluate": (CORNERS, "-t", TARGET, *model),

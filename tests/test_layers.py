@@ -25,6 +25,7 @@ ALLOWED: dict[str, set[str]] = {
     "target": {"errors", "plain_yaml", "wording"},
     "picture_headers": set(),
     "photos": {"errors", "wording", "machines", "picture_headers"},
+    "films": {"errors", "files", "photos", "wording"},
     "cluster": {"errors", "files", "machines", "photos"},
     "detection": {"errors", "angles", "photos", "target"},
     "correspondences": {"errors", "wording", "arrays", "files", "tables", "target"},
@@ -42,7 +43,16 @@ ALLOWED: dict[str, set[str]] = {
         "model",
         "fitting",
     },
-    "undistortion": {"errors", "angles", "machines", "files", "photos", "model", "wording"},
+    "undistortion": {
+        "errors",
+        "angles",
+        "machines",
+        "files",
+        "photos",
+        "films",
+        "model",
+        "wording",
+    },
     "formats": {"errors", "files", "reading", "plain_yaml", "target", "model", "wording"},
     "rendering": {
         "errors",
@@ -65,9 +75,9 @@ ALLOWED["__init__"] = {*ALLOWED} - {"cli", "report", "__main__"}  # what it offe
 # Libraries that only some parts may import. numpy is left out of what `--help` loads by
 # test_cli_main.py, since importing it lazily is enough there.
 CONFINED: dict[str, set[str]] = {
-    "cv2": {"photos", "detection", "naming", "undistortion", "rendering"},
+    "cv2": {"photos", "films", "detection", "naming", "undistortion", "rendering"},
     "scipy": {"detection", "fitting"},
-    "av": {"undistortion"},
+    "av": {"films", "undistortion"},
     "OpenEXR": {"undistortion"},
     "click": {"cli"},
     "rich": {"cli"},

@@ -10,7 +10,7 @@ import pytest
 from lenses import cubic_camera
 
 from cubicfish_cli.errors import OutputError, PhotoError, ViewError
-from cubicfish_cli.undistortion import video
+from cubicfish_cli.films import source as source_of_frames
 from cubicfish_cli.undistortion.frames import camera_for_photos
 from cubicfish_cli.undistortion.images import Rendering
 from cubicfish_cli.undistortion.maps import build_map
@@ -240,7 +240,7 @@ def test_a_list_of_other_files_is_no_video(tmp_path):
 def test_frames_larger_than_any_photo_are_refused(tmp_path, monkeypatch):
     source = tmp_path / "in.mp4"
     write_video(source)
-    monkeypatch.setattr(video, "MAX_PIXELS", 1000)
+    monkeypatch.setattr(source_of_frames, "MAX_PIXELS", 1000)
     with pytest.raises(PhotoError, match=r"in\.mp4"):
         run(source, tmp_path / "out.mp4")
     assert not (tmp_path / "out.mp4").exists()

@@ -11,6 +11,7 @@ import click
 
 from cubicfish_cli.cli import calibrate_points, json_keys, report_step
 from cubicfish_cli.cli.calibration_folder import of_earlier, refuse_inputs, say_removed
+from cubicfish_cli.cli.choosing import MOST, films_among, frames_to_calibrate, refuse_other_photos
 from cubicfish_cli.cli.figures import (
     count,
     hold_gate,
@@ -24,11 +25,13 @@ from cubicfish_cli.cli.inputs import (
     check_inputs,
     load_pairs,
     photo_problems,
+    photos_of,
     say_photo_problems,
     why_lost,
 )
 from cubicfish_cli.cli.made_by import check_title, made_at, made_by_record
 from cubicfish_cli.cli.next_step import say_next
+from cubicfish_cli.cli.numbers import IntRange
 from cubicfish_cli.cli.options import (
     FILE,
     FOLDER,
@@ -75,6 +78,7 @@ MAP = "undistort_map.npz"
     epilog=examples(
         "cubicfish calibrate photos/ --target target.yaml",
         "cubicfish calibrate photos/ --board 9x6 --square 25mm --title 'front left'",
+        "cubicfish calibrate film.mp4 --target target.yaml",
         "cubicfish calibrate corners.csv --target target.yaml -o lens_a --max-rms 0.5",
         "cubicfish calibrate --correspondences pairs.csv --size 1280x800",
     ),
@@ -83,9 +87,9 @@ MAP = "undistort_map.npz"
     "inputs",
     type=FILE,
     nargs=-1,
-    metavar="[PHOTOS|CSV]...",
+    metavar="[PHOTOS|FILM|CSV]...",
     cls=Argument,
-    meaning="Photos (files, folders or globs), or one corners.csv or correspondences.csv.",
+    meaning="Photos (files, folders or globs), films, or one corners.csv or correspondences.csv.",
 )
 @target_options
 @click.option(
@@ -129,6 +133,13 @@ MAP = "undistort_map.npz"
     "point itself, as the paper prints it, which holds only where the corners were.",
 )
 @click.option(
+    "--best",
+    type=IntRange(min=1),
+    metavar="N",
+    help="Calibrate from those N of many photos that add most. [default: all photos, and of films "
+    f"{MOST} frames]",
+)
+@click.option(
     "--compare",
     is_flag=True,
     help="Also fit other lens models to the same corners, and print one table.",
@@ -150,6 +161,7 @@ def command(
     refine_target: RefineTarget,
     hold_out: bool,
     lift: str,
+    best: int | None,
     compare: bool,
     report: bool,
     max_rms: float | None,
@@ -161,8 +173,9 @@ def command(
     """Calibrate a camera from PHOTOS (files, folders or globs) of the object in target.yaml.
 
     One flat checkerboard needs no file: --board 9x6 --square 25mm says it all. A corners.csv,
-    from 'cubicfish detect' or any other detector, may stand for the photos. Everything is written
-    together at the end, or nothing is. With --overwrite, what an earlier calibration left in the
+    from 'cubicfish detect' or any other detector, may stand for the photos. Of films, frames are
+    chosen and kept in the folder, as 'cubicfish frames' does. Everything else is written together
+    at the end, or nothing is. With --overwrite, what an earlier calibration left in the
     folder goes.
     """
     if lift == "point" and compare:
@@ -188,13 +201,29 @@ def command(
     given = (*inputs, target.path, correspondences)
     fitted = () if refine_target == "off" else (outputs["target"],)
     refuse_inputs(fitted, given)
+    films = films_among(inputs)
+    photos = inputs
+    if films:
+        photos = tuple(path for path in inputs if path not in films)
+        if photos:
+            refuse_other_photos(photos_of(photos), films)
+        photos += frames_to_calibrate(
+            films,
+            output / "frames",
+            target,
+            most=best or MOST,
+            jobs=jobs,
+            no_cache=no_cache,
+            overwrite=overwrite,
+        )
     loaded = load_pairs(
-        inputs,
+        photos,
         correspondences=correspondences,
         target=target,
         size=size,
         jobs=jobs,
         no_cache=no_cache,
+        best=best,
     )
     problems = None if loaded.detection is None else photo_problems(loaded.detection)
     if loaded.detection is not None:

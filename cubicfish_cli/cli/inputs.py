@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from cubicfish_cli.photos import Photo
     from cubicfish_cli.target import Target
 
+# Of more photos than these, some are as good as all.
+_MANY = 200
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pairs:
@@ -60,8 +63,11 @@ def load_pairs(
     size: tuple[int, int] | None,
     jobs: int | None,
     no_cache: bool,
+    best: int | None = None,
 ) -> Pairs:
     """Read pairs from photos, from one corners.csv, or from one correspondences.csv.
+
+    Of more photos than ``best``, those that add most are taken.
 
     Raises:
         click.UsageError: the inputs do not go together.
@@ -73,7 +79,7 @@ def load_pairs(
     if correspondences is not None:
         loaded = _from_correspondences(correspondences, size)
     elif not tables:
-        loaded = _from_photos(inputs, target, jobs, no_cache)
+        loaded = _from_photos(inputs, target, jobs, no_cache, best)
     elif _holds_world_points(tables[0]):
         loaded = _from_correspondences(tables[0], size)
     else:
@@ -170,8 +176,13 @@ def _from_corners(path: Path, choice: TargetChoice, size: tuple[int, int] | None
 
 
 def _from_photos(
-    inputs: Sequence[Path], choice: TargetChoice, jobs: int | None, no_cache: bool
+    inputs: Sequence[Path],
+    choice: TargetChoice,
+    jobs: int | None,
+    no_cache: bool,
+    best: int | None,
 ) -> Pairs:
+    from cubicfish_cli.cli.choosing import best_photos
     from cubicfish_cli.correspondences import pair
     from cubicfish_cli.files import fingerprint
 
@@ -179,6 +190,10 @@ def _from_photos(
     target_file = choice.fingerprint()
     targets = choice.load()
     photos = photos_of(inputs)
+    if best is not None and len(photos) > best:
+        photos = best_photos(photos, choice, best, jobs, no_cache=no_cache)
+    elif best is None and len(photos) > _MANY:
+        say(f"{len(photos):,} photos: --best 60 calibrates from those that add most.")
     files = tuple(fingerprint(photo.path) for photo in photos)
     detection, target = detect(photos, targets, jobs, no_cache=no_cache)
     return Pairs(
@@ -274,10 +289,12 @@ def detect(
     *,
     no_cache: bool,
     machines: Machines | None = None,
+    again: bool = True,
 ) -> tuple[Detection, Target]:
     """Find and name the corners of a target in photos, in two passes with progress bars.
 
-    Of several targets, the one that explains most corners is taken.
+    Of several targets, the one that explains most corners is taken. Without ``again`` the second
+    pass is left out.
     """
     from cubicfish_cli.naming.cache import GridCache
     from cubicfish_cli.naming.detect import detect_corners
@@ -306,6 +323,8 @@ def detect(
                 continue
             found.append((detection, target))
     detection, target = max(found, key=lambda one: len(one[0].corners.pixel))
+    if not again:
+        return detection, target
     with progress("Looking again") as callback:
         detection = second_pass(
             photos, detection, target, jobs=jobs, progress=callback, machines=machines

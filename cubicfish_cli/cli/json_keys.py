@@ -122,6 +122,15 @@ DETECT = {
     "(whether names are certain), problem, notes",
     "drawings": "the pictures that --draw wrote",
 }
+FRAMES = {
+    "photos": "the pictures of the frames chosen",
+    "file": "the table of all frames",
+    "sheet": "the page that shows those chosen",
+    "frames": "how many frames the films have",
+    "looked_at": "in how many of them corners were looked for",
+    "films": "a record a film: film, frames, image_size, seconds, turned_deg (what players are "
+    "told), interlaced, problem",
+}
 CORNERS = {
     "file": "the table of corners",
     "image_size": "[width, height]",

@@ -22,7 +22,8 @@ import numpy.typing as npt
 
 from cubicfish_cli.errors import CubicfishError, OutputError, PhotoError, ViewError
 from cubicfish_cli.files import whole_file
-from cubicfish_cli.photos import MAX_PIXELS, shown
+from cubicfish_cli.films.source import decode, frame_count, is_frame, library, opened
+from cubicfish_cli.photos import shown
 from cubicfish_cli.undistortion.images import INTERPOLATIONS, PLAIN, Rendering
 from cubicfish_cli.undistortion.maps import OUTSIDE, UndistortMap
 
@@ -96,7 +97,7 @@ def video_size(path: Path) -> tuple[int, int]:
         OutputError: the extra ``video`` is not installed.
 
     """
-    with _opened(path) as (_, stream):
+    with opened(path) as (_, stream):
         return stream.width, stream.height
 
 
@@ -131,8 +132,8 @@ def undistort_video(
 
     """
     encoding = encoding or Encoding()
-    with whole_file(destination, overwrite=overwrite) as temporary, _opened(source) as opened:
-        container, stream = opened
+    with whole_file(destination, overwrite=overwrite) as temporary, opened(source) as film:
+        container, stream = film
         try:
             undistort_map = make_map((stream.width, stream.height))
         except ViewError as problem:
@@ -152,18 +153,18 @@ def _pipeline(
     writer: _Writer,
     progress: Callable[[int, int], None],
 ) -> VideoResult:
-    total = _frame_count(stream)
+    total = frame_count(stream)
     turned = 0
 
     def decoded() -> Iterator[Any]:
         nonlocal turned
-        for item in _decode(source, container, stream):
+        for item in decode(source, container, stream):
             turned = turned or int(getattr(item, "rotation", 0) or 0)
             yield item
 
     def remapped(items: Iterator[Any]) -> Iterator[Any]:
         for item in items:
-            yield remapper(item) if _is_frame(item) else item
+            yield remapper(item) if is_frame(item) else item
 
     frames = 0
     progress(0, total)
@@ -172,7 +173,7 @@ def _pipeline(
         two = stack.enter_context(_Ahead(remapped(iter(one))))
         for item in two:
             writer.write(item)
-            if _is_frame(item):
+            if is_frame(item):
                 frames += 1
                 progress(frames, max(total, frames) if total else 0)
         if not frames:
@@ -229,89 +230,6 @@ class _Ahead:
             yield value
 
 
-def _library() -> Any:
-    try:
-        import av
-    except ImportError as problem:
-        raise OutputError(
-            "videos need one more package: pip install 'cubicfish[video]'"
-        ) from problem
-    return av
-
-
-# Lists of other files, and whatever else would make a video of what is not in the file, stay shut.
-_ONLY = {
-    "format_whitelist": "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,asf",
-    "protocol_whitelist": "file",
-}
-
-
-class _opened:
-    """A video file's container and its first video stream."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def __enter__(self) -> tuple[Any, Any]:
-        av = _library()
-        # What matters comes back as an error. At any other level FFmpeg's threads wait for Python's
-        # lock to say something, while Python, which holds it, waits for them to end.
-        av.logging.set_level(None)
-        if not Path(self._path).is_file():
-            raise PhotoError(f"{shown(self._path)} does not exist or is no file")
-        try:
-            self._container = av.open(f"file:{self._path}", options=_ONLY)
-        except av.FFmpegError as problem:
-            raise PhotoError(
-                f"{shown(self._path)} cannot be read as a video ({problem.strerror}): "
-                "copy it again or convert it with ffmpeg"
-            ) from problem
-        if not self._container.streams.video:
-            self._container.close()
-            raise PhotoError(f"{shown(self._path)} holds no video")
-        stream = self._container.streams.video[0]
-        stream.thread_type = "AUTO"
-        stream.codec_context.options = {"max_pixels": str(MAX_PIXELS)}
-        return self._container, stream
-
-    def __exit__(self, *_: object) -> None:
-        self._container.close()
-
-
-def _is_frame(item: Any) -> bool:
-    return hasattr(item, "planes")
-
-
-def _frame_count(stream: Any) -> int:
-    if stream.frames:
-        return int(stream.frames)
-    if stream.duration and stream.average_rate:
-        return int(stream.duration * stream.time_base * stream.average_rate)
-    return 0
-
-
-def _decode(source: Path, container: Any, stream: Any) -> Iterator[Any]:
-    """Frames of the video and packets of the audio, in the file's order."""
-    av = _library()
-    count = 0
-    try:
-        for packet in container.demux(stream, *container.streams.audio):
-            if packet.stream is not stream:
-                if packet.dts is not None:  # the last packet is a mark without content
-                    yield packet
-                continue
-            for frame in packet.decode():
-                if frame.pts is None and stream.average_rate:
-                    frame.pts = round(count / (stream.average_rate * stream.time_base))
-                count += 1
-                yield frame
-    except av.FFmpegError as problem:
-        raise PhotoError(
-            f"{shown(source)} is damaged after frame {count} ({problem.strerror}): "
-            "copy it again or cut it with ffmpeg"
-        ) from problem
-
-
 class _Writer:
     """The output file: one video stream, and the source's audio as it was."""
 
@@ -324,7 +242,7 @@ class _Writer:
         undistort_map: UndistortMap,
         encoding: Encoding,
     ) -> None:
-        self._av = _library()
+        self._av = library()
         self._destination = destination
         codec = encoding.codec or (
             "libvpx-vp9" if destination.suffix.lower() == ".webm" else "libx264"
@@ -384,7 +302,7 @@ class _Writer:
     def write(self, item: Any) -> None:
         """Encode a frame, or copy a packet of audio."""
         with self._errors():
-            if _is_frame(item):
+            if is_frame(item):
                 self._container.mux(self._stream.encode(item))
             else:
                 item.stream = self._audio[item.stream.index]
@@ -459,9 +377,9 @@ class _PlaneRemapper:
 
     def __call__(self, frame: av.VideoFrame) -> av.VideoFrame:
         """A frame of the source -> the same of the view."""
-        library = _library()
+        pyav = library()
         given = frame if frame.format.name == self._format else frame.reformat(format=self._format)
-        made = library.VideoFrame(*self._size, self._format)
+        made = pyav.VideoFrame(*self._size, self._format)
         if self._values is None:
             self._values = _border_values(self._border, self._bits, frame)
         for plane, out, (map_x, map_y), value in zip(

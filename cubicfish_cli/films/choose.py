@@ -1,0 +1,235 @@
+"""Which of many pictures to calibrate from: those that add most to the others.
+
+A picture adds what it shows where the others show little: corners in a part of the picture, and
+squares of some size seen from some side in a wider part. Each such thing counts as measurements
+do, the n-th less than the one before, and less where the picture is blurred or moved. Pictures
+that are clearly worse than the others come last, and hardly any is a second time what was taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+
+# The parts of the picture: columns and rows, fine for places and coarse for what is seen there.
+_FINE, _COARSE = (12, 9), (4, 3)
+# So many corners in a part are all that one picture can say of it.
+_FULL = 4
+# A board counts as tilted where squares grow by this share (of a logarithm) from end to end.
+_TILTED = 0.25
+# Views are the same that differ by less than this share of the picture's diagonal.
+_SAME_VIEW = 0.02
+_FEWEST_COMMON = 4
+_MANY = 1_000_000  # columns or rows, more than any board has
+# Beside the better pictures: blurred below this share of their sharpness, moving above these times
+# their motion.
+_BLURRED, _MOVING = 0.75, 2.0
+# With fewer good pictures than these, which no camera can be made from, others are taken too.
+_ENOUGH = 3
+# A picture that adds less than this share of what the first added is not worth its time.
+_WORTH = 0.02
+_DIRECTIONS = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Patch:
+    """Corners of one board in a picture.
+
+    Attributes:
+        board: its number; -1 where that is not known, and cells mean nothing across pictures.
+        cells: (N, 2) column and row of each corner.
+        pixel: (N, 2) its x, y.
+
+    """
+
+    board: int
+    cells: IntArray
+    pixel: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Seen:
+    """A picture that may be chosen.
+
+    Attributes:
+        patches: what it shows.
+        sharpness: how sharp it is, in any measure.
+        motion: how far it moved, pixels.
+
+    """
+
+    patches: tuple[Patch, ...]
+    sharpness: float
+    motion: float = 0.0
+
+    @property
+    def corners(self) -> int:
+        """How many corners it shows."""
+        return len(self.pixel)
+
+    @cached_property
+    def pixel(self) -> FloatArray:
+        """(N, 2) x, y of all of them."""
+        return np.concatenate([np.zeros((0, 2)), *(patch.pixel for patch in self.patches)])
+
+    @cached_property
+    def names(self) -> IntArray:
+        """(N,) a number for each of them, the same in every picture."""
+        named = [
+            (patch.board * _MANY + patch.cells[:, 0]) * _MANY + patch.cells[:, 1]
+            for patch in self.patches
+        ]
+        return np.concatenate([np.zeros(0, np.int64), *named]).astype(np.int64)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Choice:
+    """What was chosen.
+
+    Attributes:
+        order: indices of the chosen pictures, the one that adds most first.
+        gain: (N,) what each picture added when it was chosen, or would add to them all; NaN where
+            it shows nothing.
+        why_not: (N,) a few words each; "" for those chosen.
+
+    """
+
+    order: tuple[int, ...]
+    gain: FloatArray
+    why_not: tuple[str, ...]
+
+
+def choose(pictures: Sequence[Seen], size: tuple[int, int], most: int, still_px: float) -> Choice:
+    """Choose at most ``most`` pictures.
+
+    Args:
+        pictures: all of them.
+        size: (width, height) of them.
+        most: how many may be chosen.
+        still_px: motion below which a picture counts as still, pixels.
+
+    """
+    why = ["" if picture.corners else "no corners" for picture in pictures]
+    usable = [index for index, picture in enumerate(pictures) if picture.corners]
+    gain = np.full(len(pictures), np.nan)
+    if not usable:
+        return Choice(order=(), gain=gain, why_not=tuple(why))
+    sharp = float(np.quantile([pictures[index].sharpness for index in usable], 0.75))
+    still = max(still_px, float(np.quantile([pictures[index].motion for index in usable], 0.25)))
+    spoilt = {
+        index: word
+        for index in usable
+        if (word := _spoilt(pictures[index], sharp, still)) is not None
+    }
+    adds = {index: _weighed(pictures[index], size, sharp, still) for index in usable}
+    known = np.zeros_like(next(iter(adds.values())))
+    order: list[int] = []
+    good = [index for index in usable if index not in spoilt]
+    for pool, enough in ((good, most), (sorted(spoilt), min(_ENOUGH, most))):
+        left = list(pool)
+        while left and len(order) < enough:
+            gains = [_gain(known, adds[index]) for index in left]
+            at = int(np.argmax(gains))
+            best, value = left[at], gains[at]
+            if order and value < _WORTH * gain[order[0]]:
+                break
+            order.append(best)
+            gain[best] = value
+            known += adds[best]
+            left.remove(best)
+            for index in usable:
+                if index not in order and not why[index]:
+                    apart = _apart(pictures[best], pictures[index])
+                    if apart is not None and apart < _SAME_VIEW * float(np.hypot(*size)):
+                        why[index] = "nearly the same view as one that was chosen"
+            left = [index for index in left if not why[index]]
+    for index in usable:
+        if index in order:
+            why[index] = ""
+            continue
+        gain[index] = _gain(known, adds[index])
+        why[index] = why[index] or spoilt.get(index) or "adds less than those chosen"
+    return Choice(order=tuple(order), gain=gain, why_not=tuple(why))
+
+
+def _spoilt(picture: Seen, sharp: float, still: float) -> str | None:
+    if picture.sharpness < _BLURRED * sharp:
+        return "blurred"
+    return "moving" if picture.motion > _MOVING * still else None
+
+
+def _gain(known: FloatArray, added: FloatArray) -> float:
+    return float(np.log1p(added / (1 + known)).sum())
+
+
+def _weighed(picture: Seen, size: tuple[int, int], sharp: float, still: float) -> FloatArray:
+    """What a picture shows, thing by thing: 1 where it says of it all that one picture can."""
+    blur = min(1.0, picture.sharpness / sharp) if sharp > 0 else 1.0
+    weight = blur**2 / (1 + (picture.motion / still) ** 2)
+    places = np.bincount(_part(picture.pixel, size, _FINE), minlength=_FINE[0] * _FINE[1])
+    tilts = np.zeros((_COARSE[0] * _COARSE[1], len(_DIRECTIONS) // 2 + 1))
+    for patch in picture.patches:
+        count = np.bincount(_part(patch.pixel, size, _COARSE), minlength=len(tilts))
+        tilts[:, _tilt(patch)] += count
+    shown = np.concatenate([places, tilts.ravel()])
+    return np.asarray(weight * np.minimum(1.0, shown / _FULL))
+
+
+def _part(pixel: FloatArray, size: tuple[int, int], parts: tuple[int, int]) -> IntArray:
+    """The number of the part of the picture that each point (N, 2) is in."""
+    at = (pixel + 0.5) / np.array(size) * np.array(parts)
+    column, row = np.clip(at.astype(int), 0, np.array(parts) - 1).T
+    return np.asarray(row * parts[0] + column)
+
+
+def _tilt(patch: Patch) -> int:
+    """0 for a board seen from the front, else 1 to 4 for the side that is nearer."""
+    centre, area = _squares(patch)
+    if len(area) < 4:
+        return 0
+    extent = np.ptp(patch.pixel, axis=0).max()
+    terms = np.column_stack([np.ones(len(area)), (centre - centre.mean(axis=0)) / extent])
+    slope = np.linalg.lstsq(terms, np.log(area), rcond=None)[0][1:]
+    if float(np.hypot(*slope)) < _TILTED:
+        return 0
+    return 1 + round(float(np.arctan2(slope[1], slope[0])) / (np.pi / 2)) % 4
+
+
+def _squares(patch: Patch) -> tuple[FloatArray, FloatArray]:
+    """Centres (N, 2) and areas (N,) of a patch's whole squares, pixels."""
+    where = {(int(i), int(j)): n for n, (i, j) in enumerate(patch.cells)}
+    corners = [
+        (n, where[i + 1, j], where[i, j + 1])
+        for (i, j), n in where.items()
+        if (i + 1, j) in where and (i, j + 1) in where
+    ]
+    if not corners:
+        return np.zeros((0, 2)), np.zeros(0)
+    one, right, down = patch.pixel[np.array(corners)].swapaxes(0, 1)
+    a, b = right - one, down - one
+    area = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+    return (right + down)[area > 0] / 2, area[area > 0]
+
+
+def _apart(one: Seen, other: Seen) -> float | None:
+    """How far apart what both show is, pixels; None where they show nothing in common."""
+    if any(patch.board < 0 for patch in (*one.patches, *other.patches)):
+        return float(np.median(np.linalg.norm(_outline(one) - _outline(other), axis=1)))
+    _, at, also_at = np.intersect1d(one.names, other.names, return_indices=True)
+    fewer = min(one.corners, other.corners)
+    if len(at) < min(_FEWEST_COMMON, fewer) or 2 * len(at) < fewer:
+        return None
+    return float(np.median(np.linalg.norm(one.pixel[at] - other.pixel[also_at], axis=1)))
+
+
+def _outline(picture: Seen) -> FloatArray:
+    """The outermost corner in each of eight directions (8, 2)."""
+    furthest = np.argmax(picture.pixel @ _DIRECTIONS.T, axis=0)
+    return np.asarray(picture.pixel[furthest])

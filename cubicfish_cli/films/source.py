@@ -1,0 +1,121 @@
+"""A film on disk: opening it, and its frames one after the other.
+
+PyAV decodes, the extra ``video``. Frames are as the sensor made them: a note that tells players to
+turn the film is not followed, since the lens does not turn with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from cubicfish_cli.errors import OutputError, PhotoError
+from cubicfish_cli.photos import MAX_PIXELS, shown
+
+# Lists of other files, and whatever else would make a video of what is not in the file, stay shut.
+_ONLY = {
+    "format_whitelist": "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,asf",
+    "protocol_whitelist": "file",
+}
+
+
+def library() -> Any:
+    """PyAV.
+
+    Raises:
+        OutputError: it is not installed.
+
+    """
+    try:
+        import av
+    except ImportError as problem:
+        raise OutputError(
+            "videos need one more package: pip install 'cubicfish[video]'"
+        ) from problem
+    return av
+
+
+class opened:
+    """A film's container and its first stream of pictures, for a ``with`` block.
+
+    Raises:
+        PhotoError: the file cannot be read, or holds no pictures.
+        OutputError: the extra ``video`` is not installed.
+
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __enter__(self) -> tuple[Any, Any]:
+        av = library()
+        # What matters comes back as an error. At any other level FFmpeg's threads wait for Python's
+        # lock to say something, while Python, which holds it, waits for them to end.
+        av.logging.set_level(None)
+        if not Path(self._path).is_file():
+            raise PhotoError(f"{shown(self._path)} does not exist or is no file")
+        try:
+            self._container = av.open(f"file:{self._path}", options=_ONLY)
+        except av.FFmpegError as problem:
+            raise PhotoError(
+                f"{shown(self._path)} cannot be read as a video ({problem.strerror}): "
+                "copy it again or convert it with ffmpeg"
+            ) from problem
+        if not self._container.streams.video:
+            self._container.close()
+            raise PhotoError(f"{shown(self._path)} holds no video")
+        stream = self._container.streams.video[0]
+        stream.thread_type = "AUTO"
+        stream.codec_context.options = {"max_pixels": str(MAX_PIXELS)}
+        return self._container, stream
+
+    def __exit__(self, *_: object) -> None:
+        self._container.close()
+
+
+def is_frame(item: Any) -> bool:
+    """Whether what :func:`decode` gave is a frame, not a packet of sound."""
+    return hasattr(item, "planes")
+
+
+def frame_count(stream: Any) -> int:
+    """How many frames a stream has, as its header says; 0 where that is not known."""
+    if stream.frames:
+        return int(stream.frames)
+    if stream.duration and stream.average_rate:
+        return int(stream.duration * stream.time_base * stream.average_rate)
+    return 0
+
+
+def decode(source: Path, container: Any, stream: Any, *, sound: bool = True) -> Iterator[Any]:
+    """Frames of the film and packets of its sound, in the file's order.
+
+    Args:
+        source: the file, for messages.
+        container: as :class:`opened` gives it.
+        stream: its pictures.
+        sound: whether packets of sound are wanted too.
+
+    Raises:
+        PhotoError: the file is damaged; the frames before that have been given.
+
+    """
+    av = library()
+    count = 0
+    try:
+        for packet in container.demux(stream, *(container.streams.audio if sound else ())):
+            if packet.stream is not stream:
+                if packet.dts is not None:  # the last packet is a mark without content
+                    yield packet
+                continue
+            for frame in packet.decode():
+                if frame.pts is None and stream.average_rate:
+                    frame.pts = round(count / (stream.average_rate * stream.time_base))
+                count += 1
+                yield frame
+    except av.FFmpegError as problem:
+        raise PhotoError(
+            f"{shown(source)} is damaged after frame {count} ({problem.strerror}): "
+            "copy it again or cut it with ffmpeg"
+        ) from problem

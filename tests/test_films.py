@@ -1,0 +1,88 @@
+"""What is measured of frames, and which pictures are chosen by it."""
+
+import cv2
+import numpy as np
+import pytest
+
+pytest.importorskip("av")
+
+from filming import photos
+
+from cubicfish_cli.films.choose import Patch, Seen, _tilt, choose
+from cubicfish_cli.films.measure import motion, sharpness, small_picture
+
+SIZE = (480, 360)
+
+
+def at(x: float, y: float, sharp: float = 0.6, moved: float = 0.0) -> Seen:
+    column, row = (part.ravel() for part in np.meshgrid(np.arange(4), np.arange(3)))
+    cells = np.column_stack([column, row])
+    pixel = np.column_stack([x + 15.0 * column, y + 15.0 * row])
+    return Seen(patches=(Patch(board=0, cells=cells, pixel=pixel),), sharpness=sharp, motion=moved)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_blur_of_any_kind_lowers_sharpness_and_light_does_not(turned: bool) -> None:
+    streak = np.zeros((9, 9), np.float32)
+    streak[4] = 1 / 9
+    for photo in photos()[:3]:
+        plain = sharpness(photo)
+        for spoilt in (
+            cv2.GaussianBlur(photo, (0, 0), 2),
+            cv2.filter2D(photo, -1, streak.T if turned else streak),
+        ):
+            assert sharpness(spoilt) < 0.75 * plain
+        assert sharpness(photo // 2 + 60) == pytest.approx(plain, rel=0.05)
+
+
+def test_a_picture_without_edges_has_no_sharpness() -> None:
+    assert sharpness(np.full((90, 120), 128, np.uint8)) == 0
+
+
+def test_motion_grows_with_the_shift_and_not_with_the_light() -> None:
+    photo = photos()[0]
+    small = small_picture(photo)
+
+    def to(other: np.ndarray) -> float:
+        return motion(small, small_picture(other), photo.shape[1])
+
+    shifts = [to(np.roll(photo, (n, n), (0, 1))) for n in (0, 1, 2, 4)]
+    assert shifts[0] == 0
+    assert np.all(np.diff(shifts) > 0.3)
+    assert shifts[2] == pytest.approx(2 * np.sqrt(2), rel=0.4)
+    assert to((photo * 0.8).astype(np.uint8)) < 0.3
+
+
+def test_spoilt_pictures_come_last_and_only_where_good_ones_are_too_few() -> None:
+    good = [at(40, 40), at(300, 40), at(40, 240)]
+    bad = [at(300, 240, sharp=0.3), at(180, 140, moved=9.0)]
+    made = choose([*bad, *good], SIZE, 9, 0.6)
+    assert sorted(made.order) == [2, 3, 4]
+    assert made.why_not[:2] == ("blurred", "moving")
+    made = choose([*bad, *good[:2]], SIZE, 9, 0.6)
+    assert set(made.order[:2]) == {2, 3}
+    assert len(made.order) == 3
+
+
+def test_near_copies_are_never_chosen_and_what_is_new_comes_first() -> None:
+    seen = [at(40, 40), at(44, 42), at(60, 50), at(300, 240), Seen(patches=(), sharpness=0.6)]
+    made = choose(seen, SIZE, 9, 0.6)
+    assert len(made.order) == 3
+    assert made.order.index(3) == 1  # after the first, what is elsewhere
+    (copy,) = {0, 1} - set(made.order)
+    assert made.why_not[copy] == "nearly the same view as one that was chosen"
+    assert made.why_not[4] == "no corners"
+    assert np.isnan(made.gain[4])
+    assert made.gain[3] > made.gain[made.order[2]]
+    assert "adds less than those chosen" in choose(seen, SIZE, 2, 0.6).why_not
+
+
+def test_each_side_that_a_board_is_seen_from_is_told_from_the_others() -> None:
+    (patch,) = at(200, 150).patches
+    middle = patch.pixel.mean(axis=0)
+    sides = {_tilt(patch)}
+    for towards in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        off = patch.pixel - middle
+        grown = middle + off * (1 + off @ np.array(towards) / 80)[:, None]
+        sides.add(_tilt(Patch(board=0, cells=patch.cells, pixel=grown)))
+    assert sides == {0, 1, 2, 3, 4}
