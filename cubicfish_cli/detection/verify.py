@@ -23,9 +23,9 @@ _TRAVEL = 0.15  # of the side
 _MOST_SPREAD = 0.05  # predicted standard deviation, of the side
 # Times the median around: the edge of a shadow or of the paper within the window shows as a model
 # that fits worse than it does next door. Next door may fit to hundredths of a pixel, though, and
-# prints and paper are not true to more than a hundredth of a square: on rendered photos corners of
+# prints and paper are not true to more than an eightieth of a square: on rendered photos corners of
 # a spread under a tenth of a pixel are as good as it says, whatever is next to them.
-_SPREAD, _HARMLESS, _TRUE_TO = 3.5, 0.1, 0.01  # times that around, px, of the side
+_SPREAD, _HARMLESS, _TRUE_TO = 3.5, 0.1, 0.0125  # times that around, px, of the side
 
 
 def whole_corners(
