@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from synthetic import box_of_four, lens_of_size
 
 from cubicfish_cli.detection import finder
 from cubicfish_cli.detection.diagnose import explain_no_grids
@@ -14,7 +15,6 @@ from cubicfish_cli.rendering.pose import look_at
 from cubicfish_cli.rendering.render import render
 from cubicfish_cli.rendering.truth import project_corners
 from cubicfish_cli.target import load_target
-from tests.synthetic import box_of_four, lens_of_size
 
 POSE = look_at((330, 420, 300), (250, 150, 120), roll=0.5)
 
