@@ -15,6 +15,7 @@ from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.companion import Companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
+from cubicfish_cli.fitting.field_uncertainty import recorded_number
 from cubicfish_cli.fitting.hold import UNTOLD
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.refined_world import RefinedWorld
@@ -217,17 +218,14 @@ def _miss(pixel: FloatArray, pairs: Correspondences) -> FloatArray:
 
 def _hold(fit: Mapping[str, Any]) -> Hold:
     """How P was held; as in files that do not say where it is not a number."""
-    spread, weight = _number(fit.get("prior_spread")), _number(fit.get("prior_weight"))
+    spread, weight = (
+        recorded_number(fit.get("prior_spread")),
+        recorded_number(fit.get("prior_weight")),
+    )
     return Hold(
         spread=_OLDER_SPREAD if spread is None or spread < 0 else spread,
         weight=UNTOLD.weight if weight is None or weight <= 0 else weight,
     )
-
-
-def _number(value: object) -> float | None:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    return float(value) if math.isfinite(value) else None
 
 
 def _offset_spread(fit: Mapping[str, Any], scale: float) -> float:

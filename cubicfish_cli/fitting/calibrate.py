@@ -25,7 +25,7 @@ from cubicfish_cli.fitting.findings import (
     noisy_photos,
 )
 from cubicfish_cli.fitting.frame import in_companions_frame
-from cubicfish_cli.fitting.held_out import HeldOut, held_out_error, photo_folds
+from cubicfish_cli.fitting.held_out import HeldOut, folds_of, held_out_error
 from cubicfish_cli.fitting.hold import FIRMEST, UNTOLD, choose_hold
 from cubicfish_cli.fitting.photo_spread import photo_spread
 from cubicfish_cli.fitting.poses import Poses
@@ -430,11 +430,6 @@ def _judged(
     if measured is None or measured.rms_px >= held_out.rms_px:
         return fit, held_out
     return firm, measured
-
-
-def folds_of(companion: Companion) -> list[IntArray]:
-    """Photos that are left out together, see :func:`~.held_out.photo_folds`."""
-    return photo_folds(companion.poses, companion.pairs, companion.camera.fx)
 
 
 def _refuse_too_little(pairs: Correspondences) -> None:

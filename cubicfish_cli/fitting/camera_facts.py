@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis
+from cubicfish_cli.fitting.field_uncertainty import recorded_number
 from cubicfish_cli.fitting.verdict import Verdict, verdict
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.point_cubic import PointCamera
@@ -166,13 +166,13 @@ def camera_facts(
         principal_point_sigma_px=_two(sigma.get("principal_point_px")),
         field=seen,
         max_angle_deg=camera.max_angle_deg if isinstance(camera, CubicCamera) else None,
-        covered_deg=_number(fit.get("covered_deg")),
-        rms_px=_number(fit.get("rms_px")),
-        held_out_rms_px=_number(fit.get("held_out_rms_px")),
+        covered_deg=recorded_number(fit.get("covered_deg")),
+        rms_px=recorded_number(fit.get("rms_px")),
+        held_out_rms_px=recorded_number(fit.get("held_out_rms_px")),
         images=_count(fit.get("images")),
         corners=_count(fit.get("corners")),
         verdict=verdict(fit, camera.image_size, outline)
-        if _number(fit.get("rms_px")) is not None
+        if recorded_number(fit.get("rms_px")) is not None
         else None,
         date=_text(made_by, "date"),
         version=_text(made_by, "version"),
@@ -207,19 +207,13 @@ def _list(values: tuple[float, float] | None) -> list[float] | None:
     return None if values is None else list(values)
 
 
-def _number(value: object) -> float | None:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    return float(value) if math.isfinite(value) else None
-
-
 def _count(value: object) -> int | None:
-    number = _number(value)
+    number = recorded_number(value)
     return None if number is None else int(number)
 
 
 def _two(value: object) -> tuple[float, float] | None:
-    numbers = [_number(one) for one in value] if isinstance(value, list) else []
+    numbers = [recorded_number(one) for one in value] if isinstance(value, list) else []
     known = [number for number in numbers if number is not None]
     return (known[0], known[1]) if len(known) == len(numbers) == 2 else None
 

@@ -62,14 +62,14 @@ def recorded(fit: Mapping[str, Any]) -> FieldUncertainty | None:
         return None
     rows = record.get("sigma_px")
     grid = [
-        _number(value)
+        recorded_number(value)
         for row in (rows if isinstance(rows, list) else [])
         for value in (row if isinstance(row, list) else [])
     ]
     known = [value for value in grid if value is not None]
     counted = summed(np.array(known)) if known else None
     # Older files have no figure of 95 %: the grid does.
-    median, p95 = _number(record.get("median_px")), _number(record.get("p95_px"))
+    median, p95 = recorded_number(record.get("median_px")), recorded_number(record.get("p95_px"))
     if median is None or p95 is None:
         if counted is None:
             return None
@@ -78,7 +78,8 @@ def recorded(fit: Mapping[str, Any]) -> FieldUncertainty | None:
     return FieldUncertainty(median_px=median, p95_px=p95)
 
 
-def _number(value: object) -> float | None:
+def recorded_number(value: object) -> float | None:
+    """A finite number of a record; None where there is something else, or nothing."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     return float(value) if math.isfinite(value) else None

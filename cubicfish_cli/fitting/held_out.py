@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, adjust
-from cubicfish_cli.fitting.companion import radial_of
+from cubicfish_cli.fitting.companion import Companion, radial_of
 from cubicfish_cli.fitting.cubic_fit import cubic_of
 from cubicfish_cli.fitting.diagnosis.repeats import repeated_groups
 from cubicfish_cli.fitting.lenses import FixedLens, RadialFit
@@ -101,6 +101,11 @@ def held_out_error(
         folds=len(parts),
         photos_px=np.sqrt(mean),
     )
+
+
+def folds_of(companion: Companion) -> list[IntArray]:
+    """Indices of a companion's photos that are left out together, see :func:`photo_folds`."""
+    return photo_folds(companion.poses, companion.pairs, companion.camera.fx)
 
 
 def photo_folds(poses: Poses, pairs: Correspondences, focal: float) -> list[IntArray]:

@@ -25,7 +25,7 @@ from cubicfish_cli.fitting.baselines.unified import UnifiedLens
 from cubicfish_cli.fitting.calibrate import Calibration
 from cubicfish_cli.fitting.companion import Companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
-from cubicfish_cli.fitting.held_out import photo_folds
+from cubicfish_cli.fitting.held_out import folds_of
 from cubicfish_cli.fitting.hold import choose_hold
 from cubicfish_cli.fitting.lenses import RadialFit
 from cubicfish_cli.fitting.poses import Poses
@@ -131,8 +131,7 @@ def compare_baselines(
     companion = _companion(calibration, pairs)
     # The choice of how P is held is part of the cubic's time.
     begun = time.perf_counter()
-    groups = photo_folds(companion.poses, companion.pairs, companion.camera.fx)
-    chosen = choose_hold(companion, groups).hold
+    chosen = choose_hold(companion, folds_of(companion)).hold
     choosing = time.perf_counter() - begun
     hold = chosen if hold is None else hold
     folds = _folds(companion, hold) if hold_out else []
@@ -178,7 +177,7 @@ def _folds(companion: Companion, hold: Hold) -> list[_Fold]:
     pairs = companion.pairs
     photos = np.arange(len(pairs.images))
     folds = []
-    for test in photo_folds(companion.poses, pairs, companion.camera.fx):
+    for test in folds_of(companion):
         train = np.setdiff1d(photos, test)
         try:
             fitted = refit_companion(companion, select_photos(pairs, train), companion.poses[train])
