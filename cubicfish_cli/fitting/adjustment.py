@@ -137,8 +137,11 @@ def adjust(
     normal = now.normal
     iterations = 0
     while iterations < max_iterations:
+        step = normal.solve(damping)
+        if normal.expected_decrease(step) < relative_decrease * now.cost:
+            break
         iterations += 1
-        candidate = state.moved(*normal.solve(damping))
+        candidate = state.moved(*step)
         new = _evaluated(candidate, pairs, huber_px)
         if new.normal is not None and new.cost < now.cost:
             decrease = (now.cost - new.cost) / max(now.cost, 1e-300)

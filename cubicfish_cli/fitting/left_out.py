@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -112,7 +113,7 @@ class Leaving:
             lens: with the same parameters and another prior.
 
         """
-        change = () if lens is None else _other_prior(self._fit.lens, lens)
+        change = () if lens is None else self._other_prior(lens)
         found = []
         for (photos, parts), equations in zip(self._groups, self._equations, strict=True):
             shared, _, offset = equations.solve(*change)
@@ -125,6 +126,18 @@ class Leaving:
                 )
             )
         return found
+
+    @cached_property
+    def _prior(self) -> tuple[FloatArray, FloatArray]:
+        return self._fit.lens.prior()
+
+    def _other_prior(self, lens: FitLens) -> tuple[FloatArray, FloatArray]:
+        """What another lens's prior adds to the Hessian (L, L) and to the gradient (L,)."""
+        (residual, slope), (new_residual, new_slope) = self._prior, lens.prior()
+        return (
+            new_slope.T @ new_slope - slope.T @ slope,
+            new_slope.T @ new_residual - slope.T @ residual,
+        )
 
     def influence(self) -> list[FloatArray]:
         """Steps (K,) of the shared unknowns with each group's pull gone, but not its weight.
@@ -143,15 +156,6 @@ class Leaving:
                     np.subtract.at(corner, part.corner, part.pull())
             steps.append(equations.shared_step(shared, corner))
         return steps
-
-
-def _other_prior(lens: FitLens, other: FitLens) -> tuple[FloatArray, FloatArray]:
-    """What another prior adds to the Hessian (L, L) and to the gradient (L,)."""
-    (residual, slope), (new_residual, new_slope) = lens.prior(), other.prior()
-    return (
-        new_slope.T @ new_slope - slope.T @ slope,
-        new_slope.T @ new_residual - slope.T @ residual,
-    )
 
 
 def _part(fit: Adjustment, pairs: Correspondences, limit: float, run: slice) -> _Part:

@@ -56,6 +56,16 @@ class NormalEquations:
         """One damped Gauss-Newton step: (K,), (M, 6) and (Q, 3)."""
         return self.eliminated(damping).solve()
 
+    def expected_decrease(self, step: tuple[FloatArray, FloatArray, FloatArray]) -> float:
+        """By how much a lightly damped Gauss-Newton step lowers the cost of the linear problem."""
+        shared, pose, corner = step
+        slope = (
+            self.shared_gradient @ shared
+            + np.sum(self.pose_gradient * pose)
+            + np.sum(self.corner_gradient * corner)
+        )
+        return -0.5 * float(slope)
+
     def eliminated(self, damping: float) -> Eliminated:
         """The damped equations with the larger family of small blocks eliminated."""
         shared, pose, corner = (_damped(x, damping) for x in (self.shared, self.pose, self.corner))
@@ -307,15 +317,14 @@ class NormalSums:
         self._world = world
         self._lens = lens
         count = self._shared = lens + boards
-        corners = 3 * len(world.offsets)
+        self._corners = len(world.offsets)
         self._total = np.zeros((count, count + 7))
         self._pose = np.empty((photos, 6, 6))
         self._shared_pose = np.empty((count, photos, 6))
         self._pose_gradient = np.empty((photos, 6))
-        self._corner = np.zeros((len(world.offsets), 3, 3))
-        self._shared_corner = np.zeros((corners, count))
-        self._pose_corner = np.zeros((6 * photos, corners))
-        self._corner_gradient = np.zeros(corners)
+        # By each corner's coordinates: what is shared, its own place, the residual.
+        self._by_corner = np.zeros((3 * self._corners, count + 4))
+        self._pose_corner = np.zeros((photos, 6, self._corners, 3))
 
     def add(
         self, terms: Linearised, root: FloatArray, photos: slice, image: IntArray, pairs: slice
@@ -350,29 +359,25 @@ class NormalSums:
             self._pose[photo] = gram[count:-1, count:-1]
             self._shared_pose[:, photo] = gram[:count, count:-1]
             self._pose_gradient[photo] = gram[count:-1, -1]
-        if len(self._corner) and terms.d_corner is not None:
+        if self._corners and terms.d_corner is not None:
             d_corner = terms.d_corner * root[:, None, None]
-            self._add_corners(jacobian, d_corner, photos, image, self._world.corner[pairs])
+            self._add_corners(jacobian, d_corner, image, self._world.corner[pairs])
 
     def _add_corners(
         self,
         jacobian: FloatArray,
         d_corner: FloatArray,
-        photos: slice,
         image: IntArray,
         corner: IntArray,
     ) -> None:
         """The blocks of free corners: jacobian (n, 2, K + 7), d_corner (n, 2, 3), weighted."""
         count = self._shared
-        rows = jacobian.reshape(-1, count + 7)
-        by_corner = _by_own_block(d_corner, corner, len(self._corner))
-        by_pose = _by_own_block(
-            jacobian[:, :, count:-1], image - photos.start, photos.stop - photos.start
-        )
-        np.add.at(self._corner, corner, d_corner.transpose(0, 2, 1) @ d_corner)
-        self._shared_corner += by_corner.T @ rows[:, :count]
-        self._pose_corner[6 * photos.start : 6 * photos.stop] = (by_pose.T @ by_corner).toarray()
-        self._corner_gradient += by_corner.T @ rows[:, -1]
+        by_corner = _by_own_block(d_corner, corner, self._corners)
+        rows = np.concatenate([jacobian[:, :, :count], d_corner, jacobian[:, :, -1:]], axis=2)
+        self._by_corner += by_corner.T @ rows.reshape(-1, count + 4)
+        # A photo sees each corner once, so no place comes twice.
+        across = jacobian[:, :, count:-1].transpose(0, 2, 1) @ d_corner
+        self._pose_corner[image, :, corner] = across
 
     def equations(self, priors: tuple[FloatArray, FloatArray]) -> NormalEquations:
         """The sums with the priors: residuals (L,) and derivatives (L, K), and offsets' pull."""
@@ -380,16 +385,17 @@ class NormalSums:
         residual, d_prior = priors
         offsets = self._world.offsets
         pull = self._world.offset_weight**2
+        corner = self._by_corner[:, count:-1].reshape(-1, 3, 3)
         return NormalEquations(
             shared=self._total[:, :count] + d_prior.T @ d_prior,
             pose=self._pose,
             shared_pose=self._shared_pose.reshape(count, 6 * len(self._pose)),
             shared_gradient=self._total[:, -1] + d_prior.T @ residual,
             pose_gradient=self._pose_gradient,
-            corner=self._corner + pull * np.eye(3),
-            shared_corner=self._shared_corner.T,
-            pose_corner=self._pose_corner,
-            corner_gradient=self._corner_gradient.reshape(-1, 3) + pull * offsets,
+            corner=corner + pull * np.eye(3),
+            shared_corner=self._by_corner[:, :count].T,
+            pose_corner=self._pose_corner.reshape(6 * len(self._pose), 3 * self._corners),
+            corner_gradient=self._by_corner[:, -1].reshape(-1, 3) + pull * offsets,
         )
 
 
