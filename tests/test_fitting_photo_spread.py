@@ -51,7 +51,7 @@ def observed_over_predicted(errors):
         seen = np.isfinite(difference).all(axis=1)
         both = []
         for companion, cubic in ((one, first), (two, second)):
-            spread = photo_spread(cubic, companion.pairs, np.arange(PHOTOS), companion.covered)
+            spread = photo_spread(cubic, companion, np.arange(PHOTOS))
             noise = camera_uncertainty(cubic).sigma_px(rays[seen])
             both.append((spread.sigma_px(rays[seen]), noise))
         distance = np.sqrt(np.mean(np.sum(difference[seen] ** 2, axis=1)))
@@ -76,7 +76,7 @@ def test_independent_errors_are_too():
 def test_one_place_leaves_the_noise_alone():
     companion, cubic = fitted(3, CornerErrors())
     rays = cone_rays(companion.covered, 50)
-    same = photo_spread(cubic, companion.pairs, np.zeros(PHOTOS, int), companion.covered)
+    same = photo_spread(cubic, companion, np.zeros(PHOTOS, int))
     noise = camera_uncertainty(cubic)
     np.testing.assert_array_equal(same.sigma_px(rays), noise.sigma_px(rays))
     weights = np.eye(2 * len(rays))[:4]
@@ -85,10 +85,24 @@ def test_one_place_leaves_the_noise_alone():
 
 def test_variances_add_up_to_sigma():
     companion, cubic = fitted(4, CornerErrors())
-    spread = photo_spread(cubic, companion.pairs, np.arange(PHOTOS), companion.covered)
+    spread = photo_spread(cubic, companion, np.arange(PHOTOS))
     rays = cone_rays(companion.covered, 30)
     single = spread._of_photos(
         *(spread._changes(s, rays) for s in (spread.left_out, spread.influence))
     )
     assert (spread.sigma_px(rays) ** 2 >= single.reshape(-1, 2).sum(axis=1) * (1 - 1e-12)).all()
     assert spread.noise_px == pytest.approx(spread.noise.noise_px)
+
+
+def test_a_rival_hold_adds_how_far_its_camera_is():
+    companion, cubic = fitted(5, CornerErrors())
+    rays = cone_rays(companion.covered, 60)
+    alone = photo_spread(cubic, companion, np.arange(PHOTOS)).sigma_px(rays)
+    itself = photo_spread(replace(cubic, rival=HOLD), companion, np.arange(PHOTOS))
+    np.testing.assert_allclose(itself.sigma_px(rays), alone, rtol=1e-2)
+    freer = Hold(spread=1e-2, weight=0.1)
+    other = photo_spread(replace(cubic, rival=freer), companion, np.arange(PHOTOS)).sigma_px(rays)
+    lens = camera_of(companion, fit_cubic(companion, freer, start=cubic))
+    distance, _ = aligned_difference(lens, camera_of(companion, cubic), rays)
+    added = np.sqrt(np.mean(other**2 - alone**2))
+    assert added == pytest.approx(np.sqrt(np.mean(np.sum(distance**2, axis=1))), rel=0.35)

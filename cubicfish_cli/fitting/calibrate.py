@@ -290,7 +290,7 @@ def _calibrated(
         radial=companion.camera,
     )
     places = repeated_groups(cubic.poses, companion.pairs, companion.camera.fx)
-    spread = photo_spread(cubic, companion.pairs, places, companion.covered)
+    spread = photo_spread(cubic, companion, places)
     covered_deg = float(np.rad2deg(companion.covered))
     trusted = trusted_angle_deg(camera, covered_deg, spread.sigma_px)
     camera = replace(camera, max_angle_deg=trusted)
@@ -425,7 +425,8 @@ def _judged(
     if held_out is None or held_out.rms_px <= held_out.companion_rms_px:
         return fit, held_out
     cubic = fit_cubic(fit.companion, FIRMEST, world=fit.cubic.fit.world, start=fit.cubic)
-    firm = replace(fit, cubic=cubic)
+    rival = fit.cubic.rival or fit.cubic.hold
+    firm = replace(fit, cubic=replace(cubic, rival=rival))
     measured = held_out_error(firm, progress)
     if measured is None or measured.rms_px >= held_out.rms_px:
         return fit, held_out

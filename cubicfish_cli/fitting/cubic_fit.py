@@ -74,6 +74,8 @@ class CubicResult:
         hold: how P was held to the companion.
         max_angle_deg: half-angle of the cone over which P may be trusted.
         soundness: the check for poles and folds over that cone.
+        rival: the hold under which photos that were left out fitted best, where another is held
+            to for want of a clear difference; None where none was sought.
 
     """
 
@@ -84,6 +86,7 @@ class CubicResult:
     hold: Hold
     max_angle_deg: float
     soundness: Soundness
+    rival: Hold | None = None
 
 
 def fit_cubic(

@@ -8,6 +8,7 @@ out say, from the plain radial lens at one end to a nearly free P at the other.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -86,7 +87,8 @@ def choose_hold(
         place = _firmest_of_the_best(squares)
         places = _around(place)
     assert start is not None
-    return fit_cubic(companion, start.hold, world=start.fit.world, start=start)
+    fitted = fit_cubic(companion, start.hold, world=start.fit.world, start=start)
+    return replace(fitted, rival=_hold(_best(squares)))
 
 
 def _hold(place: _Place) -> Hold:
@@ -109,13 +111,17 @@ def _squares(judged: Sequence[LeftOut], photos: int) -> FloatArray:
     return np.bincount(image, np.sum(residual**2, axis=1), photos).astype(float)
 
 
+def _best(squares: Mapping[_Place, FloatArray]) -> _Place:
+    return min(squares, key=lambda place: float(squares[place].sum()))
+
+
 def _firmest_of_the_best(squares: Mapping[_Place, FloatArray]) -> _Place:
     """The firmest hold that is not clearly worse than the best.
 
     What corners of one photo say they say together: whether a freer P is better is a matter of
     photos, of which there may be five, and the least of several errors is least by chance too.
     """
-    best = min(squares, key=lambda place: float(squares[place].sum()))
+    best = _best(squares)
     for place in sorted(squares, key=lambda place: (sum(place), place)):
         worse = squares[place] - squares[best]
         if worse.sum() <= _CLEARLY * np.std(worse, ddof=1):

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import Adjustment, FitLens, huber_weight, linearised
-from cubicfish_cli.fitting.normal_equations import NormalEquations
+from cubicfish_cli.fitting.normal_equations import Eliminated, NormalEquations
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
@@ -139,6 +139,14 @@ class Leaving:
             new_slope.T @ new_residual - slope.T @ residual,
         )
 
+    def held_as(self, lens: FitLens) -> FloatArray:
+        """Step (K,) of the shared unknowns with no photo left out, under another lens's prior."""
+        return self._equations_of_all.solve(*self._other_prior(lens))[0]
+
+    @cached_property
+    def _equations_of_all(self) -> Eliminated:
+        return self._fit.normal.eliminated(_DAMPING)
+
     def influence(self) -> list[FloatArray]:
         """Steps (K,) of the shared unknowns with each group's pull gone, but not its weight.
 
@@ -146,7 +154,6 @@ class Leaving:
         gradient counts, its share of the equations stays.
         """
         normal = self._fit.normal
-        equations = normal.eliminated(_DAMPING)
         steps = []
         for _, parts in self._groups:
             shared, corner = np.zeros(len(normal.shared)), np.zeros_like(normal.corner_gradient)
@@ -154,7 +161,7 @@ class Leaving:
                 shared -= part.shared.T @ part.residual
                 if len(part.corner):
                     np.subtract.at(corner, part.corner, part.pull())
-            steps.append(equations.shared_step(shared, corner))
+            steps.append(self._equations_of_all.shared_step(shared, corner))
         return steps
 
 

@@ -4,6 +4,10 @@ Corners of one photo share their errors: its blur, its light, the sheet's own be
 the model misses. The noise of single corners, carried through the fit, knows nothing of that. What
 does is how far the camera moves when a photo is left out: a variance estimate that is robust to
 errors shared within clusters, the photos (Liang & Zeger 1986; Bell & McCaffrey 2002).
+
+Nor does it know how P should be held. Where photos that are left out do not tell the hold that was
+taken from the one that predicts best, the distance between the two cameras is in doubt, too (as in
+the averaging of models, Buckland, Burnham & Augustin 1997).
 """
 
 from __future__ import annotations
@@ -14,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.fitting.cubic_fit import CubicResult
+from cubicfish_cli.fitting.companion import Companion
+from cubicfish_cli.fitting.cubic_fit import CubicResult, held
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.fitting.robust import huber_px
@@ -42,6 +46,7 @@ class PhotoSpread:
         noise: the part of the corners' own noise, which is a lower bound.
         left_out: (G, K) steps of the lens's parameters without each cluster.
         influence: (G, K) steps with the cluster's pull gone, but not its weight.
+        rival: (1, K) step to the lens as the hold that predicted best has it; (0, K) without one.
         aligned: (M, 3) unit rays over which a common turn is taken out.
 
     """
@@ -49,6 +54,7 @@ class PhotoSpread:
     noise: Uncertainty
     left_out: FloatArray
     influence: FloatArray
+    rival: FloatArray
     aligned: FloatArray
 
     @property
@@ -61,15 +67,17 @@ class PhotoSpread:
         of_photos = self._of_photos(
             *(self._changes(steps, rays) for steps in (self.left_out, self.influence))
         )
-        both = of_photos.reshape(-1, 2).sum(axis=1)
-        return np.sqrt(np.maximum(np.square(self.noise.sigma_px(rays)), both))
+        of_photos = of_photos.reshape(-1, 2).sum(axis=1)
+        of_hold = np.square(self._changes(self.rival, rays)).sum(axis=1).reshape(-1, 2).sum(axis=1)
+        return np.sqrt(np.maximum(np.square(self.noise.sigma_px(rays)), of_photos) + of_hold)
 
     def variance(self, rays: FloatArray, weights: FloatArray) -> FloatArray:
         """See :class:`~cubicfish_cli.fitting.uncertainty.Sigma`."""
         of_photos = self._of_photos(
             *(weights @ self._changes(steps, rays) for steps in (self.left_out, self.influence))
         )
-        return np.maximum(self.noise.variance(rays, weights), of_photos)
+        of_hold = np.square(weights @ self._changes(self.rival, rays)).sum(axis=1)
+        return np.maximum(self.noise.variance(rays, weights), of_photos) + of_hold
 
     def _of_photos(self, left_out: FloatArray, influence: FloatArray) -> FloatArray:
         """Variance (F,) of what changes so, (F, G), without each cluster.
@@ -103,25 +111,25 @@ class PhotoSpread:
         return np.asarray(change.reshape(-1, len(steps)))
 
 
-def photo_spread(
-    result: CubicResult, pairs: Correspondences, places: IntArray, covered: float
-) -> PhotoSpread:
+def photo_spread(result: CubicResult, companion: Companion, places: IntArray) -> PhotoSpread:
     """Leave out the photos of a cubic fit, cluster by cluster, to first order.
 
     Args:
         result: the fit, at its optimum.
-        pairs: its pairs.
+        companion: what P is held to, with the fit's pairs.
         places: (M,) from which place each photo is, counted from 0: those from one place are one.
-        covered: angle from the axis of the farthest corner, radians.
 
     """
     count = len(result.lens.parameters)
-    leaving = Leaving(result.fit, pairs, huber_px(result.residual), _clusters(places))
+    limit = huber_px(result.residual)
+    leaving = Leaving(result.fit, companion.pairs, limit, _clusters(places))
+    rivals = [] if result.rival is None else [held(result.lens, companion, result.rival)]
     return PhotoSpread(
         noise=camera_uncertainty(result),
         left_out=np.array([one.shared[:count] for one in leaving.left_out()]),
         influence=np.array([step[:count] for step in leaving.influence()]),
-        aligned=cone_rays(covered, _ALIGNED_RAYS),
+        rival=np.array([leaving.held_as(lens)[:count] for lens in rivals]),
+        aligned=cone_rays(companion.covered, _ALIGNED_RAYS),
     )
 
 
