@@ -68,11 +68,11 @@ def choose_hold(
     hold = UNTOLD if start is None else start.hold
     if len(groups) < 2:
         return fit_cubic(companion, hold, world=world, start=start)
-    place, seen = _place_of(hold), set[_Place]()
+    place, seen = _place_of(hold), list[_Place]()
     squares: dict[_Place, FloatArray] = {}
     places = _EVERY_PLACE if start is None else _around(place)
     while place not in seen and len(seen) < _MOST_STEPS:
-        seen.add(place)
+        seen.append(place)
         start = fit_cubic(
             companion,
             _hold(place),
@@ -87,7 +87,9 @@ def choose_hold(
         place = _firmest_of_the_best(squares)
         places = _around(place)
     assert start is not None
-    fitted = fit_cubic(companion, start.hold, world=start.fit.world, start=start)
+    # A search that comes back to an earlier hold ends there; a hold that was made firmer stays so.
+    hold = start.hold if place == seen[-1] else _hold(place)
+    fitted = fit_cubic(companion, hold, world=start.fit.world, start=start)
     return replace(fitted, rival=_hold(_best(squares)))
 
 
