@@ -32,7 +32,7 @@ from cubicfish_cli.fitting.adjustment import FitLens, adjust
 from cubicfish_cli.fitting.baselines.compare import FrozenLens, compare_baselines
 from cubicfish_cli.fitting.baselines.unified import UnifiedLens
 from cubicfish_cli.fitting.calibrate import Calibration, calibrate
-from cubicfish_cli.fitting.held_out import FOLDS
+from cubicfish_cli.fitting.folds import FOLDS
 from cubicfish_cli.fitting.lenses import RadialFit
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px

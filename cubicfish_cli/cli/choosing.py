@@ -17,6 +17,7 @@ from cubicfish_cli.cli.target_choice import TargetChoice
 from cubicfish_cli.cli.terminal import progress, say
 from cubicfish_cli.cli.video_options import is_video_name
 from cubicfish_cli.errors import DetectionError, PhotoError
+from cubicfish_cli.frame_names import frame_name
 
 if TYPE_CHECKING:
     from cubicfish_cli.films.choose import Choice, Seen
@@ -245,7 +246,7 @@ def _names(measured: Measured) -> dict[int, str]:
     names: dict[int, str] = {}
     taken = set()
     for index in sorted(measured.kept):
-        name = f"{measured.film.label}_{max(0.0, measured.time[index]):010.3f}s"
+        name = frame_name(measured.film.label, measured.time[index])
         if name in taken:  # less than a millisecond apart
             name += f"_{index}"
         taken.add(name)

@@ -24,8 +24,9 @@ from cubicfish_cli.fitting.findings import (
     dropped_groups,
     noisy_photos,
 )
+from cubicfish_cli.fitting.folds import folds_of
 from cubicfish_cli.fitting.frame import in_companions_frame
-from cubicfish_cli.fitting.held_out import HeldOut, folds_of, held_out_error
+from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
 from cubicfish_cli.fitting.hold import FIRMEST, UNTOLD, choose_hold
 from cubicfish_cli.fitting.photo_spread import photo_spread
 from cubicfish_cli.fitting.poses import Poses

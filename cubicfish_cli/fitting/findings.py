@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.diagnosis.finding import listed
-from cubicfish_cli.fitting.held_out import MIN_PHOTOS
+from cubicfish_cli.fitting.folds import MIN_PHOTOS
 from cubicfish_cli.fitting.robust import noise_px
 
 FloatArray = npt.NDArray[np.float64]

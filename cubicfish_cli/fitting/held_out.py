@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, adjust
-from cubicfish_cli.fitting.companion import Companion, radial_of
+from cubicfish_cli.fitting.companion import radial_of
 from cubicfish_cli.fitting.cubic_fit import cubic_of
-from cubicfish_cli.fitting.diagnosis.repeats import repeated_groups
+from cubicfish_cli.fitting.folds import photo_folds
 from cubicfish_cli.fitting.lenses import FixedLens, RadialFit
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refined_world import RefinedWorld
@@ -26,8 +26,6 @@ from cubicfish_cli.model.radial import RadialCamera
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
 
-FOLDS = 5
-MIN_PHOTOS = 3
 # A fold's cost need not be known better than its few photos tell.
 _FOLD_DECREASE = 1e-5
 
@@ -67,8 +65,7 @@ def held_out_error(
 ) -> HeldOut | None:
     """Cross-validation by photo: each photo is judged by a camera that never saw it.
 
-    Photos are dealt out to the folds in the order of their names; photos from the same place count
-    as one, so that none is judged by a camera that saw its repeat. In each fold companion, P and,
+    Which photos are left out together, folds.py says. In each fold companion, P and,
     at its level, the object are fitted to the other photos; then only the poses of the photos left
     out are fitted. The fits start where the fit to all photos ended, a few steps from their own
     optimum; the priors and their weights are those that the fit to all photos chose.
@@ -101,33 +98,6 @@ def held_out_error(
         folds=len(parts),
         photos_px=np.sqrt(mean),
     )
-
-
-def folds_of(companion: Companion) -> list[IntArray]:
-    """Indices of a companion's photos that are left out together, see :func:`photo_folds`."""
-    return photo_folds(companion.poses, companion.pairs, companion.camera.fx)
-
-
-def photo_folds(poses: Poses, pairs: Correspondences, focal: float) -> list[IntArray]:
-    """Indices of the photos that are left out together, fold by fold.
-
-    Args:
-        poses: camera_from_world of each of ``pairs.images``.
-        pairs: pairs of the photos.
-        focal: pixels a radian, roughly.
-
-    Returns:
-        Empty where photos are from fewer than :data:`MIN_PHOTOS` places.
-
-    """
-    group = repeated_groups(poses, pairs, focal)
-    places = int(group.max()) + 1
-    folds = min(FOLDS, places) if places >= MIN_PHOTOS else 0
-    # Dealt out by name, so that the order in which photos come does not matter.
-    by_name = group[np.argsort(pairs.images, kind="stable")]
-    _, first = np.unique(by_name, return_index=True)
-    rank = np.argsort(np.argsort(first))
-    return [np.flatnonzero(rank[group] % folds == fold) for fold in range(folds)]
 
 
 def _fold(fit: ObjectFit, test: IntArray) -> tuple[FloatArray, FloatArray, IntArray]:

@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.fitting.companion import Companion
 from cubicfish_cli.fitting.cubic_fit import CubicResult, held
+from cubicfish_cli.fitting.folds import dealt
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.fitting.robust import huber_px
@@ -122,7 +123,7 @@ def photo_spread(result: CubicResult, companion: Companion, places: IntArray) ->
     """
     count = len(result.lens.parameters)
     limit = huber_px(result.residual)
-    leaving = Leaving(result.fit, companion.pairs, limit, _clusters(places))
+    leaving = Leaving(result.fit, companion.pairs, limit, _clusters(places, companion.pairs.images))
     rivals = [] if result.rival is None else [held(result.lens, companion, result.rival)]
     return PhotoSpread(
         noise=camera_uncertainty(result),
@@ -133,8 +134,9 @@ def photo_spread(result: CubicResult, companion: Companion, places: IntArray) ->
     )
 
 
-def _clusters(places: IntArray) -> Sequence[IntArray]:
+def _clusters(places: IntArray, images: Sequence[str]) -> list[IntArray]:
     clusters = min(int(places.max()) + 1, _MOST_CLUSTERS)
     if clusters < 2:
         return []
-    return [np.flatnonzero(places % clusters == cluster) for cluster in range(clusters)]
+    part = dealt(places, images, clusters)
+    return [np.flatnonzero(part == cluster) for cluster in np.unique(part)]

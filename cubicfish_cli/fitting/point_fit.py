@@ -18,7 +18,7 @@ from scipy.spatial import ConvexHull
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.companion import fit_companion, refit_companion
-from cubicfish_cli.fitting.held_out import photo_folds
+from cubicfish_cli.fitting.folds import photo_folds
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.linear import ROUNDS, linear_ratios
 from cubicfish_cli.fitting.poses import Poses

@@ -192,7 +192,7 @@ def strokes(
     if closed:
         ends = np.concatenate([ends, ends[:, :1]], axis=1)
         codes = np.concatenate([codes, np.full((len(ends), 1), Outline.CLOSEPOLY, np.uint8)], 1)
-    # Not add_patch, which looks at each of the path's segments to scale axes that are scaled already.
+    # Not add_patch: it looks at every segment, to scale axes that have their scale.
     axes.add_artist(
         PathPatch(
             Outline(ends.reshape(-1, 2), codes.ravel()),
@@ -214,7 +214,7 @@ def areas(axes: Axes, polygons: FloatArray, colour: str, alpha: float = 1.0) -> 
     closed = np.concatenate([polygons, polygons[:, :1]], axis=1)
     codes = np.full((count, corners + 1), Outline.LINETO, np.uint8)
     codes[:, 0], codes[:, -1] = Outline.MOVETO, Outline.CLOSEPOLY
-    # Not add_patch, which looks at each of the path's segments to scale axes that are scaled already.
+    # Not add_patch: it looks at every segment, to scale axes that have their scale.
     axes.add_artist(
         PathPatch(
             Outline(closed.reshape(-1, 2), codes.ravel()),

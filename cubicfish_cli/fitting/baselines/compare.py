@@ -25,7 +25,7 @@ from cubicfish_cli.fitting.baselines.unified import UnifiedLens
 from cubicfish_cli.fitting.calibrate import Calibration
 from cubicfish_cli.fitting.companion import Companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
-from cubicfish_cli.fitting.held_out import folds_of
+from cubicfish_cli.fitting.folds import folds_of
 from cubicfish_cli.fitting.hold import choose_hold
 from cubicfish_cli.fitting.lenses import RadialFit
 from cubicfish_cli.fitting.poses import Poses
