@@ -57,8 +57,12 @@ class ChosenFrames:
 
 
 def films_among(inputs: Sequence[Path]) -> list[Path]:
-    """Those of the inputs that are films, or patterns of such, by their names."""
-    return [path for path in inputs if is_video_name(path) and not path.is_dir()]
+    """Those of the inputs that are films, recordings or patterns of such, by their names."""
+    from cubicfish_cli.films.recordings import is_recording
+
+    return [
+        path for path in inputs if (is_video_name(path) and not path.is_dir()) or is_recording(path)
+    ]
 
 
 def expanded(paths: Sequence[Path]) -> list[Path]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.errors import PhotoError
+from cubicfish_cli.films.recordings import file_and_topic, is_recording, label_of
 from cubicfish_cli.films.source import frame_count, opened
 from cubicfish_cli.photos import shown
 
@@ -73,7 +74,7 @@ def _film(path: Path, label: str) -> Film:
         size = (int(stream.width), int(stream.height))
         if min(size) < 1:
             raise PhotoError(f"{shown(path)} does not say how large its frames are: copy it again")
-        status = path.stat()
+        status = file_and_topic(path)[0].stat()
         return Film(
             path=path,
             label=label,
@@ -91,5 +92,6 @@ def _is_cover(stream: Any) -> bool:
 
 def _label(path: Path) -> str:
     """The name without its suffix; what steers a terminal, and blanks at its ends, left out."""
-    name = "".join(c if c.isprintable() else "_" for c in path.stem).strip().lstrip(".")
+    stem = label_of(path) if is_recording(path) else path.stem
+    name = "".join(c if c.isprintable() else "_" for c in stem).strip().lstrip(".")
     return name or "film"

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.errors import OutputError, PhotoError
+from cubicfish_cli.films.recordings import Recording, is_recording
 from cubicfish_cli.photos import MAX_PIXELS, shown
 
 # Lists of other files, and whatever else would make a video of what is not in the file, stay shut.
@@ -49,6 +50,10 @@ class opened:
         self._path = path
 
     def __enter__(self) -> tuple[Any, Any]:
+        if is_recording(self._path):
+            recording = Recording(self._path)
+            self._container: Any = recording
+            return recording, recording.stream
         av = library()
         # What matters comes back as an error. At any other level FFmpeg's threads wait for Python's
         # lock to say something, while Python, which holds it, waits for them to end.
@@ -101,6 +106,9 @@ def decode(source: Path, container: Any, stream: Any, *, sound: bool = True) -> 
         PhotoError: the file is damaged; the frames before that have been given.
 
     """
+    if isinstance(container, Recording):
+        yield from container.frames()
+        return
     av = library()
     count = 0
     try:
