@@ -7,7 +7,17 @@ exit code 1; a library caller can also catch the built-in class it derives from.
 
 
 class CubicfishError(Exception):
-    """Base of all errors that this package raises on purpose."""
+    """Base of all errors that this package raises on purpose.
+
+    Attributes:
+        what: what is the matter; all of the text where nothing more is known.
+        do: what to do about it; empty where ``what`` says so.
+
+    """
+
+    def __init__(self, what: str = "", *, do: str = "") -> None:
+        super().__init__(f"{what}: {do}" if do else what)
+        self.what, self.do = what, do
 
 
 class TargetError(CubicfishError, ValueError):

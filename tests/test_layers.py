@@ -15,6 +15,7 @@ PACKAGE = Path(cubicfish_cli.__file__).parent
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "wording": set(),
+    "words": set(),
     "angles": set(),
     "arrays": {"errors", "wording"},
     "machines": {"errors"},
@@ -27,11 +28,11 @@ ALLOWED: dict[str, set[str]] = {
     "photos": {"errors", "wording", "machines", "picture_headers"},
     "films": {"errors", "files", "photos", "wording"},
     "cluster": {"errors", "files", "machines", "photos"},
-    "detection": {"errors", "angles", "photos", "target"},
+    "detection": {"errors", "angles", "photos", "target", "words"},
     "correspondences": {"errors", "wording", "arrays", "files", "tables", "target"},
     "corner_files": {"errors", "reading", "tables", "target", "correspondences", "wording"},
     "model": {"errors", "angles"},
-    "fitting": {"errors", "angles", "target", "correspondences", "model"},
+    "fitting": {"errors", "angles", "target", "correspondences", "model", "words"},
     "naming": {
         "errors",
         "machines",
@@ -42,6 +43,7 @@ ALLOWED: dict[str, set[str]] = {
         "correspondences",
         "model",
         "fitting",
+        "words",
     },
     "undistortion": {
         "errors",

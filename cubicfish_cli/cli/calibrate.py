@@ -24,7 +24,8 @@ from cubicfish_cli.cli.inputs import (
     Pairs,
     check_inputs,
     load_pairs,
-    photo_problems,
+    mark_of,
+    photo_remarks,
     photos_of,
     say_photo_problems,
     why_lost,
@@ -225,7 +226,6 @@ def command(
         no_cache=no_cache,
         best=best,
     )
-    problems = None if loaded.detection is None else photo_problems(loaded.detection)
     if loaded.detection is not None:
         say_photo_problems(loaded.detection)
     if loaded.corners is None:  # the input held pairs
@@ -283,7 +283,11 @@ def command(
     if as_json:
         compared = {"models": models} if compare else {}
         files = report_step.as_record(judged, outputs)
-        said = {"photo_problems": problems, "advice": advice, "summary": facts.line}
+        said = {
+            **photo_remarks(loaded.detection, calibration.remarks),
+            "advice": advice,
+            "summary": facts.line,
+        }
         print_json({**record, **compared, **said, **files, "model": str(outputs["camera"])})
     for corner in record["dropped_corners"]:
         detail(
@@ -294,12 +298,12 @@ def command(
     for photo, reason in calibration.unfit.items():
         say(f"left out: {photo}: {reason}")
     for finding in calibration.findings:
-        say(f"{'note' if finding.level == 'note' else 'warning'}: {finding.line}")
+        say(f"{mark_of(finding)}: {finding.line}")
     for note in calibration.notes:
         say(f"note: {note}")
     for departure in calibration.departures:
         for doubt in departure.doubts:
-            say(f"warning: board {departure.board} seems {doubt}")
+            say(f"warning: board {departure.board} seems {doubt.what}: {doubt.do}")
     if not as_json:
         _print(calibration, facts, record, judged, advice, models, outputs, loaded)
     say_removed(earlier)
@@ -423,7 +427,7 @@ def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
     dropped = len(calibration.dropped)
     result(
         f"{count(record['images'], 'photo')}, {count(record['corners'], 'corner')} used, "
-        f"{dropped} dropped as grossly wrong{' (-v lists them)' * bool(dropped)}\n"
+        f"{count(dropped, 'outlier')}{' (-v lists them)' * bool(dropped)}\n"
     )
     held_out = calibration.held_out
     more: list[tuple[str, float | None, str]] = [

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from cubicfish_cli.cli import report_step
 from cubicfish_cli.cli.calibration_folder import of_earlier, say_removed
 from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_verdict
-from cubicfish_cli.cli.inputs import Pairs, photo_problems
+from cubicfish_cli.cli.inputs import Pairs, photo_remarks
 from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table
 from cubicfish_cli.cli.terminal import print_json, result, say, working
 
@@ -72,8 +72,7 @@ def run(
     judged = verdict(record, camera.image_size, camera.valid)
     if as_json:
         files = report_step.as_record(judged, {name: outputs[name] for name in names})
-        found = loaded.detection
-        photos = {"photo_problems": None if found is None else photo_problems(found)}
+        photos = photo_remarks(loaded.detection, calibration.remarks)
         print_json({**record, **photos, **files, "model": str(outputs["camera"])})
     else:
         _print(calibration, record, judged)

@@ -11,7 +11,7 @@ import click
 
 from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.inputs import detect, lost_word, photos_of, say_photo_problems
+from cubicfish_cli.cli.inputs import detect, lost_word, mark_of, photos_of, say_photo_problems
 from cubicfish_cli.cli.options import (
     FILE,
     FOLDER,
@@ -118,6 +118,7 @@ def command(
                 "exact": photo.exact,
                 "problem": photo.problem,
                 "notes": photo.notes,
+                "findings": [finding.as_record() for finding in photo.findings],
             }
             for photo in detection.photos
         ]
@@ -134,7 +135,7 @@ def command(
         )
     say_photo_problems(detection)
     for finding in detection.findings:
-        say(f"{'note' if finding.level == 'note' else 'warning'}: {finding.line}")
+        say(f"{mark_of(finding)}: {finding.line}")
     if not as_json:
         print_photo_table(_rows(detection), detection.corners.boards)
         result(f"\nwrote {output}: {count(corners, 'corner')} in {count(images, 'photo')}")
@@ -145,21 +146,21 @@ def _rows(detection: Detection) -> list[PhotoRow]:
     rows = []
     for photo in detection.photos:
         said = []
-        if photo.problem is not None:
+        if photo.lost:
             said.append(lost_word(photo))
         elif photo.corners < _FEW_CORNERS:
             said.append("few corners")
         if not photo.exact:
             said.append("not sure which corners")
-        if photo.problem is None and photo.notes:
+        if not photo.lost and photo.notes:
             said.append(f"{count(len(photo.notes), 'remark')}")
         rows.append(
             PhotoRow(
                 name=photo.name,
                 words="; ".join(said) or GOOD,
-                level="good" if not said else "bad" if photo.problem else "care",
+                level="good" if not said else "bad" if photo.lost else "care",
                 boards=by_board.get(photo.name, {}),
-                corners=None if photo.problem else photo.corners,
+                corners=None if photo.lost else photo.corners,
             )
         )
     return rows

@@ -13,7 +13,7 @@ from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_verd
 from cubicfish_cli.cli.inputs import (
     check_inputs,
     load_pairs,
-    photo_problems,
+    photo_remarks,
     refuse_other_sizes,
     say_photo_problems,
     why_lost,
@@ -100,8 +100,7 @@ def command(
         evaluation = evaluate(camera, loaded.pairs)
     record = evaluation.as_record()
     record["uncertainty"] = _uncertainty(file.fit, evaluation.pairs.pixel)
-    problems = None if loaded.detection is None else photo_problems(loaded.detection)
-    record["photo_problems"] = problems
+    record |= photo_remarks(loaded.detection)
     if evaluation.outside:
         say(
             f"{count(evaluation.outside, 'corner')} not counted: beyond the "

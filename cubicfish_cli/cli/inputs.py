@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from glob import has_magic
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from cubicfish_cli.naming.detect import Detection, PhotoReport
     from cubicfish_cli.photos import Photo
     from cubicfish_cli.target import Target
+    from cubicfish_cli.words.finding import Finding
 
 # Of more photos than these, some are as good as all.
 _MANY = 200
@@ -249,11 +250,23 @@ def refuse_other_sizes(inputs: Sequence[Path], size: tuple[int, int]) -> None:
 
 def photo_problems(detection: Detection) -> list[str]:
     """One line for every photo that gave nothing, and for every grid that was left out."""
-    lines = []
-    for photo in detection.photos:
-        for problem in photo.notes if photo.problem is None else (photo.problem,):
-            lines.append(problem if photo.name in problem else f"{photo.name}: {problem}")
-    return lines
+    from cubicfish_cli.naming.remarks import line_of
+
+    return [line_of(one) for photo in detection.photos for one in photo.findings]
+
+
+def photo_remarks(detection: Detection | None, more: Sequence[Finding] = ()) -> dict[str, Any]:
+    """What is told of photos and grids for ``--json``: lines, and records of those and others."""
+    of_photos = [one for photo in detection.photos for one in photo.findings] if detection else []
+    return {
+        "photo_problems": None if detection is None else photo_problems(detection),
+        "remarks": [one.as_record() for one in (*of_photos, *more)],
+    }
+
+
+def mark_of(finding: Finding) -> str:
+    """How a line about a finding begins."""
+    return "note" if finding.severity.value == "note" else "warning"
 
 
 def say_photo_problems(detection: Detection) -> None:
@@ -263,23 +276,24 @@ def say_photo_problems(detection: Detection) -> None:
     if verbosity() > 0:
         lines = photo_problems(detection)
     else:
-        lines = remark_lines([one for photo in detection.photos for one in photo.remarks()])
+        lines = remark_lines([one for photo in detection.photos for one in photo.findings])
     for line in lines:
         say(line)
 
 
 def lost_word(photo: PhotoReport) -> str:
     """A word for why a photo gave no corners."""
-    if photo.other_size:
-        return "another size"
-    if photo.grids:
-        return "left out"
-    return "nothing found" if photo.found is not None else "cannot be read"
+    from cubicfish_cli.words.codes import Code
+
+    why = photo.refusal.code if photo.refusal is not None else None
+    if why in (Code.OTHER_SIZE, Code.CANNOT_BE_READ):
+        return "another size" if why is Code.OTHER_SIZE else "cannot be read"
+    return "left out" if why is None else "nothing found"
 
 
 def why_lost(detection: Detection) -> dict[str, str]:
     """Photos that gave nothing, and a word for why."""
-    return {photo.name: lost_word(photo) for photo in detection.photos if photo.problem is not None}
+    return {photo.name: lost_word(photo) for photo in detection.photos if photo.lost}
 
 
 def detect(

@@ -15,9 +15,21 @@ _ERRORS = {
     "corners": "how many corners were used",
     "images": "how many photos were used",
 }
+_FINDINGS = (
+    "what looks wrong with the set-up, a record each: code (and case) of what it is, severity "
+    "(note, care or bad), remedy (what helps, in a word for programs), what, evidence and do in "
+    "words, images, boards and figures that it is about; cause and level are older names of code "
+    "and severity"
+)
+_VERDICT = (
+    "level (good, care or bad), words, figures, reasons (a record each, with the keys of findings "
+    "and why: what and evidence in one)"
+)
 _PHOTO_PROBLEMS = {
     "photo_problems": "photos that gave nothing and grids that were left out, a line each; null "
     "where no photos were searched",
+    "remarks": "what else is told, a record each, with the keys of findings: photos and grids that "
+    "were left out and, of a fit, its notes and doubts",
 }
 
 TARGET_CHECK = {
@@ -53,7 +65,7 @@ CALIBRATE = {
     "held_out_folds": "how many fits that took",
     "companion_rms_px": "the RMS of the radial companion",
     "companion_held_out_rms_px": "its RMS on photos left out",
-    "refine_target": "how far the object was fitted too: off, shape or points",
+    "refine_target": "how far the target was fitted too: off, shape or points",
     "held_out_by_level": "the held-out RMS at each level that was tried",
     "departures": "how each board departs from its drawing",
     "rank": "of the 20 monomials over the corners",
@@ -69,11 +81,11 @@ CALIBRATE = {
     "uncertainty": "one standard deviation of a distant point's pixel: median_px over the field, "
     "p95_px (95 % of it is within this), max_px, noise_px of the corners, a grid over the photo "
     "(x, y, sigma_px)",
-    "dropped": "how many corners were dropped as grossly wrong",
+    "dropped": "how many corners were dropped as outliers",
     "dropped_corners": "a record each: image, board, column, row, error_px",
     "unfit_images": "photos that were left out of the fit, and why",
     **_PHOTO_PROBLEMS,
-    "findings": "what looks wrong with the set-up, a record each",
+    "findings": _FINDINGS,
     "notes": "remarks, a line each",
     "per_image": "a record a photo: image, its errors, corners, camera_from_world",
     "models": "with --compare, a record for each other lens model",
@@ -81,7 +93,7 @@ CALIBRATE = {
     "frame": "of the points that the camera takes",
     "plain_rms_px": "of the linear solution",
     "reweighted_rms_px": "of the reweighted linear solution",
-    "verdict": "level (good, care or bad), words, figures, reasons",
+    "verdict": _VERDICT,
     "advice": "whether more photos are needed, and of what, in a line; not with --lift point",
     "summary": "the camera in one line; not with --lift point",
     "report": "the page; null where none was written",
@@ -105,7 +117,7 @@ INFO = {
     "held_out_rms_px": "on photos that took no part in it",
     "images": "photos that it was made from",
     "corners": "corners that were used",
-    "verdict": "level (good, care or bad), words, figures, reasons",
+    "verdict": _VERDICT,
     "date": "when it was made",
     "version": "of cubicfish, then",
     "command": "that made it",
@@ -117,9 +129,9 @@ DETECT = {
     "image_size": "[width, height]",
     "images": "how many photos have corners",
     "corners": "how many corners were found",
-    "findings": "what looks wrong with the set-up, a record each",
+    "findings": _FINDINGS,
     "per_image": "a record a photo: image, boards, corners, added (by the second look), exact "
-    "(whether names are certain), problem, notes",
+    "(whether names are certain), problem, notes, findings",
     "drawings": "the pictures that --draw wrote",
 }
 FRAMES = {
@@ -163,7 +175,7 @@ COMPARE = {
 REPORT = {
     "report": "the page",
     "model": "the camera's file",
-    "verdict": "level (good, care or bad), words, figures, reasons",
+    "verdict": _VERDICT,
     "absent": "what the page lacks and why, a line each",
 }
 ADVISE = {

@@ -10,7 +10,7 @@ import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.cli.options import verbosity
 from cubicfish_cli.cli.streams import Style, columns_of
@@ -19,9 +19,9 @@ from cubicfish_cli.cli.terminal import result
 
 if TYPE_CHECKING:
     from cubicfish_cli.correspondences import Corners, Correspondences
+    from cubicfish_cli.words.finding import Level
 
 ByBoard = Mapping[str, Mapping[str, int]]
-Level = Literal["good", "care", "bad"]
 
 GOOD = "good"
 _MOST_ROWS = 12
@@ -30,7 +30,6 @@ _RANK: Mapping[Level, int] = {"bad": 0, "care": 1, "good": 2}
 _STYLE: Mapping[Level, Style] = {"bad": "bad", "care": "care", "good": "good"}
 # Below so many columns words of judgement are said, and cut, shorter.
 _ROOMY, _NARROW = 100, 60
-_LONG, _SHORT = " times the others' error: look at it", "× the others"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,6 +39,7 @@ class PhotoRow:
     Attributes:
         name: of the photo.
         words: a word of judgement.
+        short: the same where there is little room; empty where there is no shorter one.
         level: how bad that is.
         boards: corners used of each board in it.
         corners: corners used; None for a photo that takes no part.
@@ -51,6 +51,7 @@ class PhotoRow:
     name: str
     words: str
     level: Level
+    short: str = ""
     boards: Mapping[str, int] = field(default_factory=dict)
     corners: int | None = None
     dropped: int = 0
@@ -90,20 +91,22 @@ def fitted_rows(
 
     """
     from cubicfish_cli.fitting.verdict import photo_verdicts
+    from cubicfish_cli.words.finding import joined, level_of
 
     records = record["per_image"]
     dropped = Counter(corner["image"] for corner in record.get("dropped_corners", ()))
     rows = [
         PhotoRow(
             name=str(one["image"]),
-            words=words,
-            level=_level(words),
+            words=joined(told),
+            short="; ".join(one.short for one in told),
+            level=level_of(told),
             boards=by_board.get(one["image"], {}),
             corners=one["corners"],
             dropped=dropped[one["image"]],
             **{key: one.get(key) for key in ("rms_px", "median_px", "p95_px", "max_px")},
         )
-        for one, words in zip(records, photo_verdicts(record, image_size), strict=True)
+        for one, told in zip(records, photo_verdicts(record, image_size), strict=True)
     ]
     known = {row.name for row in rows}
     rows += [
@@ -112,12 +115,6 @@ def fitted_rows(
         if name not in known
     ]
     return rows
-
-
-def _level(words: str) -> Level:
-    if words == GOOD:
-        return "good"
-    return "bad" if "error" in words else "care"
 
 
 def print_photo_table(
@@ -144,7 +141,7 @@ def print_photo_table(
         chosen = _few(rows)
         result(f"The worst and the odd ones of {len(rows):,} photos:\n")
     if room is not None and room < _ROOMY:
-        chosen = [replace(row, words=row.words.replace(_LONG, _SHORT)) for row in chosen]
+        chosen = [replace(row, words=row.short or row.words) for row in chosen]
     with_errors = any(row.rms_px is not None for row in rows)
     some_dropped = any(row.dropped for row in rows)
     for each in (True, False):
@@ -215,6 +212,7 @@ def _together(
     return PhotoRow(
         name=f"all {len(rows):,}",
         words="",
+        short="",
         level="good",
         boards={
             board: found

@@ -12,11 +12,10 @@ import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.companion import Companion, fit_companion, refit_companion
+from cubicfish_cli.fitting.companion import CHECK_ALL, Companion, fit_companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
 from cubicfish_cli.fitting.departures import Departure, departures
 from cubicfish_cli.fitting.diagnosis.diagnose import explained, find_faults, within_noise
-from cubicfish_cli.fitting.diagnosis.finding import Finding
 from cubicfish_cli.fitting.diagnosis.repeats import repeated_groups
 from cubicfish_cli.fitting.findings import (
     coverage,
@@ -52,6 +51,8 @@ from cubicfish_cli.fitting.uncertainty import uncertainty_record
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lift import lift
 from cubicfish_cli.target import Target
+from cubicfish_cli.words.codes import Code
+from cubicfish_cli.words.finding import Finding
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
@@ -69,18 +70,15 @@ _DROP_ROUNDS = 12
 _DROP_DECREASE = 1e-4
 # A richer object must lower photos' held-out errors at least to this share of the poorer one's.
 _WORTH = 0.99
-_NO_CONVERGENCE = (
-    "the fit does not converge: check the target's square sizes, axes and origins, and that all "
-    "photos show this one object through one lens at one zoom"
-)
+_NO_CONVERGENCE = "the fit does not converge"
 _INSTEAD_OF_DOUBTS = (
-    "board_place",
-    "board_square",
-    "two_lenses",
-    "zoom",
-    "scaled",
-    "shifted",
-    "turned",
+    Code.BOARD_PLACE,
+    Code.BOARD_SQUARE,
+    Code.TWO_LENSES,
+    Code.ZOOM,
+    Code.SCALED,
+    Code.SHIFTED,
+    Code.TURNED,
 )
 _STAGES: dict[Level, tuple[Stage, Stage]] = {
     "shape": ("shape", "shape held out"),
@@ -141,7 +139,7 @@ class Calibration:
         uncertainty: how far the pixels of distant points may be off, on a grid over the photo,
             as ``uncertainty_record`` of fitting/uncertainty.py has it.
         coverage: share of the valid field that corners cover, 0 to 1.
-        notes: what a person should know beyond the figures, a line each.
+        notes: what a person should know beyond the figures.
         findings: what is likely wrong with the set-up, with its evidence.
 
     """
@@ -159,14 +157,21 @@ class Calibration:
     reach: Reach
     hold: Hold
     dropped: tuple[DroppedCorner, ...]
-    unfit: dict[str, str]
+    unfit: dict[str, Finding]
     refined: Level
     target: Target | None
     departures: tuple[Departure, ...]
     uncertainty: dict[str, Any]
     coverage: float
-    notes: tuple[str, ...]
+    notes: tuple[Finding, ...]
     findings: tuple[Finding, ...]
+
+    @property
+    def remarks(self) -> tuple[Finding, ...]:
+        """What is told beside the findings: notes, photos that were left out, doubts."""
+        unfit = (replace(why, images=(photo,)) for photo, why in self.unfit.items())
+        doubts = (doubt for one in self.departures for doubt in one.doubts)
+        return (*self.notes, *unfit, *doubts)
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: ``fit`` of camera.yaml and the command's JSON."""
@@ -188,12 +193,12 @@ class Calibration:
             "prior_weight": self.hold.weight,
             "prior_spread": self.hold.spread,
             "coverage": self.coverage,
-            "notes": list(self.notes),
+            "notes": [note.line for note in self.notes],
             "findings": [finding.as_record() for finding in self.findings],
             "uncertainty": self.uncertainty,
             "dropped": len(self.dropped),
             "dropped_corners": [corner.as_record() for corner in self.dropped],
-            "unfit_images": dict(self.unfit),
+            "unfit_images": {photo: why.line for photo, why in self.unfit.items()},
             "per_image": photo_records(
                 self.pairs.images, self.pairs.image, self.residual, self.poses
             ),
@@ -248,7 +253,9 @@ def calibrate(
         near = _calibrated(pairs, target, refine_target, hold_out, sought, stages)
     except (FitError, np.linalg.LinAlgError) as failure:
         fits = isinstance(failure, _UndeterminedError)
-        error = failure if isinstance(failure, FitError) else FitError(_NO_CONVERGENCE)
+        error = (
+            failure if isinstance(failure, FitError) else FitError(_NO_CONVERGENCE, do=CHECK_ALL)
+        )
         if sought is not None:
             error = explained(error, pairs, target, sought, fits=fits)
         raise error from failure
@@ -313,7 +320,7 @@ def _calibrated(
             known=known,
         )
     # What is put down to one board, or to the lens, is not doubted of every board.
-    wrong = any(finding.cause in _INSTEAD_OF_DOUBTS for finding in findings)
+    wrong = any(finding.code in _INSTEAD_OF_DOUBTS for finding in findings)
     notes += coverage_notes(share, len(used.images), not hold_out or fit.level in held_out_by_level)
     return Calibration(
         camera=camera,
@@ -442,9 +449,9 @@ def _refuse_too_little(pairs: Correspondences) -> None:
         )
     if len(pairs.images) == 1 and flatness(pairs.world) < _FLAT:
         raise FitError(
-            f"{pairs.images[0]} alone shows one flat board, which cannot determine a lens: add "
-            "photos of it from other sides (five or more, tilted), or use an object with two or "
-            "more boards at an angle, of which one photo is enough"
+            f"{pairs.images[0]} alone shows one flat board, which cannot determine a lens",
+            do="add photos of it from other sides (five or more, tilted), or use a target with two "
+            "or more boards at an angle, of which one photo is enough",
         )
 
 
@@ -453,8 +460,8 @@ def _refuse_undetermined(companion: Companion) -> None:
         fits = within_noise(companion.pairs, companion.residual) and not companion.unfit
         raise (_UndeterminedError if fits else FitError)(
             "the photos do not determine the lens (its focal length is uncertain by "
-            f"{100 * companion.focal_uncertainty:.0f} %): add photos in which the boards are "
-            "tilted and nearer to the rim"
+            f"{100 * companion.focal_uncertainty:.0f} %)",
+            do="add photos in which the boards are tilted and nearer to the rim",
         )
 
 

@@ -21,12 +21,19 @@ from cubicfish_cli.fitting.robust import gross_px, huber_px, noise_px
 from cubicfish_cli.fitting.start import start_at_centre
 from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.words.codes import Code
+from cubicfish_cli.words.finding import Finding
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
 
 # The valid cone reaches this far beyond the farthest corner.
 MARGIN_DEG = 5.0
+CHECK_ALL = (
+    "check the target's square sizes, axes and origins, that corners are counted and not squares, "
+    "and that all photos show this one target through one lens at one zoom"
+)
+"""What to do where corners fit no lens at all."""
 # A fit whose noise is above this share of the photo's longer side is not believed.
 _POOR_SHARE = 0.004
 # A start whose photos are off by more than this share of it in the median leads nowhere, and
@@ -65,7 +72,7 @@ class Companion:
     poses: Poses
     pairs: Correspondences
     residual: FloatArray
-    unfit: dict[str, str]
+    unfit: dict[str, Finding]
     terms: int
     focal_uncertainty: float
     _bent: dict[float, tuple[BentFit, Poses]] = field(default_factory=dict, init=False, repr=False)
@@ -103,14 +110,14 @@ def fit_companion(pairs: Correspondences, *, thorough: bool = True) -> Companion
     # Photos without any pair would shift the others' indices further on.
     pairs = select_photos(pairs, np.arange(len(pairs.images)))
     fit, used = _first_fit(pairs, thorough)
-    unfit: dict[str, str] = {}
+    unfit: dict[str, Finding] = {}
     for _ in range(_ROUNDS):
         missing = np.setdiff1d(np.arange(len(pairs.images)), used)
         fit, used = _with_missing(fit, used, pairs, missing)
         own = select_photos(pairs, used)
         fit = _adjusted(fit, own)
         unfit = {
-            pairs.images[photo]: "too few corners to place it"
+            pairs.images[photo]: Finding(code=Code.TOO_FEW_CORNERS)
             for photo in np.setdiff1d(missing, used)
         }
         bad = _bad_photos(fit, own)
@@ -119,7 +126,7 @@ def fit_companion(pairs: Correspondences, *, thorough: bool = True) -> Companion
             break
         good = np.array([photo for photo in range(len(used)) if photo not in bad])
         if 2 * len(good) < len(used) or not len(good):
-            raise FitError(_does_not_fit(noise_px(fit.residual)))
+            raise _does_not_fit(noise_px(fit.residual))
         own, used = select_photos(own, good), used[good]
         fit = _adjusted(
             adjust(fit.lens, fit.poses[good], own, huber_px=gross_px(fit.residual)), own
@@ -158,12 +165,11 @@ def refit_companion(companion: Companion, pairs: Correspondences, poses: Poses) 
     )
 
 
-def _does_not_fit(error: float) -> str:
+def _does_not_fit(error: float) -> FitError:
     size = f"{error:.0f}" if error >= 10 else f"{error:.2g}"
-    return (
-        f"the corners do not fit the target (typical error {size} px): check the target's "
-        "square sizes, axes and origins, that corners are counted and not squares, and that all "
-        "photos show this one object through one lens at one zoom"
+    return FitError(
+        f"the corners do not fit the target (typical error {size} px)",
+        do=CHECK_ALL,
     )
 
 
@@ -185,7 +191,7 @@ def _first_fit(pairs: Correspondences, thorough: bool) -> tuple[Adjustment, IntA
             "board) that are not on one line"
         )
     if best[0] > poor:
-        raise FitError(_does_not_fit(best[0]))
+        raise _does_not_fit(best[0])
     return best[1], best[2]
 
 
@@ -279,18 +285,16 @@ def _with_missing(
     )
 
 
-def _bad_photos(fit: Adjustment, pairs: Correspondences) -> dict[int, str]:
-    """Photos of which most corners are gross, with the reason in words."""
+def _bad_photos(fit: Adjustment, pairs: Correspondences) -> dict[int, Finding]:
+    """Photos of which most corners are gross, with the reason."""
     limit = gross_px(fit.residual)
     length = np.hypot(fit.residual[:, 0], fit.residual[:, 1])
     bad = {}
     for photo in range(len(pairs.images)):
         own = length[pairs.image == photo]
         if np.median(own) > limit:
-            bad[photo] = (
-                f"its corners are off by {np.median(own):.1f} px in the median, where the other "
-                "photos agree: moved object, other zoom or wrong names"
-            )
+            figures = {"error_px": float(np.median(own))}
+            bad[photo] = Finding(code=Code.DOES_NOT_FIT, figures=figures)
     return bad
 
 

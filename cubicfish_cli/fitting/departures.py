@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.target import Board, BoardShape, Target
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
 
 # Beyond these a departure is no property of paper, plate or wall but a mistake in the drawing
 # or in the names of the corners. Shares are of the board's half diagonal.
@@ -28,7 +30,7 @@ class Departure:
         shift: how far the board's middle moved.
         turn_deg: how far the board turned.
         offset_rms: root mean square length of its corners' own offsets.
-        doubts: what of this is more than an object like this explains, in words.
+        doubts: what of this is more than a target like this explains.
 
     """
 
@@ -39,7 +41,7 @@ class Departure:
     shift: float
     turn_deg: float
     offset_rms: float
-    doubts: tuple[str, ...]
+    doubts: tuple[Finding, ...]
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON and YAML."""
@@ -51,7 +53,8 @@ class Departure:
             "shift": self.shift,
             "turn_deg": self.turn_deg,
             "offset_rms": self.offset_rms,
-            "doubts": list(self.doubts),
+            "doubts": [f"{doubt.what}: {doubt.do}" for doubt in self.doubts],
+            "doubted": [doubt.as_record() for doubt in self.doubts],
         }
 
 
@@ -98,19 +101,15 @@ def _departure(drawn: Board, refined: Board, units: str) -> Departure:
     stretch = (float(shape.stretch[0]), float(shape.stretch[1]))
     pitch = drawn.square or size
     deepest = max(abs(bend[0]), abs(bend[1]), abs(shape.twist))
-    doubts = []
+    doubts: dict[Code, dict[str, float]] = {}
     if deepest > _MOST_BEND_SHARE * size:
-        doubts.append(f"bent by {deepest:.3g} {units}: is it flat, and its place right?")
+        doubts[Code.BENT] = {"size": deepest}
     if max(map(abs, stretch)) > _MOST_STRETCH:
-        doubts.append(
-            f"stretched by {100 * max(stretch, key=abs):.1f} %: is its square size right?"
-        )
+        doubts[Code.STRETCHED] = {"percent": 100 * max(stretch, key=abs)}
     if shift > _MOST_SHIFT_SHARE * size or turn > _MOST_TURN_DEG:
-        doubts.append(
-            f"{shift:.3g} {units} and {turn:.1f}° off its place: are origin and axes right?"
-        )
+        doubts[Code.MOVED] = {"size": shift, "turn_deg": turn}
     if offset_rms > _MOST_OFFSET_SHARE * pitch:
-        doubts.append(f"corners off by {offset_rms:.3g} {units}: are they named and found right?")
+        doubts[Code.CORNERS_OFF] = {"size": offset_rms}
     return Departure(
         board=drawn.name,
         bend=bend,
@@ -119,5 +118,13 @@ def _departure(drawn: Board, refined: Board, units: str) -> Departure:
         shift=shift,
         turn_deg=turn,
         offset_rms=offset_rms,
-        doubts=tuple(doubts),
+        doubts=tuple(
+            Finding(
+                code=code,
+                severity=Severity.CARE,
+                boards=(drawn.name,),
+                figures={**figures, "units": units},
+            )
+            for code, figures in doubts.items()
+        ),
     )

@@ -1,4 +1,4 @@
-"""What a person should know about a fit beyond its figures, in words that name the likely cause."""
+"""What a person should know about a fit beyond its figures, with the likely cause."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.fitting.diagnosis.finding import listed
 from cubicfish_cli.fitting.folds import MIN_PHOTOS
 from cubicfish_cli.fitting.robust import noise_px
+from cubicfish_cli.words.codes import Code
+from cubicfish_cli.words.finding import Finding
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -79,7 +80,7 @@ def _inside(points: FloatArray, polygon: FloatArray) -> BoolArray:
 
 def dropped_groups(
     before: Correspondences, dropped: Sequence[tuple[str, str | None, float]]
-) -> list[str]:
+) -> list[Finding]:
     """Boards of which a photo lost most corners: no single slips but one cause.
 
     Args:
@@ -98,23 +99,26 @@ def dropped_groups(
         )
         if len(errors) >= max(_GROUP_SIZE, _GROUP_SHARE * own.sum()):
             lost.setdefault(board, []).append((image, errors, int(own.sum())))
-    return [_group_line(board, own) for board, own in lost.items()]
+    return [_group(board, own) for board, own in lost.items()]
 
 
-def _group_line(board: str, lost: Sequence[tuple[str, list[float], int]]) -> str:
-    """One line on the photos that lost most corners of a board: names, errors, all corners."""
-    images = [image for image, _, _ in lost]
-    count, seen = sum(len(errors) for _, errors, _ in lost), sum(all_ for *_, all_ in lost)
+def _group(board: str, lost: Sequence[tuple[str, list[float], int]]) -> Finding:
+    """What is said of photos that lost most corners of a board: names, errors, all corners."""
     typical = [float(np.median(errors)) for _, errors, _ in lost]
-    low, high = (f"{limit:.1f}" for limit in (min(typical), max(typical)))
-    off, these = (low, "this photo") if len(lost) == 1 else (f"{low} to {high}", "these photos")
-    return (
-        f"{listed(images, 'photos')}: {count} of {seen} corners of board {board} are off by {off} "
-        f"px in the median and were dropped: the board moved, or is named wrongly in {these}"
+    return Finding(
+        code=Code.BOARD_DROPPED,
+        images=tuple(image for image, _, _ in lost),
+        boards=(board,),
+        figures={
+            "dropped": sum(len(errors) for _, errors, _ in lost),
+            "corners": sum(all_ for *_, all_ in lost),
+            "low_px": min(typical),
+            "high_px": max(typical),
+        },
     )
 
 
-def noisy_photos(pairs: Correspondences, residual: FloatArray) -> dict[int, str]:
+def noisy_photos(pairs: Correspondences, residual: FloatArray) -> dict[int, Finding]:
     """Photos whose corners are much noisier than the others': blurred, moving, badly lit.
 
     Returns:
@@ -130,28 +134,17 @@ def noisy_photos(pairs: Correspondences, residual: FloatArray) -> dict[int, str]
     if 3 * len(noisy) >= photos:
         return {}
     return {
-        int(photo): f"its corners are {noise[photo] / typical:.0f} times noisier than those of the "
-        "other photos: blurred, moving or badly lit; take it again"
+        int(photo): Finding(code=Code.NOISY, figures={"times": float(noise[photo] / typical)})
         for photo in noisy
     }
 
 
-def coverage_notes(share: float, photos: int, held_out: bool) -> list[str]:
+def coverage_notes(share: float, photos: int, held_out: bool) -> list[Finding]:
     """What a low RMS may hide: a field that is badly covered, or too few photos."""
     notes = []
     if share < _POOR_COVERAGE:
-        notes.append(
-            f"corners cover only {100 * share:.0f} % of the field: a low RMS says little about "
-            "the rest, so take photos with the object in the empty parts"
-        )
-    if not held_out and photos < MIN_PHOTOS:
-        notes.append(
-            f"{photos} photo{'s' * (photos != 1)} cannot tell a held-out error: take three or "
-            "more to learn how right the camera is"
-        )
-    elif not held_out:
-        notes.append(
-            "there is no held-out error: the photos are from too few places, or some of them are "
-            "needed to find a camera at all; take more, from other places"
-        )
+        notes.append(Finding(code=Code.LOW_COVERAGE, case="note", figures={"share": share}))
+    if not held_out:
+        case = "note_few" if photos < MIN_PHOTOS else "note"
+        notes.append(Finding(code=Code.NOT_HELD_OUT, case=case, figures={"photos": photos}))
     return notes

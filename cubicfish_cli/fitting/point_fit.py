@@ -32,6 +32,7 @@ from cubicfish_cli.fitting.statistics import (
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
 from cubicfish_cli.model.lift import lift
 from cubicfish_cli.model.point_cubic import PointCamera
+from cubicfish_cli.words.finding import Finding
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -95,7 +96,13 @@ class PointCalibration:
     plain_rms_px: float
     reweighted_rms_px: float
     dropped: int
-    unfit: Mapping[str, str]
+    unfit: Mapping[str, Finding]
+
+    @property
+    def remarks(self) -> tuple[Finding, ...]:
+        """What is told beside the figures: photos that were left out."""
+        unfit = (replace(why, images=(photo,)) for photo, why in self.unfit.items())
+        return (*unfit,)
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: ``fit`` of camera.yaml and the command's JSON."""
@@ -109,7 +116,7 @@ class PointCalibration:
             "plain_rms_px": self.plain_rms_px,
             "reweighted_rms_px": self.reweighted_rms_px,
             "dropped": self.dropped,
-            "unfit_images": dict(self.unfit),
+            "unfit_images": {photo: why.line for photo, why in self.unfit.items()},
             "per_image": self._photos(),
         }
 
@@ -187,7 +194,7 @@ def _held_out(pairs: Correspondences, poses: Poses | None) -> float | None:
     return rms_px(residual[np.isfinite(residual[:, 0])])
 
 
-def _placed(pairs: Correspondences) -> tuple[Correspondences, Poses, dict[str, str]]:
+def _placed(pairs: Correspondences) -> tuple[Correspondences, Poses, dict[str, Finding]]:
     """The pairs that fit a radial lens, the poses that it gives, and the photos that do not."""
     scale = world_scale(pairs)
     companion = fit_companion(replace(pairs, world=pairs.world / scale))

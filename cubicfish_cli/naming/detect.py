@@ -16,7 +16,6 @@ from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.markers import MarkedCorners, find_marked_corners
 from cubicfish_cli.errors import DetectionError, PhotoError
-from cubicfish_cli.fitting.diagnosis.finding import Finding, listed
 from cubicfish_cli.machines import Machines
 from cubicfish_cli.naming.cache import GridCache
 from cubicfish_cli.naming.marked import (
@@ -28,29 +27,20 @@ from cubicfish_cli.naming.marked import (
 from cubicfish_cli.naming.name_grids import GridReport, Naming, name_grids
 from cubicfish_cli.naming.pool import map_photos, settled, workers_for
 from cubicfish_cli.naming.refusals import (
-    HOW_MIRRORED,
     counted_squares,
     grid_boards,
     nothing_named,
     wrong_object,
 )
-from cubicfish_cli.naming.remarks import Remark, remark_of
+from cubicfish_cli.naming.remarks import remark_of
 from cubicfish_cli.naming.wrong_drawing.miscounted import counted, miscounted
 from cubicfish_cli.naming.wrong_drawing.misdrawn import misdrawn
 from cubicfish_cli.photos import Photo, Picture, decode_picture, grey, read_file
 from cubicfish_cli.target import Target
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
 
-# What to do about what the finder says, by a part of its phrase.
-_ADVICE = {
-    "dark": "expose it longer",
-    "bright": "expose it shorter",
-    "blurred": "focus, and hold the camera still",
-    "contrast": "light the boards better",
-    "too close together": "go nearer, or use larger squares",
-    "too small": "use the photo as the camera made it",
-}
-_NOTHING_FOUND = "no checkerboard found: "
-_ADVICE_ELSE = "is a board in view, whole squares of it, and not covered?"
+_NOT_NAMED = "no corner can be named"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,8 +49,8 @@ class PhotoReport:
 
     Attributes:
         name: the photo's name.
-        problem: one line that says why it gave no corners; None when it did.
-        notes: one line for each grid that was left out, or named by convention.
+        refusal: why nothing was looked for, or found, in it; None where something was.
+        remarks: what is told of its grids and boards: left out, or named by convention.
         boards: names of the boards that were found in it, in the target's order.
         corners: how many corners were named.
         added: how many of them a second pass added.
@@ -68,29 +58,39 @@ class PhotoReport:
             :class:`cubicfish_cli.naming.name_grids.Naming`.
         found: everything that was found in it, named or not; None when it could not be used.
         grids: what became of each of ``found.grids``.
-        other_size: whether it was passed over since most photos have another size.
 
     """
 
     name: str
-    problem: str | None
-    notes: tuple[str, ...] = ()
+    refusal: Finding | None = None
+    remarks: tuple[Finding, ...] = ()
     boards: tuple[str, ...] = ()
     corners: int = 0
     added: int = 0
     exact: bool = True
     found: FoundGrids | None = None
     grids: tuple[GridReport, ...] = ()
-    other_size: bool = False
 
-    def remarks(self) -> tuple[Remark, ...]:
-        """What is to be said of it, thing by thing."""
-        of_grids = [remark_of(self.name, grid) for grid in self.grids]
-        said = tuple(remark for remark in of_grids if remark is not None)
-        if said:
-            return said
-        texts = self.notes if self.problem is None else (self.problem,)
-        return tuple(Remark(photo=self.name, text=text) for text in texts)
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What is told of it, thing by thing."""
+        return self.remarks if self.refusal is None else (self.refusal,)
+
+    @property
+    def lost(self) -> bool:
+        """Whether it gave no corners, for a reason that is known."""
+        none_named = bool(self.grids) and not any(grid.named for grid in self.grids)
+        return self.refusal is not None or (none_named and bool(self.remarks))
+
+    @property
+    def problem(self) -> str | None:
+        """One line that says why it gave no corners; None when it did."""
+        return "; ".join(finding.line for finding in self.findings) if self.lost else None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """One line for each grid that was left out, or named by convention."""
+        return tuple(remark.line for remark in self.remarks)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -116,9 +116,8 @@ class _Found:
     """What a worker hands back: the grids, or why there are none."""
 
     grids: FoundGrids | None
-    problem: str | None
+    refusal: Finding | None = None
     marked: MarkedCorners | None = None
-    other_size: bool = False
     digest: str = ""  # of the file's bytes
 
 
@@ -158,12 +157,12 @@ def detect_corners(
             progress(len(found), len(photos))
     size = _common_size(found)
     if size is None:
-        raise DetectionError(_nothing_read(found))
-    found = [_of_size(one, size) for one in found]
+        raise _refused(_nothing_read(found))
+    found = [_of_size(one, photo.name, size) for one, photo in zip(found, photos, strict=True)]
     usable = [index for index, one in enumerate(found) if one.grids is not None]
     names = [photos[index].name for index in usable]
     reports = [
-        PhotoReport(name=photo.name, problem=one.problem, other_size=one.other_size)
+        PhotoReport(name=photo.name, refusal=one.refusal)
         for photo, one in zip(photos, found, strict=True)
     ]
     copies = _copies(names, [found[index].digest for index in usable])
@@ -175,11 +174,9 @@ def detect_corners(
         finding = _why_unseen([(photos[index], found[index]) for index in usable], corners, target)
         findings += [] if finding is None else [finding]
         if not len(corners.pixel):
-            raise DetectionError(
-                f"no corner can be named: {finding.line}"
-                if finding is not None
-                else _no_markers(len(found), target)
-            )
+            if finding is not None:
+                raise DetectionError(_NOT_NAMED, do=finding.line)
+            raise _refused(_no_markers(len(found), target))
         for number, index in enumerate(usable):
             reports[index] = _marked_report(names[number], found[index], corners, number)
     else:
@@ -188,7 +185,7 @@ def detect_corners(
         corners = naming.corners
         refusal = counted_squares(naming, target)
         if refusal is not None:
-            raise DetectionError(refusal)
+            raise _refused(refusal)
 
         def picture(number: int) -> Picture | None:
             return _brightness(photos[usable[number]])
@@ -197,16 +194,16 @@ def detect_corners(
         refusal = wrong_object(naming, counts, target) if len(corners.pixel) else None
         finding = None if counts else misdrawn(naming, target)
         if finding is None and refusal is not None:
-            raise DetectionError(refusal)
+            raise _refused(refusal)
         finding = finding or miscounted(counts, target, len(usable))
         findings += [] if finding is None else [finding]
         other_colours = naming.other_colours
         if other_colours:
             findings.append(_other_colours(target))
         if finding is not None and not len(corners.pixel):
-            raise DetectionError(f"no corner can be named: {finding.line}")
+            raise DetectionError(_NOT_NAMED, do=finding.line)
         if not len(corners.pixel):
-            raise DetectionError(_nothing_named(found, naming, target))
+            raise _refused(_nothing_named(found, naming, target))
         for number, index in enumerate(usable):
             reports[index] = _report(names[number], found[index], naming, number, target)
     return Detection(
@@ -226,34 +223,26 @@ def _copies(names: Sequence[str], digests: Sequence[str]) -> Finding | None:
             pairs.append((first[digest], name))
     if not pairs:
         return None
-    said = [f"{one} = {other}" for one, other in pairs]
     return Finding(
-        cause="repeats",
-        level="note",
-        what=f"{listed(said, 'copies')}: the same photo{'s' * (len(pairs) > 1)} again",
-        evidence="the files are equal byte by byte",
-        do="leave the copies out: they say nothing new",
+        code=Code.REPEATS,
+        case="copies",
         images=tuple(name for name in names if any(name in pair for pair in pairs)),
+        figures={"repeats": [f"{one} = {other}" for one, other in pairs]},
     )
 
 
 def _other_colours(target: Target) -> Finding:
     board = grid_boards(target.as_printed())[0]
     first = board.first_square
-    other = "light" if first == "dark" else "dark"
-    mirror = (
-        "if photos are not mirrored, take mirrored: true out of it"
-        if target.mirrored
-        else f"if the camera looks into a mirror, {HOW_MIRRORED}"
-    )
     return Finding(
-        cause="mirrored",
-        level="note",
-        what=f"board {board.name} is light where target.yaml says that it is dark: first_square is "
-        f"not {first}, or photos are {'not ' * target.mirrored}mirrored",
-        evidence="photos that show it whole say so; its corners are named by the colours seen",
-        do=f"write first_square: {other} into target.yaml, or {mirror}; the lens is the same",
+        code=Code.MIRRORED,
+        case="colours_in_mirror" if target.mirrored else "colours",
         boards=(board.name,),
+        figures={
+            "board": board.name,
+            "first_square": first,
+            "other": "light" if first == "dark" else "dark",
+        },
     )
 
 
@@ -261,7 +250,7 @@ def _find(photo: Photo, *, target: Target, cache: GridCache | None) -> _Found:
     try:
         data = read_file(photo.path) if photo.picture is None else b""
     except PhotoError as error:
-        return _Found(grids=None, problem=str(error))
+        return _Found(grids=None, refusal=_unreadable(photo, error))
     digest = hashlib.sha256(data).hexdigest() if data else ""
     return replace(_searched(photo, data, target, cache), digest=digest)
 
@@ -273,19 +262,19 @@ def _searched(photo: Photo, data: bytes, target: Target, cache: GridCache | None
         key = cache.key(data) if cache else ""
         known = cache.load(key) if cache else None
         if known is not None and known.grids and not markers:
-            return _Found(grids=known, problem=None)
+            return _Found(grids=known)
         picture = grey(decode_picture(photo.path, data)) if data else photo.read_grey()
     except PhotoError as error:
-        return _Found(grids=None, problem=str(error))
+        return _Found(grids=None, refusal=_unreadable(photo, error))
     grids = _settled(find_grids(picture)) if known is None else known
     if cache and known is None:
         cache.save(key, grids)
     if markers:
         marked = find_marked_corners(picture, target, grids)
         marked = replace(marked, pixel=settled(marked.pixel))
-        problem = None if len(marked) else _why_no_markers(picture, grids)
-        return _Found(grids=grids, problem=problem, marked=marked)
-    return _Found(grids=grids, problem=None if grids.grids else _why_nothing(picture, grids))
+        why = None if len(marked) else _why_no_markers(photo, picture, grids)
+        return _Found(grids=grids, refusal=why, marked=marked)
+    return _Found(grids=grids, refusal=None if grids.grids else _why_nothing(photo, picture, grids))
 
 
 def _settled(found: FoundGrids) -> FoundGrids:
@@ -293,10 +282,18 @@ def _settled(found: FoundGrids) -> FoundGrids:
     return replace(found, grids=grids)
 
 
-def _why_nothing(picture: Picture, found: FoundGrids) -> str:
+def _unreadable(photo: Photo, error: PhotoError) -> Finding:
+    return _of_photo(photo.name, Code.CANNOT_BE_READ, problem=str(error))
+
+
+def _of_photo(name: str, code: Code, case: str = "", **figures: int | str) -> Finding:
+    """Why a photo is of no use."""
+    return Finding(code=code, case=case, severity=Severity.CARE, images=(name,), figures=figures)
+
+
+def _why_nothing(photo: Photo, picture: Picture, found: FoundGrids) -> Finding:
     why = explain_no_grids(picture, found)
-    advice = next((what for part, what in _ADVICE.items() if part in why), _ADVICE_ELSE)
-    return f"{_NOTHING_FOUND}{why}; {advice}"
+    return replace(why, severity=Severity.CARE, images=(photo.name,))
 
 
 def _common_size(found: Sequence[_Found]) -> tuple[int, int] | None:
@@ -305,21 +302,13 @@ def _common_size(found: Sequence[_Found]) -> tuple[int, int] | None:
     return sizes.most_common(1)[0][0] if sizes else None
 
 
-def _of_size(one: _Found, size: tuple[int, int]) -> _Found:
+def _of_size(one: _Found, name: str, size: tuple[int, int]) -> _Found:
     if one.grids is None or one.grids.image_size == size:
         return one
     width, height = one.grids.image_size
-    return _Found(
-        grids=None,
-        other_size=True,
-        problem=f"{width}x{height} pixels, where most photos are {size[0]}x{size[1]}: "
-        + (
-            "the same size turned by 90° (portrait and landscape); photos are used as the sensor "
-            "made them: save without rotation, or calibrate such photos by themselves"
-            if (height, width) == size
-            else "calibrate each size by itself"
-        ),
-    )
+    figures = {"width": width, "height": height, "most_width": size[0], "most_height": size[1]}
+    case = "turned" if (height, width) == size else ""
+    return _Found(grids=None, refusal=_of_photo(name, Code.OTHER_SIZE, case, **figures))
 
 
 def _brightness(photo: Photo) -> Picture | None:
@@ -338,15 +327,11 @@ def _report(name: str, one: _Found, naming: Naming, number: int, target: Target)
     grids = naming.grids[number]
     named = [grid for grid in grids if grid.place is not None]
     boards = sorted({grid.place.board for grid in grids if grid.place is not None})
-    remarks = [remark_of(name, grid) for grid in grids]
-    notes = tuple(remark.line for remark in remarks if remark is not None)
-    problem = one.problem
-    if problem is None and not named and notes:
-        problem = "; ".join(notes)
+    remarks = (remark_of(name, grid) for grid in grids)
     return PhotoReport(
         name=name,
-        problem=problem,
-        notes=notes,
+        refusal=one.refusal,
+        remarks=tuple(remark for remark in remarks if remark is not None),
         boards=tuple(target.boards[board].name for board in boards),
         corners=sum(grid.corners for grid in named),
         exact=bool(naming.exact[number]),
@@ -382,10 +367,14 @@ def _marked_report(name: str, one: _Found, corners: Corners, number: int) -> Pho
     own = corners.image == number
     return PhotoReport(
         name=name,
-        problem=one.problem,
-        notes=tuple(
-            f"board {corners.boards[board]} is left out: its markers are in two places, so two "
-            "copies of it are in view, or it is not as the target says"
+        refusal=one.refusal,
+        remarks=tuple(
+            Finding(
+                code=Code.TWICE_IN_VIEW,
+                severity=Severity.CARE,
+                images=(name,),
+                boards=(corners.boards[board],),
+            )
             for board in _marked(one).contradictory
         ),
         boards=tuple(corners.boards[board] for board in np.unique(corners.board[own])),
@@ -394,22 +383,16 @@ def _marked_report(name: str, one: _Found, corners: Corners, number: int) -> Pho
     )
 
 
-def _why_no_markers(picture: Picture, found: FoundGrids) -> str:
+def _why_no_markers(photo: Photo, picture: Picture, found: FoundGrids) -> Finding:
     if not found.grids:
-        return _why_nothing(picture, found)
-    return (
-        "squares were found but none of the target's markers: are dictionary (or family) and "
-        "first_marker right, and are markers at least about 15 pixels wide?"
-    )
+        return _why_nothing(photo, picture, found)
+    return _of_photo(photo.name, Code.NO_MARKERS)
 
 
-def _no_markers(photos: int, target: Target) -> str:
+def _no_markers(photos: int, target: Target) -> Finding:
     families = sorted({board.markers.dictionary for board in target.boards if board.markers})
-    return (
-        f"none of the target's markers ({', '.join(families)}) was found in {photos} "
-        f"photo{'s' * (photos != 1)}: check dictionary (or family) and first_marker of the boards, "
-        "and that photos are sharp and not mirrored"
-    )
+    figures = {"photos": photos, "families": ", ".join(families)}
+    return Finding(code=Code.NO_MARKERS, case="all", severity=Severity.BAD, figures=figures)
 
 
 def _only_seen(corners: Corners) -> Corners:
@@ -422,17 +405,31 @@ def _only_seen(corners: Corners) -> Corners:
     )
 
 
-def _nothing_read(found: Sequence[_Found]) -> str:
+def _refused(finding: Finding) -> DetectionError:
+    return DetectionError(finding.why, do=finding.do)
+
+
+def _nothing_read(found: Sequence[_Found]) -> Finding:
     if not found:
-        return "no photo was given: name photos or the folder they are in"
-    first = next(one.problem for one in found if one.problem)
-    more = f" (and {len(found) - 1} more that cannot be used)" if len(found) > 1 else ""
-    return f"no photo can be used: {first}{more}"
+        return Finding(code=Code.NO_PHOTO, severity=Severity.BAD)
+    first = next(one.refusal.line for one in found if one.refusal)
+    case = "none_usable" if len(found) == 1 else "several"
+    figures = {"first": first, "more": len(found) - 1}
+    return Finding(code=Code.NO_PHOTO, case=case, severity=Severity.BAD, figures=figures)
 
 
-def _nothing_named(found: Sequence[_Found], naming: Naming, target: Target) -> str:
+def _nothing_named(found: Sequence[_Found], naming: Naming, target: Target) -> Finding:
     if any(naming.grids):
         return nothing_named(naming, target)
-    problems = Counter(one.problem for one in found if one.problem)
-    problem = problems.most_common(1)[0][0].removeprefix(_NOTHING_FOUND)
-    return f"{len(found)} photo{'s' * (len(found) != 1)}, no checkerboard: {problem}"
+    refusals = [one.refusal for one in found if one.refusal]
+    lines = Counter(refusal.line for refusal in refusals)
+    most = max(refusals, key=lambda refusal: lines[refusal.line])
+    if most.code in (Code.CANNOT_BE_READ, Code.OTHER_SIZE):
+        return Finding(
+            code=Code.NO_CHECKERBOARD,
+            case="none_usable",
+            severity=Severity.BAD,
+            figures={"photos": len(found), "first": most.line},
+        )
+    figures = {**most.figures, "photos": len(found)}
+    return replace(most, case="all", severity=Severity.BAD, images=(), figures=figures)

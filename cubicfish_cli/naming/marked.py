@@ -14,10 +14,10 @@ import numpy as np
 from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.detection.markers import MarkedCorners, find_marked_corners
-from cubicfish_cli.fitting.diagnosis.finding import Finding, listed
-from cubicfish_cli.naming.refusals import HOW_MIRRORED
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.target import Target
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
 
 # Photos in which unseen markers are looked for once more, and how many corners tell.
 _PHOTOS = 3
@@ -116,29 +116,19 @@ def _printed_so(target: Target, other: Target, boards: list[int], corners: int) 
         and first.markers.inverted != now.markers.inverted
     )
     mirrored = target.mirrored != other.mirrored
-    what, do = [], []
-    if inverted and first.markers is not None:
-        light = not first.markers.inverted
-        what.append(f"are {'light on dark' if light else 'dark on light'}")
-        do.append(
-            f"say inverted: {str(light).lower()} and first_square: "
-            f"{other.as_printed().boards[boards[0]].first_square} for "
-            f"{'it' if len(names) == 1 else 'them'} in target.yaml"
-        )
-    if mirrored:
-        what.append("are mirrored" if other.mirrored else "are not mirrored")
-        do.append(
-            "use photos as the sensor made them, or if the camera looks into a mirror, "
-            f"{HOW_MIRRORED}"
-            if other.mirrored
-            else "take mirrored: true out of target.yaml"
-        )
+    how = ["inverted"] * inverted
+    how += ["mirrored" if other.mirrored else "not_mirrored"] * mirrored
+    printed = "_".join(how)
     return Finding(
-        cause="mirrored" if mirrored else "inverted",
-        level="bad" if mirrored else "care",
-        what=f"the markers of board{'s' * (len(names) > 1)} {listed(names, 'boards')} "
-        f"{' and '.join(what)}",
-        evidence=f"so {corners} corners of one photo are read, and none as target.yaml says",
-        do="; ".join(do),
+        code=Code.MIRRORED if mirrored else Code.INVERTED,
+        case="markers" if mirrored else "",
+        severity=Severity.BAD if mirrored else Severity.CARE,
         boards=names,
+        figures={
+            "printed": printed,
+            "print_help": printed,
+            "light": first.markers is not None and not first.markers.inverted,
+            "first_square": other.as_printed().boards[boards[0]].first_square,
+            "corners": corners,
+        },
     )

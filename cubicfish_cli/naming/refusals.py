@@ -7,42 +7,22 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cubicfish_cli.fitting.diagnosis.squares_counted import squares_counted
 from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.name_grids import FEWEST_CORNERS, GridReport, Naming
+from cubicfish_cli.naming.remarks import CODES
 from cubicfish_cli.naming.wrong_drawing.count import Count
 from cubicfish_cli.target import Board, Target
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
 
-HOW_MIRRORED = "say mirrored: true at the top of target.yaml"
-"""What to do where the camera looks into a mirror."""
-
-WHY = {
-    Verdict.AMBIGUOUS: "several places on the target fit nearly as well",
-    Verdict.SLIDE: "no end of a board is seen, so it could be anywhere along it",
-    Verdict.TWIN: "it could be any of several boards that look alike",
-    Verdict.NO_FIT: "fits no place on the target",
-    Verdict.TOO_LARGE: "larger than every board of the target",
-    Verdict.COLOURS: "its squares are light where those of the board are dark",
-    Verdict.NOT_PLANE: "its corners are no plane of squares",
-}
-_CHECK = "check corners, square, origin and axes of the boards in the target file"
-_MORE = "take photos that show two boards, or a board with its ends"
-ADVICE = {
-    Verdict.AMBIGUOUS: _MORE,
-    Verdict.SLIDE: _MORE,
-    Verdict.TWIN: "take photos that show these boards together",
-    Verdict.NO_FIT: _CHECK,
-    Verdict.TOO_LARGE: "if it is a board of the object, correct its corners in the target file",
-    Verdict.COLOURS: "check first_square of the boards in target.yaml, and whether the photo is "
-    f"mirrored; if the camera looks into a mirror, {HOW_MIRRORED}",
-    Verdict.NOT_PLANE: _CHECK,
-}
 # Photos of another object show the same grid again and again, and so much of its corners is
 # larger than every board where it is a larger one.
 _COMMON = 0.5
 _FEWEST_PHOTOS = 2
 
 
-def nothing_named(naming: Naming, target: Target) -> str:
+def nothing_named(naming: Naming, target: Target) -> Finding:
     """Why none of the grids, of which there is at least one, could be named."""
     grids = [grid for own in naming.grids for grid in own]
     boards = grid_boards(target)
@@ -52,17 +32,24 @@ def nothing_named(naming: Naming, target: Target) -> str:
     photos = sum(bool(own) for own in naming.grids)
     for board in boards:
         if sorted(largest.size) == sorted((board.columns - 1, board.rows - 1)):
-            return _counted_squares(board, 1)
-    why = Counter(grid.verdict for grid in grids).most_common(1)[0][0]
-    says = ", ".join(f"{board.columns}x{board.rows}" for board in boards[:6])
-    return (
-        f"found {len(grids)} grid{'s' * (len(grids) != 1)} of up to {_times(largest.size)} "
-        f"inner corners in {_photos(photos)}, but none can be placed on the target ({says}): "
-        f"{WHY[why]}; {ADVICE[why]}"
+            return squares_counted([board], 1)
+    why = CODES[Counter(grid.verdict for grid in grids).most_common(1)[0][0]]
+    return Finding(
+        code=Code.NOTHING_NAMED,
+        severity=Severity.BAD,
+        figures={
+            "grids": len(grids),
+            "columns": max(largest.size),
+            "rows": min(largest.size),
+            "photos": photos,
+            "says": ", ".join(f"{board.columns}x{board.rows}" for board in boards[:6]),
+            "why": why.value,
+            "help": why.value,
+        },
     )
 
 
-def counted_squares(naming: Naming, target: Target) -> str | None:
+def counted_squares(naming: Naming, target: Target) -> Finding | None:
     """What to say when photo after photo shows one board whole, one corner smaller both ways."""
     boards = grid_boards(target)
     if len(boards) != 1:
@@ -77,11 +64,11 @@ def counted_squares(naming: Naming, target: Target) -> str | None:
     )
     larger = any(size[0] > counted[0] or size[1] > counted[1] for size in sizes)
     if whole and 2 * whole >= len(largest) and not larger:
-        return _counted_squares(boards[0], whole)
+        return squares_counted(boards, whole)
     return None
 
 
-def wrong_object(naming: Naming, counts: Sequence[Count], target: Target) -> str | None:
+def wrong_object(naming: Naming, counts: Sequence[Count], target: Target) -> Finding | None:
     """What to say when corners have names, but those of another object's boards.
 
     Args:
@@ -106,19 +93,23 @@ def wrong_object(naming: Naming, counts: Sequence[Count], target: Target) -> str
     return None
 
 
-def another_object(naming: Naming, target: Target) -> str:
+def another_object(naming: Naming, target: Target) -> Finding:
     """That photos and target.yaml are of different objects: what both show."""
     largest = _largest(naming)
     size = max(largest, key=lambda grid: grid.corners).size
     boards = grid_boards(target)
     says = ", ".join(f"{board.name} {_times((board.columns, board.rows))}" for board in boards[:6])
     more = f" and {len(boards) - 6} more boards" if len(boards) > 6 else ""
-    one = len(boards) == 1
-    return (
-        f"{_photos(len(largest))} show{'s' * (len(largest) == 1)} grids of up to {_times(size)} "
-        f"inner corners, but target.yaml has {'one board' if one else 'boards'} of another size "
-        f"({says}{more}): give the target.yaml of the object in the photos, or correct its "
-        "corners, which are counted where four squares meet"
+    return Finding(
+        code=Code.ANOTHER_TARGET,
+        severity=Severity.BAD,
+        boards=tuple(board.name for board in boards),
+        figures={
+            "photos": len(largest),
+            "columns": max(size),
+            "rows": min(size),
+            "says": says + more,
+        },
     )
 
 
@@ -152,18 +143,6 @@ def _largest(naming: Naming) -> list[GridReport]:
     return [max(own, key=lambda grid: grid.corners) for own in naming.grids if own]
 
 
-def _counted_squares(board: Board, photos: int) -> str:
-    return (
-        f"found {board.columns - 1}x{board.rows - 1} inner corners in {_photos(photos)}, but the "
-        f"target says {board.columns}x{board.rows}: were squares counted? The target's corners "
-        "are those where four squares meet"
-    )
-
-
 def _times(size: tuple[int, int]) -> str:
     """A size with the longer side first, as boards lie in photos any way round."""
     return f"{max(size)}x{min(size)}"
-
-
-def _photos(count: int) -> str:
-    return f"{count} photo{'s' * (count != 1)}"

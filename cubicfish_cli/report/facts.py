@@ -22,6 +22,7 @@ from cubicfish_cli.fitting.verdict import Verdict, photo_verdicts, verdict
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.point_cubic import PointCamera
 from cubicfish_cli.target import Target
+from cubicfish_cli.words.finding import joined
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -244,9 +245,7 @@ def mappings(value: object) -> list[Mapping[str, Any]]:
 
 def _photos(fit: Mapping[str, Any], size: tuple[int, int]) -> tuple[PhotoFacts, ...]:
     photos = []
-    for record, words in zip(
-        mappings(fit.get("per_image")), photo_verdicts(fit, size), strict=True
-    ):
+    for record, told in zip(mappings(fit.get("per_image")), photo_verdicts(fit, size), strict=True):
         pose = record.get("camera_from_world")
         pose = pose if isinstance(pose, Mapping) else {}
         vector, translation = _three(pose.get("rotation_vector")), _three(pose.get("translation"))
@@ -262,7 +261,7 @@ def _photos(fit: Mapping[str, Any], size: tuple[int, int]) -> tuple[PhotoFacts, 
                 max_px=finite(record.get("max_px")),
                 rotation=None if vector is None else rotation_from_vector(vector[None])[0],
                 translation=translation,
-                words=words,
+                words=joined(told),
             )
         )
     return tuple(photos)

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.fitting.diagnosis.finding import Cause, Finding, listed
+from cubicfish_cli.fitting.diagnosis.object_faults import ORDERS, flat_points
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.target import Board, Target
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -33,15 +36,15 @@ class Misnaming:
     """How the corners of a board are counted or named otherwise than the drawing says.
 
     Attributes:
-        of_photo: in words, after "corners of board x are named wrongly:".
-        of_drawing: in words, after "board x:", where it is so in all photos.
-        cause: what kind of fault of the drawing it is then.
+        code: what kind of fault of the drawing it is, where it is so in all photos.
+        named: how, a key of the catalogue.
+        figures: what that needs, as pairs of name and value.
 
     """
 
-    of_photo: str
-    of_drawing: str
-    cause: Cause
+    code: Code
+    named: str
+    figures: tuple[tuple[str, int | bool | str], ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,67 +141,25 @@ def board_findings(
 def _of_drawing(
     board: str, misnaming: Misnaming | None, photos: tuple[str, ...], error: float
 ) -> Finding:
+    told = partial(Finding, severity=Severity.CARE, images=photos, boards=(board,))
     if misnaming is None:
-        return Finding(
-            cause="board_place",
-            level="care",
-            what=f"board {board} is not where target.yaml puts it beside the other boards",
-            evidence=f"so in {len(photos)} photos, which fit without it",
-            do="measure its origin and axes again, correct target.yaml and calibrate again",
-            images=photos,
-            boards=(board,),
-        )
-    return Finding(
-        cause=misnaming.cause,
-        level="care",
-        what=f"board {board}: {misnaming.of_drawing}",
-        evidence=f"so in {len(photos)} photos; with that its corners are within {error:.2f} px of "
-        "where the other boards put them",
-        do="correct target.yaml, or the order in corners.csv, and calibrate again: the camera is "
-        "made without this board",
-        images=photos,
-        boards=(board,),
-    )
+        return told(code=Code.BOARD_PLACE, case="in_most", figures={"photos": len(photos)})
+    figures = {"photos": len(photos), "error_px": error, **dict(misnaming.figures)}
+    key = "order" if misnaming.code is Code.BOARD_ORDER else "named"
+    return told(code=misnaming.code, case="of_photos", figures={**figures, key: misnaming.named})
 
 
 def _of_photos(
     board: str | None, misnaming: Misnaming | None, photos: tuple[str, ...], error: float
 ) -> Finding:
-    one = len(photos) == 1
-    these, leave = ("this photo", "it") if one else ("these photos", "them")
-    boards = () if board is None else (board,)
-    which = listed(photos, "photos")
+    told = partial(Finding, images=photos, boards=() if board is None else (board,))
     if misnaming is None:
-        return Finding(
-            cause="board_place",
-            level="note",
-            what=f"{which}: board {board} is not where it is in the other photos: it moved, or its "
-            "corners are named wrongly",
-            evidence=f"without it {'the photo fits' if one else 'the photos fit'}",
-            do=f"look at {these} with 'cubicfish detect --draw', or leave {leave} out",
-            images=photos,
-            boards=boards,
-        )
-    if board is None:
-        what = f"{which}: corners of all boards are named {misnaming.of_photo}"
-        evidence = f"with that {'the photo fits' if one else 'the photos fit'} to {error:.2f} px"
-    else:
-        what = f"{which}: corners of board {board} are named wrongly: {misnaming.of_photo}"
-        evidence = f"with that they are within {error:.2f} px of where the rest puts them"
-    return Finding(
-        cause="corner_names",
-        level="note",
-        what=what,
-        evidence=evidence,
-        do=f"correct these rows of corners.csv, or leave the {'photo' if one else 'photos'} out",
-        images=photos,
-        boards=boards,
+        return told(code=Code.BOARD_PLACE, case="moved")
+    return told(
+        code=Code.CORNER_NAMES,
+        case="" if board else "all_boards",
+        figures={"error_px": error, "named": misnaming.named, **dict(misnaming.figures)},
     )
-
-
-def _plane(board: Board, column: FloatArray, row: FloatArray) -> FloatArray:
-    plane = board.plane_points(column, row)
-    return np.asarray(board.origin + plane[:, :1] * board.x_axis + plane[:, 1:] * board.y_axis)
 
 
 def _steps() -> list[tuple[int, int]]:
@@ -208,51 +169,28 @@ def _steps() -> list[tuple[int, int]]:
 
 
 def _stepped(step: tuple[int, int]) -> Misnaming:
-    parts = [
-        f"{abs(count)} {line}{'s' * (abs(count) > 1)} too {'far' if count < 0 else 'near'}"
-        for count, line in zip(step, ("column", "row"), strict=True)
-        if count
-    ]
-    words = " and ".join(parts)
+    columns, rows = step
     return Misnaming(
-        of_photo=words, of_drawing=f"its corners are named {words}", cause="board_place"
+        code=Code.BOARD_PLACE,
+        named="both" if columns and rows else "columns" if columns else "rows",
+        figures=(
+            ("column_steps", abs(columns)),
+            ("columns_far", columns < 0),
+            ("row_steps", abs(rows)),
+            ("rows_far", rows < 0),
+        ),
     )
 
 
-# What the drawing's corners may be counted as: in words of one photo and of the drawing.
-_OPPOSITE = Misnaming(
-    of_photo="counted from the opposite corner",
-    of_drawing="corners are counted from the opposite corner, the board turned by 180°",
-    cause="board_order",
-)
-_COLUMNS = Misnaming(
-    of_photo="columns counted backwards",
-    of_drawing="columns are counted the other way round than target.yaml says",
-    cause="board_order",
-)
-_ROWS = Misnaming(
-    of_photo="rows counted backwards",
-    of_drawing="rows are counted the other way round than target.yaml says",
-    cause="board_order",
-)
-_EXCHANGED = Misnaming(
-    of_photo="rows and columns exchanged",
-    of_drawing="rows and columns are exchanged",
-    cause="board_order",
-)
-_QUARTER = Misnaming(
-    of_photo="a quarter turn round",
-    of_drawing="it is a quarter turn from how target.yaml has it",
-    cause="board_order",
-)
-
-
-def _of_other(name: str) -> Misnaming:
-    return Misnaming(
-        of_photo=f"they are of board {name}",
-        of_drawing=f"its corners are those of board {name}",
-        cause="board_names",
-    )
+# Orders in which corners may be counted, and what they are called.
+_COUNTED = {
+    "columns_backwards": "columns_backwards",
+    "rows_backwards": "rows_backwards",
+    "half_a_turn": "half_a_turn",
+    "exchanged": "exchanged",
+    "a_quarter_turn": "a_quarter_turn",
+    "a_quarter_turn_back": "a_quarter_turn",
+}
 
 
 def _meant(
@@ -267,26 +205,30 @@ def _meant(
     """Under which other names a board's corners lie where the photo's other boards put them."""
     board = target.boards[own.board[0]]
     c, r = own.column.astype(float), own.row.astype(float)
-    last_c, last_r = board.columns - 1, board.rows - 1
     tried: list[tuple[Misnaming, Board, FloatArray, FloatArray]] = [
         (_stepped(step), board, c + step[0], r + step[1]) for step in _steps()
     ]
     tried += [
-        (_OPPOSITE, board, last_c - c, last_r - r),
-        (_COLUMNS, board, last_c - c, r),
-        (_ROWS, board, c, last_r - r),
-        (_EXCHANGED, board, r, c),
-        (_QUARTER, board, last_r - r, c),
-        (_QUARTER, board, r, last_c - c),
+        (
+            Misnaming(code=Code.BOARD_ORDER, named=named),
+            board,
+            *ORDERS[order](c, r, board.columns, board.rows),
+        )
+        for order, named in _COUNTED.items()
     ]
     tried += [
-        (_of_other(other.name), other, c, r)
+        (
+            Misnaming(code=Code.BOARD_NAMES, named="other_board", figures=(("other", other.name),)),
+            other,
+            c,
+            r,
+        )
         for other in target.boards
         if other is not board and other.points is None
     ]
     best: tuple[Misnaming, float] | None = None
     for misnaming, on, column, row in tried:
-        camera_points = _plane(on, column, row) / scale @ rotation.T + translation
+        camera_points = flat_points(on, column, row) / scale @ rotation.T + translation
         miss = camera.project(camera_points) - own.pixel
         length = np.hypot(miss[:, 0], miss[:, 1])
         error = float(np.median(np.where(np.isfinite(length), length, np.inf)))
@@ -308,7 +250,7 @@ def _all_boards(
         for board in np.unique(pairs.board):
             here = pairs.board == board
             c, r = pairs.column[here] + float(step[0]), pairs.row[here] + float(step[1])
-            world[here] = _plane(target.boards[board], c, r) / scale
+            world[here] = flat_points(target.boards[board], c, r) / scale
         fit, placed, _ = fit_poses(camera, replace(pairs, world=world))
         if fit is None or len(placed.pixel) < len(pairs.pixel):
             continue

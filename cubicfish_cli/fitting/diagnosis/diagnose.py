@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -22,18 +23,20 @@ from cubicfish_cli.fitting.diagnosis.board_faults import (
 )
 from cubicfish_cli.fitting.diagnosis.failed_lens import failed_lens, mirrored_object
 from cubicfish_cli.fitting.diagnosis.few_photos import enough_photos, fit_of_few, spread_out
-from cubicfish_cli.fitting.diagnosis.finding import Finding, listed, percent
 from cubicfish_cli.fitting.diagnosis.handedness import local_noise_px, seen_sides
 from cubicfish_cli.fitting.diagnosis.lens_faults import left_out_lens, lens_findings
 from cubicfish_cli.fitting.diagnosis.measured_object import measured_object, plane_in_squares
-from cubicfish_cli.fitting.diagnosis.object_faults import Fault, object_fault
+from cubicfish_cli.fitting.diagnosis.object_faults import EXCHANGED, Fault, object_fault
 from cubicfish_cli.fitting.diagnosis.repeats import NEAR_SHARE, repeated_groups
+from cubicfish_cli.fitting.diagnosis.squares_counted import squares_counted
 from cubicfish_cli.fitting.diagnosis.unsteady import unsteady
 from cubicfish_cli.fitting.refinement import Drawing, ObjectFit, refine_object
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import flatness, select_photos, world_scale
 from cubicfish_cli.target import Target
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
@@ -56,8 +59,7 @@ _NEARLY_ALL_PHOTOS = 0.8
 _WHOLE_BOARDS = 3
 # Photos agree with a lens when their noise is within this many times the best ones'.
 _AGREES = 6.0
-_SAID_RATIOS = {25.4: "inches and millimetres", 10.0: "centimetres and millimetres",
-                1000.0: "metres and millimetres", 2.54: "inches and centimetres"}  # fmt: skip
+_SAID_RATIOS = {25.4: "inches_mm", 10.0: "cm_mm", 1000.0: "m_mm", 2.54: "inches_cm"}
 
 
 def find_faults(
@@ -81,20 +83,20 @@ def find_faults(
 
     """
     findings = [*known, *_handed(pairs)]
-    if any(finding.level == "bad" for finding in known):
+    if any(finding.severity is Severity.BAD for finding in known):
         # Corners that are named by a wrong drawing say nothing of the lens or of the drawing.
         return findings + _repeats(fit)
     lenses = lens_findings(fit, drawn)
     findings += lenses
-    if not any(finding.level == "bad" for finding in lenses):
+    if not any(finding.severity is Severity.BAD for finding in lenses):
         findings += _of_object(drawn, fit, drawing)
-    if not any(one.level == "bad" or one.cause == "sheared" for one in findings):
+    if not any(one.severity is Severity.BAD or one.code is Code.SHEARED for one in findings):
         changing = unsteady(fit)
         if changing is not None:
             # Where all photos differ, those that do so most are not odd.
-            findings = [one for one in findings if one.cause != "photo_lens"] + [changing]
+            findings = [one for one in findings if one.code is not Code.PHOTO_LENS] + [changing]
     findings += _of_left_out(pairs, fit, drawing, dropped, findings)
-    if drawing.target is not None and not any(one.cause == "corner_count" for one in known):
+    if drawing.target is not None and not any(one.code is Code.CORNER_COUNT for one in known):
         findings += _counted_squares(pairs, drawing.target)
     return findings + _repeats(fit)
 
@@ -118,13 +120,13 @@ def explained(
 
     """
     try:
-        wrong = [finding for finding in known if finding.level == "bad"]
+        wrong = [finding for finding in known if finding.severity is Severity.BAD]
         finding = next(iter(wrong), None) or _of_failure(pairs, target, fits)
     except (FitError, np.linalg.LinAlgError):
         return error
     if finding is None:
         return error
-    return FitError(f"{str(error).partition(':')[0]}: {finding.line}")
+    return FitError(error.what, do=finding.line)
 
 
 # Which way round
@@ -137,17 +139,7 @@ def _handed(pairs: Correspondences) -> list[Finding]:
     if some is not None:
         return [some]
     if flatness(pairs.world) < 1e-4 and (sides < 0).any() and not (sides > 0).any():
-        return [
-            Finding(
-                cause="mirrored",
-                level="care",
-                what="the board is seen from behind in every photo: photos are mirrored, and so "
-                "is the camera then, or columns or rows are counted the other way round",
-                evidence="the row does not grow to the right of the column's direction",
-                do="compare a photo with the board; if only the counting differs, the camera is "
-                "right and the poses are of the board's back",
-            )
-        ]
+        return [Finding(code=Code.MIRRORED, case="behind", severity=Severity.CARE)]
     return []
 
 
@@ -158,16 +150,8 @@ def _some_mirrored(sides: IntArray, pairs: Correspondences) -> Finding | None:
     known = (sides * usual != 0).any(axis=1)
     if not against.any() or 2 * against.sum() >= known.sum():
         return None
-    names = [pairs.images[photo] for photo in np.flatnonzero(against)]
-    return Finding(
-        cause="mirrored",
-        level="note",
-        what=f"{listed(names, 'photos')}: mirrored, or their corners are counted the other way "
-        "round",
-        evidence="the other photos show the same boards from the other side",
-        do="use photos as the sensor made them",
-        images=tuple(names),
-    )
+    names = tuple(pairs.images[photo] for photo in np.flatnonzero(against))
+    return Finding(code=Code.MIRRORED, case="some", images=names)
 
 
 # The object
@@ -179,7 +163,7 @@ def _of_object(drawn: ObjectFit, fit: ObjectFit, drawing: Drawing) -> list[Findi
         return []
     if fit.level != "off":
         found = _of_refined(drawn, fit, drawing)
-        return [replace(finding, level="care") for finding in found]
+        return [replace(finding, severity=Severity.CARE) for finding in found]
     pairs, residual = fit.companion.pairs, fit.cubic.residual
     times = _times_noise(pairs, residual)
     if times is None or times < _WORTH_MEASURING:
@@ -216,8 +200,7 @@ def _of_refined(drawn: ObjectFit, refined: ObjectFit, drawing: Drawing) -> list[
     fault = object_fault(target, measured)
     if fault is None or (before < _TIMES_WORSE * after and not _stands_out(fault)):
         return []
-    evidence = f"the RMS is {before:.2f} px as drawn and {after:.2f} px as it really is"
-    return [_object_finding(fault, target, evidence)]
+    return [_object_finding(fault, target, "refined", before_px=before, after_px=after)]
 
 
 def _stands_out(fault: Fault) -> bool:
@@ -228,89 +211,63 @@ def _stands_out(fault: Fault) -> bool:
     )
 
 
-def _object_finding(fault: Fault, target: Target, evidence: str) -> Finding:
-    """Put a fault of the drawing into words."""
-    names = tuple(target.boards[board].name for board in fault.boards)
-    units, every = target.units, len(fault.boards) == len(target.boards) > 1
-    one = f"board {names[0]}"
-    which = "all boards" if every else one
-    correct = "correct target.yaml and calibrate again"
+def _object_finding(fault: Fault, target: Target, because: str, **figures: float) -> Finding:
+    """A fault of the drawing as it is told."""
+    boards = [target.boards[index] for index in fault.boards]
+    every = len(boards) == len(target.boards) > 1
+    told = partial(
+        Finding,
+        severity=Severity.BAD,
+        because=because,
+        boards=() if fault.kind == "mirror" else tuple(board.name for board in boards),
+    )
     if fault.kind == "mirror":
-        return Finding(
-            cause="mirrored", level="bad", evidence=evidence,
-            what="all photos are mirrored: the object fits as seen in a mirror",
-            do="use photos as the sensor made them, not as a video call shows them",
-        )  # fmt: skip
+        return told(code=Code.MIRRORED, case="target", figures=figures)
     if fault.kind == "names":
-        return Finding(
-            cause="board_names", level="bad", evidence=evidence, boards=names,
-            what=f"the names of boards {names[0]} and {names[1]} are exchanged",
-            do="exchange them in target.yaml, or in corners.csv, and calibrate again",
-        )  # fmt: skip
+        return told(code=Code.BOARD_NAMES, figures=figures)
     if fault.kind == "order":
-        return Finding(
-            cause="board_order", level="bad", evidence=evidence, boards=names,
-            what=f"{which}: {_order_words(fault, target)}",
-            do="correct target.yaml, or the order in corners.csv, and calibrate again",
-        )  # fmt: skip
-    if fault.kind in ("square", "squares"):
-        beside = "the distances between boards" if every else "the other boards"
-        sizes = sorted({target.boards[index].square for index in fault.boards})
-        real = ", ".join(f"{fault.ratio * size:.4g} {units} for {size:g}" for size in sizes)
-        mixed = _mixed_units(fault.ratio)
-        what = (
-            f"squares of {which} are {percent(fault.ratio - 1)} off beside {beside}"
-            if not mixed
-            else f"the square of {which} is {max(fault.ratio, 1 / fault.ratio):.4g} times off: "
-            f"{mixed} mixed up"
+        order, size = fault.order, next((one for one in boards if one.columns != one.rows), None)
+        if order in EXCHANGED:
+            order = "exchanged" if size is None else "exchanged_size"
+        shape = {} if size is None else {"columns": size.columns, "rows": size.rows}
+        which = "all" if every else "one"
+        return told(
+            code=Code.BOARD_ORDER, figures={**figures, **shape, "order": order, "which": which}
         )
-        return Finding(
-            cause="board_square", level="bad", evidence=evidence, boards=names,
-            what=f"{what} ({real})",
-            do=f"measure ten squares{'' if every else f' of {names[0]}'}, {correct}",
-        )  # fmt: skip
-    size = "" if fault.kind == "place" else f", its squares {percent(fault.ratio - 1)} off"
-    what = (
-        f"{one} lies {fault.shift:.2g} {units} / {fault.turn_deg:.1f}° from where target.yaml "
-        f"puts it{size}"
+    if fault.kind in ("square", "squares"):
+        sizes = sorted({board.square for board in boards})
+        mixed = _mixed_units(fault.ratio)
+        return told(
+            code=Code.BOARD_SQUARE,
+            case="_".join(["all"] * every + ["units"] * bool(mixed)),
+            figures={
+                **figures,
+                "off": fault.ratio - 1,
+                "times": max(fault.ratio, 1 / fault.ratio),
+                "real": ", ".join(
+                    f"{fault.ratio * size:.4g} {target.units} for {size:g}" for size in sizes
+                ),
+                **({"units_mixed": mixed} if mixed else {}),
+            },
+        )
+    case = ["of", "two"] * (len(fault.points) == 2) + ["and", "square"] * (fault.kind != "place")
+    return told(
+        code=Code.BOARD_PLACE,
+        case="_".join(case),
+        figures={
+            **figures,
+            "shift": fault.shift,
+            "turn_deg": fault.turn_deg,
+            "units": target.units,
+            "off": fault.ratio - 1,
+            "both": [target.boards[index].name for index in fault.points],
+        },
     )
-    if len(fault.points) == 2:
-        what = f"boards {' and '.join(target.boards[i].name for i in fault.points)}: " + what
-    return Finding(
-        cause="board_place", level="bad", evidence=evidence, boards=names, what=what,
-        do=f"measure its origin and axes again, {correct}",
-    )  # fmt: skip
-
-
-def _order_words(fault: Fault, target: Target) -> str:
-    swapped = "rows and columns are exchanged" + next(
-        (
-            f", such as corners: [{board.columns}, {board.rows}] for "
-            f"[{board.rows}, {board.columns}]"
-            for board in (target.boards[index] for index in fault.boards)
-            if board.rows != board.columns
-        ),
-        "",
-    )
-    return {
-        "columns backwards": "columns are counted the other way round than target.yaml says",
-        "rows backwards": "rows are counted the other way round than target.yaml says",
-        "half a turn": "corners are counted from the opposite corner, the board turned by 180°",
-        "exchanged": swapped,
-        "a quarter turn": swapped,
-        "a quarter turn back": swapped,
-        "exchanged backwards": swapped,
-        "x_axis flipped": "x_axis points the other way round",
-        "y_axis flipped": "y_axis points the other way round",
-        "both axes flipped": "x_axis and y_axis point the other way round",
-    }[fault.order]
 
 
 def _mixed_units(ratio: float) -> str:
     larger = max(ratio, 1 / ratio)
-    return next(
-        (words for known, words in _SAID_RATIOS.items() if abs(larger / known - 1) < 0.02), ""
-    )
+    return next((mix for known, mix in _SAID_RATIOS.items() if abs(larger / known - 1) < 0.02), "")
 
 
 # Photos and boards that were left out
@@ -324,7 +281,7 @@ def _of_left_out(
     known: Sequence[Finding],
 ) -> list[Finding]:
     """Why photos, or boards in photos, do not fit the lens of the others."""
-    mirrored = {name for finding in known if finding.cause == "mirrored" for name in finding.images}
+    mirrored = {name for one in known if one.code is Code.MIRRORED for name in one.images}
     names = _left_out(pairs, fit, dropped) - mirrored
     photos = np.array([i for i, name in enumerate(pairs.images) if name in names], np.intp)
     if not photos.size:
@@ -364,7 +321,8 @@ def _left_out(
     pairs: Correspondences, fit: ObjectFit, dropped: Sequence[tuple[str, str | None]]
 ) -> set[str]:
     """Photos that were left out, and those of which a board lost half of its corners."""
-    names = {name for name, why in fit.companion.unfit.items() if "too few" not in why}
+    unfit = fit.companion.unfit.items()
+    names = {name for name, why in unfit if why.code is not Code.TOO_FEW_CORNERS}
     counts: dict[tuple[str, str], int] = {}
     for image, board in dropped:
         if board is not None:
@@ -396,20 +354,7 @@ def _counted_squares(pairs: Correspondences, target: Target) -> list[Finding]:
             boards.append(board)
     if not boards:
         return []
-    names = [board.name for board in boards]
-    first = boards[0]
-    return [
-        Finding(
-            cause="corner_count",
-            level="note",
-            what=f"board {listed(names, 'boards')}: target.yaml seems to count squares, "
-            f"{first.columns}x{first.rows}, where {first.columns - 1}x{first.rows - 1} inner "
-            "corners are seen",
-            evidence=f"photos show all of {first.name} but its last column and row",
-            do="correct corners in target.yaml; the camera does not depend on it",
-            boards=tuple(names),
-        )
-    ]
+    return [squares_counted(boards)]
 
 
 # Photos that say the same
@@ -424,18 +369,8 @@ def _repeats(fit: ObjectFit) -> list[Finding]:
     group = repeated_groups(poses, pairs, focal)
     distinct = int(group.max()) + 1
     if count >= _FEWEST_PHOTOS and repeated_groups(poses, pairs, focal, NEAR_SHARE).max() == 0:
-        return [
-            Finding(
-                cause="one_place",
-                level="care",
-                what=f"all {count} photos are from nearly the same place, and say little more "
-                "than one",
-                evidence="the object lies within "
-                f"{100 * NEAR_SHARE:.0f} % of the picture of the same place in all of them",
-                do="take photos from different sides, near and far, tilted, with the object in "
-                "every part of the picture",
-            )
-        ]
+        figures = {"photos": count, "near": NEAR_SHARE}
+        return [Finding(code=Code.ONE_PLACE, severity=Severity.CARE, figures=figures)]
     if distinct == count:
         return []
     repeats = [
@@ -446,12 +381,9 @@ def _repeats(fit: ObjectFit) -> list[Finding]:
     few = 2 * distinct <= count or distinct < _FEWEST_PHOTOS
     return [
         Finding(
-            cause="repeats",
-            level="care" if few else "note",
-            what=f"{count} photos are effectively {distinct}: {listed(repeats, 'repeats')}",
-            evidence="each was taken from the same place as another one, or is its copy; they are "
-            "held out together",
-            do="take photos from other places instead",
+            code=Code.REPEATS,
+            severity=Severity.CARE if few else Severity.NOTE,
+            figures={"photos": count, "distinct": distinct, "repeats": repeats},
             images=tuple(np.array(pairs.images)[np.bincount(group)[group] > 1].tolist()),
         )
     ]
@@ -514,5 +446,4 @@ def _failed_object(pairs: Correspondences, target: Target, scale: float) -> Find
     noise = local_noise_px(again.pairs, again.residual)
     if noise_px(again.residual) > _AGREES * max(noise, 1e-3):
         return None
-    evidence = f"with that corrected the typical error falls to {noise_px(again.residual):.2g} px"
-    return _object_finding(fault, target, evidence)
+    return _object_finding(fault, target, "corrected", after_px=noise_px(again.residual))

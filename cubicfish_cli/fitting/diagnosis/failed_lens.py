@@ -11,11 +11,12 @@ import numpy.typing as npt
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.companion import Companion, fit_companion
-from cubicfish_cli.fitting.diagnosis.finding import Finding, listed
 from cubicfish_cli.fitting.diagnosis.lens_faults import left_out_lens
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import flatness, select_photos
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
 
 IntArray = npt.NDArray[np.intp]
 
@@ -47,12 +48,11 @@ def mirrored_object(pairs: Correspondences) -> Finding | None:
     if fit.focal_uncertainty > _SURE_FOCAL:
         return None
     return Finding(
-        cause="mirrored",
-        level="bad",
-        what="all photos are mirrored, or the points' coordinates are: the object fits as seen in "
-        "a mirror",
-        evidence=f"with that corrected the typical error falls to {noise_px(fit.residual):.2g} px",
-        do="use photos as the sensor made them, and points in a right-handed frame",
+        code=Code.MIRRORED,
+        case="points",
+        severity=Severity.BAD,
+        because="corrected",
+        figures={"after_px": noise_px(fit.residual)},
     )
 
 
@@ -95,15 +95,12 @@ def failed_lens(pairs: Correspondences) -> Finding | None:
     )
     if found is not None:
         return found
-    names = [pairs.images[photo] for photo in others]
     return Finding(
-        cause="photo_lens",
-        level="bad",
-        what=f"{listed(names, 'photos')} do not go with the other {best[0]} photos: another "
-        "zoom, another camera, cropped, or an object that moved",
-        evidence=f"the others fit to {noise_px(lens.residual):.2g} px without them",
-        do="calibrate without them",
-        images=tuple(names),
+        code=Code.PHOTO_LENS,
+        case="left_out",
+        severity=Severity.BAD,
+        images=tuple(pairs.images[photo] for photo in others),
+        figures={"others": best[0], "noise_px": noise_px(lens.residual)},
     )
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +14,6 @@ from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.companion import Companion, fit_companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import fit_cubic
 from cubicfish_cli.fitting.diagnosis.few_photos import enough_photos, fit_of_few, spread_out
-from cubicfish_cli.fitting.diagnosis.finding import Cause, Finding, listed, percent
 from cubicfish_cli.fitting.diagnosis.photo_lenses import (
     BY_CHANCE,
     WORTH,
@@ -36,6 +34,8 @@ from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import flatness, select_photos
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -203,7 +203,8 @@ def _followed(
         names,
         pairs,
         in_order=split.kind == "order",
-        evidence=f"the RMS is {together:.2f} px together and {apart.rms_px:.2f} px apart",
+        because="apart",
+        figures={"together_px": together, "apart_px": apart.rms_px},
     )
 
 
@@ -323,18 +324,25 @@ def left_out_lens(
     names = list(own.pairs.images)
     if not _clearly_other(camera, own):
         return None
-    evidence = f"by themselves they fit a lens of their own to {rms_px(own.residual):.2f} px"
+    because = "own_lens"
     change = LensChange(ratio=ratio, shift=shift, centre=centres[0])
     first = list(order[: len(names)]) == names
     if first and len(names) < len(order):  # what came before the others, seen from these
         names = list(order[len(names) :])
         change = LensChange(ratio=1 / ratio, shift=-shift, centre=centres[1])
-        evidence = "the photos before " + evidence.removeprefix("by themselves they ")
+        because = "own_lens_before"
     in_order = first or list(order[-len(names) :]) == names
-    found = lens_change(change, names, pairs, in_order=in_order, evidence=evidence)
+    found = lens_change(
+        change,
+        names,
+        pairs,
+        in_order=in_order,
+        because=because,
+        figures={"own_px": rms_px(own.residual)},
+    )
     # The camera is that of the others, and right, unless it may be the others that are odd.
     many = len(own.pairs.images) >= _MANY_LEFT_OUT * len(order)
-    return found if many else replace(found, level="care")
+    return found if many else replace(found, severity=Severity.CARE)
 
 
 def _clearly_other(camera: RadialCamera, own: Companion) -> bool:
@@ -351,65 +359,54 @@ def lens_change(
     pairs: Correspondences,
     *,
     in_order: bool,
-    evidence: str,
+    because: str,
+    figures: Mapping[str, float],
 ) -> Finding:
-    """Put into words how the lens of some photos differs.
+    """What kind of difference there is between the lens of some photos and the others'.
 
     Args:
         change: the difference.
         names: the photos.
         pairs: any pairs of the same size of photo.
         in_order: whether they are all photos from one on.
-        evidence: what says so.
+        because: what says so.
+        figures: the figures of that.
 
     """
     size = np.array(pairs.image_size, float)
     reach, near = size.min() / 2, _SAME_CENTRE * size.max()
     by_scale = abs(change.ratio - 1) * reach
     by_shift = float(np.hypot(*change.shift))
-    which = f"from {names[0]} on" if in_order else f"in {listed(names, 'photos')}"
-    shift = "({:+.1f}, {:+.1f}) px".format(*change.shift)
     scaled_centre = (change.ratio - 1) * (change.centre + 0.5)
     turned = size - 1 - 2 * change.centre
-    level: Literal["care", "bad"] = "bad"
-    cause: Cause
     if by_scale < _NONE * by_shift and np.hypot(*(change.shift - turned)) < min(
         near, 0.2 * by_shift + 1
     ):
-        cause = "turned"
-        what = f"the picture seems turned by 180° {which}: the lens's centre is on the other side"
-        do = "save photos as the sensor made them (EXIF rotation off), and calibrate again"
+        code = Code.TURNED
     elif by_scale > _NONE * by_shift and np.hypot(*(change.shift - scaled_centre)) < max(
         0.1 * by_shift, near / 4
     ):
-        cause = "scaled"
-        what = f"photos seem scaled by {_ratio_words(change.ratio)} {which}"
-        do = "use all photos at the size at which the sensor made them"
+        code = Code.SCALED
     elif by_shift < _NONE * by_scale or by_shift < near / 4 < by_scale:
-        cause = "zoom"
-        what = (
-            f"the focal length is {percent(change.ratio - 1)} {which}: zoom or focus changed, "
-            "or photos of two cameras are mixed"
-        )
-        do = "calibrate each setting and camera by itself, with zoom and focus locked"
+        code = Code.ZOOM
     elif by_scale < _NONE * by_shift:
-        cause = "shifted"
-        what = f"the lens's centre is off by {shift} {which}: "
-        what += (
-            "the lens was bumped or moved, or photos from there on are another camera's or cropped"
-            if in_order
-            else "photos of two cameras are mixed, or some were cropped"
-        )
-        do = "calibrate these photos and the others each by themselves, or use uncropped ones"
+        code = Code.SHIFTED
     else:
-        cause = "two_lenses"
-        what = (
-            f"photos of two cameras or zooms are mixed: the focal length is "
-            f"{percent(change.ratio - 1)} and the centre off by {shift} {which}"
-        )
-        do = "calibrate each camera by itself"
+        code = Code.TWO_LENSES
     return Finding(
-        cause=cause, level=level, what=what, evidence=evidence, do=do, images=tuple(names)
+        code=code,
+        severity=Severity.BAD,
+        images=tuple(names),
+        because=because,
+        figures={
+            **figures,
+            "where": "from" if in_order else "in",
+            "in_order": in_order,
+            "scale": _ratio_words(change.ratio),
+            "focal_off": change.ratio - 1,
+            "x_px": float(change.shift[0]),
+            "y_px": float(change.shift[1]),
+        },
     )
 
 
@@ -437,7 +434,8 @@ def _single(fit: ObjectFit, photos: PhotoLenses) -> list[Finding]:
         again = _without(fit, left_out)
         photos = photos if again is None else again
     findings = []
-    for unlike, cause in ((sheared_photos(photos), "sheared"), (zoomed_photos(photos), "lens")):
+    kinds = ((sheared_photos(photos), Code.SHEARED), (zoomed_photos(photos), Code.PHOTO_LENS))
+    for unlike, code in kinds:
         certain = [
             one
             for one in unlike
@@ -445,7 +443,7 @@ def _single(fit: ObjectFit, photos: PhotoLenses) -> list[Finding]:
         ]
         suspects -= {one.photo for one in certain}
         if certain and 2 * len(certain) < len(pairs.images):
-            findings.append(_single_finding(certain, pairs, cause))
+            findings.append(_single_finding(certain, pairs, code))
     return findings
 
 
@@ -490,30 +488,16 @@ def _without(fit: ObjectFit, suspects: npt.NDArray[np.intp]) -> PhotoLenses | No
     return photos if np.isfinite(photos.own).all() else None
 
 
-def _single_finding(certain: list[Unlike], pairs: Correspondences, cause: str) -> Finding:
-    names = [pairs.images[one.photo] for one in certain]
+def _single_finding(certain: list[Unlike], pairs: Correspondences, code: Code) -> Finding:
     most = max(certain, key=lambda one: one.size_px)
-    where = listed(names, "photos")
-    of_it = f"of {pairs.images[most.photo]}" if len(names) > 1 else "of it"
-    evidence = f"{100 * most.share:.0f} % of the squared error {of_it}"
-    # A camera that eight others determine hardly hangs on one.
-    level: Literal["note", "care"] = "note" if len(certain) == 1 else "care"
-    if cause == "sheared":
-        return Finding(
-            cause="sheared",
-            level=level,
-            what=f"{where}: sheared by up to {most.size_px:.1f} px from the middle row to the "
-            "last, as when camera or object moves under a rolling shutter",
-            evidence=evidence,
-            do="take again with both at rest",
-            images=tuple(names),
-        )
     return Finding(
-        cause="photo_lens",
-        level=level,
-        what=f"{where}: scale or centre differ from the other photos' by up to "
-        f"{most.size_px:.1f} px: another zoom or focus, cropped, or another camera",
-        evidence=evidence,
-        do="leave out what was not taken like the rest",
-        images=tuple(names),
+        code=code,
+        # A camera that eight others determine hardly hangs on one.
+        severity=Severity.NOTE if len(certain) == 1 else Severity.CARE,
+        images=tuple(pairs.images[one.photo] for one in certain),
+        figures={
+            "size_px": most.size_px,
+            "share": most.share,
+            "worst": pairs.images[most.photo],
+        },
     )

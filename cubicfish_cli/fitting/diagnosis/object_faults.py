@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -29,23 +29,28 @@ _EXPLAINED = 1 / 3
 _FAR = 0.02
 _LARGEST_RATIO = 2000.0
 
+_Numbers = npt.NDArray[Any]
+_Order = Callable[[_Numbers, _Numbers, int, int], tuple[_Numbers, _Numbers]]
 # Column and row of the corner that the drawing means, from those in the table. C and R are how
 # many the drawing has.
-_ORDERS: Mapping[str, Callable[[IntArray, IntArray, int, int], tuple[IntArray, IntArray]]] = {
-    "as it is": lambda c, r, C, R: (c, r),
-    "columns backwards": lambda c, r, C, R: (C - 1 - c, r),
-    "rows backwards": lambda c, r, C, R: (c, R - 1 - r),
-    "half a turn": lambda c, r, C, R: (C - 1 - c, R - 1 - r),
+ORDERS: Mapping[str, _Order] = {
+    "as_it_is": lambda c, r, C, R: (c, r),
+    "columns_backwards": lambda c, r, C, R: (C - 1 - c, r),
+    "rows_backwards": lambda c, r, C, R: (c, R - 1 - r),
+    "half_a_turn": lambda c, r, C, R: (C - 1 - c, R - 1 - r),
     "exchanged": lambda c, r, C, R: (r, c),
-    "a quarter turn": lambda c, r, C, R: (R - 1 - r, c),
-    "a quarter turn back": lambda c, r, C, R: (r, C - 1 - c),
-    "exchanged backwards": lambda c, r, C, R: (R - 1 - r, C - 1 - c),
+    "a_quarter_turn": lambda c, r, C, R: (R - 1 - r, c),
+    "a_quarter_turn_back": lambda c, r, C, R: (r, C - 1 - c),
+    "exchanged_backwards": lambda c, r, C, R: (R - 1 - r, C - 1 - c),
 }
+"""The eight ways to count a board's corners, by their keys in what is told (words/catalogue.py)."""
+EXCHANGED = ("exchanged", "a_quarter_turn", "a_quarter_turn_back", "exchanged_backwards")
+"""Orders that a drawing with rows and columns exchanged may have."""
 # The places of (0, 0) may also be meant on the other end of the same axes: a flipped axis.
-_FLIPS: Mapping[str, Callable[[IntArray, IntArray, int, int], tuple[IntArray, IntArray]]] = {
-    "x_axis flipped": lambda c, r, C, R: (-c, r),
-    "y_axis flipped": lambda c, r, C, R: (c, -r),
-    "both axes flipped": lambda c, r, C, R: (-c, -r),
+_FLIPS: Mapping[str, _Order] = {
+    "x_axis": lambda c, r, C, R: (-c, r),
+    "y_axis": lambda c, r, C, R: (c, -r),
+    "both_axes": lambda c, r, C, R: (-c, -r),
 }
 
 
@@ -88,11 +93,11 @@ class _Grid:
     row: IntArray
     measured: FloatArray
 
-    def drawn(self, order: str = "as it is", *, on: Board | None = None) -> FloatArray:
+    def drawn(self, order: str = "as_it_is", *, on: Board | None = None) -> FloatArray:
         board = on or self.board
-        change = _ORDERS.get(order) or _FLIPS[order]
+        change = ORDERS.get(order) or _FLIPS[order]
         plane = change(self.column, self.row, self.board.columns, self.board.rows)
-        return _flat_points(board, *plane)
+        return flat_points(board, *plane)
 
 
 def object_fault(target: Target, measured: Mapping[int, FloatArray]) -> Fault | None:
@@ -139,7 +144,7 @@ def _grid(index: int, board: Board, points: FloatArray) -> _Grid:
     return _Grid(index=index, board=board, column=column, row=row, measured=points)
 
 
-def _flat_points(board: Board, column: IntArray, row: IntArray) -> FloatArray:
+def flat_points(board: Board, column: npt.NDArray[Any], row: npt.NDArray[Any]) -> FloatArray:
     """World points of a board that is as flat as drawn, also beyond its edges."""
     plane = board.plane_points(column, row)
     return np.asarray(board.origin + plane[:, :1] * board.x_axis + plane[:, 1:] * board.y_axis)
@@ -195,7 +200,7 @@ def _other_orders(search: _Search) -> Iterator[Fault]:
     everyone = tuple(grid.index for grid in grids)
     drawn = [grid.drawn() for grid in grids]
     yield _fault(search, "mirror", drawn, everyone)
-    orders = [*list(_ORDERS)[1:], *_FLIPS]
+    orders = [*list(ORDERS)[1:], *_FLIPS]
     for order in orders:
         yield _fault(search, "order", [grid.drawn(order) for grid in grids], everyone, order=order)
     for number, grid in enumerate(grids):

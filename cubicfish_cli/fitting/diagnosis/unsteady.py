@@ -11,11 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.fitting.adjustment import huber_weight
-from cubicfish_cli.fitting.diagnosis.finding import Cause, Finding
 from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.fitting.refinement import ObjectFit
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.subset import flatness
+from cubicfish_cli.words.codes import Code
+from cubicfish_cli.words.finding import Finding
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -28,20 +29,6 @@ _MANY = 0.4
 # Pixels of a photo of 2000 from which on it is worth a word.
 _NOTICED_PX, _SIDE = 0.1, 2000.0
 _FLAT = 1e-3  # a refined sheet is bent a little
-_WORDS: dict[Cause, tuple[str, str]] = {
-    "sheet_bends": (
-        "the board seems to bend anew in each photo, as a loose sheet does",
-        "fix the sheet to something stiff and flat",
-    ),
-    "autofocus": (
-        "the scale seems to differ from photo to photo, as with autofocus",
-        "lock the focus, if the camera can",
-    ),
-    "stabilisation": (
-        "the lens's centre seems to differ from photo to photo, as with optical stabilisation",
-        "switch stabilisation off, if the camera can",
-    ),
-}
 
 
 def unsteady(fit: ObjectFit) -> Finding | None:
@@ -54,9 +41,9 @@ def unsteady(fit: ObjectFit) -> Finding | None:
     world = fit.cubic.fit.world.points
     flat = flatness(world) < _FLAT
     bend = _bends(world) if flat else np.zeros((len(world), 3, 0))
-    terms: dict[Cause, slice] = {"autofocus": slice(0, 1), "stabilisation": slice(1, 3)}
+    terms = {Code.AUTOFOCUS: slice(0, 1), Code.STABILISATION: slice(1, 3)}
     if flat:
-        terms["sheet_bends"] = slice(3, 6)
+        terms[Code.SHEET_BENDS] = slice(3, 6)
     middle = (np.array(pairs.image_size, float) - 1) / 2
     squares = {cause: np.zeros(len(photos)) for cause in terms}
     before, equations = np.zeros(len(photos)), 2 * counts[photos] - 6
@@ -94,14 +81,13 @@ def unsteady(fit: ObjectFit) -> Finding | None:
         return None
     if change_px < _NOTICED_PX * max(1.0, max(pairs.image_size) / _SIDE):
         return None
-    what, do = _WORDS[cause]
     return Finding(
-        cause=cause,
-        level="note",
-        what=f"{what}, by {change_px:.2f} px",
-        evidence=f"with that in each photo the RMS would be {np.sqrt(2 * each[cause]):.2f} px for "
-        f"{np.sqrt(2 * variance):.2f} px",
-        do=f"{do}; the camera is a mean of all photos",
+        code=cause,
+        figures={
+            "size_px": change_px,
+            "before_px": float(np.sqrt(2 * variance)),
+            "after_px": float(np.sqrt(2 * each[cause])),
+        },
     )
 
 

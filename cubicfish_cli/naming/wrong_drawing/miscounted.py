@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from cubicfish_cli.fitting.diagnosis.finding import Finding, listed
 from cubicfish_cli.naming.name_grids import Naming
 from cubicfish_cli.naming.wrong_drawing.count import Count
 from cubicfish_cli.naming.wrong_drawing.fewer_corners import fewer_corners
 from cubicfish_cli.naming.wrong_drawing.more_corners import more_corners
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.target import Board, Target
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
 
 
 def counted(
@@ -43,33 +44,29 @@ def miscounted(counts: Sequence[Count], target: Target, photos: int) -> Finding 
     """
     if not counts:
         return None
-    names = tuple(target.boards[count.board].name for count in counts)
-    parts = [_words(count, target.boards[count.board]) for count in counts]
-    several = len(counts) > 1
     fewest, most = min(one.photos for one in counts), max(one.photos for one in counts)
-    which = f"{most}" if fewest == most else f"{fewest} to {most}"
+    boards = [target.boards[count.board] for count in counts]
     return Finding(
-        cause="corner_count",
-        level="care",
-        what=f"photos show {listed(parts, 'boards')}",
-        evidence=f"{which} of {photos} photos show where {'they end' if several else 'it ends'}, "
-        "none shows otherwise",
-        do="correct corners in target.yaml (and origin, if it was of a corner that is not there) "
-        "and run it again",
-        boards=names,
+        code=Code.CORNER_COUNT,
+        severity=Severity.CARE,
+        boards=tuple(board.name for board in boards),
+        figures={
+            "counts": [_seen(*both) for both in zip(counts, boards, strict=True)],
+            "alike": fewest == most,
+            "fewest": fewest,
+            "most": most,
+            "photos": photos,
+        },
     )
 
 
-def _words(count: Count, board: Board) -> str:
-    drawn = board.columns, board.rows
-    if all(count.sure):
-        what, says = f"{_times(*count.size)} inner corners", _times(*drawn)
-    else:
-        axis = 0 if count.sure[0] else 1
-        what = f"{count.size[axis]} {('columns', 'rows')[axis]} of inner corners"
-        says = f"{drawn[axis]}"
-    return f"{what} of board {board.name} (target.yaml says {says})"
-
-
-def _times(columns: int, rows: int) -> str:
-    return f"{columns}x{rows}"
+def _seen(count: Count, board: Board) -> dict[str, str | int]:
+    columns, rows = count.size
+    return {
+        "form": "both" if all(count.sure) else "columns" if count.sure[0] else "rows",
+        "board": board.name,
+        "columns": columns,
+        "rows": rows,
+        "drawn_columns": board.columns,
+        "drawn_rows": board.rows,
+    }

@@ -7,20 +7,21 @@ nearly all is told.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.detection.photo_as import grid_in_mirror
-from cubicfish_cli.fitting.diagnosis.finding import Cause, Finding, listed
 from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.name_grids import FEWEST_CORNERS, GridReport, Naming, name_again
-from cubicfish_cli.naming.refusals import HOW_MIRRORED
 from cubicfish_cli.target import Board, FirstSquare, Target
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
 
 IntArray = npt.NDArray[np.intp]
 
@@ -32,7 +33,7 @@ _CLEARLY = 0.02
 # Photos that take part: those that show most.
 _PHOTOS = 6
 _MOST_BOARDS = 6
-_UNITS = {25.4: "inches for millimetres", 10.0: "centimetres for millimetres"}
+_UNITS = {25.4: "inches_for_mm", 10.0: "cm_for_mm"}
 _NO_PLACE = (Verdict.NO_FIT, Verdict.NOT_PLANE, Verdict.TOO_LARGE, Verdict.COLOURS)
 
 
@@ -108,11 +109,12 @@ def _sizes(grids: Sequence[Sequence[Grid]], photos: IntArray) -> IntArray:
 
 
 def _with_evidence(trial: _Trial, named: IntArray, again: float, total: float) -> Finding:
-    evidence = (
-        f"{100 * named[trial.photos].sum() / total:.0f} % of the corners have a place on the "
-        f"target as it is, and {100 * again / total:.0f} % with that put right"
-    )
-    return replace(trial.finding, evidence=evidence)
+    figures = {
+        **trial.finding.figures,
+        "before": float(named[trial.photos].sum() / total),
+        "after": float(again / total),
+    }
+    return replace(trial.finding, because="put_right", figures=figures)
 
 
 def _counts(reports: Sequence[Sequence[GridReport]]) -> tuple[IntArray, IntArray]:
@@ -136,12 +138,7 @@ def _some_mirrored(
     names = tuple(images[photo] for photo in odd)
     others = fullest[~np.isin(fullest, odd)][:_PHOTOS]
     tried = fullest[np.isin(fullest, odd)][:_PHOTOS]
-    finding = _finding(
-        "mirrored",
-        f"{listed(names, 'photos')}: mirrored",
-        "use photos as the sensor made them",
-        images=names,
-    )
+    finding = _finding(Code.MIRRORED, "some_grids", images=names)
     return _Trial(
         finding=finding,
         target=target,
@@ -153,99 +150,103 @@ def _some_mirrored(
 def _trials(target: Target, chosen: IntArray) -> Iterator[_Trial]:
     none = np.zeros(0, np.intp)
     yield _Trial(
-        finding=_finding(
-            "mirrored",
-            *(
-                ("no photo is mirrored", "take mirrored: true out of target.yaml")
-                if target.mirrored
-                else (
-                    "all photos are mirrored",
-                    "use photos as the sensor made them, not as a video call shows them; if the "
-                    f"camera looks into a mirror, {HOW_MIRRORED}",
-                )
-            ),
-        ),
+        finding=_finding(Code.MIRRORED, "none" if target.mirrored else "all_grids"),
         target=target,
         photos=chosen,
         mirrored=chosen,
     )
-    for what, cause, changed, boards in _drawings(target):
-        finding = replace(
-            _finding(cause, what, "correct target.yaml and run it again"), boards=boards
-        )
+    for finding, changed in _drawings(target):
         yield _Trial(finding=finding, target=changed, photos=chosen, mirrored=none)
 
 
-def _finding(cause: Cause, what: str, do: str, images: tuple[str, ...] = ()) -> Finding:
-    return Finding(cause=cause, level="bad", what=what, evidence="", do=do, images=images)
+def _finding(
+    code: Code,
+    case: str,
+    figures: Mapping[str, Any] | None = None,
+    boards: tuple[str, ...] = (),
+    images: tuple[str, ...] = (),
+) -> Finding:
+    return Finding(
+        code=code,
+        case=case,
+        severity=Severity.BAD,
+        figures=figures or {},
+        boards=boards,
+        images=images,
+    )
 
 
-def _drawings(target: Target) -> Iterator[tuple[str, Cause, Target, tuple[str, ...]]]:
-    """The drawing with one thing put right: in words, its kind, the drawing, the boards."""
+def _drawings(target: Target) -> Iterator[tuple[Finding, Target]]:
+    """The drawing with one thing put right: what was wrong, and the drawing."""
     plain = [index for index, board in enumerate(target.boards) if board.points is None]
     changes = {index: list(_changes(target.boards[index])) for index in plain}
     for index in plain:
-        name = target.boards[index].name
-        for what, cause, board in changes[index]:
-            yield f"board {name}: {what}", cause, target.with_boards({index: board}), (name,)
-    for number in range(min(len(own) for own in changes.values())):
-        every = {index: changes[index][number] for index in plain}
-        if len({what for what, _, _ in every.values()}) > 1:
-            first = next(iter(every.values()))[0]
-            what = f"all boards: {first.partition(':')[0]}"
-        else:
-            what = f"all boards: {next(iter(every.values()))[0]}"
-        cause = next(iter(every.values()))[1]
-        names = tuple(target.boards[index].name for index in plain)
-        yield what, cause, target.with_boards({i: one[2] for i, one in every.items()}), names
+        for change in changes[index]:
+            figures = {**change.figures, "which": "one"}
+            name = target.boards[index].name
+            yield (
+                _finding(change.code, "grids", figures, (name,)),
+                target.with_boards({index: change.board}),
+            )
+    names = tuple(target.boards[index].name for index in plain)
+    for every in zip(*changes.values(), strict=False):
+        first = every[0]
+        alike = all(change.figures == first.figures for change in every)
+        own = first.figures if alike else {**first.figures, "order": first.in_general}
+        yield (
+            _finding(first.code, "grids", {**own, "which": "all"}, names),
+            target.with_boards(
+                {index: change.board for index, change in zip(plain, every, strict=True)}
+            ),
+        )
     for one, other in combinations(plain, 2):
         a, b = target.boards[one], target.boards[other]
-        exchanged = {one: _placed(a, b), other: _placed(b, a)}
         yield (
-            f"the places of boards {a.name} and {b.name} are exchanged",
-            "board_names",
-            target.with_boards(exchanged),
-            (a.name, b.name),
+            _finding(Code.BOARD_NAMES, "places", boards=(a.name, b.name)),
+            target.with_boards({one: _placed(a, b), other: _placed(b, a)}),
         )
 
 
-def _changes(board: Board) -> Iterator[tuple[str, Cause, Board]]:
-    size = f"corners: [{board.columns}, {board.rows}] for [{board.rows}, {board.columns}]"
-    yield (
-        f"rows and columns are exchanged: {size}",
-        "board_order",
-        replace(board, columns=board.rows, rows=board.columns),
-    )
+class _Change(NamedTuple):
+    """One thing of a board put right.
+
+    Attributes:
+        code: what was wrong.
+        figures: the figures of that.
+        board: the board as it would be right.
+        in_general: the order, where that of other boards has other figures.
+
+    """
+
+    code: Code
+    figures: dict[str, Any]
+    board: Board
+    in_general: str = ""
+
+
+def _changes(board: Board) -> Iterator[_Change]:
+    def order(key: str, in_general: str = "", /, **changed: Any) -> _Change:
+        size = {"columns": board.columns, "rows": board.rows} if changed.get("columns") else {}
+        own = replace(board, **changed)
+        return _Change(Code.BOARD_ORDER, {"order": key, **size}, own, in_general)
+
+    yield order("exchanged_size", "exchanged", columns=board.rows, rows=board.columns)
     if board.has_squares:
         other: FirstSquare = "light" if board.first_square == "dark" else "dark"
         drawn = board.in_mirror() if board.mirrored else board
         says = "light" if drawn.first_square == "dark" else "dark"
-        yield (
-            f"its squares are dark where target.yaml has light ones: first_square: {says}",
-            "board_order",
-            replace(board, first_square=other),
-        )
-    yield "y_axis points the other way round", "board_order", replace(board, y_axis=-board.y_axis)
-    yield "x_axis points the other way round", "board_order", replace(board, x_axis=-board.x_axis)
-    yield (
-        "x_axis and y_axis point the other way round",
-        "board_order",
-        replace(board, x_axis=-board.x_axis, y_axis=-board.y_axis),
-    )
+        colours = order("colours", "some_colours", first_square=other)
+        yield colours._replace(figures={**colours.figures, "first_square": says})
+    yield order("y_axis", y_axis=-board.y_axis)
+    yield order("x_axis", x_axis=-board.x_axis)
+    yield order("both_axes", x_axis=-board.x_axis, y_axis=-board.y_axis)
     last = board.world_points(board.columns - 1, 0)
-    yield (
-        "columns run the other way round: origin is at their other end",
-        "board_order",
-        replace(board, origin=last, x_axis=-board.x_axis),
-    )
-    for ratio, words in _UNITS.items():
+    yield order("other_end", origin=last, x_axis=-board.x_axis)
+    for ratio, mixed in _UNITS.items():
         for factor in (ratio, 1 / ratio):
-            yield (
-                f"its square is {ratio:g} times too {'small' if factor > 1 else 'large'}: {words}, "
-                "or the reverse",
-                "board_square",
-                replace(board, square=board.square * factor),
-            )
+            figures = {"times": ratio, "small": factor > 1, "units_mixed": mixed}
+            resized = replace(board, square=board.square * factor)
+            yield _Change(Code.BOARD_SQUARE, figures, resized)
 
 
 def _placed(board: Board, other: Board) -> Board:

@@ -1,0 +1,114 @@
+"""What can be told, how bad it is, and what helps: the words that programs decide on."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class Severity(StrEnum):
+    """What a finding says about the camera: nothing against it, to be used with care, or wrong."""
+
+    NOTE = "note"
+    CARE = "care"
+    BAD = "bad"
+
+
+class Remedy(StrEnum):
+    """What helps."""
+
+    CORRECT_TARGET = "correct_target"
+    CORRECT_PHOTOS = "correct_photos"
+    SEPARATE_PHOTOS = "separate_photos"
+    LEAVE_OUT = "leave_out"
+    TAKE_PHOTOS = "take_photos"
+    TAKE_AGAIN = "take_again"
+    HOLD_STILL = "hold_still"
+    CALIBRATE_AGAIN = "calibrate_again"
+    CHECK = "check"
+    NOTHING = "nothing"
+
+
+class Code(StrEnum):
+    """What is told."""
+
+    # Of a set-up: why corners do not fit as they should.
+    BOARD_ORDER = "board_order"
+    BOARD_NAMES = "board_names"
+    BOARD_PLACE = "board_place"
+    BOARD_SQUARE = "board_square"
+    CORNER_NAMES = "corner_names"
+    CORNER_COUNT = "corner_count"
+    MIRRORED = "mirrored"
+    INVERTED = "inverted"
+    TWO_LENSES = "two_lenses"
+    ZOOM = "zoom"
+    SCALED = "scaled"
+    SHIFTED = "shifted"
+    TURNED = "turned"
+    PHOTO_LENS = "photo_lens"
+    SHEARED = "sheared"
+    SHEET_BENDS = "sheet_bends"
+    AUTOFOCUS = "autofocus"
+    STABILISATION = "stabilisation"
+    REPEATS = "repeats"
+    ONE_PLACE = "one_place"
+    # Of a fit: what is against the camera.
+    NO_FIGURES = "no_figures"
+    LARGE_ERRORS = "large_errors"
+    FEW_CORNERS = "few_corners"
+    NOT_HELD_OUT = "not_held_out"
+    OVERFITTED = "overfitted"
+    RADIAL_IS_NEARER = "radial_is_nearer"
+    FEW_PHOTOS_OF_A_PLANE = "few_photos_of_a_plane"
+    WORSE_AT_THE_RIM = "worse_at_the_rim"
+    EXTRAPOLATED = "extrapolated"
+    LOW_COVERAGE = "low_coverage"
+    SMALL_FIELD = "small_field"
+    LOW_RANK = "low_rank"
+    UNCERTAIN = "uncertain"
+    MANY_OUTLIERS = "many_outliers"
+    MANY_UNFIT = "many_unfit"
+    BOARD_DOUBTED = "board_doubted"
+    A_FEW_FAR_OFF = "a_few_far_off"
+    WORSE_THAN_BEFORE = "worse_than_before"
+    # Of a board as fitted: more than paper or plate explains.
+    BENT = "bent"
+    STRETCHED = "stretched"
+    MOVED = "moved"
+    CORNERS_OFF = "corners_off"
+    # Of photos in a fit.
+    TOO_FEW_CORNERS = "too_few_corners"
+    DOES_NOT_FIT = "does_not_fit"
+    NOISY = "noisy"
+    BOARD_DROPPED = "board_dropped"
+    STANDS_OUT = "stands_out"
+    OUTLIERS = "outliers"
+    # Of photos in which corners are looked for.
+    CANNOT_BE_READ = "cannot_be_read"
+    OTHER_SIZE = "other_size"
+    PHOTO_TOO_SMALL = "photo_too_small"
+    TOO_DARK = "too_dark"
+    TOO_BRIGHT = "too_bright"
+    NO_PATTERN = "no_pattern"
+    LOW_CONTRAST = "low_contrast"
+    NO_CORNER = "no_corner"
+    BLURRED = "blurred"
+    SQUARES_TOO_SMALL = "squares_too_small"
+    NO_CHECKERBOARD = "no_checkerboard"
+    NO_MARKERS = "no_markers"
+    TWICE_IN_VIEW = "twice_in_view"
+    # Of grids that were found in them.
+    BY_CONVENTION = "by_convention"
+    AMBIGUOUS = "ambiguous"
+    SLIDES = "slides"
+    LOOKS_LIKE_ANOTHER = "looks_like_another"
+    FITS_NOWHERE = "fits_nowhere"
+    TOO_LARGE = "too_large"
+    OTHER_COLOURS = "other_colours"
+    NO_PLANE = "no_plane"
+    # Why nothing could be done with any of them.
+    NOTHING_NAMED = "nothing_named"
+    NO_PHOTO = "no_photo"
+    ANOTHER_TARGET = "another_target"
+    # Why a photo could not be undistorted.
+    FAILED = "failed"
