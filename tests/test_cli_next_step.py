@@ -8,15 +8,17 @@ from terminals import Screen, widest
 
 from cubicfish_cli.cli import next_step, photo_table
 from cubicfish_cli.cli.photo_table import PhotoRow
-from cubicfish_cli.fitting.verdict import Reason, Verdict
+from cubicfish_cli.fitting.verdict import Verdict
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
 
 CORNERS, TARGET = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
 CAMERA = Path("calibration") / "camera.yaml"
 GOOD = Verdict(level="good", figures="off by 0.1 px", reasons=())
 
 
-def bad(do: str) -> Verdict:
-    reason = Reason(level="bad", why="it is off", do=do)
+def bad(code: Code, **figures: float) -> Verdict:
+    reason = Finding(code=code, severity=Severity.BAD, figures=figures)
     return Verdict(level="bad", figures="off by 9 px", reasons=(reason,))
 
 
@@ -25,8 +27,8 @@ def bad(do: str) -> Verdict:
     [
         (GOOD, CAMERA, Path("photos/a b.JPG"), "cubicfish undistort 'photos/a b.JPG' flat.jpg\n"),
         (GOOD, Path("l") / "camera.yaml", None, "cubicfish undistort PHOTO flat.png --model l\n"),
-        (bad("measure the squares"), CAMERA, Path("a.jpg"), "Next: measure the squares\n"),
-        (bad("take more photos"), CAMERA, None, "Next: take more photos\n      cubicfish advise\n"),
+        (bad(Code.NO_FIGURES), CAMERA, Path("a.jpg"), "Next: calibrate again\n      open "),
+        (bad(Code.SMALL_FIELD, share=0.1), CAMERA, None, "\n      cubicfish advise\n"),
     ],
 )
 def test_what_is_next_can_be_pasted_or_mends_it(

@@ -18,7 +18,6 @@ from cubicfish_cli.fitting.diagnosis import failed_lens as failed_lens_module
 from cubicfish_cli.fitting.diagnosis.board_faults import board_fault, board_findings
 from cubicfish_cli.fitting.diagnosis.failed_lens import failed_lens, mirrored_object
 from cubicfish_cli.fitting.diagnosis.few_photos import enough_photos, spread_out
-from cubicfish_cli.fitting.diagnosis.finding import Finding, listed, percent
 from cubicfish_cli.fitting.diagnosis.handedness import local_noise_px, neighbours, seen_sides
 from cubicfish_cli.fitting.diagnosis.lens_faults import LensChange, left_out_lens, lens_change
 from cubicfish_cli.fitting.diagnosis.measured_object import measured_object, plane_in_squares
@@ -37,6 +36,9 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.target import BoardShape
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
+from cubicfish_cli.words.phrases import listed, percent
 
 TARGET = wrong.corner_of_half_a_metre()
 LENS = RadialCamera(
@@ -73,14 +75,19 @@ def mirrored(pairs, which):
 
 
 def test_a_finding_is_one_line_and_plain_data():
+    figures = {"in_order": True, "where": "from", "focal_off": 0.05, "own_px": 0.1}
     finding = Finding(
-        cause="zoom", level="bad", what="what", evidence="why", do="do", images=("a", "b")
+        code=Code.ZOOM, severity=Severity.BAD, images=("a",), because="own_lens", figures=figures
     )
-    assert finding.line == "what (why); do"
+    assert finding.line == (
+        "the focal length is +5 % from a on: zoom or focus changed, or photos of two cameras are "
+        "mixed (by themselves they fit a lens of their own to 0.10 px); calibrate each setting and "
+        "camera by itself, with zoom and focus locked"
+    )
     assert finding.as_record() == {
-        "cause": "zoom", "code": "zoom", "level": "bad", "severity": "bad",
-        "remedy": "separate_photos", "what": "what", "evidence": "why", "do": "do",
-        "images": ["a", "b"], "boards": [],
+        "cause": "zoom", "code": "zoom", "case": "", "level": "bad", "severity": "bad",
+        "remedy": "separate_photos", "what": finding.what, "evidence": finding.evidence,
+        "do": finding.do, "images": ["a"], "boards": [], "figures": figures,
     }  # fmt: skip
 
 
@@ -106,7 +113,7 @@ def test_boards_are_seen_from_their_face_or_mirrored(exact):
     np.testing.assert_array_equal(against[3], -sides[3])
     np.testing.assert_array_equal(np.delete(against, 3, 0), np.delete(sides, 3, 0))
     (some,) = diagnose._handed(mirrored(exact, photo))
-    assert (some.cause, some.level, some.images) == ("mirrored", "note", ("03.png",))
+    assert (some.code, some.severity, some.images) == ("mirrored", "note", ("03.png",))
     assert not diagnose._handed(exact)
     # As many one way as the other: nobody knows which.
     assert not diagnose._handed(mirrored(exact, exact.image < 4))
@@ -255,7 +262,7 @@ def test_a_board_of_another_size_elsewhere():
 def test_axes_names_orders_and_mirrors():
     flipped = wrong.with_board(TARGET, 2, y_axis=-TARGET.boards[2].y_axis)
     fault = object_fault(flipped, measured(seed=6))
-    assert (fault.kind, fault.boards, fault.order) == ("order", (2,), "y_axis flipped")
+    assert (fault.kind, fault.boards, fault.order) == ("order", (2,), "y_axis")
     through_glass = {index: points * [1, -1, 1] for index, points in measured(seed=7).items()}
     assert object_fault(TARGET, through_glass).kind == "mirror"
     equal = wrong.equal_corner()
@@ -460,10 +467,10 @@ CENTRE = np.array([500.0, 350.0])
 def test_how_a_lens_differs_is_named(exact, ratio, shift, cause, words):
     change = LensChange(ratio=ratio, shift=np.array(shift, float), centre=CENTRE)
     told = [
-        lens_change(change, ["a.png", "b.png"], exact, in_order=in_order, evidence="")
+        lens_change(change, ["a.png", "b.png"], exact, in_order=in_order, because="", figures={})
         for in_order in (True, False)
     ]
-    assert [one.cause for one in told] == [cause] * 2
+    assert [one.code for one in told] == [cause] * 2
     assert all(words in one.what for one in told)
     assert "from a.png on" in told[0].what
     assert "in a.png and b.png" in told[1].what
@@ -476,13 +483,13 @@ def test_photos_that_were_left_out_show_their_own_lens(pairs):
     others = synthetic.synthetic_correspondences(TARGET, POSES, lens=zoomed, noise=0.1, seed=7)
     names = [f"{number}.png" for number in range(8)]
     found = left_out_lens(LENS, replace(others, images=tuple(names)), 0.1, order=["x", *names])
-    assert (found.cause, found.images) == ("zoom", tuple(names))
+    assert (found.code, found.images) == ("zoom", tuple(names))
     assert "+30 % from 0.png on" in found.what
     assert left_out_lens(LENS, pairs, 0.1, order=["x", *pairs.images]) is None
     # A few photos that were left out say nothing against the camera of the others.
     many = [f"more {number}" for number in range(30)]
     few = left_out_lens(LENS, replace(others, images=tuple(names)), 0.1, order=[*many, *names])
-    assert (found.level, few.level) == ("bad", "care")
+    assert (found.severity, few.level) == ("bad", "care")
 
 
 def test_one_photo_of_a_flat_board_has_no_lens_of_its_own(monkeypatch):
@@ -557,8 +564,8 @@ def unsteady_pairs(change, seed=31):
 def test_what_changes_from_photo_to_photo_is_named_and_accuses_nobody(change, cause):
     seen, target = unsteady_pairs(change)
     found = calibrate(seen, target=target, refine_target="off", hold_out=False).findings
-    assert not [one for one in found if one.level == "bad"]
-    assert [one.cause for one in found if one.level == "note"] == [cause] * (cause is not None)
+    assert not [one for one in found if one.severity == "bad"]
+    assert [one.code for one in found if one.severity == "note"] == [cause] * (cause is not None)
 
 
 @pytest.mark.parametrize("size", [0.0, 0.003])
@@ -570,13 +577,13 @@ def test_odd_photos_are_compared_with_a_lens_that_knows_none_of_them(size):
     assert [one.images for one in found] == [("03.png", "08.png", "09.png")] * (size > 0)
 
 
-@pytest.mark.parametrize("cause", ["sheared", "lens"])
-def test_one_odd_photo_is_no_reason_to_doubt_a_camera(pairs, cause):
+@pytest.mark.parametrize("code", [Code.SHEARED, Code.PHOTO_LENS])
+def test_one_odd_photo_is_no_reason_to_doubt_a_camera(pairs, code):
     odd = [
         photo_lenses.Unlike(photo=photo, chance=1e-9, size_px=2.0, share=0.6) for photo in (2, 5)
     ]
-    assert lens_faults._single_finding(odd[:1], pairs, cause).level == "note"
-    assert lens_faults._single_finding(odd, pairs, cause).level == "care"
+    assert lens_faults._single_finding(odd[:1], pairs, code).severity == "note"
+    assert lens_faults._single_finding(odd, pairs, code).severity == "care"
 
 
 # Many photos, of which a few are looked at first
@@ -621,7 +628,7 @@ def zoomed_from(pairs, photo, ratio):
 
 def test_two_lenses_among_many_photos_are_named_with_all_of_them(many):
     found = calibrate(zoomed_from(many, 25, 1.02), hold_out=False).findings
-    assert [one.cause for one in found] == ["zoom"]
+    assert [one.code for one in found] == ["zoom"]
     assert found[0].images == many.images[25:]
     assert "+2 % from 25.png on" in found[0].what
 
@@ -646,7 +653,7 @@ def test_a_wrong_square_among_many_photos_is_measured_with_all_of_them(many, mon
     monkeypatch.setattr(diagnose, "refine_object", counted)
     found = calibrate(replace(many, world=world), target=drawn, refine_target="off",
                       hold_out=False).findings  # fmt: skip
-    assert [one.cause for one in found] == ["board_square"]
+    assert [one.code for one in found] == ["board_square"]
     assert "board wall are -0.99 % off" in found[0].what
     assert used == [30, 40]
 
@@ -696,7 +703,7 @@ def one_photo(changed=lambda corners: {}):
 def test_the_board_that_spoils_a_photo_is_named(changed, cause, words):
     fault = board_fault(LENS, one_photo(changed), TARGET, 1.0, 0.1)
     (found,) = board_findings([fault], lambda board, times: False)
-    assert (found.cause, found.level) == (cause, "note")
+    assert (found.code, found.severity) == (cause, "note")
     assert words in found.what
     assert found.images == ("00.png",)
 
@@ -708,7 +715,7 @@ def test_corners_under_another_boards_name():
     world = TARGET.world_points(board, pairs.column, pairs.row)
     fault = board_fault(LENS, replace(pairs, board=board, world=world), TARGET, 1.0, 0.1)
     (found,) = board_findings([fault], lambda board, times: False)
-    assert (found.cause, found.boards) == ("corner_names", ("wall",))
+    assert (found.code, found.boards) == ("corner_names", ("wall",))
     assert "they are of board side" in found.what
 
 
@@ -743,13 +750,13 @@ def test_photos_with_the_same_fault_are_told_together(changed, cause, of_photos,
 
     found, single = board_findings([*faults, other], lambda board, times: False)
     assert of_photos in found.what
-    assert (found.level, found.images) == ("note", ("00.png", "01.png", "02.png"))
+    assert (found.severity, found.images) == ("note", ("00.png", "01.png", "02.png"))
     assert "1 column too far" in single.what
     found, single = board_findings([*faults, other], is_usual)
     assert asked == [(fault.board, 3), ("floor", 1)]
     assert of_drawing in found.what
-    assert (found.level, found.cause, found.boards) == ("care", cause, (fault.board,))
-    assert single.level == "note"
+    assert (found.severity, found.code, found.boards) == ("care", cause, (fault.board,))
+    assert single.severity == "note"
 
 
 def test_nothing_is_said_of_a_photo_that_no_board_explains():
@@ -772,10 +779,11 @@ def test_a_blurred_photo_has_no_board_that_moved():
 
 
 def test_an_error_keeps_its_figures_and_gains_its_cause(pairs):
-    error = FitError("the corners do not fit (typical error 9 px): check everything")
-    known = Finding(cause="mirrored", level="bad", what="mirrored", evidence="so", do="do not")
+    error = FitError("the corners do not fit (typical error 9 px)", do="check everything")
+    assert str(error) == "the corners do not fit (typical error 9 px): check everything"
+    known = Finding(code=Code.MIRRORED, case="target", severity=Severity.BAD)
     said = str(diagnose.explained(error, pairs, TARGET, [known]))
-    assert said == "the corners do not fit (typical error 9 px): mirrored (so); do not"
+    assert said == f"the corners do not fit (typical error 9 px): {known.line}"
     half = mirrored(pairs, pairs.image < 3)
     assert "00.png, 01.png and 02.png: mirrored" in str(diagnose.explained(error, half, TARGET))
     # What fits is not explained away: a right set-up that failed for another reason.
@@ -829,7 +837,7 @@ def test_photos_that_do_not_go_with_the_others_are_named(points):
     moved = np.isin(points.image, [1, 6])
     world[moved] = rng.permutation(world[moved])
     found = failed_lens(replace(points, world=world))
-    assert (found.cause, found.images) == ("photo_lens", ("01.png", "06.png"))
+    assert (found.code, found.images) == ("photo_lens", ("01.png", "06.png"))
     assert found.what.startswith("01.png and 06.png do not go with the other 6 photos")
 
 

@@ -10,6 +10,7 @@ from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.findings import coverage, coverage_notes, dropped_groups
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.words.codes import Code
 
 TARGET = synthetic.corner_of_three()
 
@@ -42,7 +43,7 @@ def swapped(pairs, photo):
 
 def test_swapped_boards_are_named(pairs):
     result = calibrate(swapped(pairs, 4), target=TARGET, hold_out=False)
-    said = " ".join(result.notes) + " ".join(result.unfit)
+    said = " ".join(map(str, result.notes)) + " ".join(result.unfit)
     assert "04.png" in said
     assert result.errors.rms_px < 0.2
     lost = {corner.image for corner in result.dropped} | set(result.unfit)
@@ -54,9 +55,9 @@ def test_a_board_that_moved_in_one_photo_is_named(pairs):
     world = pairs.world.copy()
     world[own] += [0, 0, 12.0]
     result = calibrate(replace(pairs, world=world), target=TARGET, hold_out=False)
-    (note,) = [line for line in result.notes if "02.png" in line]
-    assert f"{own.sum()} corners of board left" in note
-    assert "moved" in note
+    (note,) = [one for one in result.notes if "02.png" in one.images]
+    assert (note.code, note.boards) == (Code.BOARD_DROPPED, ("left",))
+    assert note.figures["corners"] == own.sum()
     assert result.errors.rms_px < 0.16
 
 
@@ -69,10 +70,13 @@ def test_photos_that_lost_the_same_board_are_told_in_one_line(pairs):
     )
     few, _ = select(pairs, (pairs.column < 4) & (pairs.row < 4))
     assert dropped_groups(pairs, [("00.png", "left", 3.0)]) == []
-    (line,) = dropped_groups(few, dropped)
-    assert line.startswith("00.png and 02.png: 17 of ")
-    assert int(line.split()[5]) < seen
-    assert "corners of board left are off by 3.0 to 8.0 px" in line
+    (told,) = dropped_groups(few, dropped)
+    assert (told.images, told.boards) == (("00.png", "02.png"), ("left",))
+    assert told.figures["corners"] < seen
+    assert told.line.startswith(
+        f"00.png and 02.png: 17 of {told.figures['corners']} corners of board left are off by "
+        "3.0 to 8.0 px in the median"
+    )
 
 
 def test_a_blurred_photo_is_named_and_left_out(pairs):
@@ -81,7 +85,10 @@ def test_a_blurred_photo_is_named_and_left_out(pairs):
     pixel[own] += np.random.default_rng(0).normal(0, 0.9, (own.sum(), 2))
     result = calibrate(replace(pairs, pixel=pixel), target=TARGET, hold_out=False)
     assert list(result.unfit) == ["06.png"]
-    assert "blurred" in result.unfit["06.png"]
+    assert result.unfit["06.png"].code is Code.NOISY
+    assert [(one.code, one.images) for one in result.remarks if one.images] == [
+        (Code.NOISY, ("06.png",))
+    ]
     assert "06.png" not in result.pairs.images
     assert result.errors.rms_px < 0.16
 
@@ -92,7 +99,9 @@ def test_photos_that_are_all_noisy_are_kept(pairs):
 
 
 def test_a_good_set_is_not_talked_about(pairs):
-    assert not [line for line in calibrate(pairs, hold_out=False).notes if "cover" not in line]
+    assert not [
+        one for one in calibrate(pairs, hold_out=False).notes if one.code is not Code.LOW_COVERAGE
+    ]
 
 
 @pytest.mark.parametrize(
@@ -109,7 +118,7 @@ def test_a_wrong_drawing_is_blamed_on_its_board_alone(pairs, change, cause):
     world = wrong.world_points(pairs.board, pairs.column, pairs.row)
     result = calibrate(replace(pairs, world=world), target=wrong, refine_target="shape")
     (finding,) = result.findings
-    assert finding.cause == cause
+    assert finding.code == cause
     assert finding.boards == (boards[2 if change == "square" else 1].name,)
     assert not any(part.doubts for part in result.departures)
 
@@ -123,10 +132,12 @@ def test_coverage_counts_the_valid_field():
     assert coverage(np.zeros((0, 2)), triangle, (800, 800)) == 0
     everywhere = np.stack(np.meshgrid(np.arange(800.0), np.arange(800.0)), -1).reshape(-1, 2)
     assert coverage(everywhere, triangle, (800, 800)) == 1
-    assert any("cover only 30 %" in line for line in coverage_notes(0.3, 9, True))
-    assert any("1 photo cannot" in line for line in coverage_notes(0.9, 1, False))
+    (low,) = coverage_notes(0.3, 9, True)
+    assert (low.code, low.figures) == (Code.LOW_COVERAGE, {"share": 0.3})
+    (one,) = coverage_notes(0.9, 1, False)
+    assert (one.code, one.case, one.figures) == (Code.NOT_HELD_OUT, "note_few", {"photos": 1})
     (few,) = coverage_notes(0.9, 20, False)
-    assert few.startswith("there is no held-out error: the photos are from too few places")
+    assert (few.code, few.case) == (Code.NOT_HELD_OUT, "note")
 
 
 def test_the_cubic_is_not_worse_than_its_companion_on_a_radial_lens():

@@ -94,7 +94,7 @@ def test_a_board_that_is_inverted_is_told_by_its_key(tmp_path):
     detection = detect_corners(photos_of(tmp_path, photo_of(INVERTED)), PLAIN, jobs=1)
     assert 0 not in detection.corners.board
     (finding,) = detection.findings
-    assert (finding.cause, finding.boards) == ("inverted", ("front0",))
+    assert (finding.code, finding.boards) == ("inverted", ("front0",))
     assert "are light on dark" in finding.what
     assert "say inverted: true and first_square: light for it in target.yaml" in finding.do
 

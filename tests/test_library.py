@@ -259,7 +259,7 @@ def test_what_a_photo_was_placed_by_says_nothing_of_the_object(
     monkeypatch: pytest.MonkeyPatch, corners: Corners, target: Target, fitted: Calibration
 ) -> None:
     from cubicfish_cli.fitting import calibrate as fitting
-    from cubicfish_cli.fitting.diagnosis.finding import Finding
+    from cubicfish_cli.words.finding import Finding
     from cubicfish_cli.naming.detect import Detection, PhotoReport
 
     asked: list[dict[str, Any]] = []

@@ -111,7 +111,7 @@ def test_the_note_about_colours_says_what_to_write(tmp_path, said, mirrored, sho
     detection = detect_corners(find_photos([tmp_path]), target)
     assert len(detection.corners.pixel) == 35
     (finding,) = detection.findings
-    assert finding.level == "note"
+    assert finding.severity == "note"
     assert finding.do.startswith(told)
     assert ("take mirrored: true out" in finding.do) == mirrored
     assert f"first_square is not {said}" in finding.what

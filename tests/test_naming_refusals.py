@@ -10,6 +10,7 @@ from cubicfish_cli.naming.name_grids import GridReport, Naming, Place
 from cubicfish_cli.naming.refusals import nothing_named, wrong_object
 from cubicfish_cli.naming.wrong_drawing.count import Count
 from cubicfish_cli.target import Target
+from cubicfish_cli.words.codes import Code
 
 LARGE = Target(
     units="mm",
@@ -19,7 +20,6 @@ LARGE = Target(
     ),
 )
 ONE = Target(units="mm", boards=(checkerboard("b", 9, 7, 30.0),))
-OTHER = "give the target.yaml of the object in the photos, or correct its corners"
 
 
 def report(size, verdict, corners=None):
@@ -49,10 +49,10 @@ def naming(*photos):
 def test_one_grid_in_all_photos_that_is_no_board(size):
     verdict = Verdict.TOO_LARGE if max(size) > 9 else Verdict.SLIDE
     said = nothing_named(naming(*[(report(size, verdict),)] * 5), LARGE)
-    assert said == (
+    assert said.code is Code.ANOTHER_TARGET
+    assert said.what == (
         f"5 photos show grids of up to {max(size)}x{min(size)} inner corners, but target.yaml has "
-        f"boards of another size (floor 9x7, wall 8x6): {OTHER}, which are counted where four "
-        "squares meet"
+        "boards of another size (floor 9x7, wall 8x6)"
     )
 
 
@@ -60,19 +60,19 @@ def test_parts_of_boards_are_not_another_object():
     """Each photo shows another part: what is missing is an end."""
     photos = [(report((6, number), Verdict.SLIDE),) for number in (3, 4, 5, 6)]
     said = nothing_named(naming(*photos), LARGE)
-    assert "take photos that show two boards, or a board with its ends" in said
-    assert OTHER not in said
+    assert (said.code, said.figures["why"]) == (Code.NOTHING_NAMED, Code.SLIDES)
+    assert "take photos that show two boards, or a board with its ends" in said.do
 
 
 def test_boards_alike_are_wanted_together():
     said = nothing_named(naming(*[(report((9, 7), Verdict.TWIN),)] * 3), LARGE)
-    assert "any of several boards that look alike; take photos that show these boards" in said
+    assert (said.code, said.figures["why"]) == (Code.NOTHING_NAMED, Code.LOOKS_LIKE_ANOTHER)
 
 
 def test_whole_boards_that_fit_nowhere_are_not_another_object():
     photos = [(report((9, 7), Verdict.NO_FIT), report((8, 6), Verdict.NO_FIT))] * 4
     said = nothing_named(naming(*photos), LARGE)
-    assert "check corners, square, origin and axes" in said
+    assert (said.code, said.figures["why"]) == (Code.NOTHING_NAMED, Code.FITS_NOWHERE)
 
 
 @pytest.mark.parametrize(
@@ -83,16 +83,18 @@ def test_a_lone_board_that_is_off_by_more_than_a_line_is_another_one(size, wrong
     said = wrong_object(seen, [Count(board=0, size=size, photos=3)], ONE)
     assert (said is not None) == wrong
     if said:
-        assert said.startswith(
+        assert said.code is Code.ANOTHER_TARGET
+        assert said.what == (
             f"3 photos show grids of up to {size[0]}x{size[1]} inner corners, but target.yaml has "
-            "one board of another size (b 9x7): "
+            "one board of another size (b 9x7)"
         )
 
 
 def test_few_names_among_grids_that_are_too_large():
     large, small = report((14, 12), Verdict.TOO_LARGE), report((5, 3), Verdict.NAMED)
     photos = [(large, small)] * 4
-    assert "grids of up to 14x12" in wrong_object(naming(*photos), [], corner_of_three())
+    told = wrong_object(naming(*photos), [], corner_of_three())
+    assert (told.figures["columns"], told.figures["rows"]) == (14, 12)
 
 
 def test_a_larger_board_in_the_background_is_no_other_object():

@@ -4,7 +4,9 @@ import pytest
 
 from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.name_grids import GridReport, Place
-from cubicfish_cli.naming.remarks import Remark, remark_lines, remark_of
+from cubicfish_cli.naming.remarks import remark_lines, remark_of
+from cubicfish_cli.words.codes import Code
+from cubicfish_cli.words.finding import Finding
 
 PART = ": part of the board, placed in its middle; a lens does not depend on where, measuring "
 PART += "the board would"
@@ -29,7 +31,7 @@ def test_one_photo_has_a_line_for_each_grid():
     ]
     large = (
         "corners is left out: larger than every board of the target; if it is a board of the "
-        "object, correct its corners in the target file"
+        "target, correct its corners in the target file"
     )
     assert remark_lines(remarks) == [
         "a.jpg: a grid of 6x4 with 24 corners" + PART,
@@ -67,11 +69,11 @@ def test_several_grids_of_several_photos_are_counted():
 
 def test_what_is_about_no_grid():
     remarks = [
-        Remark(photo="a.jpg", text="too dark; expose it longer"),
-        Remark(photo="b.jpg", text="b.jpg is empty"),
-        Remark(photo="c.jpg", text="too dark; expose it longer"),
+        Finding(code=Code.TOO_DARK, images=("a.jpg",)),
+        Finding(code=Code.CANNOT_BE_READ, images=("b.jpg",), figures={"problem": "b.jpg is empty"}),
+        Finding(code=Code.TOO_DARK, images=("c.jpg",)),
     ]
     assert remark_lines(remarks) == [
-        "2 photos (a.jpg and c.jpg): too dark; expose it longer",
+        "2 photos (a.jpg and c.jpg): no checkerboard found: too dark; expose it longer",
         "b.jpg is empty",
     ]

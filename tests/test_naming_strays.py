@@ -170,4 +170,5 @@ def test_a_photo_of_a_larger_board_says_so_without_counting_strays():
     naming = name_grids([[grid(12, 8, (12, 3))]] * 2, target, IMAGE_SIZE, names(2))
     assert naming.grids[0][0].verdict is Verdict.TOO_LARGE
     assert naming.grids[0][0].size == (12, 8)
-    assert "grids of up to 12x8 inner corners" in nothing_named(naming, target)
+    told = nothing_named(naming, target)
+    assert (told.figures["columns"], told.figures["rows"]) == (12, 8)

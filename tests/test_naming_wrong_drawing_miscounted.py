@@ -211,7 +211,7 @@ def _no_columns(ends):
 
 def test_what_is_said():
     finding = miscounted([Count(board=0, size=(9, 6), photos=8)], resized(THREE, 0, 10, 6), 10)
-    assert (finding.cause, finding.level, finding.boards) == ("corner_count", "care", ("floor",))
+    assert (finding.code, finding.severity, finding.boards) == ("corner_count", "care", ("floor",))
     assert finding.line == (
         "photos show 9x6 inner corners of board floor (target.yaml says 10x6) (8 of 10 photos "
         "show where it ends, none shows otherwise); correct corners in target.yaml (and origin, "

@@ -68,7 +68,7 @@ def test_right_photos_of_a_right_drawing_are_not_named_again(grids, monkeypatch)
 
 def test_all_photos_mirrored(grids):
     finding = told(mirrored(grids, range(5)))
-    assert (finding.cause, finding.level, finding.images) == ("mirrored", "bad", ())
+    assert (finding.code, finding.severity, finding.images) == ("mirrored", "bad", ())
     assert finding.what == "all photos are mirrored"
     assert "and 100 % with that put right" in finding.evidence
 
@@ -76,7 +76,7 @@ def test_all_photos_mirrored(grids):
 @pytest.mark.parametrize("photos", [(2,), (0, 3)])
 def test_some_photos_mirrored_of_which_some_boards_have_a_place(grids, photos):
     finding = told(mirrored(grids, photos))
-    assert finding.cause == "mirrored"
+    assert finding.code == "mirrored"
     assert finding.images == tuple(NAMES[photo] for photo in photos)
 
 
@@ -110,7 +110,7 @@ def test_a_photo_of_something_else_is_not_put_down_to_a_mirror(grids):
 )
 def test_one_board_drawn_wrongly_is_named(grids, target, cause, what):
     finding = told(grids, target)
-    assert finding.cause == cause
+    assert finding.code == cause
     assert finding.what.startswith(what)
     assert finding.boards == (what[6:].partition(":")[0],)
     assert finding.do == "correct target.yaml and run it again"
@@ -126,7 +126,7 @@ def test_two_boards_places_exchanged(grids, few_trials):
     one, two = TARGET.boards[1], TARGET.boards[2]
     boards = (TARGET.boards[0], module._placed(one, two), module._placed(two, one))
     finding = told(grids[:3], replace(TARGET, boards=boards))
-    assert finding.cause == "board_names"
+    assert finding.code == "board_names"
     assert finding.boards == ("left", "right")
 
 

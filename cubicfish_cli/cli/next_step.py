@@ -23,12 +23,14 @@ def say_next(judged: Verdict, camera: Path, photo: Path | None, report: Path | N
         report: the page about it, where there is one.
 
     """
+    from cubicfish_cli.words.finding import asks_for_photos
+
     if verbosity() < 0:
         return
     result()
     if judged.level == "bad":
         result(f"Next: {judged.reasons[0].do}")
-        if judged.reasons[0].do.startswith("take "):
+        if asks_for_photos(judged.reasons[:1]):
             result(f"      cubicfish advise{_folder(camera)}", whole=True)
     else:
         name = "PHOTO" if photo is None else shlex.quote(str(photo))

@@ -54,7 +54,7 @@ class Departure:
             "turn_deg": self.turn_deg,
             "offset_rms": self.offset_rms,
             "doubts": [f"{doubt.what}: {doubt.do}" for doubt in self.doubts],
-            "doubted": [doubt.as_record() for doubt in self.doubts],
+            **({"doubted": [doubt.as_record() for doubt in self.doubts]} if self.doubts else {}),
         }
 
 

@@ -348,13 +348,14 @@ def _of_object(fit: Mapping[str, Any]) -> Iterator[Finding]:
             continue
         known = [of_record(one) for one in _list(departure, "doubted") if isinstance(one, Mapping)]
         doubts = [one.what for one in known if one is not None]
-        doubts = doubts or [str(doubt) for doubt in _list(departure, "doubts")]  # of older files
-        if doubts:
+        older = [str(doubt) for doubt in _list(departure, "doubts")]  # with no codes beside them
+        if doubts or older:
             yield from _reason(
                 Severity.CARE,
                 Code.BOARD_DOUBTED,
+                "" if doubts else "older",
                 board=str(departure.get("board")),
-                doubted=", and ".join(doubts),
+                doubted=", and ".join(doubts or older),
             )
 
 
