@@ -47,7 +47,7 @@ def said(setup: wrong_setups.SetUp) -> tuple[str, dict]:
         for reason in record.get("verdict", {}).get("reasons", [])
     ]
     if record.get("dropped"):
-        lines.append(f"{record['dropped']} dropped as grossly wrong")
+        lines.append(f"{record['dropped']} outliers")
     return "\n".join(lines), record
 
 

@@ -5,6 +5,9 @@ says what, where and what to do next. The command line turns it into ``Error: ..
 exit code 1; a library caller can also catch the built-in class it derives from.
 """
 
+MISSING = "does not exist: check the name and the current folder"
+"""What is said of a file that is not there, after its name."""
+
 
 class CubicfishError(Exception):
     """Base of all errors that this package raises on purpose.

@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.errors import PhotoError
+from cubicfish_cli.errors import MISSING, PhotoError
 from cubicfish_cli.machines import on_host
 from cubicfish_cli.picture_headers import (
     OTHER_SUFFIXES,
@@ -185,7 +185,7 @@ def _expand(argument: str, missed: list[Path]) -> list[Path]:
         what = getattr(problem, "strerror", None) or problem
         raise PhotoError(f"{shown(argument)} cannot be read: {what}") from problem
     if not glob.has_magic(argument):
-        raise PhotoError(f"{shown(argument)} does not exist: check the name and the current folder")
+        raise PhotoError(f"{shown(argument)} {MISSING}")
     photos = [match for match in matches if is_photo_name(match) and not match.is_dir()]
     if not photos:
         raise PhotoError(f"{shown(argument)} matches no photo: photos are {_READABLE} files")

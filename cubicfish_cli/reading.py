@@ -36,7 +36,7 @@ import stat
 from contextlib import suppress
 from pathlib import Path
 
-from cubicfish_cli.errors import CubicfishError
+from cubicfish_cli.errors import MISSING, CubicfishError
 
 PATIENCE = 2.0
 """Seconds to wait for somebody to write into a pipe."""
@@ -56,6 +56,8 @@ def read_bytes(path: Path, *, max_bytes: int, error: type[CubicfishError]) -> by
             first = _first_of_pipe(file.fileno())
             raw = first + file.read(max_bytes + 1)
     except (OSError, ValueError) as problem:  # ValueError: a name that no file can have
+        if isinstance(problem, FileNotFoundError):
+            raise error(f"{path} {MISSING}") from problem
         what = getattr(problem, "strerror", None) or problem
         raise error(f"{path} cannot be read: {what}") from problem
     if len(raw) > max_bytes:

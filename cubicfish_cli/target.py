@@ -369,7 +369,7 @@ def load_target(path: Path) -> Target:
     """
     data = load_plain_yaml(Path(path), error=TargetError, max_bytes=MAX_BYTES, if_empty=_NO_TARGET)
     if isinstance(data, dict) and "cubicfish" in data and "boards" not in data:
-        raise TargetError(f"{path} is a camera file, not a calibration object: {_NO_TARGET}")
+        raise TargetError(f"{path} is a camera file, not a calibration target: {_NO_TARGET}")
     if not isinstance(data, dict):
         raise TargetError(f"{path} must hold the keys units and boards: {_NO_TARGET}")
     if "target_type" in data:

@@ -268,7 +268,7 @@ def test_a_good_calibration_is_enough(fitted):
 
 def test_the_summary_names_the_gap(poor):
     said = summary(poor.camera, poor.as_record(), poor.pairs)
-    assert said.startswith("next, put the object there: ")
+    assert said.startswith("show the target next at: ")
     assert "° from the axis" in said
     assert "\n" not in said
 

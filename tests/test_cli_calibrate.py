@@ -66,7 +66,7 @@ def test_json_is_one_object_and_nothing_else(run: Run, tmp_path: Path) -> None:
 
 def test_the_text_says_what_the_rms_is(run: Run, tmp_path: Path, quick_fit: None) -> None:
     result = run("calibrate", CORNERS, "-t", TARGET, "-o", tmp_path / "c", "--no-hold-out", "-q")
-    assert "10 photos, 1,120 corners used, 0 dropped" in result.stdout
+    assert "10 photos, 1,120 corners used, 0 outliers" in result.stdout
     assert "sqrt(mean(dx² + dy²)) over all corners used" in result.stdout
     assert "Kannala–Brandt" in result.stdout
     rows = [line.split() for line in result.stdout.splitlines() if line.startswith("corner_")]
@@ -83,7 +83,7 @@ def test_a_gross_corner_is_dropped_and_listed(run: Run, tmp_path: Path) -> None:
     (tmp_path / "c.csv").write_text("\n".join(lines))
     args = ["calibrate", tmp_path / "c.csv", "-t", TARGET, "--no-hold-out", "-o", tmp_path / "c"]
     result = run(*args, "-v")
-    assert "1,119 corners used, 1 dropped" in result.stdout
+    assert "1,119 corners used, 1 outlier" in result.stdout
     assert f"dropped: {image} {board} column {column} row {row}: 30." in result.stderr
     dropped = load_camera(tmp_path / "c" / "camera.yaml").fit["dropped_corners"]
     assert [(d["image"], d["board"], d["column"]) for d in dropped] == [(image, board, int(column))]

@@ -18,6 +18,8 @@ from cubicfish_cli.naming.detect import PhotoReport
 from cubicfish_cli.naming.name_grids import GridReport
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import load_target
+from cubicfish_cli.words.codes import Code
+from cubicfish_cli.words.finding import Finding
 
 TARGET = SAMPLE / "target.yaml"
 PHOTOS = [SAMPLE / "photos" / f"corner_{number:02d}.jpg" for number in (1, 3)]
@@ -194,11 +196,12 @@ def test_a_photo_whose_grids_are_left_out_is_not_called_empty() -> None:
     )
     empty = FoundGrids(grids=(), refused=np.zeros((0, 2)), image_size=(64, 48))
     lost = [
-        PhotoReport(name="a.png", problem="why", grids=(grid,)),
-        PhotoReport(name="b.png", problem="why", found=empty),
-        PhotoReport(name="d.png", problem="why"),
-        PhotoReport(name="c.png", problem="why", other_size=True),
+        PhotoReport(name="a.png", grids=(grid,), remarks=(Finding(code=Code.TOO_LARGE),)),
+        PhotoReport(name="b.png", refusal=Finding(code=Code.TOO_DARK), found=empty),
+        PhotoReport(name="d.png", refusal=Finding(code=Code.CANNOT_BE_READ)),
+        PhotoReport(name="c.png", refusal=Finding(code=Code.OTHER_SIZE)),
     ]
+    assert all(one.lost for one in lost)
     assert [lost_word(one) for one in lost] == [
         "left out",
         "nothing found",

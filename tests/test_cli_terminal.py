@@ -169,7 +169,12 @@ def test_an_encoding_without_our_signs_gets_ascii(calibrated: Path, tmp_path: Pa
 def test_a_table_of_photos_fits_any_terminal(show, columns: int) -> None:  # type: ignore[no-untyped-def]
     rows = [
         photo("corner_01.jpg", 0.1),
-        photo(WIDE, 0.2, words="7 times the others' error: look at it; 12 dropped"),
+        photo(
+            WIDE,
+            0.2,
+            words="7 times the others' error; look at it; 12 dropped",
+            short="7× the others; 12 dropped",
+        ),
         photo("2026-11-21T07-13-44.123456_session_camera_front_0001.jpg", 0.3),
         PhotoRow(name="dark.jpg", words="nothing found", level="bad"),
     ]

@@ -259,14 +259,14 @@ def test_what_a_photo_was_placed_by_says_nothing_of_the_object(
     monkeypatch: pytest.MonkeyPatch, corners: Corners, target: Target, fitted: Calibration
 ) -> None:
     from cubicfish_cli.fitting import calibrate as fitting
-    from cubicfish_cli.words.finding import Finding
     from cubicfish_cli.naming.detect import Detection, PhotoReport
+    from cubicfish_cli.words.finding import Finding
 
     asked: list[dict[str, Any]] = []
     monkeypatch.setattr(fitting, "calibrate", lambda pairs, **given: asked.append(given) or fitted)
     finding: Finding = object()  # type: ignore[assignment]
     for exact in (True, False):
-        report = PhotoReport(name="a", problem=None, exact=exact)
+        report = PhotoReport(name="a", exact=exact)
         calibrate(Detection(corners=corners, photos=(report,), findings=(finding,)), target)
     calibrate(Detection(corners=corners, photos=(report,)), target, refine_target="shape")
     assert [given["refine_target"] for given in asked] == ["auto", "auto", "shape"]

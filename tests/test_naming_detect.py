@@ -13,6 +13,7 @@ from cubicfish_cli.naming.detect import detect_corners
 from cubicfish_cli.naming.remarks import remark_lines
 from cubicfish_cli.photos import find_photos
 from cubicfish_cli.target import Target, load_target
+from cubicfish_cli.words.codes import Code
 
 SAMPLE = Path(__file__).parents[1] / "sample_data"
 
@@ -66,9 +67,12 @@ def test_corners_have_their_true_names(detection, target):
 def test_every_photo_is_accounted_for(detection, folder):
     reports = {report.name: report for report in detection.photos}
     assert list(reports) == [photo.name for photo in find_photos([folder])]
-    assert "damaged" in reports["zz_broken.png"].problem
-    assert "calibrate each size by itself" in reports["zz_small.png"].problem
-    assert "expose it longer" in reports["zz_black.png"].problem
+    codes = {name: report.refusal.code for name, report in reports.items() if report.refusal}
+    assert codes == {
+        "zz_broken.png": Code.CANNOT_BE_READ,
+        "zz_small.png": Code.OTHER_SIZE,
+        "zz_black.png": Code.TOO_DARK,
+    }
     good = [report for report in reports.values() if report.problem is None]
     assert [report.name for report in good] == list(detection.corners.images)
     for number, report in enumerate(good):
@@ -89,8 +93,11 @@ def test_photos_that_are_turned_are_told_from_photos_of_another_size(folder, tar
     cv2.imwrite(str(tmp_path / "x.png"), picture[::2, ::2])
     photos = detect_corners(find_photos([tmp_path]), target, jobs=1).photos
     height, width = picture.shape
-    assert [photo.name for photo in photos if photo.other_size] == ["x.png", "y.png", "z.png"]
-    assert remark_lines([one for photo in photos for one in photo.remarks()]) == [
+    refused = [one for photo in photos for one in photo.findings]
+    assert [(one.code, one.case) for one in refused] == [
+        (Code.OTHER_SIZE, ""), (Code.OTHER_SIZE, "turned"), (Code.OTHER_SIZE, "turned")
+    ]  # fmt: skip
+    assert remark_lines(refused) == [
         f"x.png: {width // 2}x{height // 2} pixels, where most photos are {width}x{height}: "
         "calibrate each size by itself",
         f"2 photos (y.png and z.png): {height}x{width} pixels, where most photos are "
@@ -146,7 +153,7 @@ def test_counted_squares_are_refused_with_both_counts(flat_photo):
 def test_a_board_larger_than_the_targets_says_so(flat_photo):
     said = (
         r"^2 photos show grids of up to 8x5 inner corners, but target\.yaml has one board of "
-        r"another size \(b 6x4\): give the target\.yaml of the object in the photos"
+        r"another size \(b 6x4\): give the target\.yaml of the target in the photos"
     )
     with pytest.raises(DetectionError, match=said):
         detect_corners(find_photos([flat_photo]), flat(6, 4))

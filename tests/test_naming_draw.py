@@ -15,6 +15,8 @@ from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.detect import PhotoReport
 from cubicfish_cli.naming.draw import BOARD_COLOURS, LEFT_OUT, REFUSED, draw_found
 from cubicfish_cli.naming.name_grids import GridReport, Place
+from cubicfish_cli.words.codes import Code
+from cubicfish_cli.words.finding import Finding
 
 STEP = 50.0
 WIDTH, HEIGHT = 1000, 400
@@ -41,7 +43,6 @@ def report() -> PhotoReport:
     ]
     return PhotoReport(
         name="a.png",
-        problem=None,
         corners=51,
         added=1,
         found=FoundGrids(
@@ -171,9 +172,7 @@ def test_texts_never_overlap_or_leave_the_picture(step: float, angle: float, col
         weight=np.ones(count),
     )
     with pytest.MonkeyPatch.context() as patch:
-        texts = written(
-            patch, np.zeros((360, 480), np.uint8), PhotoReport(name="a.png", problem=None), own
-        )
+        texts = written(patch, np.zeros((360, 480), np.uint8), PhotoReport(name="a.png"), own)
     boxes = [box for text, places in texts.items() for box in places]
     for number, box in enumerate(boxes):
         assert (box >= 0).all()
@@ -185,7 +184,7 @@ def test_texts_never_overlap_or_leave_the_picture(step: float, angle: float, col
 def test_a_photo_with_nothing_says_why(corners: Corners, monkeypatch: pytest.MonkeyPatch) -> None:
     report = PhotoReport(
         name="b.png",
-        problem="no checkerboard found: the photo is nearly black, expose it longer",
+        refusal=Finding(code=Code.TOO_DARK, images=("b.png",)),
         found=FoundGrids(grids=(), refused=np.empty((0, 2)), image_size=(WIDTH, HEIGHT)),
     )
     texts = written(monkeypatch, BLANK, report, corners)

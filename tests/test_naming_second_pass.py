@@ -43,9 +43,7 @@ def first_pass(corners: Corners, *, exact: bool = True) -> Detection:
     return Detection(
         corners=corners,
         photos=tuple(
-            PhotoReport(
-                name=photo.name, problem=None, corners=by_name.get(photo.name, 0), exact=exact
-            )
+            PhotoReport(name=photo.name, corners=by_name.get(photo.name, 0), exact=exact)
             for photo in PHOTOS
         ),
     )

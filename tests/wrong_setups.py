@@ -766,7 +766,7 @@ CASES: tuple[Case, ...] = (
     Case(name="some photos cropped", make=cropped, says=("cropped",)),
     Case(name="some photos upside down", make=upside_down, says=("180°|upside",)),
     Case(name="half a pixel off (cannot be seen)", make=half_a_pixel, says=()),
-    Case(name="6 gross corners", make=gross_corners, says=("gross",)),
+    Case(name="6 gross corners", make=gross_corners, says=("outlier",)),
     Case(name="one grid one column off", make=lambda rng: grid_shifted(rng, 0), says=("column",)),
     Case(
         name="all grids of a photo one column off",

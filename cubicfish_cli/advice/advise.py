@@ -383,13 +383,13 @@ def _views(
     """Poses to choose from; where there can be none, ``notes`` says why."""
     if target is None:
         notes.append(
-            "the pairs came without a target: where to put the object is not worked out, only "
+            "the pairs came without a target: where to put the target is not worked out, only "
             "where corners are missing"
         )
         return []
     if any(board.points is not None for board in target.boards):
         notes.append(
-            "a board that is a list of points has no side that is seen: where to put the object is "
+            "a board that is a list of points has no side that is seen: where to put the target is "
             "not worked out, only where corners are missing"
         )
         return []
@@ -485,7 +485,7 @@ def _told(knowledge: Knowledge, chosen: Sequence[View], grid: FloatArray) -> tup
         told.append(
             Proposal(
                 view=view,
-                words=f"the object {place_words(view.direction)}, its corners about "
+                words=f"the target {place_words(view.direction)}, its corners about "
                 f"{length_words(float(np.median(view.away)), units)} away, "
                 f"{tilt_words(view.front, view.direction)}",
                 before=level,

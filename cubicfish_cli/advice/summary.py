@@ -35,10 +35,10 @@ def summary(camera: CubicCamera, fit: Mapping[str, Any], pairs: Correspondences)
         return f"{HEED_FIRST}: {judged.reasons[0].do}"
     if not reasons:
         known = f", and 95 % of it is certain to {now.p95_px:.3f} px" if now else ""
-        wanted = f" ({goal:g} px are wanted)" if now else ""
+        wanted = f" (goal: {goal:g} px)" if now else ""
         # The corners' noise may ask for no more photos, and held-out errors for some all the same.
         begin = f"{NOISE_ALONE} photos are enough" if judged.asks_for_photos else "enough photos"
         return f"{begin}: corners cover {100 * gaps.coverage:.0f} % of the field{known}{wanted}"
     where = "; ".join(part.words for part in gaps.parts[:_PARTS])
-    next_ones = f"next, put the object there: {where}" if where else f"more photos: {reasons[0]}"
+    next_ones = f"show the target next at: {where}" if where else f"more photos: {reasons[0]}"
     return f"{next_ones} ('cubicfish advise' says from where)"

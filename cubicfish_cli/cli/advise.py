@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
 # What to name, and how, where corners are lacking.
 _WHAT = {
-    "--corners": "the corners with --corners, and the object with --target",
-    "--target": "the object with --target",
+    "--corners": "the corners with --corners, and the target with --target",
+    "--target": "the target with --target",
     "--corners and --target": "those of the fit with --corners and --target",
 }
 _LINE = 96
@@ -64,7 +64,7 @@ _MOST_PARTS = 4
     "--output",
     type=FILE,
     metavar="FILE.svg",
-    help="Also draw where the object should appear.",
+    help="Also draw where the target should appear.",
 )
 @click.option(
     "--poses",
@@ -170,7 +170,7 @@ def _facts(camera_file: Path, target: Path | None, corners: Path | None) -> Fact
     if corners is None:
         return facts
     if facts.target is None:
-        raise click.UsageError("name the object of these corners with --target target.yaml")
+        raise click.UsageError("name the target of these corners with --target target.yaml")
     pairs = pair(
         load_corners(corners, facts.target, image_size=facts.camera.image_size), facts.target
     )
@@ -186,7 +186,7 @@ def _print(advice: Advice, judged: Verdict) -> None:
     if advice.now is not None:
         result(
             f"{'uncertainty':<12}{advice.now.median_px:.3f} px  {advice.now.meaning} "
-            f"({advice.goal_px:g} px are wanted)"
+            f"(goal: {advice.goal_px:g} px)"
         )
     result(f"{'coverage':<12}{100 * advice.gaps.coverage:>5.0f} %   {COVERED}\n")
     if advice.enough:

@@ -75,7 +75,7 @@ MAP = "undistort_map.npz"
 
 @click.command(
     "calibrate",
-    short_help="Photos of a known object to a camera and its undistortion map.",
+    short_help="Photos of a known target to a camera and its undistortion map.",
     epilog=examples(
         "cubicfish calibrate photos/ --target target.yaml",
         "cubicfish calibrate photos/ --board 9x6 --square 25mm --title 'front left'",
@@ -115,7 +115,7 @@ MAP = "undistort_map.npz"
     type=click.Choice(["off", "shape", "points", "auto"]),
     default="auto",
     show_default=True,
-    help="Fit the object too: boards' shapes and places, or each corner's own place as well; "
+    help="Fit the target too: boards' shapes and places, or each corner's own place as well; "
     "auto goes as far as it lowers the held-out error.",
 )
 @click.option(
@@ -467,7 +467,7 @@ def _print_object(calibration: Calibration) -> None:
     what = {"shape": "boards' shapes and places", "points": "shapes, places and single corners"}
     tried = ", ".join(f"{level} {px(rms)}" for level, rms in calibration.held_out_by_level.items())
     result(
-        f"object fitted too: {what[calibration.refined]}" + f" (held-out: {tried})" * bool(tried)
+        f"target fitted too: {what[calibration.refined]}" + f" (held-out: {tried})" * bool(tried)
     )
     print_table(
         ("board", f"bend x {units}", f"bend y {units}", f"twist {units}", "stretch x %",

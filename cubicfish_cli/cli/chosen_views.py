@@ -109,7 +109,7 @@ class PlaneOptions:
                 raise click.UsageError("--pixels-per-unit and --margin go with --plane")
             return
         if target_path(self.target) is None:
-            raise click.UsageError("--plane needs the object: name it with --target target.yaml")
+            raise click.UsageError("--plane needs the target: name it with --target target.yaml")
         if view.is_asked:
             raise click.UsageError(
                 "--plane sets size and direction by the board: leave out the view's options, "
@@ -316,7 +316,7 @@ def plane_options(function: Decorated) -> Decorated:
             "--target",
             type=FILE,
             metavar="FILE",
-            help="The calibration object: a target.yaml, or one of Kalibr's target files. Where "
+            help="The calibration target: a target.yaml, or one of Kalibr's target files. Where "
             "one is needed, ./target.yaml stands for it; for --plane.",
         ),
         click.option(

@@ -38,7 +38,7 @@ _FEW_CORNERS = 20
 
 @click.command(
     "detect",
-    short_help="Find and name the corners of the object in photos.",
+    short_help="Find and name the corners of the target in photos.",
     epilog=examples(
         "cubicfish detect photos/ --target target.yaml",
         "cubicfish detect 'run7/*.png' --target target.yaml -o run7.csv --draw seen/",

@@ -18,7 +18,7 @@ from cubicfish_cli.cli.kept import cache_folder
 from cubicfish_cli.cli.options import verbosity
 from cubicfish_cli.cli.target_choice import TargetChoice, say_default
 from cubicfish_cli.cli.terminal import progress, say
-from cubicfish_cli.errors import CorrespondenceError, CubicfishError, DetectionError
+from cubicfish_cli.errors import MISSING, CorrespondenceError, CubicfishError, DetectionError
 from cubicfish_cli.wording import quoted
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ def _tables(inputs: Sequence[Path]) -> list[Path]:
 def _refuse_missing(paths: Sequence[Path]) -> None:
     for path in paths:
         if not os.path.lexists(path) and not has_magic(str(path)):
-            raise CubicfishError(f"{path} does not exist: check the name and the current folder")
+            raise CubicfishError(f"{path} {MISSING}")
 
 
 def _holds_world_points(path: Path) -> bool:

@@ -35,13 +35,13 @@ _PHOTO_PROBLEMS = {
 TARGET_CHECK = {
     "units": "of all lengths",
     "boards": "a record a board: name, type, columns, rows, print, square, origin, axes, markers",
-    "corners": "how many corners the object has",
+    "corners": "how many corners the target has",
     "planes": "on how many planes they are",
     "rank": "of the 20 monomials over the corners, for 'cubicfish calibrate --lift point'",
     "flat": "whether all corners are on one plane",
     "named_by": "what names corners in photos: markers, geometry or table",
-    "ambiguous": "whether boards, or the whole object, can be mistaken for something else",
-    "symmetries": "turns that take the object onto itself",
+    "ambiguous": "whether boards, or the whole target, can be mistaken for something else",
+    "symmetries": "turns that take the target onto itself",
     "near_symmetries": "turns that nearly do",
     "look_alikes": "turns under which single boards look the same; null where nobody looked",
     "boards_needed": "so many boards in a photo can always be told apart; null where not known",
@@ -55,7 +55,7 @@ TARGET_CHECK = {
 TARGET_PRINT = {
     "boards": "the file of the pages",
     "assembly": "the file that says how to join them, where there are several sheets",
-    "target": "target.yaml, where an object was made",
+    "target": "target.yaml, where a target was made",
     "paper": "the paper's name",
     "pages": "a record a page: board, size_mm, tile, corner_0_0_mm",
 }
@@ -121,7 +121,7 @@ INFO = {
     "date": "when it was made",
     "version": "of cubicfish, then",
     "command": "that made it",
-    "target": "the object's file",
+    "target": "the target's file",
     "model": "the camera's file",
 }
 DETECT = {

@@ -120,7 +120,7 @@ target_option = click.option(
     "--target",
     type=FILE,
     metavar="FILE",
-    help="The calibration object: a target.yaml, or one of Kalibr's target files. Where one is "
+    help="The calibration target: a target.yaml, or one of Kalibr's target files. Where one is "
     "needed, ./target.yaml stands for it.",
 )
 

@@ -43,7 +43,7 @@ LENSES = ("moving-pupil", "mirror", "equisolid", "orthographic")
 
 @click.command(
     "simulate",
-    short_help="Render photos of an object through a camera, with the truth beside them.",
+    short_help="Render photos of a target through a camera, with the truth beside them.",
     epilog=examples(
         "cubicfish simulate --target target.yaml --model calibration/camera.yaml -n 12 -o photos/",
         "cubicfish simulate -t target.yaml -m camera.yaml --noise 6 --blur 1.5 --exposure 0.3",

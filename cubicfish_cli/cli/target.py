@@ -10,7 +10,7 @@ from cubicfish_cli.cli.options import common_options, examples
 
 @click.group(
     "target",
-    short_help="Print or check the calibration object, before any photo.",
+    short_help="Print or check the calibration target, before any photo.",
     epilog=examples(
         "cubicfish target print --object corner --paper A4 -o my-target/",
         "cubicfish target check target.yaml --draw object.svg",

@@ -34,7 +34,7 @@ _LABEL, _LINE = 12, 96
 
 @click.command(
     "check",
-    short_help="Say what an object is worth, and draw it.",
+    short_help="Say what a target is worth, and draw it.",
     epilog=examples(
         "cubicfish target check target.yaml",
         "cubicfish target check target.yaml --draw object.svg",
@@ -46,10 +46,10 @@ _LABEL, _LINE = 12, 96
     metavar="TARGET",
     cls=Argument,
     meaning="The target.yaml.",
-    missing="name the object: 'cubicfish target check target.yaml'",
+    missing="name the target: 'cubicfish target check target.yaml'",
 )
 @click.option(
-    "--draw", type=FILE, metavar="FILE.svg", help="Also draw the object: does it look like yours?"
+    "--draw", type=FILE, metavar="FILE.svg", help="Also draw the target: does it look like yours?"
 )
 @overwrite_option
 @json_option(json_keys.TARGET_CHECK)
@@ -72,7 +72,7 @@ def command(target: Path, draw: Path | None, overwrite: bool, as_json: bool) -> 
             raise OutputError(f"{draw}: drawings are SVG: end the name in .svg")
         refuse_existing(draw, overwrite=overwrite)
     loaded = load_target(target).as_printed()
-    with working("Looking at the object from all sides"):
+    with working("Looking at the target from all sides"):
         facts = check_object(loaded)
     if draw is not None:
         write_text(draw, object_svg(loaded), overwrite=overwrite)

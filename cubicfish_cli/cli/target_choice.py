@@ -15,7 +15,7 @@ import click
 
 from cubicfish_cli.cli.options import target_option
 from cubicfish_cli.cli.terminal import say
-from cubicfish_cli.errors import CubicfishError
+from cubicfish_cli.errors import MISSING, CubicfishError
 
 if TYPE_CHECKING:
     from cubicfish_cli.files import Fingerprint
@@ -25,7 +25,7 @@ Decorated = TypeVar("Decorated", bound=Callable[..., Any])
 
 DEFAULT_TARGET = Path("target.yaml")
 NO_TARGET = (
-    "the photos show an unknown object: name it with --target target.yaml (make and print one with "
+    "the photos show an unknown target: name it with --target target.yaml (make and print one with "
     "'cubicfish target print --object corner'), or a flat checkerboard with --board 9x6 --square "
     "25mm (inner corners, side of a square)"
 )
@@ -80,8 +80,7 @@ class TargetChoice:
             raise click.UsageError(NO_TARGET)
         if not os.path.lexists(self.path):
             raise CubicfishError(
-                f"{self.path} does not exist: check the name and the current folder, or name a "
-                "flat checkerboard with --board 9x6 --square 25mm"
+                f"{self.path} {MISSING}, or name a flat checkerboard with --board 9x6 --square 25mm"
             )
 
     def load(self) -> list[Target]:
@@ -156,7 +155,7 @@ def _choice(path: Path | None, board: tuple[int, int] | None, square: str | None
             raise click.UsageError("--square is of --board: add --board 9x6 (inner corners)")
         return TargetChoice(path=target_path(path))
     if path is not None:
-        raise click.UsageError("--target says what the object is: leave --board out, or --target")
+        raise click.UsageError("--target says what the target is: leave --board out, or --target")
     if square is None:
         raise click.UsageError("--board needs the side of its squares: add --square 25mm")
     from cubicfish_cli.printing.paper import length_mm
@@ -186,7 +185,7 @@ def needed_target(given: Path | None) -> Path:
     path = target_path(given)
     if path is None:
         raise click.UsageError(
-            "name the calibration object with --target target.yaml: there is no ./target.yaml, and "
+            "name the calibration target with --target target.yaml: there is no ./target.yaml, and "
             "'cubicfish target print' makes one"
         )
     if given is None:

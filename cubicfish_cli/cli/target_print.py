@@ -56,7 +56,7 @@ _TYPES = ("checkerboard", "charuco", "aprilgrid")
     "--object",
     "kind",
     type=click.Choice(_OBJECTS),
-    help="Make an object: a corner (floor and two walls, seen from inside), an open box of five "
+    help="Make a target: a corner (floor and two walls, seen from inside), an open box of five "
     "boards seen from inside, a block of five seen from outside, or one flat board.",
 )
 @click.option(
@@ -71,12 +71,12 @@ _TYPES = ("checkerboard", "charuco", "aprilgrid")
     "--type",
     "board_type",
     type=click.Choice(_TYPES),
-    help="Of an object's boards. [default: checkerboard]",
+    help="Of a target's boards. [default: checkerboard]",
 )
 @click.option(
     "--square",
     metavar="LENGTH",
-    help="Side of an object's squares (of an aprilgrid's tags): 30mm, 3cm, 1.25in. [default: as "
+    help="Side of a target's squares (of an aprilgrid's tags): 30mm, 3cm, 1.25in. [default: as "
     "large as covers most of the paper]",
 )
 @click.option(
@@ -85,7 +85,7 @@ _TYPES = ("checkerboard", "charuco", "aprilgrid")
     "counts",
     type=CountsType(),
     metavar="COLUMNSxROWS",
-    help="Inner corners (of an aprilgrid: tags) of an object's largest board. With --square too, "
+    help="Inner corners (of an aprilgrid: tags) of a target's largest board. With --square too, "
     "boards may be larger than the paper, and are printed in parts.",
 )
 @click.option(
@@ -195,11 +195,11 @@ def _refuse_mixed(
 ) -> None:
     if target is None and kind is None:
         raise click.UsageError(
-            "name a target.yaml, or make an object with --object corner, box, block or board"
+            "name a target.yaml, or make a target with --object corner, box, block or board"
         )
     if target is not None and (kind is not None or any(one is not None for one in made)):
         raise click.UsageError(
-            "--object, --type, --square, --corners and --dictionary make a new object; the boards "
+            "--object, --type, --square, --corners and --dictionary make a new target; the boards "
             "of TARGET are printed as they are: give the one or the other"
         )
     if target is None and boards:
@@ -308,7 +308,7 @@ def _print(outputs: dict[str, Path], sheets: list[Sheet], pages: list[Page], pap
     result("\n" + "\n".join(f"wrote {path}" for path in outputs.values()))
     say(
         f"\n{count(len(pages), 'page')} on {paper.name}: print at 100 %, without 'fit to page', "
-        "and lay a ruler on the printed ones."
+        "and check the printed rulers with a real one."
     )
     if "target" in outputs:
         say(

@@ -46,7 +46,7 @@ def _point_lift(facts: ObjectFacts) -> str:
 def _photos(target: Target, facts: ObjectFacts) -> str:
     points = any(board.points is not None for board in target.boards)
     if facts.flat or (facts.boards_at_once < 2 and not points):
-        why = "The object is flat" if facts.flat else "No photo shows two of the boards at once"
+        why = "The target is flat" if facts.flat else "No photo shows two of the boards at once"
         return (
             f"{why}, and one photo of a flat board cannot determine a lens: take five or more, "
             "tilted to all sides and filling the picture to the rim."
@@ -79,7 +79,7 @@ def _names(target: Target, facts: ObjectFacts) -> Iterator[str]:
         return
     alone = len(facts.plain) == 1
     for turn in facts.symmetries[:_MOST]:
-        yield f"{_turned(turn, alone=alone)} {'it' if alone else 'the object'} looks the same."
+        yield f"{_turned(turn, alone=alone)} {'it' if alone else 'the target'} looks the same."
     if len(facts.symmetries) > _MOST:
         yield f"So it does after {len(facts.symmetries) - _MOST} more turns."
     if facts.symmetries:
@@ -99,7 +99,7 @@ def _names(target: Target, facts: ObjectFacts) -> Iterator[str]:
         )
     for turn in facts.near_symmetries[:_MOST]:
         yield (
-            f"{_turned(turn, alone=alone)} the object looks nearly the same: boards are "
+            f"{_turned(turn, alone=alone)} the target looks nearly the same: boards are "
             f"{turn.error:.2g} squares apart then. Photos may not tell such places apart, and are "
             "left out if they do not. If the difference is none, make it none in the file; or "
             "move a board by half a square or more."

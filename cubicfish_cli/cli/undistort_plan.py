@@ -105,6 +105,13 @@ def plan_of(
             f"{shown(destination)} is the name of one file, and {count(len(photos), 'photo')} "
             f"become a folder: write {shown(destination.with_suffix(''))}{os.sep}"
         )
+    if videos and not to_folder and destination.suffix.lower() not in VIDEO_SUFFIXES:
+        name = shown(destination.with_suffix(".mp4"))
+        if not destination.suffix:
+            name, kind = "flat.mp4", f"{shown(destination)}{os.sep} is a folder"
+        else:
+            kind = f"{shown(destination)} is no video"
+        raise click.UsageError(f"{kind}: name a video such as {name}")
     jobs: list[PhotoJob] = []
     for photo in photos:
         path = destination / photo.name if to_folder else destination

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from cubicfish_cli.errors import OutputError, PhotoError
+from cubicfish_cli.errors import MISSING, OutputError, PhotoError
 from cubicfish_cli.films.recordings import Recording, is_recording
 from cubicfish_cli.photos import MAX_PIXELS, shown
 
@@ -59,7 +59,8 @@ class opened:
         # lock to say something, while Python, which holds it, waits for them to end.
         av.logging.set_level(None)
         if not Path(self._path).is_file():
-            raise PhotoError(f"{shown(self._path)} does not exist or is no file")
+            there = Path(self._path).exists()
+            raise PhotoError(f"{shown(self._path)} {'is no file' if there else MISSING}")
         try:
             self._container = av.open(f"file:{self._path}", options=_ONLY)
         except av.FFmpegError as problem:

@@ -204,7 +204,7 @@ def _offset_spread(fit: Adjustment, noise: float) -> float | None:
 
 def _refined(fit: Adjustment) -> RefinedWorld:
     if not isinstance(fit.world, RefinedWorld):
-        raise TypeError("the adjustment must be of a free object")
+        raise TypeError("the adjustment must be of a free target")
     return fit.world
 
 

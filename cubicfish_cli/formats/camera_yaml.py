@@ -160,6 +160,20 @@ def load_camera(path: Path | str) -> CameraFile:
 _NO_CAMERA = "name the camera.yaml that 'cubicfish calibrate'"
 
 
+def _of_another_tool(path: Path) -> CameraFileError | None:
+    """What to say of a file of another tool; None where it is of none that is known."""
+    from cubicfish_cli.formats.foreign import sniffed  # it reads this format, too
+
+    try:
+        kind = sniffed(path)
+    except CameraFileError:
+        return None
+    tool = {"opencv": "an OpenCV", "ocamcalib": "an OCamCalib", "mrcal": "an mrcal"}.get(
+        kind, f"a {kind.capitalize()}"
+    )
+    return CameraFileError(f"{path} is {tool} file: 'cubicfish import {path}' makes a camera of it")
+
+
 def load_any_camera(path: Path) -> CameraFile | PointCameraFile:
     """Read camera.yaml of either lift.
 
@@ -168,15 +182,18 @@ def load_any_camera(path: Path) -> CameraFile | PointCameraFile:
             known; one line that names the file and the key.
 
     """
-    record = load_plain_yaml(
-        path, error=CameraFileError, max_bytes=MAX_BYTES, if_empty=f"{_NO_CAMERA} wrote"
-    )
+    try:
+        record = load_plain_yaml(
+            path, error=CameraFileError, max_bytes=MAX_BYTES, if_empty=f"{_NO_CAMERA} wrote"
+        )
+    except CameraFileError as problem:
+        raise _of_another_tool(path) or problem from None
     if not isinstance(record, dict) or "cubicfish" not in record:
         if isinstance(record, dict) and "boards" in record:
             raise CameraFileError(
-                f"{path} is a calibration object, not a camera: {_NO_CAMERA} wrote"
+                f"{path} is a calibration target, not a camera: {_NO_CAMERA} wrote"
             )
-        raise CameraFileError(
+        raise _of_another_tool(path) or CameraFileError(
             f"{path} is not a camera file (it has no key 'cubicfish'): {_NO_CAMERA} wrote, or read "
             "another tool's with 'cubicfish import'"
         )

@@ -37,8 +37,10 @@ from cubicfish_cli.naming.wrong_drawing.miscounted import counted, miscounted
 from cubicfish_cli.naming.wrong_drawing.misdrawn import misdrawn
 from cubicfish_cli.photos import Photo, Picture, decode_picture, grey, read_file
 from cubicfish_cli.target import Target
+from cubicfish_cli.words.catalogue import catalogue
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
+from cubicfish_cli.words.phrases import plural
 
 _NOT_NAMED = "no corner can be named"
 
@@ -203,7 +205,7 @@ def detect_corners(
         if finding is not None and not len(corners.pixel):
             raise DetectionError(_NOT_NAMED, do=finding.line)
         if not len(corners.pixel):
-            raise _refused(_nothing_named(found, naming, target))
+            raise _nothing_named(found, naming, target)
         for number, index in enumerate(usable):
             reports[index] = _report(names[number], found[index], naming, number, target)
     return Detection(
@@ -359,7 +361,7 @@ def _why_unseen(
 
 def _marked(one: _Found) -> MarkedCorners:
     if one.marked is None:
-        raise ValueError("a photo of an object with markers was not searched for them")
+        raise ValueError("a photo of a target with markers was not searched for them")
     return one.marked
 
 
@@ -418,18 +420,13 @@ def _nothing_read(found: Sequence[_Found]) -> Finding:
     return Finding(code=Code.NO_PHOTO, case=case, severity=Severity.BAD, figures=figures)
 
 
-def _nothing_named(found: Sequence[_Found], naming: Naming, target: Target) -> Finding:
+def _nothing_named(found: Sequence[_Found], naming: Naming, target: Target) -> DetectionError:
     if any(naming.grids):
-        return nothing_named(naming, target)
+        return _refused(nothing_named(naming, target))
     refusals = [one.refusal for one in found if one.refusal]
     lines = Counter(refusal.line for refusal in refusals)
     most = max(refusals, key=lambda refusal: lines[refusal.line])
-    if most.code in (Code.CANNOT_BE_READ, Code.OTHER_SIZE):
-        return Finding(
-            code=Code.NO_CHECKERBOARD,
-            case="none_usable",
-            severity=Severity.BAD,
-            figures={"photos": len(found), "first": most.line},
-        )
-    figures = {**most.figures, "photos": len(found)}
-    return replace(most, case="all", severity=Severity.BAD, images=(), figures=figures)
+    if (most.code, "all") in catalogue().sayings:
+        figures = {**most.figures, "photos": len(found)}
+        return DetectionError(replace(most, case="all", figures=figures).line)
+    return DetectionError(f"{plural(len(found), 'photo')}, no checkerboard: {most.line}")

@@ -44,9 +44,9 @@ def write_assembly(
 def words_for(kind: str | None, paper: str) -> Words:
     """What the page says about an object of a kind that is made here, or (None) any other."""
     check = (
-        f"Print boards.pdf at 100 % on {paper}, without 'fit to page', and lay a ruler on the "
-        "printed ones: 100 mm must be 100 mm. If not, print again; if it cannot be helped, "
-        "multiply every length in target.yaml by measured / 100."
+        f"Print boards.pdf at 100 % on {paper}, without 'fit to page', and check the printed "
+        "rulers with a real one: 100 mm must be 100 mm. If not, print again; if that does not "
+        "help, multiply every length in target.yaml by measured / 100."
     )
     then = (
         "Take photos that fill the picture to the rim, from near and from different sides, then: "

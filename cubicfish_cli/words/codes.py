@@ -31,6 +31,7 @@ class Remedy(StrEnum):
 class Code(StrEnum):
     """What is told."""
 
+    UNKNOWN = "unknown"  # of a file that a newer version wrote
     # Of a set-up: why corners do not fit as they should.
     BOARD_ORDER = "board_order"
     BOARD_NAMES = "board_names"

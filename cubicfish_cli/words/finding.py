@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from cubicfish_cli.words.catalogue import Saying, catalogue
 from cubicfish_cli.words.codes import Code, Remedy, Severity
@@ -114,15 +114,24 @@ class Finding:
 
 
 def of_record(record: Mapping[str, Any]) -> Finding | None:
-    """A finding as a file has it, in the words of that time; None where it is of no known kind."""
-    try:
-        code = Code(record.get("code", record.get("cause")))
-        severity = Severity(record.get("severity", record.get("level")))
-        remedy = Remedy(record.get("remedy", "check"))
-    except ValueError:
+    """A finding as a file has it, in the words of that time; None where it is none."""
+    severity = _known(Severity, record.get("severity", record.get("level")))
+    if severity is None:
         return None
     what, evidence, do = (str(record.get(key, "")) for key in ("what", "evidence", "do"))
-    return Finding(code=code, severity=severity, recorded=Saying(what, evidence, do, remedy))
+    remedy = _known(Remedy, record.get("remedy")) or Remedy.CHECK
+    return Finding(
+        code=_known(Code, record.get("code", record.get("cause"))) or Code.UNKNOWN,
+        severity=severity,
+        recorded=Saying(what, evidence, do, remedy),
+    )
+
+
+_Word = TypeVar("_Word", Code, Severity, Remedy)
+
+
+def _known(kind: type[_Word], word: object) -> _Word | None:
+    return next((one for one in kind if one.value == word), None)
 
 
 def asks_for_photos(findings: Iterable[Finding]) -> bool:
