@@ -15,12 +15,17 @@ class CubicfishError(Exception):
     Attributes:
         what: what is the matter; all of the text where nothing more is known.
         do: what to do about it; empty where ``what`` says so.
+        about: the file that it is about, which the text begins with; empty where ``what`` names it.
+        apart: whether ``what`` is a sentence of its own, after a colon.
 
     """
 
-    def __init__(self, what: str = "", *, do: str = "") -> None:
-        super().__init__(f"{what}: {do}" if do else what)
-        self.what, self.do = what, do
+    def __init__(
+        self, what: str = "", *, do: str = "", about: str = "", apart: bool = False
+    ) -> None:
+        text = f"{what}: {do}" if do else what
+        super().__init__(f"{about}{':' * apart} {text}" if about else text)
+        self.what, self.do, self.about, self.apart = what, do, about, apart
 
 
 class TargetError(CubicfishError, ValueError):

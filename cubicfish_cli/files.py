@@ -31,12 +31,14 @@ def refuse_existing(path: Path, *, overwrite: bool, can_skip: bool = False) -> N
 
     """
     if os.path.isdir(path):
-        raise OutputError(f"{path} is a folder: give the name of a file")
+        raise OutputError("is a folder: give the name of a file", about=str(path))
     if not overwrite and os.path.lexists(path):
         ways = "--overwrite or --skip-existing" if can_skip else "--overwrite"
-        raise OutputError(f"{path} exists already: choose another name or add {ways}")
+        raise OutputError(f"exists already: choose another name or add {ways}", about=str(path))
     if os.path.exists(path) and not os.path.isfile(path):
-        raise OutputError(f"{path} is no plain file, and is not replaced: choose another name")
+        raise OutputError(
+            "is no plain file, and is not replaced: choose another name", about=str(path)
+        )
     _refuse_unwritable(path)
 
 
@@ -52,7 +54,7 @@ def _refuse_unwritable(path: Path) -> None:
     if folder in _writable:
         return
     if not folder.is_dir():
-        raise OutputError(f"{path} cannot be written: {folder} is a file, not a folder")
+        raise OutputError(f"cannot be written: {folder} is a file, not a folder", about=str(path))
     trial = temporary_name(folder / path.name)
     try:
         os.close(os.open(trial, os.O_CREAT | os.O_EXCL | os.O_WRONLY))
@@ -64,8 +66,9 @@ def _refuse_unwritable(path: Path) -> None:
 
 def _unwritable(path: Path, error: OSError) -> OutputError:
     return OutputError(
-        f"{path} cannot be written{on_host()} ({error.strerror or error}): "
-        "check the folder, its permissions and the free space"
+        f"cannot be written{on_host()} ({error.strerror or error}): check the folder, its "
+        "permissions and the free space",
+        about=str(path),
     )
 
 

@@ -47,7 +47,7 @@ MAX_PICTURE_BYTES = 1_200_000_000
 MAX_FILE_BYTES = 2_000_000_000
 
 _READABLE = "PNG, JPEG, TIFF, BMP, WebP, JPEG 2000 or PNM"
-_DAMAGED = "{} is cut short or damaged: copy it again or leave it out"
+_DAMAGED = "is cut short or damaged: copy it again or leave it out"
 _stderr_lock = threading.Lock()
 _opencv_lock = threading.Lock()
 
@@ -278,9 +278,11 @@ def decode_picture(path: Path, data: bytes, *, floats: bool = False) -> Picture:
         except cv2.error:
             picture = None
     if picture is None or picture.size == 0:
-        raise PhotoError(_DAMAGED.format(shown(path)))
+        raise PhotoError(_DAMAGED, about=shown(path))
     if picture.dtype not in (np.uint8, np.uint16) and not (floats and picture.dtype == np.float32):
-        raise PhotoError(f"{shown(path)} holds {picture.dtype} numbers: save it with 8 or 16 bits")
+        raise PhotoError(
+            f"holds {picture.dtype} numbers: save it with 8 or 16 bits", about=shown(path)
+        )
     return picture
 
 
@@ -323,18 +325,20 @@ def read_file(path: Path) -> bytes:
     """
     try:
         if path.exists() and not path.is_file():
-            raise PhotoError(f"{shown(path)} is not a file: give photos, or the folder they are in")
+            raise PhotoError(
+                "is not a file: give photos, or the folder they are in", about=shown(path)
+            )
         size = path.stat().st_size
         if size > MAX_FILE_BYTES:
-            raise PhotoError(f"{shown(path)} has {size / 1e9:.1f} GB: is it a photo?")
+            raise PhotoError(f"has {size / 1e9:.1f} GB: is it a photo?", about=shown(path))
         data = path.read_bytes()
     except PhotoError:
         raise
     except (OSError, ValueError) as problem:
         what = getattr(problem, "strerror", None) or problem
-        raise PhotoError(f"{shown(path)} cannot be read{on_host()}: {what}") from problem
+        raise PhotoError(f"cannot be read{on_host()}: {what}", about=shown(path)) from problem
     if not data:
-        raise PhotoError(f"{shown(path)} is empty: copy it again or leave it out")
+        raise PhotoError("is empty: copy it again or leave it out", about=shown(path))
     return data
 
 
@@ -345,22 +349,25 @@ def _claim_of(path: Path, data: bytes) -> Claim:
     """
     other = other_kind(data, path.suffix)
     if other is not None:
-        raise PhotoError(f"{shown(path)} {other}")
+        raise PhotoError(other, about=shown(path))
     claim = claimed(data)
     if claim is None:
         if is_picture(data):
-            raise PhotoError(_DAMAGED.format(shown(path)))
-        raise PhotoError(f"{shown(path)} is not a picture that can be read: save it as {_READABLE}")
+            raise PhotoError(_DAMAGED, about=shown(path))
+        raise PhotoError(
+            f"is not a picture that can be read: save it as {_READABLE}", about=shown(path)
+        )
     size = f"{claim.width}x{claim.height} pixels"
     if claim.width * claim.height > MAX_PIXELS:
         raise PhotoError(
-            f"{shown(path)} claims {size}, more than the {MAX_PIXELS / 1e6:g} million allowed: "
-            "is it a photo?"
+            f"claims {size}, more than the {MAX_PIXELS / 1e6:g} million allowed: is it a photo?",
+            about=shown(path),
         )
     if claim.memory > MAX_PICTURE_BYTES:
         raise PhotoError(
-            f"{shown(path)} claims {size} that need {claim.memory / 1e9:.3g} GB, more than the "
-            f"{MAX_PICTURE_BYTES / 1e9:g} GB allowed: is it a photo?"
+            f"claims {size} that need {claim.memory / 1e9:.3g} GB, more than the "
+            f"{MAX_PICTURE_BYTES / 1e9:g} GB allowed: is it a photo?",
+            about=shown(path),
         )
     return claim
 

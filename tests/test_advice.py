@@ -151,7 +151,7 @@ def test_empty_parts_are_named_and_photos_go_there(poor, advice):
     assert int(np.argmax(eighths)) in gaps.parts[0].sides
     assert int(np.argmin(eighths)) not in named
     first = advice.proposals[0]
-    assert first.words.startswith("the object ")
+    assert first.words.startswith("the target ")
     assert first.after.median_px < 0.8 * first.before.median_px
     assert first.here_after_px < first.here_before_px
     for one, other in zip(advice.proposals, advice.proposals[1:], strict=False):

@@ -47,6 +47,7 @@ def photo(name: str, rms: float, **more: object) -> PhotoRow:
     return PhotoRow(
         name=name,
         words=str(words),
+        short=str(more.pop("short", "")),
         level="good" if words == "good" else "care",
         boards={"floor": 54, "left": 40, "right": 30},
         corners=124,

@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from cubicfish_cli.undistortion.batch import Failure, PhotoJob
     from cubicfish_cli.undistortion.frames import Crop
     from cubicfish_cli.undistortion.maps import UndistortMap
+    from cubicfish_cli.words.finding import Finding
 
 
 @click.command(
@@ -338,10 +339,27 @@ def _record(planned: Plan, failures: Sequence[Failure], chosen: Views) -> dict[s
         "files": [str(path) for job in done for path in job.wanted],
         "skipped": [job.name for job in planned.skipped],
         "failed": [
-            {"image": failure.job.name, "problem": str(failure.error)} for failure in failures
+            {
+                **_told(failure).as_record(),
+                "image": failure.job.name,
+                "problem": str(failure.error),
+            }
+            for failure in failures
         ],
         "view": view and view.as_record(),
     }
+
+
+def _told(failure: Failure) -> Finding:
+    from cubicfish_cli.words.codes import Code, Severity
+    from cubicfish_cli.words.finding import Finding
+
+    return Finding(
+        code=Code.FAILED,
+        severity=Severity.BAD,
+        images=(failure.job.name,),
+        figures={"problem": str(failure.error)},
+    )
 
 
 def _print(planned: Plan, failures: Sequence[Failure], chosen: Views) -> None:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from cubicfish_cli.cli.figures import count
+from cubicfish_cli.errors import OutputError
 
 if TYPE_CHECKING:
     from cubicfish_cli.undistortion.batch import Failure
@@ -62,17 +62,13 @@ def _by_reason(failures: Sequence[Failure]) -> dict[str, list[Failure]]:
 
 def _reason(failure: Failure) -> str:
     """Why, without what is the photo's own: "each is empty: ..." for "a.png is empty: ..."."""
-    from cubicfish_cli.photos import shown
-
-    text = str(failure.error)
-    named = [(failure.job.source, "each"), *((path, "each result") for path in failure.job.outputs)]
-    for path, word in named:
-        for name in (shown(path), shown(os.path.abspath(path))):  # workers know the latter
-            if text.startswith(f"{name}: "):
-                return text.removeprefix(f"{name}: ")
-            if text.startswith(f"{name} "):
-                return word + text.removeprefix(name)
-    return text
+    error = failure.error
+    if not error.about:
+        return str(error)
+    text = f"{error.what}: {error.do}" if error.do else error.what
+    if error.apart:
+        return text
+    return f"{'each result' if isinstance(error, OutputError) else 'each'} {text}"
 
 
 def _several(failures: Sequence[Failure], kind: str) -> str:

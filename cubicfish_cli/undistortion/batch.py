@@ -149,7 +149,7 @@ def undistort_photo(
         try:
             own = maps(job.source, (width, height))
         except CubicfishError as problem:
-            raise type(problem)(f"{shown(job.source)}: {problem}") from problem
+            raise type(problem)(str(problem), about=shown(job.source), apart=True) from problem
         outputs = enumerate(zip(job.outputs, own, strict=True))
         wanted = [output for number, output in outputs if number not in job.kept]
         files = render_files(job.source, data, picture, wanted, rendering)
@@ -191,7 +191,8 @@ def _undistort_there(
                 if problem is not None:
                     job = jobs[free[index]]
                     if isinstance(problem, ClusterError):  # which does not know the photo
-                        problem = ClusterError(f"{shown(job.source)}: {problem}")
+                        about = shown(job.source)
+                        problem = ClusterError(str(problem), about=about, apart=True)
                     failures[free[index]] = Failure(job=job, error=problem)
                 done += 1
                 progress(done, len(jobs))

@@ -134,7 +134,7 @@ def render_files(
         try:
             out = remap_picture(picture, undistort_map, rendering)
         except ViewError as problem:
-            raise ViewError(f"{shown(source)}: {problem}") from problem
+            raise ViewError(str(problem), about=shown(source), apart=True) from problem
         files[path] = encode_picture(path, out, quality=rendering.quality, like=data)
     return files
 

@@ -167,10 +167,10 @@ def load_map(path: Path | str) -> UndistortMap:
     with opened(path) as arrays:
         missing = [key for key in _KEYS if key not in arrays]
         if missing:
-            raise ViewError(f"{path} is not an undistortion map: it has no {missing[0]}")
+            raise ViewError(f"is not an undistortion map: it has no {missing[0]}", about=str(path))
         known, text, size = (arrays.read(key) for key in ("format", "view", "image_size"))
         if known.shape != () or str(known) != FORMAT:
-            raise ViewError(f"{path} is not a map of a known version: write it again")
+            raise ViewError("is not a map of a known version: write it again", about=str(path))
         if text.shape != () or text.dtype.kind != "U":
             raise ViewError("the view is not text")
         view = view_from_json(str(text))

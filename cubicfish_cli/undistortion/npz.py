@@ -93,15 +93,16 @@ def opened(path: Path) -> Iterator[Arrays]:
     """
     try:
         if path.exists() and not path.is_file():
-            raise ViewError(f"{path} is not a file")
+            raise ViewError("is not a file", about=str(path))
         with path.open("rb") as file:
             size = _refuse_large_directory(file)
             with zipfile.ZipFile(file) as archive:
                 _refuse_bombs(archive, size)
                 yield Arrays(archive)
     except ViewError as problem:
-        text = str(problem)
-        raise ViewError(text if text.startswith(str(path)) else f"{path}: {text}") from problem
+        if problem.about:
+            raise
+        raise ViewError(str(problem), about=str(path), apart=True) from problem
     except OSError as problem:
         raise ViewError(f"{path} cannot be read: {problem.strerror or problem}") from problem
     except (  # what damage in one place or another of such a file was seen to raise

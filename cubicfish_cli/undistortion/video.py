@@ -137,7 +137,7 @@ def undistort_video(
         try:
             undistort_map = make_map((stream.width, stream.height))
         except ViewError as problem:
-            raise ViewError(f"{shown(source)}: {problem}") from problem
+            raise ViewError(str(problem), about=shown(source), apart=True) from problem
         writer = _Writer(temporary, destination, container, stream, undistort_map, encoding)
         with closing(writer):
             codecs = (stream.codec_context.name, writer.codec)
