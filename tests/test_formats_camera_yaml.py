@@ -143,8 +143,8 @@ def test_what_is_no_camera_file_is_refused(tmp_path, text):
     ("text", "what"),
     [
         ("", "is empty"),
-        ("units: mm\nboards: []\n", "is a calibration object, not a camera"),
-        ("camera_matrix: 1\n", "is not a camera file (it has no key 'cubicfish')"),
+        ("units: mm\nboards: []\n", "is a calibration target, not a camera"),
+        ("hello: 1\n", "is not a camera file (it has no key 'cubicfish')"),
     ],
 )
 def test_what_is_no_camera_file_says_what_to_name(tmp_path, text, what):
@@ -157,8 +157,25 @@ def test_what_is_no_camera_file_says_what_to_name(tmp_path, text, what):
     assert str(refused.value) == name + other
 
 
+@pytest.mark.parametrize(
+    ("text", "tool"),
+    [
+        ("%YAML:1.0\n---\nK: !!opencv-matrix\n   rows: 3\n", "an OpenCV"),
+        ("camera_matrix: 1\n", "an OpenCV"),
+        ("taylor_coefficient: [1]\n", "a Pyocamcalib"),
+    ],
+)
+def test_a_file_of_another_tool_is_named_and_how_to_take_it_over(tmp_path, text, tool):
+    file = tmp_path / "theirs.yaml"
+    file.write_text(text)
+    with pytest.raises(CameraFileError) as refused:
+        load_camera(file)
+    says = f"{file} is {tool} file: 'cubicfish import {file}' makes a camera of it"
+    assert str(refused.value) == says
+
+
 def test_missing_file(tmp_path):
-    with pytest.raises(CameraFileError, match="cannot be read"):
+    with pytest.raises(CameraFileError, match="does not exist: check the name"):
         load_camera(tmp_path / "none.yaml")
 
 

@@ -29,10 +29,15 @@ def test_files_are_read_up_to_the_bound(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "says"), [("absent", "No such file"), (".", "Is a directory"), ("a\0b", "null")]
+    ("name", "says"),
+    [
+        ("absent", "does not exist: check the name"),
+        (".", "cannot be read: Is a directory"),
+        ("a\0b", "cannot be read: .*null"),
+    ],
 )
 def test_what_is_no_file_is_refused(tmp_path, name, says):
-    with pytest.raises(TargetError, match=f"cannot be read: .*{says}"):
+    with pytest.raises(TargetError, match=says):
         read(tmp_path / name)
 
 

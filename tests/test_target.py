@@ -302,7 +302,7 @@ def test_a_malformed_file_is_refused_in_one_line(tmp_path: Path, text: str, mess
     [
         ("", "is empty"),
         ("# to do\n", "is empty"),
-        ("cubicfish: 2\nlift: ray\n", "is a camera file, not a calibration object"),
+        ("cubicfish: 2\nlift: ray\n", "is a camera file, not a calibration target"),
         ("image,board,column,row,x,y\n", "must hold the keys units and boards"),
     ],
 )
