@@ -182,6 +182,11 @@ class Board:
         points = None if self.points is None else self.points + offset
         return replace(self, origin=self.origin + offset, points=points)
 
+    def places(self) -> tuple[IntArray, IntArray]:
+        """Column and row of all corners, row by row."""
+        row, column = np.indices((self.rows, self.columns)).reshape(2, -1)
+        return column, row
+
     def plane_points(self, column: npt.ArrayLike, row: npt.ArrayLike) -> FloatArray:
         """Positions in the board's own plane: (...,) columns and rows -> (..., 2) in units."""
         column, row = np.broadcast_arrays(np.asarray(column, float), np.asarray(row, float))
@@ -336,7 +341,7 @@ class Target:
         """
         parts = []
         for index, board in enumerate(self.boards):
-            row, column = (part.ravel() for part in np.indices((board.rows, board.columns)))
+            column, row = board.places()
             parts.append((np.full(len(row), index), column, row, board.world_points(column, row)))
         boards, columns, rows, world = (np.concatenate(part) for part in zip(*parts, strict=True))
         return boards, columns, rows, world

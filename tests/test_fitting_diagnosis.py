@@ -489,7 +489,7 @@ def test_photos_that_were_left_out_show_their_own_lens(pairs):
     # A few photos that were left out say nothing against the camera of the others.
     many = [f"more {number}" for number in range(30)]
     few = left_out_lens(LENS, replace(others, images=tuple(names)), 0.1, order=[*many, *names])
-    assert (found.severity, few.level) == ("bad", "care")
+    assert (found.severity, few.severity) == ("bad", "care")
 
 
 def test_one_photo_of_a_flat_board_has_no_lens_of_its_own(monkeypatch):

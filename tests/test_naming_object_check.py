@@ -14,7 +14,7 @@ from cubicfish_cli.fitting.poses import rotation_from_vector
 from cubicfish_cli.naming.congruence import is_symmetry, similarity
 from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.name_grids import name_grids
-from cubicfish_cli.naming.object_check import ALIKE, Turn, all_corners, check_object, rank_of_lift
+from cubicfish_cli.naming.object_check import ALIKE, Turn, check_object, rank_of_lift
 from cubicfish_cli.naming.places import sides_of
 from cubicfish_cli.target import Board, Markers, Target
 
@@ -58,8 +58,8 @@ def test_rank_by_number_of_planes_in_any_unit(planes, rank):
 
 
 def test_rank_counts_what_the_corners_carry():
-    assert rank_of_lift(all_corners(only(2, 2))) == 4
-    assert rank_of_lift(all_corners(only(4, 4))) == 10
+    assert rank_of_lift(only(2, 2).corners()[3]) == 4
+    assert rank_of_lift(only(4, 4).corners()[3]) == 10
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ def test_turns_of_a_single_board(size, angles, first_square):
     assert sorted(round(turn.angle_deg, 6) for turn in facts.symmetries) == angles
     for turn in facts.symmetries:
         assert abs(turn.axis[2]) == pytest.approx(1)
-        np.testing.assert_allclose(turn.point, all_corners(target).mean(axis=0), atol=1e-9)
+        np.testing.assert_allclose(turn.point, target.corners()[3].mean(axis=0), atol=1e-9)
     assert facts.boards_needed == 1
     assert facts.ambiguous == bool(angles)
 
@@ -118,8 +118,8 @@ def assert_lands(target: Target, turns: tuple[Turn, ...]) -> None:
     for turn in turns:
         about = rotation_from_vector(np.radians(turn.angle_deg) * turn.axis)
         for one, other in zip(turn.boards, turn.onto, strict=True):
-            image = (all_corners(by_name[one]) - turn.point) @ about.T + turn.point
-            apart = np.linalg.norm(image[:, None] - all_corners(by_name[other])[None], axis=-1)
+            image = (by_name[one].corners()[3] - turn.point) @ about.T + turn.point
+            apart = np.linalg.norm(image[:, None] - by_name[other].corners()[3][None], axis=-1)
             assert apart.min(axis=1).max() < 1e-6
 
 
@@ -159,7 +159,7 @@ def test_turns_are_those_of_the_object_wherever_it_is(motion):
     target = Target(units="mm", boards=tuple(moved))
     (turn,) = check_object(target).symmetries
     about = rotation_from_vector(np.radians(turn.angle_deg) * turn.axis)
-    world = all_corners(target)
+    world = target.corners()[3]
     image = (world - turn.point) @ about.T + turn.point
     apart = np.linalg.norm(image[::7, None] - world[None], axis=-1).min(axis=1)
     assert apart.max() < 1e-6

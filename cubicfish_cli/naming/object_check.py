@@ -125,7 +125,7 @@ class ObjectFacts:
 def check_object(target: Target) -> ObjectFacts:
     """Look at the object as drawn; departures that a calibration found do not count."""
     drawn = target.with_flat_boards()
-    world = all_corners(drawn)
+    world = drawn.corners()[3]
     printed = [board for board in drawn.boards if board.points is None]
     plain = [board for board in printed if board.markers is None]
     faced = _faced(printed, world)
@@ -153,15 +153,6 @@ def check_object(target: Target) -> ObjectFacts:
         turned_away=_turned_away(printed),
         crossing=_crossing(printed),
     )
-
-
-def all_corners(target: Target) -> FloatArray:
-    """World points (N, 3) of all corners of the target."""
-    parts = []
-    for board in target.boards:
-        row, column = (part.ravel() for part in np.indices((board.rows, board.columns)))
-        parts.append(board.world_points(column, row))
-    return np.concatenate(parts)
 
 
 def rank_of_lift(world: FloatArray) -> int:

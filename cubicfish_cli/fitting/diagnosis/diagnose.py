@@ -192,11 +192,7 @@ def _of_refined(drawn: ObjectFit, refined: ObjectFit, drawing: Drawing) -> list[
         return []
     measured = {}
     for index in np.unique(drawing.pairs.board):
-        row, column = (
-            part.ravel()
-            for part in np.indices((target.boards[index].rows, target.boards[index].columns))
-        )
-        measured[int(index)] = real.boards[index].world_points(column, row)
+        measured[int(index)] = real.boards[index].world_points(*target.boards[index].places())
     fault = object_fault(target, measured)
     if fault is None or (before < _TIMES_WORSE * after and not _stands_out(fault)):
         return []
@@ -426,8 +422,7 @@ def _failed_object(pairs: Correspondences, target: Target, scale: float) -> Find
     points = {}
     for index, board in measured.boards.items():
         drawn = target.boards[index]
-        row, column = (part.ravel() for part in np.indices((drawn.rows, drawn.columns)))
-        points[index] = board.points(plane_in_squares(drawn, column, row))
+        points[index] = board.points(plane_in_squares(drawn, *drawn.places()))
     fault = object_fault(target, points)
     if fault is None:
         return None

@@ -140,7 +140,7 @@ class _Search:
 
 
 def _grid(index: int, board: Board, points: FloatArray) -> _Grid:
-    row, column = (part.ravel() for part in np.indices((board.rows, board.columns)))
+    column, row = board.places()
     return _Grid(index=index, board=board, column=column, row=row, measured=points)
 
 

@@ -7,6 +7,7 @@ it is linear where the fit stopped, so it costs one pass over the corners.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import comb
 from typing import Literal
@@ -122,58 +123,93 @@ def photo_lenses(
         world: (N, 3) their world points, as fitted.
 
     """
-    reach = min(pairs.image_size) / 2
-    rows = np.empty((len(pairs.pixel), 2, 7 + TERMS))
-    # In runs: the derivatives by the lens, that come with those by the point, are many.
-    for _, run in runs_of_photos(pairs.image, len(pairs.images)):
-        _linearise(rows[run], lens, poses, pairs, world, run)
-    # The loss of the fit: grossly wrong corners must not speak for a photo.
-    miss = rows[:, :, -1]
-    weight = pairs.weight * huber_weight(np.hypot(miss[:, 0], miss[:, 1]), huber_px(miss))
-    rows *= np.sqrt(weight)[:, None, None]
+    photos, triangles = own_triangles(lens, poses, pairs, world, _shear)
+    free = triangles[:, :-1, :-1]
+    own = np.linalg.pinv(free, rcond=1e-9) @ triangles[:, :-1, -1:]
+    off = triangles[:, :, -1:] - np.pad(free, ((0, 0), (0, 1), (0, 0))) @ own
     counts = np.bincount(pairs.image, minlength=len(pairs.images))
-    stops = np.cumsum(counts)
-    photos = np.flatnonzero(counts >= _FEWEST_CORNERS)
-    # What the pose explains is taken out by the first columns of a triangle (QR), and what is
-    # left of the others is all that there is to know of them.
-    triangles = np.empty((len(photos), 7 + TERMS, 7 + TERMS))
-    for place, photo in enumerate(photos):
-        own_rows = rows[stops[photo] - counts[photo] : stops[photo]]
-        triangles[place] = np.linalg.qr(own_rows.reshape(-1, 7 + TERMS), mode="r")
-    free = triangles[:, 6:-1, 6:-1]
-    own = np.linalg.pinv(free, rcond=1e-9) @ triangles[:, 6:-1, -1:]
-    off = triangles[:, 6:, -1:] - np.pad(free, ((0, 0), (0, 1), (0, 0))) @ own
     return PhotoLenses(
-        photos=photos.astype(np.intp),
+        photos=photos,
         own=own[:, :, 0],
         information=free.transpose(0, 2, 1) @ free,
         squares=np.sum(off[:, :, 0] ** 2, axis=1),
         numbers=np.asarray(2.0 * counts[photos] - 6 - TERMS, float),
-        reach=reach,
+        reach=min(pairs.image_size) / 2,
     )
 
 
-def _linearise(
-    rows: FloatArray,
+def own_triangles(
+    lens: FitLens,
+    poses: Poses,
+    pairs: Correspondences,
+    world: FloatArray,
+    more: Callable[[slice, FloatArray, FloatArray], FloatArray],
+) -> tuple[IntArray, FloatArray]:
+    """All that there is to know of what each photo has of its own, beyond its pose.
+
+    Args:
+        lens: the fitted lens.
+        poses: camera_from_world of each of ``pairs.images``.
+        pairs: the pairs of the fit.
+        world: (N, 3) their world points, as fitted.
+        more: terms (n, 2, M) beside scale and shift, for a run of corners, the derivatives
+            (n, 2, 3) of their pixels by their points, and their pixels (n, 2) from the middle in
+            halves of the shorter side.
+
+    Returns:
+        (K,) the photos with enough corners to tell, and (K, 4 + M, 4 + M) triangles (QR) of scale,
+        shift x, shift y, more, and the miss: what the pose explains is taken out.
+
+    """
+    rows = []
+    # In runs: the derivatives by the lens, that come with those by the point, are many.
+    for _, run in runs_of_photos(pairs.image, len(pairs.images)):
+        rows.append(_linearised(lens, poses, pairs, world, run, more))
+    rows_of_all = np.concatenate(rows)
+    # The loss of the fit: grossly wrong corners must not speak for a photo.
+    miss = rows_of_all[:, :, -1]
+    weight = pairs.weight * huber_weight(np.hypot(miss[:, 0], miss[:, 1]), huber_px(miss))
+    rows_of_all *= np.sqrt(weight)[:, None, None]
+    counts = np.bincount(pairs.image, minlength=len(pairs.images))
+    stops, size = np.cumsum(counts), rows_of_all.shape[2]
+    photos = np.flatnonzero(counts >= _FEWEST_CORNERS)
+    triangles = np.empty((len(photos), size - 6, size - 6))
+    for place, photo in enumerate(photos):
+        own = rows_of_all[stops[photo] - counts[photo] : stops[photo]].reshape(-1, size)
+        triangles[place] = np.asarray(np.linalg.qr(own, mode="r"))[6:, 6:]
+    return photos.astype(np.intp), triangles
+
+
+def _linearised(
     lens: FitLens,
     poses: Poses,
     pairs: Correspondences,
     world: FloatArray,
     run: slice,
-) -> None:
-    """Fill rows (n, 2, 12): derivatives by pose and own terms, and the miss, all in pixels."""
+    more: Callable[[slice, FloatArray, FloatArray], FloatArray],
+) -> FloatArray:
+    """(n, 2, 10 + M) derivatives by pose, scale, shift and more, and the miss, all in pixels."""
     image = pairs.image[run]
     rotated = (poses.rotation[image] @ world[run, :, None])[:, :, 0]
     pixel, d_point, _ = lens.project_jacobian(rotated + poses.translation[image])
     middle = (np.array(pairs.image_size, float) - 1) / 2
     from_middle = (pixel - middle) / (min(pairs.image_size) / 2)
-    rows[:, :, :3] = -d_point @ cross_matrix(rotated)
-    rows[:, :, 3:6] = d_point
-    rows[:, :, 6] = from_middle
-    rows[:, :, 7:11] = 0
-    rows[:, 0, 7] = rows[:, 1, 8] = 1
-    rows[:, 0, 9] = rows[:, 1, 10] = from_middle[:, 1]
-    rows[:, :, 11] = pairs.pixel[run] - pixel
+    return np.concatenate(
+        [
+            -d_point @ cross_matrix(rotated),
+            d_point,
+            from_middle[:, :, None],
+            np.broadcast_to(np.eye(2), (len(pixel), 2, 2)),
+            more(run, d_point, from_middle),
+            (pairs.pixel[run] - pixel)[:, :, None],
+        ],
+        axis=2,
+    )
+
+
+def _shear(run: slice, d_point: FloatArray, from_middle: FloatArray) -> FloatArray:
+    """A shift that grows from row to row."""
+    return from_middle[:, 1, None, None] * np.eye(2)
 
 
 def two_lenses(photos: PhotoLenses) -> TwoLenses | None:

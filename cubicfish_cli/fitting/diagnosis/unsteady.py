@@ -10,10 +10,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.fitting.adjustment import huber_weight
-from cubicfish_cli.fitting.poses import cross_matrix
+from cubicfish_cli.fitting.diagnosis.photo_lenses import own_triangles
 from cubicfish_cli.fitting.refinement import ObjectFit
-from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.subset import flatness
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
@@ -21,7 +19,6 @@ from cubicfish_cli.words.finding import Finding
 FloatArray = npt.NDArray[np.float64]
 
 _FEWEST_PHOTOS = 5
-_FEWEST_CORNERS = 12
 # What changes takes this share of the mean squared error away, free numbers counted.
 _CLEAR_MARGIN = 0.4
 # In so many photos it must do so in each; in some, what changes is as in the mean by chance.
@@ -34,42 +31,26 @@ _FLAT = 1e-3  # a refined sheet is bent a little
 def unsteady(fit: ObjectFit) -> Finding | None:
     """What seems to change from photo to photo, as a note; None where nothing clearly does."""
     pairs, poses = fit.companion.pairs, fit.cubic.poses
-    counts = np.bincount(pairs.image, minlength=len(pairs.images))
-    photos = np.flatnonzero(counts >= _FEWEST_CORNERS)
-    if len(photos) < _FEWEST_PHOTOS:
-        return None
     world = fit.cubic.fit.world.points
     flat = flatness(world) < _FLAT
     bend = _bends(world) if flat else np.zeros((len(world), 3, 0))
+
+    def bent(run: slice, d_point: FloatArray, _: FloatArray) -> FloatArray:
+        return np.asarray(d_point @ poses.rotation[pairs.image[run]] @ bend[run])
+
+    photos, triangles = own_triangles(fit.cubic.lens, poses, pairs, world, bent)
+    if len(photos) < _FEWEST_PHOTOS:
+        return None
     terms = {Code.AUTOFOCUS: slice(0, 1), Code.STABILISATION: slice(1, 3)}
     if flat:
         terms[Code.SHEET_BENDS] = slice(3, 6)
-    middle = (np.array(pairs.image_size, float) - 1) / 2
+    equations = 2 * np.bincount(pairs.image, minlength=len(pairs.images))[photos] - 6
+    before = np.sum(triangles[:, :, -1] ** 2, axis=1)
     squares = {cause: np.zeros(len(photos)) for cause in terms}
-    before, equations = np.zeros(len(photos)), 2 * counts[photos] - 6
-    weight = pairs.weight * huber_weight(
-        np.hypot(*fit.cubic.residual.T), huber_px(fit.cubic.residual)
-    )
-    for place, photo in enumerate(photos):
-        own = np.flatnonzero(pairs.image == photo)
-        rotated = world[own] @ poses.rotation[photo].T
-        pixel, d_point, _ = fit.cubic.lens.project_jacobian(rotated + poses.translation[photo])
-        by_pose = np.concatenate([-d_point @ cross_matrix(rotated), d_point], axis=2)
-        scale = ((pixel - middle) / middle.min())[:, :, None]
-        shift = np.broadcast_to(np.eye(2), (len(own), 2, 2))
-        by_bend = d_point @ poses.rotation[photo] @ bend[own]
-        rows = np.concatenate(
-            [by_pose, scale, shift, by_bend, (pairs.pixel[own] - pixel)[:, :, None]], axis=2
-        )
-        rows = (np.sqrt(weight[own])[:, None, None] * rows).reshape(2 * len(own), -1)
-        # What the pose explains is taken out by the first columns of a triangle (QR).
-        left = np.asarray(np.linalg.qr(rows, mode="r"))[6:, 6:]
-        miss = left[:, -1]
-        before[place] = miss @ miss
+    for place, left in enumerate(triangles):
         for cause, columns in terms.items():
-            step = np.linalg.lstsq(left[:, columns], miss, rcond=1e-9)[0]
-            off = miss - left[:, columns] @ step
-            squares[cause][place] = off @ off
+            step = np.linalg.lstsq(left[:, columns], left[:, -1], rcond=1e-9)[0]
+            squares[cause][place] = np.sum((left[:, -1] - left[:, columns] @ step) ** 2)
     variance = float(before.sum() / equations.sum())
     left_free = {cause: equations - (one.stop - one.start) for cause, one in terms.items()}
     each = {cause: float(squares[cause].sum() / left_free[cause].sum()) for cause in terms}
