@@ -65,13 +65,13 @@ def outcome(trial: Trial) -> tuple[Trial, str, list[str], list[str]]:
         return trial, "stopped", [], [str(error)]
     record = found.as_record()
     judged = verdict(record, pairs.image_size, found.camera.outline())
-    words = [finding.line for finding in found.findings if finding.level == "bad"]
+    words = [finding.line for finding in found.findings if finding.severity == "bad"]
     if judged.level == "bad" and not words:
         words = [f"verdict: {judged.line}"]
     return (
         trial,
         judged.level,
-        [f"{finding.cause} ({finding.level})" for finding in found.findings],
+        [f"{finding.code} ({finding.severity})" for finding in found.findings],
         words,
     )
 

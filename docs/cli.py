@@ -17,6 +17,7 @@ import click
 
 from cubicfish_cli.cli.main import cli
 from cubicfish_cli.cli.options import Argument, JsonOption
+from cubicfish_cli.words.codes import Code, Remedy
 
 PAGE = Path(__file__).with_name("cli.md")
 WIDTH = 100
@@ -37,6 +38,12 @@ says beside its results still goes to stderr, and the exit code is the same. An 
 empty; only `undistort`, where some photos failed, prints what was done and what was not, and ends
 with 1. Keys that end in `_px` are pixels, those that end in `_deg` degrees; what is not known, or
 not finite, is `null`. Keys may be added, so take what you know and leave the rest.
+
+What is told beside figures, whether a finding about a set-up, a reason of a verdict, or a photo or
+grid that was refused, is a record with the same keys: `code`, what it is, and `case`, which form of
+it; `severity`, `note`, `care` or `bad`; `remedy`, what helps; `what`, `evidence` and `do`, the same
+for people; `images` and `boards`, the names that it is about, none for all; `figures`, the numbers
+in it. Decide by codes, severities, remedies and figures: sentences may change with any version.
 """
 
 ENVIRONMENT = {
@@ -74,6 +81,11 @@ _CODE = re.compile(
     r"'(?P<quoted>cubicfish [^']+)'|(?P<plain>(?<![\w-])--[a-z][a-z-]*|\$?CUBICFISH_[A-Z]+)"
 )
 _DEFAULT = re.compile(r"\s*\[default: (.*?)\]\.?$")
+
+
+def _words(what: str, kind: type[Code] | type[Remedy]) -> str:
+    text = f"{what}: {', '.join(f'`{one.value}`' for one in kind)}."
+    return textwrap.fill(text, WIDTH, break_on_hyphens=False) + "\n"
 
 
 def walk(
@@ -116,6 +128,8 @@ def page() -> str:
         "Results go to stdout, everything else to stderr; progress is shown on a terminal only.\n",
         "## JSON\n",
         JSON,
+        _words("Codes", Code),
+        _words("Remedies", Remedy),
         "## Environment\n",
         _list([f"`{name}`: {_with_default(text)}" for name, text in ENVIRONMENT.items()]),
         "## Completion in the shell\n",

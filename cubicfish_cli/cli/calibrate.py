@@ -171,7 +171,7 @@ def command(
     jobs: int | None,
     no_cache: bool,
 ) -> None:
-    """Calibrate a camera from PHOTOS (files, folders or globs) of the object in target.yaml.
+    """Calibrate a camera from PHOTOS (files, folders or globs) of the target in target.yaml.
 
     One flat checkerboard needs no file: --board 9x6 --square 25mm says it all. A corners.csv,
     from 'cubicfish detect' or any other detector, may stand for the photos. Of films, frames are

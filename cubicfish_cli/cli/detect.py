@@ -87,7 +87,7 @@ def command(
     scheduler: SchedulerOptions,
     no_cache: bool,
 ) -> None:
-    """Find the corners of the object in PHOTOS (files, folders or globs) and name them.
+    """Find the corners of the target in PHOTOS (files, folders or globs) and name them.
 
     The result is a table, one corner a line: image, board, column, row, x, y.
     """

@@ -154,7 +154,7 @@ def command(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Render photos of the object in target.yaml as a camera would take them.
+    """Render photos of the target in target.yaml as a camera would take them.
 
     The camera is a camera.yaml, or a lens given by its formula as in sample_data/true_camera.yaml.
     A lens that the cubic can hold flatters the fit: --lens takes others.

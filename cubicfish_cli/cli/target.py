@@ -18,7 +18,7 @@ from cubicfish_cli.cli.options import common_options, examples
 )
 @common_options
 def command() -> None:
-    """Print the calibration object, and look at it before any photo is taken."""
+    """Print the calibration target, and look at it before any photo is taken."""
 
 
 command.add_command(target_print.command)

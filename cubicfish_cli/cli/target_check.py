@@ -57,7 +57,7 @@ _LABEL, _LINE = 12, 96
 def command(target: Path, draw: Path | None, overwrite: bool, as_json: bool) -> None:
     """Check TARGET, a target.yaml, before you take photos.
 
-    Says which boards are where, how many photos to take, whether boards or the whole object can
+    Says which boards are where, how many photos to take, whether boards or the whole target can
     be mistaken for something else in photos, and what looks like a slip of the pen. The exit
     code is 1 only when the file is no usable target.
     """

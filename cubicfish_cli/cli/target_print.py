@@ -134,11 +134,11 @@ def command(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Print the boards of TARGET, or those of a new object that fits the paper.
+    """Print the boards of TARGET, or those of a new target that fits the paper.
 
     Writes boards.pdf, pages to be printed at 100 %, each with a ruler, the board's name and which
     way up it is; boards that are larger than the paper are in parts to be glued together. A new
-    object comes with its target.yaml and with assembly.pdf, which says how to join the boards.
+    target comes with its target.yaml and with assembly.pdf, which says how to join the boards.
     """
     _refuse_mixed(target, kind, (board_type, square, counts, dictionary), boards)
 
