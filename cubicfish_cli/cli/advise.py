@@ -106,7 +106,7 @@ def command(
 
     Reads FOLDER (by default: calibration): the camera, its poses, and the corners beside it. Says
     which parts of the picture are empty, which tilts and distances are missing and how many more
-    photos it takes, and proposes the three that would help most: where the object should be in
+    photos it takes, and proposes the three that would help most: where the target should be in
     the picture, and how far that lowers the camera's uncertainty, worked out from the fit's own
     equations. Says "enough" when it is.
     """

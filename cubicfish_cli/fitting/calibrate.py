@@ -15,7 +15,7 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.companion import CHECK_ALL, Companion, fit_companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
 from cubicfish_cli.fitting.departures import Departure, departures
-from cubicfish_cli.fitting.diagnosis.diagnose import explained, find_faults, within_noise
+from cubicfish_cli.fitting.diagnosis.diagnose import Evidence, explained, find_faults, within_noise
 from cubicfish_cli.fitting.diagnosis.repeats import repeated_groups
 from cubicfish_cli.fitting.findings import (
     coverage,
@@ -311,14 +311,15 @@ def _calibrated(
     notes = dropped_groups(pairs, [(c.image, c.board, c.error_px) for c in dropped])
     findings: list[Finding] = []
     if known is not None:
-        findings = find_faults(
-            pairs,
+        evidence = Evidence(
+            pairs=pairs,
             drawn=drawn,
             fit=fit,
             drawing=drawing,
             dropped=[(corner.image, corner.board) for corner in dropped],
             known=known,
         )
+        findings = find_faults(evidence)
     # What is put down to one board, or to the lens, is not doubted of every board.
     wrong = any(finding.code in _INSTEAD_OF_DOUBTS for finding in findings)
     notes += coverage_notes(share, len(used.images), not hold_out or fit.level in held_out_by_level)

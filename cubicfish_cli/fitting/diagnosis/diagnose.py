@@ -6,9 +6,10 @@ worse than the corners' own noise explains, or where photos or boards do not fit
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -62,18 +63,11 @@ _AGREES = 6.0
 _SAID_RATIOS = {25.4: "inches_mm", 10.0: "cm_mm", 1000.0: "m_mm", 2.54: "inches_cm"}
 
 
-def find_faults(
-    pairs: Correspondences,
-    *,
-    drawn: ObjectFit,
-    fit: ObjectFit,
-    drawing: Drawing,
-    dropped: Sequence[tuple[str, str | None]],
-    known: Sequence[Finding] = (),
-) -> list[Finding]:
-    """What is likely wrong with a set-up of which the fit succeeded.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evidence:
+    """What hypotheses are judged by.
 
-    Args:
+    Attributes:
         pairs: all pairs, in the target's units.
         drawn: the fit to the object as drawn.
         fit: the final fit.
@@ -82,23 +76,79 @@ def find_faults(
         known: what was found before the fit, and comes first.
 
     """
-    findings = [*known, *_handed(pairs)]
-    if any(finding.severity is Severity.BAD for finding in known):
-        # Corners that are named by a wrong drawing say nothing of the lens or of the drawing.
-        return findings + _repeats(fit)
-    lenses = lens_findings(fit, drawn)
-    findings += lenses
-    if not any(finding.severity is Severity.BAD for finding in lenses):
-        findings += _of_object(drawn, fit, drawing)
-    if not any(one.severity is Severity.BAD or one.code is Code.SHEARED for one in findings):
-        changing = unsteady(fit)
-        if changing is not None:
-            # Where all photos differ, those that do so most are not odd.
-            findings = [one for one in findings if one.code is not Code.PHOTO_LENS] + [changing]
-    findings += _of_left_out(pairs, fit, drawing, dropped, findings)
-    if drawing.target is not None and not any(one.code is Code.CORNER_COUNT for one in known):
-        findings += _counted_squares(pairs, drawing.target)
-    return findings + _repeats(fit)
+
+    pairs: Correspondences
+    drawn: ObjectFit
+    fit: ObjectFit
+    drawing: Drawing
+    dropped: Sequence[tuple[str, str | None]]
+    known: Sequence[Finding] = ()
+
+
+class Hypothesis(NamedTuple):
+    """One kind of thing that may be wrong.
+
+    Attributes:
+        explain: what is found of it, from the evidence and what was found before.
+        applies: whether what was found before leaves anything to be explained by it.
+        instead_of: what it makes needless, where it is found.
+
+    """
+
+    explain: Callable[[Evidence, Sequence[Finding]], list[Finding]]
+    applies: Callable[[Evidence, Sequence[Finding]], bool] = lambda evidence, found: True
+    instead_of: tuple[Code, ...] = ()
+
+
+def _is_named(evidence: Evidence, _: Sequence[Finding]) -> bool:
+    """Corners that are named by a wrong drawing say nothing of the lens or of the drawing."""
+    return not _is_bad(evidence.known)
+
+
+def _is_bad(found: Sequence[Finding]) -> bool:
+    return any(finding.severity is Severity.BAD for finding in found)
+
+
+def _lacks(code: Code, found: Sequence[Finding]) -> bool:
+    return all(finding.code is not code for finding in found)
+
+
+# What is tried, one after the other: from what costs least, as far as one depends on another.
+HYPOTHESES = (
+    Hypothesis(lambda e, found: _handed(e.pairs)),
+    Hypothesis(lambda e, found: lens_findings(e.fit, e.drawn), _is_named),
+    Hypothesis(
+        lambda e, found: _of_object(e.drawn, e.fit, e.drawing), lambda e, found: not _is_bad(found)
+    ),
+    Hypothesis(
+        lambda e, found: unsteady(e.fit),
+        lambda e, found: not _is_bad(found) and _lacks(Code.SHEARED, found),
+        # Where all photos differ, those that do so most are not odd.
+        instead_of=(Code.PHOTO_LENS,),
+    ),
+    Hypothesis(
+        lambda e, found: _of_left_out(e.pairs, e.fit, e.drawing, e.dropped, found), _is_named
+    ),
+    Hypothesis(
+        lambda e, found: _counted_squares(e.pairs, e.drawing.target),
+        lambda e, found: (
+            _is_named(e, found) and all(one.code is not Code.CORNER_COUNT for one in found)
+        ),
+    ),
+    Hypothesis(lambda e, found: _repeats(e.fit)),
+)
+
+
+def find_faults(evidence: Evidence) -> list[Finding]:
+    """What is likely wrong with a set-up of which the fit succeeded."""
+    found = list(evidence.known)
+    for hypothesis in HYPOTHESES:
+        if hypothesis.applies(evidence, found):
+            more = hypothesis.explain(evidence, found)
+            if more:
+                found = [one for one in found if one.code not in hypothesis.instead_of]
+            found += more
+    return found
 
 
 def explained(
@@ -332,13 +382,13 @@ def _left_out(
     return names
 
 
-def _counted_squares(pairs: Correspondences, target: Target) -> list[Finding]:
+def _counted_squares(pairs: Correspondences, target: Target | None) -> list[Finding]:
     """Boards that are seen whole in photos, but for the last column and row that they are to have.
 
     Corners that come as a table may be counted rightly where the target's squares are counted.
     """
     boards = []
-    for index, board in enumerate(target.boards):
+    for index, board in enumerate(target.boards if target else ()):
         own = pairs.board == index
         if board.points is not None or not own.any() or min(board.columns, board.rows) < 3:
             continue

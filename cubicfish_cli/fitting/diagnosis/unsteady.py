@@ -28,8 +28,8 @@ _NOTICED_PX, _SIDE = 0.1, 2000.0
 _FLAT = 1e-3  # a refined sheet is bent a little
 
 
-def unsteady(fit: ObjectFit) -> Finding | None:
-    """What seems to change from photo to photo, as a note; None where nothing clearly does."""
+def unsteady(fit: ObjectFit) -> list[Finding]:
+    """What seems to change from photo to photo, as a note; empty where nothing clearly does."""
     pairs, poses = fit.companion.pairs, fit.cubic.poses
     world = fit.cubic.fit.world.points
     flat = flatness(world) < _FLAT
@@ -40,7 +40,7 @@ def unsteady(fit: ObjectFit) -> Finding | None:
 
     photos, triangles = own_triangles(fit.cubic.lens, poses, pairs, world, bent)
     if len(photos) < _FEWEST_PHOTOS:
-        return None
+        return []
     terms = {Code.AUTOFOCUS: slice(0, 1), Code.STABILISATION: slice(1, 3)}
     if flat:
         terms[Code.SHEET_BENDS] = slice(3, 6)
@@ -59,10 +59,10 @@ def unsteady(fit: ObjectFit) -> Finding | None:
     # In many photos, not in a few that are odd.
     own_share = squares[cause] / left_free[cause] * equations / np.maximum(before, 1e-300)
     if max(each[cause] / variance, float(np.quantile(own_share, _MANY))) > 1 - _CLEAR_MARGIN:
-        return None
+        return []
     if change_px < _NOTICED_PX * max(1.0, max(pairs.image_size) / _SIDE):
-        return None
-    return Finding(
+        return []
+    told = Finding(
         code=cause,
         figures={
             "size_px": change_px,
@@ -70,6 +70,7 @@ def unsteady(fit: ObjectFit) -> Finding | None:
             "after_px": float(np.sqrt(2 * each[cause])),
         },
     )
+    return [told]
 
 
 def _bends(world: FloatArray) -> FloatArray:
