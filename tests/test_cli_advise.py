@@ -38,7 +38,7 @@ def test_a_poor_calibration(run: Run, poor: Path, tmp_path: Path) -> None:
     said = run("advise", poor / "calibration", "-o", svg, "--poses", poses).stdout
     assert "Not enough: " in said
     assert "No corners here:" in said
-    assert "  1  Put the object " in said
+    assert "  1  Put the target " in said
     assert "Lowers the uncertainty there from" in said
     assert "  3  Put" in said
     assert f"wrote {svg}" in said
@@ -57,7 +57,7 @@ def test_a_poor_calibration(run: Run, poor: Path, tmp_path: Path) -> None:
 def test_the_goal_and_the_seed_are_asked_for(run: Run, calibrated: Path) -> None:
     said = run("advise", calibrated).stdout
     assert "Enough: more photos are not needed." in said
-    assert "Put the object" not in said
+    assert "Put the target" not in said
     demanding = run("advise", calibrated, "--goal", 0.0001, "--json").stdout
     assert json.loads(demanding)["enough"] is False
     other = run("advise", calibrated, "--goal", 0.0001, "--seed", 5, "--json").stdout
@@ -112,7 +112,7 @@ def test_what_point_cameras_and_bare_pairs_cannot(run: Run, poor: Path, tmp_path
     said = run("advise", tmp_path / "c")
     assert "No corners here:" in said.stdout
     assert "came without a target" in said.stderr
-    assert "Put the object" not in said.stdout
+    assert "Put the target" not in said.stdout
 
 
 def test_pictures_are_svg(run: Run, calibrated: Path, tmp_path: Path) -> None:

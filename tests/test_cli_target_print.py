@@ -292,7 +292,7 @@ def test_pages_are_the_same_bytes_again_and_are_not_replaced(
 @pytest.mark.parametrize(
     ("args", "code", "said"),
     [
-        ([], 2, "make an object with --object"),
+        ([], 2, "make a target with --object"),
         (["t.yaml", "--object", "box"], 2, "give the one or the other"),
         (["t.yaml", "--square", "3mm"], 2, "give the one or the other"),
         (["--object", "box", "--board", "left"], 2, "name a target.yaml"),

@@ -294,11 +294,7 @@ def _of_rim(fit: Mapping[str, Any], scale: float) -> Iterator[Finding]:
         return
     if covered - around > _EXTRAPOLATED_DEG and edge / scale > CERTAIN_PX:
         yield from _reason(
-            Severity.CARE,
-            Code.EXTRAPOLATED,
-            covered_deg=covered,
-            around_deg=around,
-            edge_px=edge,
+            Severity.CARE, Code.EXTRAPOLATED, covered_deg=covered, around_deg=around, edge_px=edge
         )
 
 

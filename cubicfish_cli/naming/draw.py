@@ -13,7 +13,9 @@ from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.naming.canvas import BLACK, WHITE, Canvas, Colour, ColourPicture
 from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.detect import PhotoReport
+from cubicfish_cli.naming.remarks import CODES
 from cubicfish_cli.photos import Picture
+from cubicfish_cli.words.finding import Finding
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
@@ -30,15 +32,6 @@ BOARD_COLOURS: tuple[Colour, ...] = (
 )
 LEFT_OUT: Colour = (60, 60, 255)  # red
 REFUSED: Colour = (190, 190, 190)
-_WHY = {
-    Verdict.AMBIGUOUS: "several places fit",
-    Verdict.SLIDE: "no end of a board in view",
-    Verdict.TWIN: "one of several boards alike",
-    Verdict.NO_FIT: "fits no place",
-    Verdict.TOO_LARGE: "larger than every board",
-    Verdict.COLOURS: "light where the board is dark",
-    Verdict.NOT_PLANE: "not a plane of squares",
-}
 _TURN = np.arange(24) * (np.pi / 12)
 _RING = np.stack([np.cos(_TURN), np.sin(_TURN)], axis=-1)
 _SQUARE = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
@@ -180,7 +173,10 @@ def _left_out(report: PhotoReport) -> list[tuple[_Mesh, str]]:
     if report.found is None:
         return []
     return [
-        (_Mesh(cells=grid.cells, pixel=grid.pixel), _WHY[fate.verdict])
+        (
+            _Mesh(cells=grid.cells, pixel=grid.pixel),
+            Finding(code=CODES[fate.verdict], case="short").what,
+        )
         for grid, fate in zip(report.found.grids, report.grids, strict=True)
         if not fate.named
     ]

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.fitting.diagnosis.object_faults import ORDERS, flat_points
+from cubicfish_cli.fitting.diagnosis.object_faults import COUNTED, ORDERS, flat_points
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import select
@@ -182,17 +182,6 @@ def _stepped(step: tuple[int, int]) -> Misnaming:
     )
 
 
-# Orders in which corners may be counted, and what they are called.
-_COUNTED = {
-    "columns_backwards": "columns_backwards",
-    "rows_backwards": "rows_backwards",
-    "half_a_turn": "half_a_turn",
-    "exchanged": "exchanged",
-    "a_quarter_turn": "a_quarter_turn",
-    "a_quarter_turn_back": "a_quarter_turn",
-}
-
-
 def _meant(
     camera: RadialCamera,
     rotation: FloatArray,
@@ -210,11 +199,11 @@ def _meant(
     ]
     tried += [
         (
-            Misnaming(code=Code.BOARD_ORDER, named=named),
+            Misnaming(code=Code.BOARD_ORDER, named=order.removesuffix("_back")),
             board,
             *ORDERS[order](c, r, board.columns, board.rows),
         )
-        for order, named in _COUNTED.items()
+        for order in COUNTED
     ]
     tried += [
         (

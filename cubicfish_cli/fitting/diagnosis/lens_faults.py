@@ -142,14 +142,7 @@ def _of_few(
     part = fit_of_few(fit, photos.photos[few])
     return (
         part,
-        replace(
-            photos,
-            photos=np.arange(len(few)),
-            own=photos.own[few],
-            information=photos.information[few],
-            squares=photos.squares[few],
-            numbers=photos.numbers[few],
-        ),
+        photos.some(few),
         replace(split, second=split.second[few]),
         rms_px(part.cubic.residual),
     )
@@ -495,9 +488,5 @@ def _single_finding(certain: list[Unlike], pairs: Correspondences, code: Code) -
         # A camera that eight others determine hardly hangs on one.
         severity=Severity.NOTE if len(certain) == 1 else Severity.CARE,
         images=tuple(pairs.images[one.photo] for one in certain),
-        figures={
-            "size_px": most.size_px,
-            "share": most.share,
-            "worst": pairs.images[most.photo],
-        },
+        figures={"size_px": most.size_px, "share": most.share, "worst": pairs.images[most.photo]},
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 from typing import Any, Literal
 
@@ -44,6 +45,8 @@ ORDERS: Mapping[str, _Order] = {
     "exchanged_backwards": lambda c, r, C, R: (R - 1 - r, C - 1 - c),
 }
 """The eight ways to count a board's corners, by their keys in what is told (words/catalogue.py)."""
+COUNTED = tuple(ORDERS)[1:7]
+"""Those of them that one photo's corners may be in, where others are in none."""
 EXCHANGED = ("exchanged", "a_quarter_turn", "a_quarter_turn_back", "exchanged_backwards")
 """Orders that a drawing with rows and columns exchanged may have."""
 # The places of (0, 0) may also be meant on the other end of the same axes: a flipped axis.
@@ -89,15 +92,13 @@ class _Grid:
 
     index: int
     board: Board
-    column: IntArray
-    row: IntArray
     measured: FloatArray
 
     def drawn(self, order: str = "as_it_is", *, on: Board | None = None) -> FloatArray:
         board = on or self.board
         change = ORDERS.get(order) or _FLIPS[order]
-        plane = change(self.column, self.row, self.board.columns, self.board.rows)
-        return flat_points(board, *plane)
+        column, row = self.board.places()
+        return flat_points(board, *change(column, row, self.board.columns, self.board.rows))
 
 
 def object_fault(target: Target, measured: Mapping[int, FloatArray]) -> Fault | None:
@@ -113,7 +114,7 @@ def object_fault(target: Target, measured: Mapping[int, FloatArray]) -> Fault | 
 
     """
     grids = [
-        _grid(index, target.boards[index], points)
+        _Grid(index=index, board=target.boards[index], measured=points)
         for index, points in sorted(measured.items())
         if target.boards[index].points is None
     ]
@@ -124,7 +125,8 @@ def object_fault(target: Target, measured: Mapping[int, FloatArray]) -> Fault | 
     if before < 1e-9 * size:
         return None
     simple = _Search(grids, before)
-    for level in (_other_orders, _squares, _places, _squares_and_places):
+    elsewhere, resized = partial(_elsewhere, scaled=False), partial(_elsewhere, scaled=True)
+    for level in (_other_orders, _squares, elsewhere, resized):
         if level is _other_orders and before < _FAR * size:
             continue
         found = [fault for fault in level(simple) if fault.after <= _EXPLAINED * before]
@@ -137,11 +139,6 @@ def object_fault(target: Target, measured: Mapping[int, FloatArray]) -> Fault | 
 class _Search:
     grids: list[_Grid]
     before: float
-
-
-def _grid(index: int, board: Board, points: FloatArray) -> _Grid:
-    column, row = board.places()
-    return _Grid(index=index, board=board, column=column, row=row, measured=points)
 
 
 def flat_points(board: Board, column: npt.NDArray[Any], row: npt.NDArray[Any]) -> FloatArray:
@@ -176,19 +173,12 @@ def _fault(
     kind: Kind,
     drawn: list[FloatArray],
     boards: tuple[int, ...],
-    *,
-    order: str = "",
-    ratio: float = 1.0,
-    shift: float = 0.0,
-    turn_deg: float = 0.0,
+    **more: Any,
 ) -> Fault:
     return Fault(
+        **more,
         kind=kind,
         boards=boards,
-        order=order,
-        ratio=ratio,
-        shift=shift,
-        turn_deg=turn_deg,
         before=search.before,
         after=_difference(drawn, search.grids, mirror=kind == "mirror"),
         points={grid.index: points for grid, points in zip(search.grids, drawn, strict=True)},
@@ -264,14 +254,6 @@ def _size_ratio(grid: _Grid) -> float:
         np.linalg.norm(grid.measured - grid.measured.mean(axis=0))
         / np.linalg.norm(drawn - drawn.mean(axis=0))
     )
-
-
-def _places(search: _Search) -> Iterator[Fault]:
-    yield from _elsewhere(search, scaled=False)
-
-
-def _squares_and_places(search: _Search) -> Iterator[Fault]:
-    yield from _elsewhere(search, scaled=True)
 
 
 def _elsewhere(search: _Search, *, scaled: bool) -> Iterator[Fault]:

@@ -28,6 +28,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 # What a photo may have of its own: scale, shift x, shift y; and a shift x, y that grows by rows.
 TERMS = 5
+_EACH = ("own", "information", "squares", "numbers")
 _LENS = slice(0, 3)
 _SHEAR = slice(3, 5)
 # Twice as many equations as unknowns, that are 6 of the pose and these.
@@ -63,10 +64,13 @@ class PhotoLenses:
     numbers: FloatArray
     reach: float
 
-    def cost(self, own: FloatArray) -> FloatArray:
-        """(K,) sum of squared errors of each photo if it had these (K, 5) or (5,) instead."""
-        off = own - self.own
-        return np.asarray(self.squares + np.einsum("ki,kij,kj->k", off, self.information, off))
+    def some(self, few: IntArray) -> PhotoLenses:
+        """Those at some places, as if there were no others."""
+        return PhotoLenses(
+            photos=np.arange(len(few)),
+            reach=self.reach,
+            **{name: getattr(self, name)[few] for name in _EACH},
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
