@@ -498,6 +498,17 @@ def test_a_video_becomes_a_video(run: Run, model: Path, tmp_path: Path) -> None:
     assert run(*args, "--skip-existing").stdout == "nothing to do\n"
 
 
+def test_a_video_needs_the_name_of_one(run: Run, model: Path, tmp_path: Path) -> None:
+    write_video(tmp_path / "a.mp4")
+    for name, says in (
+        ("frames", "frames/ is a folder: name a video such as flat.mp4"),
+        ("flat.png", "flat.png is no video: name a video such as "),
+    ):
+        said = run("undistort", tmp_path / "a.mp4", tmp_path / name, "-m", model, code=2).stderr
+        assert says in said
+        assert not (tmp_path / name).exists()
+
+
 def test_a_bad_video_is_named_and_the_rest_done(run: Run, model: Path, tmp_path: Path) -> None:
     write_video(tmp_path / "a.mp4")
     (tmp_path / "b.mp4").write_bytes(b"nothing")
