@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.errors import OutputError, PhotoError
+from cubicfish_cli.errors import MISSING, OutputError, PhotoError
 from cubicfish_cli.photos import MAX_PIXELS, shown
 
 Picture = npt.NDArray[Any]
@@ -86,7 +86,7 @@ class Recording:
         """Open it."""
         self._path, topic = file_and_topic(path)
         if not self._path.exists():
-            raise PhotoError(f"{shown(self._path)} does not exist")
+            raise PhotoError(f"{shown(self._path)} {MISSING}")
         self._reader = self._opened()
         try:
             self._connections = self._of_topic(topic)
