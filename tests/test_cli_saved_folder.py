@@ -54,7 +54,7 @@ def test_the_object_is_beside_it_or_named(run: Run, saved: Saved, beside: bool) 
 @pytest.mark.parametrize(
     ("names", "why", "do"),
     [
-        (["corners.csv"], "no target.yaml is beside the camera", "name the object with --target"),
+        (["corners.csv"], "no target.yaml is beside the camera", "name the target with --target"),
         (["target.yaml"], "there is no corners.csv beside the camera", "with --corners"),
         ([], "there is no corners.csv beside the camera", "with --corners"),
     ],
@@ -83,7 +83,7 @@ def test_a_fitted_object_is_asked_for_by_its_file(run: Run, saved: Saved) -> Non
     assert changed != text
     camera.write_text(changed, encoding="utf-8")
     said = run("advise", folder, code=1).stderr
-    assert "target.refined.yaml is not beside the camera: name the object with --target" in said
+    assert "target.refined.yaml is not beside the camera: name the target with --target" in said
     # The object as drawn is not the one of such a fit.
     camera.write_text(changed.replace(f"  rms_px: {rms}\n", "  rms_px: 0.5\n"), encoding="utf-8")
     said = run("advise", folder, "--target", TARGET, code=1).stderr
