@@ -13,10 +13,10 @@ from conftest import Run
 from cubicfish_cli.cli import export as export_command
 from cubicfish_cli.cli import import_camera
 from cubicfish_cli.cli.export import FORMATS, _rounded_up
-from cubicfish_cli.fitting.conversion.outline import within
 from cubicfish_cli.formats import foreign
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.formats.foreign import FILE_NAMES
+from cubicfish_cli.geometry import inside_polygon
 
 # The other lenses of COLMAP are in test_formats_colmap.
 LENS_FORMATS = sorted({*foreign.LENS_OF} - {"colmap-eucm", "colmap-thin-prism-fisheye"})
@@ -465,7 +465,7 @@ def test_inside_an_outline():
     outline = np.array([[0, 0], [10, 0], [10, 10], [5, 3], [0, 10]], float)
     pixel = np.array([[5, 1], [5, 5], [1, 7], [9, 7], [-1, 5], [np.nan, 1], [11, 0]])
     np.testing.assert_array_equal(
-        within(pixel, outline), [True, False, True, True, False, False, False]
+        inside_polygon(pixel, outline), [True, False, True, True, False, False, False]
     )
 
 

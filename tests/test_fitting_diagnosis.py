@@ -22,7 +22,7 @@ from cubicfish_cli.fitting.diagnosis.finding import Finding, listed, percent
 from cubicfish_cli.fitting.diagnosis.handedness import local_noise_px, neighbours, seen_sides
 from cubicfish_cli.fitting.diagnosis.lens_faults import LensChange, left_out_lens, lens_change
 from cubicfish_cli.fitting.diagnosis.measured_object import measured_object, plane_in_squares
-from cubicfish_cli.fitting.diagnosis.object_faults import object_fault, similarity
+from cubicfish_cli.fitting.diagnosis.object_faults import object_fault
 from cubicfish_cli.fitting.diagnosis.photo_lenses import (
     BY_CHANCE,
     PhotoLenses,
@@ -35,6 +35,7 @@ from cubicfish_cli.fitting.diagnosis.repeats import NEAR_SHARE, repeated_groups
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
+from cubicfish_cli.geometry import similarity
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.target import BoardShape
 
@@ -191,13 +192,13 @@ def test_the_similarity_between_points_is_found_and_never_a_mirror():
     rng = np.random.default_rng(1)
     points = rng.normal(size=(20, 3))
     turn = 2.5 * Rotation.random(random_state=rng).as_matrix()
-    linear, shift = similarity(points, points @ turn.T + [1, 2, 3])
-    np.testing.assert_allclose(linear, turn, atol=1e-12)
-    np.testing.assert_allclose(shift, [1, 2, 3], atol=1e-12)
-    linear, _ = similarity(points, points * [1, 1, -1])
-    assert np.linalg.det(linear) > 0
-    linear, _ = similarity(points, 3 * points, scaled=False)
-    np.testing.assert_allclose(linear @ linear.T, np.eye(3), atol=1e-12)
+    found = similarity(points, points @ turn.T + [1, 2, 3])
+    np.testing.assert_allclose(found.scale * found.rotation, turn, atol=1e-12)
+    np.testing.assert_allclose(found.shift, [1, 2, 3], atol=1e-12)
+    assert np.linalg.det(similarity(points, points * [1, 1, -1]).rotation) > 0
+    found = similarity(points, 3 * points, scaled=False)
+    assert found.scale == 1
+    np.testing.assert_allclose(found.rotation @ found.rotation.T, np.eye(3), atol=1e-12)
 
 
 def test_a_right_drawing_has_no_fault():
@@ -283,8 +284,8 @@ def test_the_object_is_measured_from_photos_without_its_drawing(pairs):
         row, column = (part.ravel() for part in np.indices((TARGET.boards[index].rows, 5)))
         seen.append(board.points(plane_in_squares(drawn.boards[index], column, row)))
         truth.append(TARGET.boards[index].world_points(column, row))
-    linear, shift = similarity(np.concatenate(seen), np.concatenate(truth))
-    miss = np.concatenate(seen) @ linear.T + shift - np.concatenate(truth)
+    seen, truth = np.concatenate(seen), np.concatenate(truth)
+    miss = similarity(seen, truth)(seen) - truth
     assert np.abs(miss).max() < 0.5  # mm, of an object of half a metre
 
 

@@ -17,8 +17,9 @@ from synthetic import (
 from cubicfish_cli.correspondences import load_corners
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.fitting.poses import rotation_from_vector
+from cubicfish_cli.geometry import similarity
 from cubicfish_cli.model.radial import RadialCamera
-from cubicfish_cli.naming.congruence import is_symmetry, similarity
+from cubicfish_cli.naming.congruence import is_symmetry
 from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.name_grids import Naming, Place, name_grids
 from cubicfish_cli.naming.places import sides_of
