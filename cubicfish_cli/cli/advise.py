@@ -19,6 +19,7 @@ from cubicfish_cli.cli.options import (
     json_option,
     model_option,
     model_path,
+    output_option,
     overwrite_option,
     target_option,
 )
@@ -59,13 +60,7 @@ _MOST_PARTS = 4
     metavar="FILE",
     help="The corners.csv that the camera was calibrated from, where it is not beside it.",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=FILE,
-    metavar="FILE.svg",
-    help="Also draw where the object should appear.",
-)
+@output_option("Also draw where the object should appear.", metavar="FILE.svg")
 @click.option(
     "--poses",
     type=FILE,

@@ -34,7 +34,6 @@ from cubicfish_cli.cli.next_step import say_next
 from cubicfish_cli.cli.numbers import IntRange
 from cubicfish_cli.cli.options import (
     FILE,
-    FOLDER,
     Argument,
     common_options,
     examples,
@@ -42,6 +41,7 @@ from cubicfish_cli.cli.options import (
     json_option,
     max_rms_option,
     no_cache_option,
+    output_option,
     overwrite_option,
     size_option,
 )
@@ -99,14 +99,10 @@ MAP = "undistort_map.npz"
     help="2D-3D pairs instead of photos: a CSV file with the columns image,X,Y,Z,x,y.",
 )
 @size_option
-@click.option(
-    "-o",
-    "--output",
-    type=FOLDER,
-    default=Path("calibration"),
-    show_default=True,
-    metavar="FOLDER",
-    help="Where camera.yaml, undistort_map.npz, corners.csv and report.html go.",
+@output_option(
+    "Where camera.yaml, undistort_map.npz, corners.csv and report.html go.",
+    default="calibration",
+    folder=True,
 )
 @click.option("--title", metavar="TEXT", help="What to call this camera, in its file and report.")
 @click.option(

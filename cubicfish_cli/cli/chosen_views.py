@@ -12,7 +12,7 @@ import click
 
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import FILE, Decorated
+from cubicfish_cli.cli.options import FILE, bundle
 from cubicfish_cli.cli.target_choice import target_path
 from cubicfish_cli.cli.view_options import ChosenView, SeenField, ViewOptions
 
@@ -286,48 +286,35 @@ def _poses_of(fit: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
     return poses
 
 
-def plane_options(function: Decorated) -> Decorated:
-    """The options; the command gets them as one argument, ``plane``."""
-    import functools
-
-    @functools.wraps(function)
-    def with_plane(*args: Any, **options: Any) -> Any:
-        names = ("board", "target", "pixels_a_unit", "margin")
-        plane = PlaneOptions(**{name: options.pop(name) for name in names})
-        return function(*args, plane=plane, **options)
-
-    decorators: tuple[Callable[[Any], Any], ...] = (
-        click.option(
-            "--margin",
-            type=FloatRange(0, 1_000_000),
-            metavar="UNITS",
-            help="Of a plane: how far it goes on beyond the outer corners. [default: a square]",
-        ),
-        click.option(
-            "--pixels-per-unit",
-            "pixels_a_unit",
-            type=FloatRange(1e-9, 1_000_000_000),
-            metavar="N",
-            help="Scale of a plane: pixels per mm, or whatever the target's units are. [default: "
-            "the largest that the photo has there]",
-        ),
-        click.option(
-            "-t",
-            "--target",
-            type=FILE,
-            metavar="FILE",
-            help="The calibration object: a target.yaml, or one of Kalibr's target files. Where "
-            "one is needed, ./target.yaml stands for it; for --plane.",
-        ),
-        click.option(
-            "--plane",
-            "board",
-            metavar="BOARD",
-            help="The metric picture of a board's plane instead of a view; needs --target.",
-        ),
-    )
-    decorated: Any = with_plane
-    for decorator in decorators:
-        decorated = decorator(decorated)
-    result: Decorated = decorated
-    return result
+plane_options = bundle(
+    "plane",
+    PlaneOptions,
+    click.option(
+        "--plane",
+        "board",
+        metavar="BOARD",
+        help="The metric picture of a board's plane instead of a view; needs --target.",
+    ),
+    click.option(
+        "-t",
+        "--target",
+        type=FILE,
+        metavar="FILE",
+        help="The calibration object: a target.yaml, or one of Kalibr's target files. Where "
+        "one is needed, ./target.yaml stands for it; for --plane.",
+    ),
+    click.option(
+        "--pixels-per-unit",
+        "pixels_a_unit",
+        type=FloatRange(1e-9, 1_000_000_000),
+        metavar="N",
+        help="Scale of a plane: pixels per mm, or whatever the target's units are. [default: "
+        "the largest that the photo has there]",
+    ),
+    click.option(
+        "--margin",
+        type=FloatRange(0, 1_000_000),
+        metavar="UNITS",
+        help="Of a plane: how far it goes on beyond the outer corners. [default: a square]",
+    ),
+)

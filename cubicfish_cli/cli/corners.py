@@ -16,6 +16,7 @@ from cubicfish_cli.cli.options import (
     common_options,
     examples,
     json_option,
+    output_option,
     overwrite_option,
     target_option,
 )
@@ -69,15 +70,7 @@ seen from behind are refused.
     missing="name what the detector wrote: 'cubicfish corners run1/ --target target.yaml'",
 )
 @target_option
-@click.option(
-    "-o",
-    "--output",
-    type=FILE,
-    default=Path("corners.csv"),
-    show_default=True,
-    metavar="FILE",
-    help="Where the corners go.",
-)
+@output_option("Where the corners go.", default="corners.csv")
 @click.option(
     "--format",
     "kind",

@@ -21,6 +21,7 @@ from cubicfish_cli.cli.options import (
     jobs_option,
     json_option,
     no_cache_option,
+    output_option,
     overwrite_option,
 )
 from cubicfish_cli.cli.photo_table import GOOD, PhotoRow, corners_by_board, print_photo_table
@@ -54,15 +55,7 @@ _FEW_CORNERS = 20
     meaning="Photos: files, folders or globs.",
 )
 @target_options
-@click.option(
-    "-o",
-    "--output",
-    type=FILE,
-    default=Path("corners.csv"),
-    show_default=True,
-    metavar="FILE",
-    help="Where the corners go.",
-)
+@output_option("Where the corners go.", default="corners.csv")
 @click.option(
     "--draw",
     type=FOLDER,

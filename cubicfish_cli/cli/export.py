@@ -13,12 +13,12 @@ from cubicfish_cli import __version__
 from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.numbers import FloatRange
 from cubicfish_cli.cli.options import (
-    FILE,
     common_options,
     examples,
     json_option,
     model_option,
     model_path,
+    output_option,
     overwrite_option,
 )
 from cubicfish_cli.cli.terminal import print_json, result, say, working
@@ -92,13 +92,7 @@ camera.yaml's frame is printed, and poses that go into the file are turned along
     metavar="FORMAT",
     help="What to write: a name of the list above.",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=FILE,
-    metavar="FILE",
-    help="Where it goes. [default: the format's usual name, in the current folder]",
-)
+@output_option("Where it goes. [default: the format's usual name, in the current folder]")
 @model_option
 @click.option(
     "--max-error",

@@ -13,13 +13,13 @@ from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import IntRange
 from cubicfish_cli.cli.options import (
     FILE,
-    FOLDER,
     Argument,
     common_options,
     examples,
     jobs_option,
     json_option,
     no_cache_option,
+    output_option,
     overwrite_option,
 )
 from cubicfish_cli.cli.target_choice import TargetChoice, say_default, target_options
@@ -44,14 +44,10 @@ from cubicfish_cli.cli.terminal import print_json, result
     meaning="Films of one camera, all of one size.",
 )
 @target_options
-@click.option(
-    "-o",
-    "--output",
-    type=FOLDER,
+@output_option(
+    "Where the frames (PNG, with their time in the name), frames.csv and contact_sheet.html go.",
+    folder=True,
     required=True,
-    metavar="FOLDER",
-    help="Where the frames (PNG, with their time in the name), frames.csv and contact_sheet.html "
-    "go.",
 )
 @click.option(
     "--most",

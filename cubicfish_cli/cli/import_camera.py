@@ -17,6 +17,7 @@ from cubicfish_cli.cli.options import (
     common_options,
     examples,
     json_option,
+    output_option,
     overwrite_option,
 )
 from cubicfish_cli.cli.terminal import print_json, result, working
@@ -65,15 +66,7 @@ FORMATS = ("opencv", "ros", "kalibr", "ocamcalib", "pyocamcalib", "colmap", "ner
     help="Trust the lens up to this angle from its axis: files do not say how far it was "
     "calibrated. [default: what it shows in the photo, at most 110]",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=FILE,
-    default=Path("calibration/camera.yaml"),
-    show_default=True,
-    metavar="FILE",
-    help="Where the camera goes.",
-)
+@output_option("Where the camera goes.", default="calibration/camera.yaml")
 @overwrite_option
 @json_option(json_keys.IMPORT)
 @common_options

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
+from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -142,6 +144,48 @@ calibration_argument = click.argument(
     cls=Argument,
     meaning="The folder that calibrate wrote, or the camera's file in it. [default: --model]",
 )
+
+
+def output_option(
+    help: str, *, default: str | None = None, folder: bool = False, metavar: str = "", **more: Any
+) -> Callable[[Decorated], Decorated]:
+    """``-o``, which says where the result goes."""
+    if default is not None:
+        more |= {"default": default, "show_default": True}
+    return click.option(
+        "-o",
+        "--output",
+        type=FOLDER if folder else FILE,
+        metavar=metavar or ("FOLDER" if folder else "FILE"),
+        help=help,
+        **more,
+    )
+
+
+def bundle(
+    name: str, kind: Callable[..., Any], *options: Callable[[Any], Any]
+) -> Callable[[Decorated], Decorated]:
+    """Options that a command gets together as one argument.
+
+    Args:
+        name: of the argument.
+        kind: makes it of the options' values, by their names: a dataclass with a field for each.
+        options: in the order of ``--help``.
+
+    """
+    names = list(signature(kind).parameters)
+
+    def decorate(function: Any) -> Any:
+        @functools.wraps(function)
+        def command(**values: Any) -> Any:
+            together = kind(**{one: values.pop(one) for one in names})
+            return function(**{name: together}, **values)
+
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
 
 
 class JsonOption(click.Option):

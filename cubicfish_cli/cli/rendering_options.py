@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import functools
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from cubicfish_cli.cli.numbers import IntRange
-from cubicfish_cli.cli.options import Decorated
+from cubicfish_cli.cli.options import bundle
 
 if TYPE_CHECKING:
     from cubicfish_cli.undistortion.frames import Crop
@@ -80,37 +78,25 @@ class RenderingOptions:
         return Rendering(interpolation=self.interpolation, border=self.border, quality=self.quality)
 
 
-def rendering_options(function: Decorated) -> Decorated:
-    """The options; the command gets them as one argument, ``pixels``."""
-
-    @functools.wraps(function)
-    def with_pixels(*args: Any, **options: Any) -> Any:
-        names = ("interpolation", "border", "quality")
-        pixels = RenderingOptions(**{name: options.pop(name) for name in names})
-        return function(*args, pixels=pixels, **options)
-
-    decorators: tuple[Callable[[Any], Any], ...] = (
-        click.option(
-            "--quality",
-            type=IntRange(1, 100),
-            metavar="1-100",
-            help="Of JPEG and lossy WebP files. [default: the photo's own]",
-        ),
-        click.option(
-            "--border",
-            type=ColourType(),
-            default=(0.0, 0.0, 0.0),
-            help="What the camera does not see: black, white, grey or #RRGGBB. [default: black]",
-        ),
-        click.option(
-            "--interpolation",
-            type=click.Choice(["nearest", "linear", "cubic", "lanczos"]),
-            default="linear",
-            help="How pixels are read between pixels. [default: linear]",
-        ),
-    )
-    decorated: Any = with_pixels
-    for decorator in decorators:
-        decorated = decorator(decorated)
-    result: Decorated = decorated
-    return result
+rendering_options = bundle(
+    "pixels",
+    RenderingOptions,
+    click.option(
+        "--interpolation",
+        type=click.Choice(["nearest", "linear", "cubic", "lanczos"]),
+        default="linear",
+        help="How pixels are read between pixels. [default: linear]",
+    ),
+    click.option(
+        "--border",
+        type=ColourType(),
+        default=(0.0, 0.0, 0.0),
+        help="What the camera does not see: black, white, grey or #RRGGBB. [default: black]",
+    ),
+    click.option(
+        "--quality",
+        type=IntRange(1, 100),
+        metavar="1-100",
+        help="Of JPEG and lossy WebP files. [default: the photo's own]",
+    ),
+)

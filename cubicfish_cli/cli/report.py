@@ -17,6 +17,7 @@ from cubicfish_cli.cli.options import (
     json_option,
     model_option,
     model_path,
+    output_option,
     overwrite_option,
     target_option,
 )
@@ -43,13 +44,7 @@ from cubicfish_cli.cli.terminal import print_json, result, say, working
     help="The photos (a folder, a file or a glob), where they are not at their old place. May be "
     "given again.",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=FILE,
-    metavar="FILE",
-    help="The page. [default: report.html beside the camera]",
-)
+@output_option("The page. [default: report.html beside the camera]")
 @overwrite_option
 @json_option(json_keys.REPORT)
 @common_options

@@ -15,13 +15,13 @@ from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange, IntRange
 from cubicfish_cli.cli.options import (
     FILE,
-    FOLDER,
     SizeType,
     common_options,
     examples,
     json_option,
     model_option,
     model_path,
+    output_option,
     overwrite_option,
     target_option,
 )
@@ -72,15 +72,7 @@ LENSES = ("moving-pupil", "mirror", "equisolid", "orthographic")
     metavar="N",
     help="How many photos. [default: 12]",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=FOLDER,
-    default=Path("simulated"),
-    show_default=True,
-    metavar="FOLDER",
-    help="Where the photos and their truth go.",
-)
+@output_option("Where the photos and their truth go.", default="simulated", folder=True)
 @click.option(
     "--poses",
     "pose_file",

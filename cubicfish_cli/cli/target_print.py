@@ -15,11 +15,11 @@ from cubicfish_cli.cli.kept import keep_fonts
 from cubicfish_cli.cli.made_by import made_at
 from cubicfish_cli.cli.options import (
     FILE,
-    FOLDER,
     Argument,
     common_options,
     examples,
     json_option,
+    output_option,
     overwrite_option,
 )
 from cubicfish_cli.cli.target_choice import CountsType
@@ -108,15 +108,7 @@ _TYPES = ("checkerboard", "charuco", "aprilgrid")
     metavar="NAME",
     help="Of TARGET, print this board only. May be given again.",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=FOLDER,
-    default="printed",
-    show_default=True,
-    metavar="FOLDER",
-    help="Where boards.pdf, assembly.pdf and target.yaml go.",
-)
+@output_option("Where boards.pdf, assembly.pdf and target.yaml go.", default="printed", folder=True)
 @overwrite_option
 @json_option(json_keys.TARGET_PRINT)
 @common_options

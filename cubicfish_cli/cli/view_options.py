@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import functools
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import Decorated, SizeType
+from cubicfish_cli.cli.options import SizeType, bundle
 from cubicfish_cli.wording import either
 
 if TYPE_CHECKING:
@@ -282,74 +281,62 @@ def _one(view: View) -> ChosenView:
     return ChosenView(views={"": view})
 
 
-def view_options(function: Decorated) -> Decorated:
-    """The options; the command gets them as one argument, ``view``."""
-
-    @functools.wraps(function)
-    def with_view(*args: Any, **options: Any) -> Any:
-        names = ("kind", "size", "hfov_deg", "vfov_deg", "focal", "fit", "rotate", "layout")
-        view = ViewOptions(**{name: options.pop(name) for name in names})
-        return function(*args, view=view, **options)
-
-    decorators: tuple[Callable[[Any], Any], ...] = (
-        click.option(
-            "--layout",
-            type=click.Choice(["files", "cross"]),
-            help="A cube as six pictures or as one. [default: files]",
-        ),
-        click.option(
-            "--rotate",
-            type=RotationType(),
-            metavar="YAW,PITCH,ROLL",
-            default=(0.0, 0.0, 0.0),
-            help="Look right, then up, then turn the view clockwise: degrees.",
-        ),
-        click.option(
-            "--fit",
-            type=FitType(),
-            metavar="inner|outer|SHARE",
-            help="Field from what the camera sees: no empty pixel, nothing lost, or a share "
-            "between (0 to 1).",
-        ),
-        click.option(
-            "--focal",
-            type=FloatRange(0.01, 1_000_000),
-            metavar="PX",
-            help="Focal length: pixels per radian in the middle.",
-        ),
-        click.option(
-            "--vfov",
-            "vfov_deg",
-            type=FloatRange(0, 360, min_open=True, unit="degrees"),
-            metavar="DEG",
-            help="Field of view down the height; with --hfov it sets the height.",
-        ),
-        click.option(
-            "--hfov",
-            "--fov",
-            "hfov_deg",
-            type=FloatRange(0, 360, min_open=True, unit="degrees"),
-            metavar="DEG",
-            help="Field of view across the width. [default: perspective keeps the photo's scale "
-            "in its middle, up to 120 along the longer side; others take --fit outer]",
-        ),
-        click.option(
-            "--size",
-            type=SizeType(),
-            help="Size of the result. [default: the photo's]",
-        ),
-        click.option(
-            "--view",
-            "kind",
-            type=click.Choice(KINDS),
-            default="perspective",
-            metavar="KIND",
-            help=f"What the result is: {either(KINDS)}. [default: perspective, in which straight "
-            "lines are straight]",
-        ),
-    )
-    decorated: Any = with_view
-    for decorator in decorators:
-        decorated = decorator(decorated)
-    result: Decorated = decorated
-    return result
+view_options = bundle(
+    "view",
+    ViewOptions,
+    click.option(
+        "--view",
+        "kind",
+        type=click.Choice(KINDS),
+        default="perspective",
+        metavar="KIND",
+        help=f"What the result is: {either(KINDS)}. [default: perspective, in which straight "
+        "lines are straight]",
+    ),
+    click.option(
+        "--size",
+        type=SizeType(),
+        help="Size of the result. [default: the photo's]",
+    ),
+    click.option(
+        "--hfov",
+        "--fov",
+        "hfov_deg",
+        type=FloatRange(0, 360, min_open=True, unit="degrees"),
+        metavar="DEG",
+        help="Field of view across the width. [default: perspective keeps the photo's scale "
+        "in its middle, up to 120 along the longer side; others take --fit outer]",
+    ),
+    click.option(
+        "--vfov",
+        "vfov_deg",
+        type=FloatRange(0, 360, min_open=True, unit="degrees"),
+        metavar="DEG",
+        help="Field of view down the height; with --hfov it sets the height.",
+    ),
+    click.option(
+        "--focal",
+        type=FloatRange(0.01, 1_000_000),
+        metavar="PX",
+        help="Focal length: pixels per radian in the middle.",
+    ),
+    click.option(
+        "--fit",
+        type=FitType(),
+        metavar="inner|outer|SHARE",
+        help="Field from what the camera sees: no empty pixel, nothing lost, or a share "
+        "between (0 to 1).",
+    ),
+    click.option(
+        "--rotate",
+        type=RotationType(),
+        metavar="YAW,PITCH,ROLL",
+        default=(0.0, 0.0, 0.0),
+        help="Look right, then up, then turn the view clockwise: degrees.",
+    ),
+    click.option(
+        "--layout",
+        type=click.Choice(["files", "cross"]),
+        help="A cube as six pictures or as one. [default: files]",
+    ),
+)
