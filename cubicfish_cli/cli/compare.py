@@ -79,13 +79,13 @@ def command(
     of sizes that are an exact rescale; differences are in A's pixels.
     """
     from cubicfish_cli.files import refuse_existing
-    from cubicfish_cli.fitting.comparison import compare_cameras
+    from cubicfish_cli.fitting.comparison import compare
     from cubicfish_cli.undistortion.images import check_suffix
 
     if picture is not None:
         refuse_existing(picture, overwrite=overwrite)
         check_suffix(picture)
-    comparison = compare_cameras(_camera(in_folder(first)), _camera(in_folder(second)))
+    comparison = compare(_camera(in_folder(first)), _camera(in_folder(second)))
     if picture is not None:
         _draw(comparison, picture, overwrite=overwrite)
     record = comparison.as_record()
