@@ -34,7 +34,7 @@ from cubicfish_cli.cli.next_step import say_next
 from cubicfish_cli.cli.numbers import IntRange
 from cubicfish_cli.cli.options import (
     FILE,
-    Argument,
+    argument,
     common_options,
     examples,
     jobs_option,
@@ -83,13 +83,11 @@ MAP = "undistort_map.npz"
         "cubicfish calibrate --correspondences pairs.csv --size 1280x800",
     ),
 )
-@click.argument(
+@argument(
     "inputs",
-    type=FILE,
+    "Photos (files, folders or globs), films, or one corners.csv or correspondences.csv.",
     nargs=-1,
     metavar="[PHOTOS|FILM|CSV]...",
-    cls=Argument,
-    meaning="Photos (files, folders or globs), films, or one corners.csv or correspondences.csv.",
 )
 @target_options
 @click.option(

@@ -11,7 +11,7 @@ from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import hold_gate, print_spread, px
 from cubicfish_cli.cli.options import (
     FILE,
-    Argument,
+    argument,
     common_options,
     examples,
     in_folder,
@@ -37,20 +37,16 @@ if TYPE_CHECKING:
         "cubicfish compare simulated/true_camera.yaml calibration/camera.yaml",
     ),
 )
-@click.argument(
+@argument(
     "first",
-    type=FILE,
+    "The camera.yaml, or its folder, in whose pixels differences are.",
     metavar="A",
-    cls=Argument,
-    meaning="The camera.yaml, or its folder, in whose pixels differences are.",
     missing=_BOTH,
 )
-@click.argument(
+@argument(
     "second",
-    type=FILE,
+    "The camera.yaml, or its folder, that is compared with it.",
     metavar="B",
-    cls=Argument,
-    meaning="The camera.yaml, or its folder, that is compared with it.",
     missing=_BOTH,
 )
 @click.option(

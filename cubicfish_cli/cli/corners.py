@@ -10,9 +10,8 @@ import click
 from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import (
-    FILE,
-    Argument,
-    SizeType,
+    SIZE,
+    argument,
     common_options,
     examples,
     json_option,
@@ -59,14 +58,12 @@ seen from behind are refused.
         "cubicfish corners found.csv --target grid.yaml --size 752x480 --only 'cam0/*'",
     ),
 )
-@click.argument(
+@argument(
     "files",
-    type=FILE,
+    "What the detector wrote: files, or folders of .orpc files.",
     nargs=-1,
     required=True,
     metavar="FILES...",
-    cls=Argument,
-    meaning="What the detector wrote: files, or folders of .orpc files.",
     missing="name what the detector wrote: 'cubicfish corners run1/ --target target.yaml'",
 )
 @target_option
@@ -77,7 +74,7 @@ seen from behind are refused.
     type=click.Choice(FORMATS),
     help="What wrote the files. [default: .orpc deltille, .vnl mrcal, .csv kalibr]",
 )
-@click.option("--size", type=SizeType(), help="Size of the photos; .orpc files state it.")
+@click.option("--size", type=SIZE, help="Size of the photos; .orpc files state it.")
 @click.option(
     "--board",
     "boards",

@@ -13,9 +13,8 @@ from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.inputs import detect, lost_word, photos_of, say_photo_problems
 from cubicfish_cli.cli.options import (
-    FILE,
     FOLDER,
-    Argument,
+    argument,
     common_options,
     examples,
     jobs_option,
@@ -45,14 +44,8 @@ _FEW_CORNERS = 20
         "cubicfish detect 'run7/*.png' --target target.yaml -o run7.csv --draw seen/",
     ),
 )
-@click.argument(
-    "photos",
-    type=FILE,
-    nargs=-1,
-    required=True,
-    metavar="PHOTOS...",
-    cls=Argument,
-    meaning="Photos: files, folders or globs.",
+@argument(
+    "photos", "Photos: files, folders or globs.", nargs=-1, required=True, metavar="PHOTOS..."
 )
 @target_options
 @output_option("Where the corners go.", default="corners.csv")

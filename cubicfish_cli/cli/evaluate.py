@@ -19,8 +19,7 @@ from cubicfish_cli.cli.inputs import (
     why_lost,
 )
 from cubicfish_cli.cli.options import (
-    FILE,
-    Argument,
+    argument,
     common_options,
     examples,
     jobs_option,
@@ -50,13 +49,11 @@ if TYPE_CHECKING:
         "cubicfish evaluate corners.csv --target target.yaml --max-rms 0.5",
     ),
 )
-@click.argument(
+@argument(
     "inputs",
-    type=FILE,
+    "Photos (files, folders or globs), or one corners.csv or correspondences.csv.",
     nargs=-1,
     metavar="PHOTOS|CSV...",
-    cls=Argument,
-    meaning="Photos (files, folders or globs), or one corners.csv or correspondences.csv.",
 )
 @target_options
 @model_option

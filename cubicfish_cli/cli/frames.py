@@ -12,8 +12,7 @@ from cubicfish_cli.cli.choosing import MOST, choose_frames
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import IntRange
 from cubicfish_cli.cli.options import (
-    FILE,
-    Argument,
+    argument,
     common_options,
     examples,
     jobs_option,
@@ -34,14 +33,8 @@ from cubicfish_cli.cli.terminal import print_json, result
         "cubicfish frames 'films/*.mp4' -o photos/ --most 40",
     ),
 )
-@click.argument(
-    "films",
-    type=FILE,
-    nargs=-1,
-    required=True,
-    metavar="FILM...",
-    cls=Argument,
-    meaning="Films of one camera, all of one size.",
+@argument(
+    "films", "Films of one camera, all of one size.", nargs=-1, required=True, metavar="FILM..."
 )
 @target_options
 @output_option(

@@ -11,9 +11,8 @@ from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.made_by import made_at, made_by_record
 from cubicfish_cli.cli.numbers import FloatRange
 from cubicfish_cli.cli.options import (
-    FILE,
-    Argument,
-    SizeType,
+    SIZE,
+    argument,
     common_options,
     examples,
     json_option,
@@ -39,12 +38,10 @@ FORMATS = ("opencv", "ros", "kalibr", "ocamcalib", "pyocamcalib", "colmap", "ner
         "cubicfish import calibration.json --from pyocamcalib --size 1280x800",
     ),
 )
-@click.argument(
+@argument(
     "file",
-    type=FILE,
+    "The other tool's camera file.",
     metavar="FILE",
-    cls=Argument,
-    meaning="The other tool's camera file.",
     missing="name the other tool's camera file: 'cubicfish import camchain.yaml'",
 )
 @click.option(
@@ -58,7 +55,7 @@ FORMATS = ("opencv", "ros", "kalibr", "ocamcalib", "pyocamcalib", "colmap", "ner
     metavar="NAME",
     help="Which camera, where the file holds several: cam1, COLMAP's CAMERA_ID, 1 for M1 and D1.",
 )
-@click.option("--size", type=SizeType(), help="Size of the photos, where the file does not say.")
+@click.option("--size", type=SIZE, help="Size of the photos, where the file does not say.")
 @click.option(
     "--max-angle",
     type=FloatRange(min=0, max=175, min_open=True),

@@ -18,9 +18,8 @@ from cubicfish_cli.cli.mask_limit import (
     uncertainty_of,
 )
 from cubicfish_cli.cli.options import (
-    FILE,
-    Argument,
-    SizeType,
+    SIZE,
+    argument,
     common_options,
     examples,
     json_option,
@@ -61,19 +60,17 @@ _HELP = """Write where each pixel of a view comes from in the photo, and the vie
         "cubicfish map flat.pgm --size 1920x1080",
     ),
 )
-@click.argument(
+@argument(
     "output",
-    type=FILE,
+    "Where the map goes: a name that ends in .npz, .exr, .png or .pgm.",
     metavar="OUT",
-    cls=Argument,
-    meaning="Where the map goes: a name that ends in .npz, .exr, .png or .pgm.",
     missing="OUT is needed: 'cubicfish map undistort.npz', or a name in .exr, .png or .pgm",
 )
 @model_option
 @view_options
 @click.option(
     "--photo-size",
-    type=SizeType(),
+    type=SIZE,
     help="Size of the photos, when it is an exact rescale of the calibrated ones.",
 )
 @crop_option

@@ -65,6 +65,37 @@ class Argument(click.Argument):
             raise click.UsageError(self.missing, ctx) from None
 
 
+def argument(
+    name: str, meaning: str, *, type: click.ParamType = FILE, **more: Any
+) -> Callable[[Decorated], Decorated]:
+    """An argument, by default the name of a file; ``more`` as click has it."""
+    return click.argument(name, type=type, cls=Argument, meaning=meaning, **more)
+
+
+class Parsed(click.ParamType):
+    """What a function makes of a word of the command line.
+
+    Args:
+        name: what help calls it.
+        parse: raises a ValueError that says what is wrong, such as a :class:`ViewError`.
+
+    """
+
+    def __init__(self, name: str, parse: Callable[[str], Any]) -> None:
+        self.name = name
+        self._parse = parse
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Parse, or fail as a usage error."""
+        # A shell completes the line: nothing uses the value, and numpy takes time.
+        if not isinstance(value, str) or (ctx is not None and ctx.resilient_parsing):
+            return value
+        try:
+            return self._parse(value)
+        except ValueError as problem:
+            self.fail(str(problem), param, ctx)
+
+
 def examples(*lines: str) -> str:
     """An epilog that shows command lines as they are."""
     return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
@@ -136,13 +167,11 @@ model_option = click.option(
     "$CUBICFISH_MODEL, else calibration/camera.yaml]",
 )
 
-calibration_argument = click.argument(
+calibration_argument = argument(
     "calibration",
-    type=FILE,
+    "The folder that calibrate wrote, or the camera's file in it. [default: --model]",
     required=False,
     metavar="[FOLDER|CAMERA_YAML]",
-    cls=Argument,
-    meaning="The folder that calibrate wrote, or the camera's file in it. [default: --model]",
 )
 
 
@@ -233,30 +262,16 @@ max_rms_option = click.option(
 )
 
 
-class SizeType(click.ParamType):
-    """``WIDTHxHEIGHT`` -> (width, height)."""
+def _size(text: str) -> tuple[int, int]:
+    from cubicfish_cli.correspondences import parse_size
 
-    name = "WIDTHxHEIGHT"
+    return parse_size(text)
 
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[int, int]:
-        """Parse, or fail as a usage error."""
-        if isinstance(value, tuple):
-            return value
-        if ctx is not None and ctx.resilient_parsing:
-            return 0, 0  # a shell completes the line: nothing uses the size, and numpy takes time
-        from cubicfish_cli.correspondences import parse_size
-        from cubicfish_cli.errors import CorrespondenceError
 
-        try:
-            return parse_size(str(value))
-        except CorrespondenceError as error:
-            self.fail(str(error), param, ctx)
-
+SIZE = Parsed("WIDTHxHEIGHT", _size)
 
 size_option = click.option(
-    "--size", type=SizeType(), help="Size of the photos, for CSV files that do not state it."
+    "--size", type=SIZE, help="Size of the photos, for CSV files that do not state it."
 )
 
 

@@ -7,8 +7,7 @@ from pathlib import Path
 import click
 
 from cubicfish_cli.cli.options import (
-    FILE,
-    Argument,
+    argument,
     common_options,
     examples,
     model_option,
@@ -27,12 +26,10 @@ from cubicfish_cli.cli.points import PointsCommand, print_points, read_points
         "echo 0.5,0,1 | cubicfish project",
     ),
 )
-@click.argument(
+@argument(
     "points",
-    type=FILE,
+    "A CSV file of points X,Y,Z, or one point such as 0.2,0.1,1. [default: stdin]",
     default=Path("-"),
-    cls=Argument,
-    meaning="A CSV file of points X,Y,Z, or one point such as 0.2,0.1,1. [default: stdin]",
 )
 @model_option
 @common_options

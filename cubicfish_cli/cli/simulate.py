@@ -15,7 +15,7 @@ from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange, IntRange
 from cubicfish_cli.cli.options import (
     FILE,
-    SizeType,
+    SIZE,
     common_options,
     examples,
     json_option,
@@ -62,7 +62,7 @@ LENSES = ("moving-pupil", "mirror", "equisolid", "orthographic")
 )
 @click.option(
     "--size",
-    type=SizeType(),
+    type=SIZE,
     help="Size of the photos, for --lens NAME (default 960x720) and files that do not say.",
 )
 @click.option(

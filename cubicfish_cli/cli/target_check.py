@@ -14,7 +14,7 @@ from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import (
     FILE,
-    Argument,
+    argument,
     common_options,
     examples,
     json_option,
@@ -40,12 +40,10 @@ _LABEL, _LINE = 12, 96
         "cubicfish target check target.yaml --draw object.svg",
     ),
 )
-@click.argument(
+@argument(
     "target",
-    type=FILE,
+    "The target.yaml.",
     metavar="TARGET",
-    cls=Argument,
-    meaning="The target.yaml.",
     missing="name the object: 'cubicfish target check target.yaml'",
 )
 @click.option(

@@ -7,11 +7,11 @@ import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.cli.options import bundle, target_option
+from cubicfish_cli.cli.options import Parsed, bundle, target_option
 from cubicfish_cli.cli.terminal import say
 from cubicfish_cli.errors import CubicfishError
 
@@ -29,22 +29,16 @@ NO_TARGET = (
 _FIRST_BYTES = 4096
 
 
-class CountsType(click.ParamType):
+def _counts(text: str) -> tuple[int, int]:
     """``9x6`` -> (9, 6)."""
+    match = re.fullmatch(r"\s*([0-9]{1,3})\s*[xX×]\s*([0-9]{1,3})\s*", text)
+    columns, rows = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not (2 <= columns <= 100 and 2 <= rows <= 100):
+        raise ValueError(f"{text!r} is not two numbers from 2 to 100, such as 9x6")
+    return columns, rows
 
-    name = "COLUMNSxROWS"
 
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[int, int]:
-        """Parse, or fail as a usage error."""
-        if isinstance(value, tuple):
-            return value
-        match = re.fullmatch(r"\s*([0-9]{1,3})\s*[xX×]\s*([0-9]{1,3})\s*", str(value))
-        columns, rows = (int(match[1]), int(match[2])) if match else (0, 0)
-        if not (2 <= columns <= 100 and 2 <= rows <= 100):
-            self.fail(f"{value!r} is not two numbers from 2 to 100, such as 9x6", param, ctx)
-        return columns, rows
+COUNTS = Parsed("COLUMNSxROWS", _counts)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,7 +133,7 @@ target_options = bundle(
     target_option,
     click.option(
         "--board",
-        type=CountsType(),
+        type=COUNTS,
         help="In the place of a target.yaml: one flat checkerboard of so many inner corners "
         "(squares less one), such as 9x6.",
     ),

@@ -14,15 +14,14 @@ from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.kept import keep_fonts
 from cubicfish_cli.cli.made_by import made_at
 from cubicfish_cli.cli.options import (
-    FILE,
-    Argument,
+    argument,
     common_options,
     examples,
     json_option,
     output_option,
     overwrite_option,
 )
-from cubicfish_cli.cli.target_choice import CountsType
+from cubicfish_cli.cli.target_choice import COUNTS
 from cubicfish_cli.cli.terminal import print_json, print_table, result, say, working
 
 if TYPE_CHECKING:
@@ -44,13 +43,11 @@ _TYPES = ("checkerboard", "charuco", "aprilgrid")
         "cubicfish target print target.yaml --paper Letter -o pages/",
     ),
 )
-@click.argument(
+@argument(
     "target",
-    type=FILE,
+    "The target.yaml of boards that are there already; leave it out with --object.",
     required=False,
     metavar="[TARGET]",
-    cls=Argument,
-    meaning="The target.yaml of boards that are there already; leave it out with --object.",
 )
 @click.option(
     "--object",
@@ -83,7 +80,7 @@ _TYPES = ("checkerboard", "charuco", "aprilgrid")
     "--corners",
     "--tags",
     "counts",
-    type=CountsType(),
+    type=COUNTS,
     metavar="COLUMNSxROWS",
     help="Inner corners (of an aprilgrid: tags) of an object's largest board. With --square too, "
     "boards may be larger than the paper, and are printed in parts.",

@@ -29,7 +29,7 @@ from cubicfish_cli.cli.mask_limit import (
 from cubicfish_cli.cli.options import (
     FILE,
     NAME,
-    Argument,
+    argument,
     common_options,
     examples,
     jobs_option,
@@ -78,23 +78,18 @@ if TYPE_CHECKING:
         "cubicfish undistort photos/ flat/ --scheduler tcp://node1:8786",
     ),
 )
-@click.argument(
+@argument(
     "sources",
+    "Photos or videos: files, folders or globs; '-' reads their names from stdin.",
     type=NAME,
     nargs=-1,
     required=True,
     metavar="IN...",
-    cls=Argument,
-    meaning="Photos or videos: files, folders or globs; '-' reads their names from stdin.",
     missing="IN and OUT are both needed: 'cubicfish undistort in.png out.png', or for a folder "
     "'cubicfish undistort photos/ flat/'",
 )
-@click.argument(
-    "destination",
-    type=FILE,
-    metavar="OUT",
-    cls=Argument,
-    meaning="The picture or video that is made of one; of several, a folder.",
+@argument(
+    "destination", "The picture or video that is made of one; of several, a folder.", metavar="OUT"
 )
 @model_option
 @view_options

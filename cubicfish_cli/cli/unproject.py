@@ -7,8 +7,7 @@ from pathlib import Path
 import click
 
 from cubicfish_cli.cli.options import (
-    FILE,
-    Argument,
+    argument,
     common_options,
     examples,
     model_option,
@@ -26,12 +25,10 @@ from cubicfish_cli.cli.points import PointsCommand, print_points, read_points
         "echo 640,400 | cubicfish unproject --model lens_a/",
     ),
 )
-@click.argument(
+@argument(
     "pixels",
-    type=FILE,
+    "A CSV file of pixels x,y, or one pixel such as 640,400. [default: stdin]",
     default=Path("-"),
-    cls=Argument,
-    meaning="A CSV file of pixels x,y, or one pixel such as 640,400. [default: stdin]",
 )
 @model_option
 @common_options
