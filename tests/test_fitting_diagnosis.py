@@ -551,6 +551,7 @@ def unsteady_pairs(change, seed=31):
     return whole, target
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "cause"),
     [("bend", "sheet_bends"), ("scale", "autofocus"), ("shift", "stabilisation"), ("none", None)],
@@ -562,6 +563,7 @@ def test_what_changes_from_photo_to_photo_is_named_and_accuses_nobody(change, ca
     assert [one.cause for one in found if one.level == "note"] == [cause] * (cause is not None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [0.0, 0.003])
 def test_odd_photos_are_compared_with_a_lens_that_knows_none_of_them(size):
     """Three of them hide each other beside a lens and poses that were fitted to all."""
@@ -620,6 +622,7 @@ def zoomed_from(pairs, photo, ratio):
     return replace(pairs, pixel=pixel)
 
 
+@pytest.mark.slow
 def test_two_lenses_among_many_photos_are_named_with_all_of_them(many):
     found = calibrate(zoomed_from(many, 25, 1.02), hold_out=False).findings
     assert [one.cause for one in found] == ["zoom"]
@@ -627,6 +630,7 @@ def test_two_lenses_among_many_photos_are_named_with_all_of_them(many):
     assert "+2 % from 25.png on" in found[0].what
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [1.0, 1.002])
 def test_many_right_photos_are_not_followed_up(many, monkeypatch, ratio):
     """A change of no worth is certain among so many photos, and costs nothing."""
@@ -634,6 +638,7 @@ def test_many_right_photos_are_not_followed_up(many, monkeypatch, ratio):
     assert not calibrate(zoomed_from(many, 20, ratio), hold_out=False).findings
 
 
+@pytest.mark.slow
 def test_a_wrong_square_among_many_photos_is_measured_with_all_of_them(many, monkeypatch):
     drawn = wrong.with_board(TARGET, 1, square=36.36)
     world = drawn.world_points(many.board, many.column, many.row)
@@ -772,6 +777,7 @@ def test_a_blurred_photo_has_no_board_that_moved():
 # Where there is no fit
 
 
+@pytest.mark.slow
 def test_an_error_keeps_its_figures_and_gains_its_cause(pairs):
     error = FitError("the corners do not fit (typical error 9 px): check everything")
     known = Finding(cause="mirrored", level="bad", what="mirrored", evidence="so", do="do not")
@@ -791,6 +797,7 @@ def points(pairs):
     return replace(pairs, board=np.full(len(pairs.board), -1), boards=())
 
 
+@pytest.mark.slow
 def test_points_that_fit_in_a_mirror_are_told(points):
     points = select_photos(points, np.arange(4))
     with pytest.raises(FitError, match=r"all photos are mirrored, or the points' coordinates"):
@@ -823,6 +830,7 @@ def test_a_flat_object_is_the_same_in_a_mirror():
     assert mirrored_object(mirrored(pairs, slice(None))) is None
 
 
+@pytest.mark.slow
 def test_photos_that_do_not_go_with_the_others_are_named(points):
     """An object that moved between photos: no lens explains them."""
     rng = np.random.default_rng(3)
@@ -839,6 +847,7 @@ def test_few_of_many_photos_are_tried():
     assert max(len(few) for few in failed_lens_module._subsets(1000)) <= 6
 
 
+@pytest.mark.slow
 def test_photos_that_only_say_too_little_are_not_taken_apart(pairs, monkeypatch):
     """One board, always square to the camera: nothing is wrong with the drawing or the lens."""
     flat = synthetic.flat_board()

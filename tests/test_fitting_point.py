@@ -154,6 +154,7 @@ def test_a_world_camera_takes_points_of_a_camera_frame():
         turned.refuse_off_boards(points + 20)
 
 
+@pytest.mark.slow
 def test_several_photos_in_the_camera_frame():
     poses = synthetic.poses_around(TARGET, 6, seed=5)
     pairs = synthetic.synthetic_correspondences(TARGET, poses, noise=0.1, seed=2)
@@ -169,6 +170,7 @@ def test_several_photos_in_the_camera_frame():
     assert len(result.as_record()["per_image"][0]["camera_from_world"]["translation"]) == 3
 
 
+@pytest.mark.slow
 def test_gross_corners_are_left_out():
     pairs, _ = one_photo(synthetic.box_of_four(), noise=0.1)
     pixel = pairs.pixel.copy()

@@ -191,6 +191,7 @@ def named(target: Target, boards: list[int]) -> list[Verdict]:
     return [grid.verdict for photo in naming.grids for grid in photo]
 
 
+@pytest.mark.slow
 def test_naming_leaves_out_exactly_what_is_said_to_look_alike():
     box = box_of_four()
     assert set(named(box, [0, 1, 2, 3])) == {Verdict.NAMED}

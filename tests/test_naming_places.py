@@ -26,6 +26,7 @@ def one_board(columns: int, rows: int) -> Target:
     return Target(units="mm", boards=(checkerboard("b", columns, rows, 10.0),))
 
 
+@pytest.mark.slow
 @given(
     st.integers(2, 7),
     st.integers(2, 7),

@@ -69,11 +69,13 @@ def found(pictures):
     return [find_grids(picture).grids for picture in pictures]
 
 
+@pytest.mark.slow
 def test_a_board_that_is_as_drawn_needs_no_look(grids):
     assert [len(own) for own in grids] == [1] * PHOTOS
     assert told(grids, ONE, size=SMALL.image_size) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drawn", [(8, 5), (7, 6), (9, 7), (6, 7)])
 def test_a_lone_board_that_is_drawn_too_large(grids, pictures, drawn):
     (count,) = told(grids, resized(ONE, 0, *drawn), pictures, SMALL.image_size)
@@ -88,6 +90,7 @@ def test_a_lone_board_that_is_drawn_too_small(grids, drawn):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", [15, 120, 240])
 def test_a_strip_over_the_last_column_is_no_end_of_the_board(pictures, level):
     """The same strip in all photos, which covers half a square more than the last corners."""
@@ -136,6 +139,7 @@ def test_boards_that_are_as_drawn_are_not_named_again(corner, monkeypatch):
     assert counted(naming, THREE, lambda photo: None) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("index", "drawn"), [(0, (8, 6)), (2, (7, 4))])
 def test_a_board_among_others_that_is_drawn_too_small(corner, index, drawn):
     (count,) = told(corner, resized(THREE, index, *drawn))
@@ -144,6 +148,7 @@ def test_a_board_among_others_that_is_drawn_too_small(corner, index, drawn):
     assert count.photos >= 2
 
 
+@pytest.mark.slow
 def test_a_board_that_is_drawn_too_small_at_its_start(corner):
     """The drawing leaves the first column out, and says rightly where the second is."""
     floor = THREE.boards[0]
@@ -155,6 +160,7 @@ def test_a_board_that_is_drawn_too_small_at_its_start(corner):
     assert (count.board, count.size) == (0, (9, 6))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ends", "size"),
     [
