@@ -82,6 +82,7 @@ CONFINED: dict[str, set[str]] = {
     "OpenEXR": {"undistortion"},
     "click": {"cli"},
     "rich": {"cli"},
+    "platformdirs": {"cli"},
     "yaml": {"plain_yaml"},
     "matplotlib": {"printing", "report"},
     "jinja2": {"report"},

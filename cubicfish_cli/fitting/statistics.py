@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -34,13 +34,7 @@ class ErrorStatistics:
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON and YAML."""
-        return {
-            "rms_px": self.rms_px,
-            "median_px": self.median_px,
-            "p95_px": self.p95_px,
-            "max_px": self.max_px,
-            "corners": self.corners,
-        }
+        return asdict(self)
 
 
 def error_statistics(residual: FloatArray) -> ErrorStatistics:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -80,14 +80,7 @@ class ModelFigures:
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON."""
-        return {
-            "model": self.model,
-            "parameters": self.parameters,
-            "rms_px": self.rms_px,
-            "held_out_rms_px": self.held_out_rms_px,
-            "largest_angle_deg": self.largest_angle_deg,
-            "seconds": self.seconds,
-        }
+        return asdict(self)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
