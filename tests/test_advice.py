@@ -283,6 +283,7 @@ def test_the_summary_names_the_gap(poor):
     assert "\n" not in said
 
 
+@pytest.mark.slow
 def test_the_picture_shows_each_proposal(advice):
     svg = advice_svg(advice)
     root = ElementTree.fromstring(svg)

@@ -36,6 +36,7 @@ def text_of(*paths: Path) -> list[bytes]:
     return [path.read_bytes() for path in paths]
 
 
+@pytest.mark.slow
 def test_the_calibration_is_written_whole(calibrated: Path) -> None:
     names = sorted(path.name for path in calibrated.iterdir())
     assert names == ["camera.yaml", "corners.csv", "undistort_map.npz"]

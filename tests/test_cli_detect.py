@@ -58,6 +58,7 @@ def test_found_corners_are_where_the_lens_put_them(detected: Path) -> None:
     assert max(off) < 0.5
 
 
+@pytest.mark.slow
 def test_json_has_a_row_for_every_photo(detected: Path) -> None:
     record = json.loads((detected / "stdout").read_text())
     assert record["file"] == str(detected / "corners.csv")

@@ -144,6 +144,7 @@ def test_what_was_measured_is_not_measured_again(
     assert {path.name for path in broken.iterdir()} == {path.name for path in whole.iterdir()}
 
 
+@pytest.mark.slow
 def test_a_search_that_was_interrupted_does_not_read_the_film_again(
     run: Run, short: Path, tmp_path: Path, monkeypatch
 ) -> None:
@@ -253,6 +254,7 @@ def test_calibrate_takes_a_film_and_keeps_its_frames(
     assert "exists already" in other
 
 
+@pytest.mark.slow
 def test_photos_beside_a_film_have_its_size(
     run: Run, film: Path, target: Path, tmp_path: Path
 ) -> None:

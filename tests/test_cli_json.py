@@ -117,6 +117,7 @@ def test_calibrate(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert ray["models"] == []
 
 
+@pytest.mark.slow
 def test_evaluate_tells_which_photos_gave_nothing(run: Run, model: Path, tmp_path: Path) -> None:
     black = tmp_path / "black.png"
     cv2.imwrite(str(black), np.zeros((720, 960), np.uint8))

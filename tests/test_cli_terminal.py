@@ -277,6 +277,7 @@ def test_cut_names_fit_and_keep_both_ends(name: str, most: int) -> None:
     assert cells(cut_end(name, most)) <= most
 
 
+@pytest.mark.slow
 @given(NAMES)
 def test_safe_text_is_one_line_without_controls(text: str) -> None:
     shown = safe(text)

@@ -193,6 +193,7 @@ def test_planes_find_their_poses_there(
     assert (tmp_path / "there.png").read_bytes() == (tmp_path / "here.png").read_bytes()
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_killed_loses_nothing(processes: Processes, tmp_path: Path) -> None:
     jobs, seen = jobs_of(tmp_path, 12), []
     undistort_photos(
@@ -256,6 +257,7 @@ def test_without_workers_it_waits_so_long_and_no_longer(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_worker_without_cubicfish_is_named(processes: Processes, tmp_path: Path) -> None:
     processes.have(0)
     (tmp_path / "cubicfish_cli.py").write_text("raise ImportError('none here')\n")
@@ -271,6 +273,7 @@ def test_a_worker_without_cubicfish_is_named(processes: Processes, tmp_path: Pat
         processes.wait_for(0)
 
 
+@pytest.mark.slow
 def test_workers_of_another_version_are_refused(
     processes: Processes, monkeypatch: pytest.MonkeyPatch
 ) -> None:

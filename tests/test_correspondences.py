@@ -127,6 +127,7 @@ def test_tables_that_say_nothing_of_certainty_are_certain(tmp_path: Path) -> Non
     assert load_corners(written(tmp_path, marked), TARGET).certain.tolist() == [False]
 
 
+@pytest.mark.slow
 @given(corners())
 def test_pairs_are_sorted_by_photo_and_stand_on_their_boards(found: Corners) -> None:
     pairs = pair(found, TARGET)

@@ -341,6 +341,7 @@ def test_a_stray_marker_does_not_harm_the_board():
     assert recall > 0.97
 
 
+@pytest.mark.slow
 def test_a_board_behind_a_bar_is_still_one_board():
     photo = mixed_photo().copy()
     middle = project_corners(MIXED, LENS, POSE, SIZE)

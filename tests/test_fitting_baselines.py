@@ -185,6 +185,7 @@ class _Companion:
         self.camera, self.covered = camera, covered
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", BASELINES, ids=lambda kind: kind.name)
 @pytest.mark.parametrize("half_angle_deg", [35.0, 90.0, 110.0])
 def test_nearest_lens_follows_narrow_and_wide_cameras(kind, half_angle_deg):

@@ -71,6 +71,7 @@ def test_camera_is_sound_to_the_margin(fitted):
     assert np.linalg.norm(fitted.camera.P) == pytest.approx(1, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_poses_are_the_true_ones_up_to_the_gauge(fitted):
     """One rotation, the gauge, turns all fitted poses into the true ones."""
     truth = synthetic.poses_around(TARGET, 12, seed=21)

@@ -135,6 +135,7 @@ def test_the_spline_goes_on_in_order_outside_the_field() -> None:
     assert np.isnan(mrcal_splined.project(record, np.array([[0.0, 0.0, -1.0]]))).all()
 
 
+@pytest.mark.slow
 def test_the_region_is_the_outline_of_the_field() -> None:
     camera = cubic_camera(100)
     region = mrcal_splined.fit(camera, *field(camera)).values["region"]

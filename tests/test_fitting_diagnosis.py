@@ -805,6 +805,7 @@ def test_points_that_fit_in_a_mirror_are_told(points):
     assert mirrored_object(points) is None
 
 
+@pytest.mark.slow
 def test_points_that_are_paired_at_random_are_refused_quickly(points, monkeypatch):
     iterations = []
     adjust = companion.adjust

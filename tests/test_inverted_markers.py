@@ -41,6 +41,7 @@ def test_an_inverted_board_is_the_negative_of_the_other():
     np.testing.assert_array_equal(other.marker_cells(), board.marker_cells())
 
 
+@pytest.mark.slow
 def test_it_is_laid_out_as_opencv_does():
     """An inverted picture of OpenCV's board, at its usual layout, needs no first_square."""
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)

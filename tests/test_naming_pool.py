@@ -104,6 +104,7 @@ def outcome(work: Callable[[str], object], items: list[str]) -> BaseException | 
     return outcomes[0]
 
 
+@pytest.mark.slow
 def test_a_request_to_end_waits_until_a_process_has_started(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

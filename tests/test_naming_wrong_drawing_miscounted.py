@@ -83,6 +83,7 @@ def test_a_lone_board_that_is_drawn_too_large(grids, pictures, drawn):
     assert count.photos >= 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drawn", [(6, 5), (7, 4)])
 def test_a_lone_board_that_is_drawn_too_small(grids, drawn):
     assert told(grids, resized(ONE, 0, *drawn), size=SMALL.image_size) == [

@@ -196,6 +196,7 @@ def drawing(html: str, name: str) -> str:
     return html[html.index(f'aria-labelledby="{name}-title"') :].partition("</svg>")[0]
 
 
+@pytest.mark.slow
 def test_tables_become_blocks_on_small_pages(page: Page, html: str) -> None:
     css = html[: html.index("</style>")]
     assert ".stack tr {" in css[css.index("@media screen and (max-width: 800px)") :]
