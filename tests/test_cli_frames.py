@@ -17,6 +17,8 @@ from cubicfish_cli.cli import choosing
 from cubicfish_cli.cli.json_keys import FRAMES
 from cubicfish_cli.films import scan
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def target(tmp_path: Path) -> Path:
@@ -44,7 +46,6 @@ def rows(folder: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(text.splitlines()[1:]))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("known", [True, False])
 def test_none_of_the_spoilt_frames_is_chosen(
     run: Run, film: Path, target: Path, tmp_path: Path, known: bool
@@ -71,7 +72,6 @@ def test_none_of_the_spoilt_frames_is_chosen(
     assert {path.name for path in out.iterdir()} - pictures == {"frames.csv", "contact_sheet.html"}
 
 
-@pytest.mark.slow
 def test_every_frame_says_why_it_was_not_chosen(
     run: Run, film: Path, target: Path, tmp_path: Path
 ) -> None:
@@ -84,7 +84,6 @@ def test_every_frame_says_why_it_was_not_chosen(
     assert all(row["corners"] == "" for row in table if row["chosen"] == choosing._PASSED_OVER)
 
 
-@pytest.mark.slow
 def test_json_has_its_keys(run: Run, short: Path, tmp_path: Path) -> None:
     said = run("frames", short, "-o", tmp_path / "p", "--json", "-j", 1).stdout
     record = json.loads(said)
@@ -96,7 +95,6 @@ def test_json_has_its_keys(run: Run, short: Path, tmp_path: Path) -> None:
     assert one["seconds"] == pytest.approx(1.1)
 
 
-@pytest.mark.slow
 def test_frames_are_not_replaced_unasked(run: Run, short: Path, tmp_path: Path) -> None:
     out = tmp_path / "p"
     run("frames", short, "-o", out, "-j", 1)
@@ -111,7 +109,6 @@ def test_frames_are_not_replaced_unasked(run: Run, short: Path, tmp_path: Path) 
     assert set(left) - {"mine.png"} < set(before)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("stop_at", [3, 30, 55])
 def test_what_was_measured_is_not_measured_again(
     run: Run, film: Path, target: Path, tmp_path: Path, monkeypatch, stop_at: int
@@ -144,7 +141,6 @@ def test_what_was_measured_is_not_measured_again(
     assert {path.name for path in broken.iterdir()} == {path.name for path in whole.iterdir()}
 
 
-@pytest.mark.slow
 def test_a_search_that_was_interrupted_does_not_read_the_film_again(
     run: Run, short: Path, tmp_path: Path, monkeypatch
 ) -> None:
@@ -189,7 +185,6 @@ def test_an_interlaced_film_is_named(run: Run, tmp_path: Path) -> None:
     assert json.loads(said.stdout)["films"][0]["interlaced"] is True
 
 
-@pytest.mark.slow
 def test_a_broken_end_is_told_and_the_rest_used(run: Run, short: Path, tmp_path: Path) -> None:
     frames = [photo for photo in photos()[:4] for _ in range(4)]
     film = write_film(tmp_path / "cut.avi", frames, codec="mjpeg", pix_fmt="yuvj420p")
@@ -236,7 +231,6 @@ def test_films_of_one_name_are_told_apart(run: Run, tmp_path: Path) -> None:
     assert len(rows(tmp_path / "p")) == 4
 
 
-@pytest.mark.slow
 def test_calibrate_takes_a_film_and_keeps_its_frames(
     run: Run, film: Path, target: Path, tmp_path: Path
 ) -> None:
@@ -254,7 +248,6 @@ def test_calibrate_takes_a_film_and_keeps_its_frames(
     assert "exists already" in other
 
 
-@pytest.mark.slow
 def test_photos_beside_a_film_have_its_size(
     run: Run, film: Path, target: Path, tmp_path: Path
 ) -> None:
@@ -263,7 +256,6 @@ def test_photos_beside_a_film_have_its_size(
     assert "one.png has 400x360 pixels and " in error
 
 
-@pytest.mark.slow
 def test_the_best_of_many_photos_are_taken(
     run: Run, target: Path, tmp_path: Path, quick_fit: None
 ) -> None:
@@ -285,7 +277,6 @@ def test_the_best_of_many_photos_are_taken(
     assert {name.split("_")[0] for name in images} == {"photo"}
 
 
-@pytest.mark.slow
 def test_best_is_offered_where_photos_are_many(
     run: Run, target: Path, tmp_path: Path, monkeypatch, quick_fit: None
 ) -> None:

@@ -18,6 +18,8 @@ from cubicfish_cli.fitting.subset import select, select_photos
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.model.soundness import check_soundness, cone_rays
 
+pytestmark = pytest.mark.slow
+
 TARGET = synthetic.corner_of_three()
 NOISE = 0.1
 
@@ -40,7 +42,6 @@ def difference_px(camera, truth, angle_deg):
     return float(np.sqrt(np.mean(np.sum(miss**2, axis=1))))
 
 
-@pytest.mark.slow
 def test_exact_corners_give_the_exact_camera():
     poses = synthetic.poses_around(TARGET, 10, seed=1)
     exact = synthetic.synthetic_correspondences(TARGET, poses)
@@ -51,7 +52,6 @@ def test_exact_corners_give_the_exact_camera():
     assert result.companion_rms_px > 10 * result.errors.rms_px
 
 
-@pytest.mark.slow
 def test_residuals_spread_as_the_noise_does(pairs, fitted):
     parameters = 44 + 6 * 12
     expected = NOISE * np.sqrt(2 - parameters / len(pairs.pixel))
@@ -64,14 +64,12 @@ def test_residuals_spread_as_the_noise_does(pairs, fitted):
     assert not fitted.unfit
 
 
-@pytest.mark.slow
 def test_camera_is_sound_to_the_margin(fitted):
     assert fitted.covered_deg + 1 <= fitted.camera.max_angle_deg <= fitted.covered_deg + 5.001
     assert check_soundness(fitted.camera.P, fitted.camera.max_angle_deg).sound
     assert np.linalg.norm(fitted.camera.P) == pytest.approx(1, abs=1e-12)
 
 
-@pytest.mark.slow
 def test_poses_are_the_true_ones_up_to_the_gauge(fitted):
     """One rotation, the gauge, turns all fitted poses into the true ones."""
     truth = synthetic.poses_around(TARGET, 12, seed=21)
@@ -90,7 +88,6 @@ def test_poses_are_the_true_ones_up_to_the_gauge(fitted):
     np.testing.assert_allclose(centre, true_centre, atol=0.3)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("half_angle", "focal"), [(35, 640), (60, 380), (110, 195)], ids=["70", "120", "220"]
 )
@@ -110,7 +107,6 @@ def test_fields_from_narrow_to_beyond_180_degrees(half_angle, focal):
     assert difference_px(result.camera, lens, angle) < 0.12
 
 
-@pytest.mark.slow
 def test_one_photo_of_an_object_with_walls_is_enough():
     target = synthetic.box_of_four()
     pose = synthetic.poses_around(target, 1, seed=8, distance=(0.3, 0.35), off_axis_deg=20)
@@ -124,7 +120,6 @@ def test_one_photo_of_an_object_with_walls_is_enough():
     assert evaluate(result.camera, others).errors.rms_px < 0.3
 
 
-@pytest.mark.slow
 def test_ten_percent_of_gross_outliers_change_nothing(pairs, fitted):
     rng = np.random.default_rng(5)
     bad = rng.random(len(pairs.pixel)) < 0.1
@@ -153,14 +148,12 @@ def _directions(rng, count):
     return np.stack([np.cos(turn), np.sin(turn)], axis=-1)
 
 
-@pytest.mark.slow
 def test_small_errors_are_never_dropped(pairs):
     nudged = replace(pairs, pixel=pairs.pixel.copy())
     nudged.pixel[::50] += [1.7, -1.7]
     assert not calibrate(nudged, hold_out=False).dropped
 
 
-@pytest.mark.slow
 def test_order_of_photos_and_corners_does_not_matter(pairs, fitted):
     rng = np.random.default_rng(7)
     photos = rng.permutation(len(pairs.images))
@@ -181,7 +174,6 @@ def test_order_of_photos_and_corners_does_not_matter(pairs, fitted):
     assert difference_px(again.camera, fitted.camera, fitted.covered_deg) < 1e-4
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("change", ["metres", "moved world"])
 def test_units_and_world_frame_do_not_matter(pairs, fitted, change):
     if change == "metres":
@@ -197,7 +189,6 @@ def test_units_and_world_frame_do_not_matter(pairs, fitted, change):
         )
 
 
-@pytest.mark.slow
 def test_scaling_the_photos_scales_the_camera(pairs, fitted):
     width, height = pairs.image_size
     half = replace(pairs, image_size=(2 * width, 2 * height), pixel=(pairs.pixel + 0.5) * 2 - 0.5)
@@ -234,7 +225,6 @@ def test_one_photo_of_one_flat_board_is_refused_with_what_to_add():
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.slow
 def test_a_target_that_does_not_fit_is_refused(pairs):
     world = pairs.world.copy()
     right = pairs.board == 2
@@ -243,7 +233,6 @@ def test_a_target_that_does_not_fit_is_refused(pairs):
         calibrate(replace(pairs, world=world))
 
 
-@pytest.mark.slow
 def test_random_pixels_are_refused(pairs):
     rng = np.random.default_rng(0)
     pixel = rng.uniform([0, 0], pairs.image_size, pairs.pixel.shape)
@@ -251,7 +240,6 @@ def test_random_pixels_are_refused(pairs):
         calibrate(replace(pairs, pixel=pixel))
 
 
-@pytest.mark.slow
 def test_flat_boards_all_seen_head_on_are_refused():
     """Without tilt, distance and focal length cannot be told apart on a perspective lens."""
     lens = RadialCamera(
@@ -269,7 +257,6 @@ def test_held_out_needs_three_photos(pairs):
     assert calibrate(select_photos(pairs, np.arange(2))).held_out is None
 
 
-@pytest.mark.slow
 def test_held_out_counts_what_a_fold_never_saw(pairs):
     """Spoil the names of one photo a little: in-sample follows it, held-out tells."""
     result = calibrate(select_photos(pairs, np.arange(6)))
@@ -278,14 +265,12 @@ def test_held_out_counts_what_a_fold_never_saw(pairs):
     assert result.held_out.rms_px > result.errors.rms_px
 
 
-@pytest.mark.slow
 def test_weak_prior_still_gives_a_sound_camera(pairs):
     result = fit_cubic(fit_companion(pairs), Hold(spread=0.01, weight=1e-4))
     assert result.soundness.sound
     assert result.hold.weight >= 1e-4
 
 
-@pytest.mark.slow
 def test_a_pole_holds_p_closer_to_the_companion(pairs, monkeypatch):
     """Whatever weight gives a bad P is raised until the check passes; it never passes silently."""
     companion = fit_companion(pairs)
@@ -309,7 +294,6 @@ def test_a_pole_holds_p_closer_to_the_companion(pairs, monkeypatch):
         fit_cubic(companion, Hold(spread=0.01, weight=1000.0))
 
 
-@pytest.mark.slow
 def test_a_lens_that_flattens_out_keeps_its_profile():
     """An orthographic fisheye folds at 90°: its companion keeps its coefficients."""
     lens = RadialCamera(
@@ -330,7 +314,6 @@ def test_a_lens_that_flattens_out_keeps_its_profile():
     assert points.covered_deg <= points.camera.max_angle_deg < 90.5
 
 
-@pytest.mark.slow
 def test_left_out_photos_choose_how_p_is_held(pairs):
     """Three noisy photos say little of a lens: P is held so that it is no worse than radial."""
     few = select_photos(pairs, np.arange(3))

@@ -25,6 +25,8 @@ from cubicfish_cli.rendering.pose import camera_points
 from cubicfish_cli.rendering.simulate import Look, simulated_photos
 from cubicfish_cli.target import Target
 
+pytestmark = pytest.mark.slow
+
 ONE = Target(units="mm", boards=(checkerboard("board", 7, 5, 30.0),))
 THREE = corner_of_three()
 SMALL = lens_of_size(0.6)
@@ -69,13 +71,11 @@ def found(pictures):
     return [find_grids(picture).grids for picture in pictures]
 
 
-@pytest.mark.slow
 def test_a_board_that_is_as_drawn_needs_no_look(grids):
     assert [len(own) for own in grids] == [1] * PHOTOS
     assert told(grids, ONE, size=SMALL.image_size) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("drawn", [(8, 5), (7, 6), (9, 7), (6, 7)])
 def test_a_lone_board_that_is_drawn_too_large(grids, pictures, drawn):
     (count,) = told(grids, resized(ONE, 0, *drawn), pictures, SMALL.image_size)
@@ -83,7 +83,6 @@ def test_a_lone_board_that_is_drawn_too_large(grids, pictures, drawn):
     assert count.photos >= 2
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("drawn", [(6, 5), (7, 4)])
 def test_a_lone_board_that_is_drawn_too_small(grids, drawn):
     assert told(grids, resized(ONE, 0, *drawn), size=SMALL.image_size) == [
@@ -91,7 +90,6 @@ def test_a_lone_board_that_is_drawn_too_small(grids, drawn):
     ]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("level", [15, 120, 240])
 def test_a_strip_over_the_last_column_is_no_end_of_the_board(pictures, level):
     """The same strip in all photos, which covers half a square more than the last corners."""
@@ -140,7 +138,6 @@ def test_boards_that_are_as_drawn_are_not_named_again(corner, monkeypatch):
     assert counted(naming, THREE, lambda photo: None) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("index", "drawn"), [(0, (8, 6)), (2, (7, 4))])
 def test_a_board_among_others_that_is_drawn_too_small(corner, index, drawn):
     (count,) = told(corner, resized(THREE, index, *drawn))
@@ -149,7 +146,6 @@ def test_a_board_among_others_that_is_drawn_too_small(corner, index, drawn):
     assert count.photos >= 2
 
 
-@pytest.mark.slow
 def test_a_board_that_is_drawn_too_small_at_its_start(corner):
     """The drawing leaves the first column out, and says rightly where the second is."""
     floor = THREE.boards[0]
@@ -161,7 +157,6 @@ def test_a_board_that_is_drawn_too_small_at_its_start(corner):
     assert (count.board, count.size) == (0, (9, 6))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ends", "size"),
     [

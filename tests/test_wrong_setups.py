@@ -16,6 +16,8 @@ from conftest import SAMPLE, Run
 
 from cubicfish_cli.formats.camera_yaml import load_camera
 
+pytestmark = pytest.mark.slow
+
 # Its corners fit no lens at all.
 REFUSED = ("[7, 9] for [9, 7], one board",)
 # Name of the case, and the seed. All of these come through corners.csv.
@@ -51,7 +53,6 @@ def calibrated(run: Run, arguments: list[object], code: int) -> tuple[str, dict]
     return "\n".join(lines), {} if code else json.loads(done.stdout)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "seed"), FROM_CORNERS)
 def test_the_cause_is_named(run: Run, tmp_path: Path, name: str, seed: int) -> None:
     number, case = next((i, one) for i, one in enumerate(wrong.CASES) if one.name == name)
@@ -75,7 +76,6 @@ def test_the_cause_is_named(run: Run, tmp_path: Path, name: str, seed: int) -> N
 # Right set-ups, of which nothing may be claimed, hard as they are
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("case", wrong.HARD, ids=lambda case: case.name)
 def test_nothing_is_claimed_of_a_right_set_up(run: Run, tmp_path: Path, case: wrong.Case) -> None:
     setup = case.make(np.random.default_rng(1))
@@ -83,7 +83,6 @@ def test_nothing_is_claimed_of_a_right_set_up(run: Run, tmp_path: Path, case: wr
     assert record["findings"] == [], said
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "refined"), [(927, "shape"), (706, "off")])
 def test_a_camera_of_few_photos_does_not_judge_single_ones(
     run: Run, tmp_path: Path, kind: int, refined: str
@@ -120,13 +119,11 @@ def from_photos(
     return calibrated(run, arguments, code)
 
 
-@pytest.mark.slow
 def test_right_photos(run: Run, tmp_path: Path, photos: dict[str, np.ndarray]) -> None:
     said, record = from_photos(run, tmp_path, photos, 0)
     assert record["findings"] == [], said
 
 
-@pytest.mark.slow
 def test_photos_that_are_all_mirrored(
     run: Run, tmp_path: Path, photos: dict[str, np.ndarray]
 ) -> None:
@@ -135,7 +132,6 @@ def test_photos_that_are_all_mirrored(
     assert "all photos are mirrored" in said
 
 
-@pytest.mark.slow
 def test_one_photo_that_is_mirrored(
     run: Run, tmp_path: Path, photos: dict[str, np.ndarray]
 ) -> None:
@@ -145,7 +141,6 @@ def test_one_photo_that_is_mirrored(
     assert "warning: corner_02.png: mirrored (" in said
 
 
-@pytest.mark.slow
 def test_rows_and_columns_exchanged_in_the_drawing(
     run: Run, tmp_path: Path, photos: dict[str, np.ndarray]
 ) -> None:
@@ -154,7 +149,6 @@ def test_rows_and_columns_exchanged_in_the_drawing(
     assert "board floor: rows and columns are exchanged: corners: [6, 9] for [9, 6]" in said
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("drawn", ["[10, 6]", "[9, 7]", "[8, 6]"])
 def test_a_line_of_corners_too_many_or_too_few_in_the_drawing(
     run: Run,
@@ -174,7 +168,6 @@ def test_a_line_of_corners_too_many_or_too_few_in_the_drawing(
     assert record["verdict"]["level"] == "care"
 
 
-@pytest.mark.slow
 def test_the_target_of_another_object(
     run: Run, tmp_path: Path, photos: dict[str, np.ndarray]
 ) -> None:
@@ -185,7 +178,6 @@ def test_the_target_of_another_object(
     assert "boards of another size (floor 12x9, left 13x10, right 12x11): give the target" in said
 
 
-@pytest.mark.slow
 def test_one_photo_under_several_names(
     run: Run, tmp_path: Path, photos: dict[str, np.ndarray]
 ) -> None:
