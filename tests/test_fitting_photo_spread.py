@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import synthetic
+from simulated import CornerErrors, simulated_corners
 
 from cubicfish_cli.correspondences import pair
 from cubicfish_cli.fitting.alignment import aligned_difference
@@ -16,7 +17,6 @@ from cubicfish_cli.fitting.uncertainty import camera_uncertainty
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.soundness import cone_rays
 from cubicfish_cli.rendering.outside import outside_lens
-from cubicfish_cli.rendering.simulated import CornerErrors, simulated_corners
 
 TARGET = synthetic.corner_of_three()
 HOLD = Hold(spread=1e-3, weight=1.0)

@@ -3,12 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import synthetic
+from simulated import CornerErrors, simulated_corners
 
 from cubicfish_cli.correspondences import pair
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.rendering.pose import camera_points
-from cubicfish_cli.rendering.simulated import CornerErrors, simulated_corners
 
 EXACT = CornerErrors(noise=0, shared=0, spread=0)
 TARGET = synthetic.flat_board()
