@@ -10,17 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli import __version__
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import (
-    common_options,
-    examples,
-    json_option,
-    model_option,
-    model_path,
-    output_option,
-    overwrite_option,
-)
 from cubicfish_cli.cli.terminal import print_json, result, say, working
 from cubicfish_cli.errors import FitError
 
@@ -78,7 +69,7 @@ camera.yaml's frame is printed, and poses that go into the file are turned along
     "export",
     help=_HELP,
     short_help="The camera for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish export --to opencv",
         "cubicfish export --to kalibr-ds -o camchain.yaml --max-angle 90",
         "cubicfish export --to mrcal -m lens_a/camera.yaml",
@@ -92,8 +83,8 @@ camera.yaml's frame is printed, and poses that go into the file are turned along
     metavar="FORMAT",
     help="What to write: a name of the list above.",
 )
-@output_option("Where it goes. [default: the format's usual name, in the current folder]")
-@model_option
+@options.output_option("Where it goes. [default: the format's usual name, in the current folder]")
+@options.model_option
 @click.option(
     "--max-error",
     type=FloatRange(min=0, min_open=True),
@@ -110,9 +101,9 @@ camera.yaml's frame is printed, and poses that go into the file are turned along
     help="Leave out of the conversion what is farther from the axis, so that the rest is met more "
     "nearly. [default: the whole field]",
 )
-@overwrite_option
-@json_option(json_keys.EXPORT)
-@common_options
+@options.overwrite_option
+@options.json_option(json_keys.EXPORT)
+@options.common_options
 def command(
     name: str,
     output: Path | None,
@@ -130,7 +121,7 @@ def command(
 
     path = output or Path(FILE_NAMES.get(name, "undistort_map.npz"))
     refuse_existing(path, overwrite=overwrite)
-    loaded = load_camera(model_path(model))
+    loaded = load_camera(options.model_path(model))
     if name == "maps":
         _write_map(path, loaded.camera, overwrite=overwrite, as_json=as_json)
         return

@@ -7,20 +7,10 @@ from pathlib import Path
 
 import click
 
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.choosing import MOST, choose_frames
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import IntRange
-from cubicfish_cli.cli.options import (
-    argument,
-    common_options,
-    examples,
-    jobs_option,
-    json_option,
-    no_cache_option,
-    output_option,
-    overwrite_option,
-)
 from cubicfish_cli.cli.target_choice import TargetChoice, say_default, target_options
 from cubicfish_cli.cli.terminal import print_json, result
 
@@ -28,16 +18,16 @@ from cubicfish_cli.cli.terminal import print_json, result
 @click.command(
     "frames",
     short_help="Choose frames of films to calibrate from.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish frames film.mp4 -o photos/ --target target.yaml",
         "cubicfish frames 'films/*.mp4' -o photos/ --most 40",
     ),
 )
-@argument(
+@options.argument(
     "films", "Films of one camera, all of one size.", nargs=-1, required=True, metavar="FILM..."
 )
 @target_options
-@output_option(
+@options.output_option(
     "Where the frames (PNG, with their time in the name), frames.csv and contact_sheet.html go.",
     folder=True,
     required=True,
@@ -50,11 +40,11 @@ from cubicfish_cli.cli.terminal import print_json, result
     metavar="N",
     help="Choose no more frames than these.",
 )
-@overwrite_option
-@json_option(json_keys.FRAMES)
-@jobs_option
-@no_cache_option
-@common_options
+@options.overwrite_option
+@options.json_option(json_keys.FRAMES)
+@options.jobs_option
+@options.no_cache_option
+@options.common_options
 def command(
     films: tuple[Path, ...],
     target: TargetChoice,

@@ -9,18 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.kept import keep_fonts
 from cubicfish_cli.cli.made_by import made_at
-from cubicfish_cli.cli.options import (
-    argument,
-    common_options,
-    examples,
-    json_option,
-    output_option,
-    overwrite_option,
-)
 from cubicfish_cli.cli.target_choice import COUNTS
 from cubicfish_cli.cli.terminal import print_json, print_table, result, say, working
 
@@ -37,13 +29,13 @@ _TYPES = ("checkerboard", "charuco", "aprilgrid")
 @click.command(
     "print",
     short_help="Boards on paper, at true scale.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish target print --object corner --paper A4 -o my-target/",
         "cubicfish target print --object board --type charuco --square 30mm --paper A3",
         "cubicfish target print target.yaml --paper Letter -o pages/",
     ),
 )
-@argument(
+@options.argument(
     "target",
     "The target.yaml of boards that are there already; leave it out with --object.",
     required=False,
@@ -105,10 +97,12 @@ _TYPES = ("checkerboard", "charuco", "aprilgrid")
     metavar="NAME",
     help="Of TARGET, print this board only. May be given again.",
 )
-@output_option("Where boards.pdf, assembly.pdf and target.yaml go.", default="printed", folder=True)
-@overwrite_option
-@json_option(json_keys.TARGET_PRINT)
-@common_options
+@options.output_option(
+    "Where boards.pdf, assembly.pdf and target.yaml go.", default="printed", folder=True
+)
+@options.overwrite_option
+@options.json_option(json_keys.TARGET_PRINT)
+@options.common_options
 def command(
     target: Path | None,
     kind: str | None,
