@@ -130,6 +130,7 @@ class PlanesOfPhotos:
             click.UsageError: it has no such board, or the board has no plane.
 
         """
+        from cubicfish_cli.fitting.statistics import photos_on_record
         from cubicfish_cli.target import load_target
         from cubicfish_cli.wording import did_you_mean, quoted
 
@@ -150,8 +151,9 @@ class PlanesOfPhotos:
                 f"board {quoted(options.board)} is a list of points and has no plane: "
                 "name a board with a grid"
             )
+        records = photos_on_record(loaded.fit)
         self._poses = _poses_of(loaded.fit)
-        self._photos = {Path(str(record.get("image"))).name for record in _records(loaded.fit)}
+        self._photos = {Path(str(record.get("image"))).name for record in records}
 
     def group(self, source: Path, size: tuple[int, int]) -> object:
         """The photo itself."""
@@ -260,30 +262,11 @@ class PlanesOfPhotos:
         return
 
 
-def _records(fit: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """What a camera file says of each photo."""
-    records = fit.get("per_image", [])
-    if not isinstance(records, list):
-        return []
-    return [record for record in records if isinstance(record, dict)]
-
-
 def _poses_of(fit: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
-    """Photo -> rotation vector and translation, of the records that have them."""
-    import numpy as np
+    """Rotation vector and translation by the photo's file name, without folders."""
+    from cubicfish_cli.fitting.statistics import poses_on_record
 
-    poses = {}
-    for record in _records(fit):
-        pose = record.get("camera_from_world")
-        if not isinstance(pose, dict):
-            continue
-        try:
-            vectors = np.array([pose.get("rotation_vector"), pose.get("translation")], dtype=float)
-        except (TypeError, ValueError):
-            continue
-        if vectors.shape == (2, 3) and np.isfinite(vectors).all():
-            poses[Path(str(record.get("image"))).name] = (vectors[0], vectors[1])
-    return poses
+    return {Path(name).name: pose for name, pose in poses_on_record(fit).items()}
 
 
 plane_options = bundle(

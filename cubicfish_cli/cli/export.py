@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from decimal import ROUND_UP, Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -255,21 +255,11 @@ def _rounded_up(value: float) -> str:
 
 def _poses(fit: Mapping[str, Any], conversion: Conversion) -> Poses:
     """camera_from_world of the calibration's photos, in the lens's frame."""
-    import numpy as np
-
+    from cubicfish_cli.fitting.statistics import poses_on_record
     from cubicfish_cli.rendering.pose import rotation_matrix
 
-    poses = {}
     turn = conversion.lens_from_camera
-    rows: Sequence[Mapping[str, Any]] = fit.get("per_image") or ()
-    for row in rows:
-        try:
-            pose = row["camera_from_world"]
-            vector = np.array(pose["rotation_vector"], float)
-            translation = np.array(pose["translation"], float)
-            name = str(row["image"])
-        except (KeyError, TypeError, ValueError):
-            continue  # made by something else: a lens is a lens without poses too
-        if vector.shape == translation.shape == (3,):
-            poses[name] = (turn @ rotation_matrix(vector), turn @ translation)
-    return poses
+    return {
+        name: (turn @ rotation_matrix(vector), turn @ translation)
+        for name, (vector, translation) in poses_on_record(fit).items()
+    }
