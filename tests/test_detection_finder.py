@@ -83,6 +83,7 @@ def errors(found, truth):
     )
 
 
+@pytest.mark.slow
 def test_every_board_is_one_grid_with_all_its_visible_corners(box):
     image, truth = box
     found = find_grids(image)
@@ -98,6 +99,7 @@ def test_every_board_is_one_grid_with_all_its_visible_corners(box):
     assert grid.step == pytest.approx(np.median(np.hypot(*np.diff(column, axis=0).T)), rel=0.4)
 
 
+@pytest.mark.slow
 def test_without_noise_positions_have_no_bias():
     image, truth = photo(0.6, noise=0.0, supersample=5)
     error = errors(find_grids(image), truth)
@@ -105,6 +107,7 @@ def test_without_noise_positions_have_no_bias():
     assert np.median(np.hypot(*error.T)) < 0.015
 
 
+@pytest.mark.slow
 def test_squares_of_six_pixels_are_found():
     image, truth = photo(0.36)
     found = find_grids(image)
@@ -114,6 +117,7 @@ def test_squares_of_six_pixels_are_found():
     assert recall(found, truth) > 0.95
 
 
+@pytest.mark.slow
 def test_a_blurred_and_noisy_photo_keeps_its_boards_whole():
     image, truth = photo(0.6, noise=6.0, blur=1.2)
     found = find_grids(image)
@@ -122,6 +126,7 @@ def test_a_blurred_and_noisy_photo_keeps_its_boards_whole():
     assert np.sqrt((errors(found, truth) ** 2).mean()) < 0.12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "scale"), [(0.5, 1.6), (0.7, 1.0), (0.75, 1.6)])
 def test_markers_in_the_light_squares_do_not_hide_a_board(tmp_path, share, scale):
     path = tmp_path / "target.yaml"
@@ -139,6 +144,7 @@ def test_markers_in_the_light_squares_do_not_hide_a_board(tmp_path, share, scale
     assert recall(found, truth) == 1
 
 
+@pytest.mark.slow
 def test_a_shadow_across_a_board_does_not_split_it(box):
     image, truth = box
     shaded = image.astype(float)
@@ -149,6 +155,7 @@ def test_a_shadow_across_a_board_does_not_split_it(box):
     assert recall(found, truth) > 0.93
 
 
+@pytest.mark.slow
 def test_number_type_and_range_do_not_matter(box):
     image, _ = box
     reference = find_grids(image)
@@ -162,6 +169,7 @@ def test_number_type_and_range_do_not_matter(box):
     )
 
 
+@pytest.mark.slow
 def test_the_same_photo_gives_the_same_grids(box):
     first, second = find_grids(box[0]), find_grids(box[0])
     for a, b in zip(first.grids, second.grids, strict=True):
@@ -169,6 +177,7 @@ def test_the_same_photo_gives_the_same_grids(box):
         assert np.array_equal(a.cells, b.cells)
 
 
+@pytest.mark.slow
 def test_a_large_photo_is_searched_reduced_and_refined_at_full_size(monkeypatch):
     image, truth = photo(1.0, supersample=2)
     monkeypatch.setattr(finder, "MOST_PIXELS", image.size // 2)
@@ -206,6 +215,7 @@ def textures():
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(textures()))
 def test_texture_is_not_a_board(name):
     image = np.clip(textures()[name], 0, 255).astype(np.uint8)
@@ -226,6 +236,7 @@ def test_values_that_are_not_finite_do_no_harm():
     assert find_grids(np.full((80, 80), np.nan, np.float32)).grids == ()
 
 
+@pytest.mark.slow
 def test_the_explanation_names_the_cause(box):
     image, _ = box
 

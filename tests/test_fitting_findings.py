@@ -40,6 +40,7 @@ def swapped(pairs, photo):
     )
 
 
+@pytest.mark.slow
 def test_swapped_boards_are_named(pairs):
     result = calibrate(swapped(pairs, 4), target=TARGET, hold_out=False)
     said = " ".join(result.notes) + " ".join(result.unfit)
@@ -49,6 +50,7 @@ def test_swapped_boards_are_named(pairs):
     assert lost == {"04.png"}
 
 
+@pytest.mark.slow
 def test_a_board_that_moved_in_one_photo_is_named(pairs):
     own = (pairs.image == 2) & (pairs.board == 1)
     world = pairs.world.copy()
@@ -75,6 +77,7 @@ def test_photos_that_lost_the_same_board_are_told_in_one_line(pairs):
     assert "corners of board left are off by 3.0 to 8.0 px" in line
 
 
+@pytest.mark.slow
 def test_a_blurred_photo_is_named_and_left_out(pairs):
     pixel = pairs.pixel.copy()
     own = pairs.image == 6
@@ -86,15 +89,18 @@ def test_a_blurred_photo_is_named_and_left_out(pairs):
     assert result.errors.rms_px < 0.16
 
 
+@pytest.mark.slow
 def test_photos_that_are_all_noisy_are_kept(pairs):
     pixel = pairs.pixel + np.random.default_rng(0).normal(0, 0.9, pairs.pixel.shape)
     assert not calibrate(replace(pairs, pixel=pixel), target=TARGET, hold_out=False).unfit
 
 
+@pytest.mark.slow
 def test_a_good_set_is_not_talked_about(pairs):
     assert not [line for line in calibrate(pairs, hold_out=False).notes if "cover" not in line]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "cause"), [("square", "board_square"), ("place", "board_place")]
 )
@@ -129,6 +135,7 @@ def test_coverage_counts_the_valid_field():
     assert few.startswith("there is no held-out error: the photos are from too few places")
 
 
+@pytest.mark.slow
 def test_the_cubic_is_not_worse_than_its_companion_on_a_radial_lens():
     """Few noisy corners of a lens that is the companion's own: the freedom must not hurt."""
     truth = RadialCamera(

@@ -40,6 +40,7 @@ def detection(folder, target):
     return detect_corners(find_photos([folder]), target, jobs=1)
 
 
+@pytest.mark.slow
 def test_corners_have_their_true_names(detection, target):
     true = load_corners(SAMPLE / "true_corners.csv", target)
     where = {
@@ -63,6 +64,7 @@ def test_corners_have_their_true_names(detection, target):
     assert np.median(miss) < 0.1
 
 
+@pytest.mark.slow
 def test_every_photo_is_accounted_for(detection, folder):
     reports = {report.name: report for report in detection.photos}
     assert list(reports) == [photo.name for photo in find_photos([folder])]
@@ -80,6 +82,7 @@ def test_every_photo_is_accounted_for(detection, folder):
         assert len(report.notes) == len(report.grids) - named
 
 
+@pytest.mark.slow
 def test_photos_that_are_turned_are_told_from_photos_of_another_size(folder, target, tmp_path):
     for path in sorted(folder.glob("*.jpg")):
         shutil.copy(path, tmp_path / path.name)
@@ -99,6 +102,7 @@ def test_photos_that_are_turned_are_told_from_photos_of_another_size(folder, tar
     ]
 
 
+@pytest.mark.slow
 def test_jobs_change_nothing_but_the_time(detection, folder, target):
     calls = []
     again = detect_corners(
@@ -173,6 +177,7 @@ def test_unreadable_photos_say_why(tmp_path, target):
         detect_corners([], target)
 
 
+@pytest.mark.slow
 def test_copies_are_told_before_anything_else(flat_photo, tmp_path):
     for name in ("a", "b", "c"):
         shutil.copy(flat_photo / "0.png", tmp_path / f"{name}.png")

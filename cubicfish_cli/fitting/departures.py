@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -43,16 +43,8 @@ class Departure:
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON and YAML."""
-        return {
-            "board": self.board,
-            "bend": list(self.bend),
-            "twist": self.twist,
-            "stretch": list(self.stretch),
-            "shift": self.shift,
-            "turn_deg": self.turn_deg,
-            "offset_rms": self.offset_rms,
-            "doubts": list(self.doubts),
-        }
+        lists = {name: list(getattr(self, name)) for name in ("bend", "stretch", "doubts")}
+        return asdict(self) | lists
 
 
 def departures(drawn: Target, refined: Target, *, doubted: bool = True) -> list[Departure]:
