@@ -287,8 +287,7 @@ def _minimise(frame: _Frame, noise: float, gap: Gaps) -> _State:
     dark_first = _dark_first(frame)
     freedom = np.maximum((frame.weight**2).sum(1) - 11, 1)
     for round_ in range(_ROUNDS):
-        levels, residual, slopes = _model(trial[active], dark_first[active], frame)
-        squares = np.einsum("nk,nk->n", residual, residual)
+        levels, squares, data, right = _model(trial[active], dark_first[active], frame)
         misfit2 = squares / freedom[active]
         if round_ in (1, 4):  # the misfit tells by now how well the model can do
             sigma2[active] = np.maximum(misfit2, noise**2)
@@ -297,15 +296,14 @@ def _minimise(frame: _Frame, noise: float, gap: Gaps) -> _State:
         cost = squares / sigma2[active] + (away**2).sum(1)
         better = cost < state.cost[active]
         rows = active[better]
-        slopes = slopes[better]
         state.shape[rows] = trial[rows]
         state.levels[rows] = levels[better]
         state.cost[rows] = cost[better]
         state.misfit[rows] = np.sqrt(misfit2[better])
-        state.data[rows] = slopes @ slopes.transpose(0, 2, 1)
+        state.data[rows] = data[better]
         state.normal[rows] = state.data[rows] / sigma2[rows, None, None]
         state.normal[rows] += spread[rows, :, None] ** -2.0 * np.eye(_UNKNOWNS)
-        state.right[rows] = (slopes @ residual[better][..., None])[..., 0] / sigma2[rows, None]
+        state.right[rows] = right[better] / sigma2[rows, None]
         state.right[rows] += away[better] / spread[rows]
         now = damping[active]
         damping[active] = np.where(better, np.maximum(0.2 * now, 1e-4), np.maximum(10 * now, 0.3))
@@ -336,8 +334,8 @@ def _dark_first(frame: _Frame) -> BoolArray:
 
 def _model(
     shape: FloatArray, dark_first: BoolArray, frame: _Frame
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Levels (n, 4) that fit best, weighted residuals (n, K) and their falls (n, 7, K).
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Levels (n, 4) that fit best, squared residuals (n,), normal equations (n, 7, 7) and (n, 7).
 
     Two opposite quadrants draw back by half the gap from both edges, the dark ones where the gap
     is positive and the bright ones where it is negative. With logistic steps the share of the two
@@ -388,4 +386,6 @@ def _model(
     slopes -= (slopes @ basis.transpose(0, 2, 1)) @ inverse @ basis
     best = np.asarray(levels[..., 0], np.float64)
     best = np.where(turned[:, None] > 0, best, best[:, ::-1])
-    return best, residual, -slopes
+    squares = (residual[:, None] @ residual[..., None])[:, 0, 0]
+    right = -(slopes @ residual[..., None])[..., 0]
+    return best, squares, slopes @ slopes.transpose(0, 2, 1), right

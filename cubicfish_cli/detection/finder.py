@@ -106,7 +106,8 @@ def _raise(pyramid: Pyramid, corners: XCorners, patch: Patch, free: BoolArray) -
     closing = closes_cell(lattice.known)[cells[:, 0], cells[:, 1]]
     lattice.drop(cells[~closing])
     cells, found = cells[closing], found.select(closing)
-    around = _median_around(lattice.contrast, lattice.known, cells)
+    contrast = lattice.contrast[cells[:, 0], cells[:, 1]]
+    around = _median_around(contrast[:, None], lattice, cells)[:, 0]
     return lattice if is_board(lattice, cells, found, around) else None
 
 
@@ -121,21 +122,16 @@ def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> tuple[Crossings, in
     pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
     found = refine_pixels(pyramid, pixel, fit)
     sign = lattice.sign(cells)
-    lattice.put(cells, found.pixel, found.contrast(sign))
-
-    def around(values: FloatArray) -> FloatArray:
-        every = np.zeros(lattice.known.shape)
-        every[cells[:, 0], cells[:, 1]] = values
-        return _median_around(every, lattice.known, cells)
-
+    contrast = found.contrast(sign)
+    lattice.put(cells, found.pixel, contrast)
+    measures = np.stack([contrast, found.blur.max(1), found.spread], axis=-1)
+    around = _median_around(measures, lattice, cells)
     good = whole_corners(
         found,
         sign,
         fit.side,
         np.hypot(*(found.pixel - pixel).T),
-        around(found.contrast(sign)),
-        around(found.blur.max(1)),
-        around(found.spread),
+        *around.T,
         pyramid.noise,
     )
     lattice.drop(cells[~good])
@@ -144,13 +140,16 @@ def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> tuple[Crossings, in
     return found.select(kept), int((~kept).sum())
 
 
-def _median_around(values: FloatArray, known: BoolArray, cells: IntArray) -> FloatArray:
+def _median_around(values: FloatArray, lattice: Lattice, cells: IntArray) -> FloatArray:
+    """Medians (N, K) over the known corners of the 5x5 cells around, of (N, K) values of cells."""
+    every = np.full((*lattice.known.shape, values.shape[1]), np.inf)
+    every[cells[:, 0], cells[:, 1]] = values
     offset = np.stack(np.meshgrid(*[np.arange(-2, 3)] * 2, indexing="ij"), -1).reshape(-1, 2)
     around = cells[:, None] + offset
-    value = np.where(
-        known[around[..., 0], around[..., 1]], values[around[..., 0], around[..., 1]], np.nan
-    )
-    return np.nanmedian(value, axis=1)
+    inorder = np.sort(every[around[..., 0], around[..., 1]], axis=1)
+    count = np.isfinite(inorder[..., :1]).sum(1, keepdims=True)
+    low = np.take_along_axis(inorder, (count - 1) // 2, axis=1)
+    return 0.5 * (low + np.take_along_axis(inorder, count // 2, axis=1))[:, 0]
 
 
 def _taken(points: FloatArray, pixel: FloatArray, side: FloatArray) -> BoolArray:

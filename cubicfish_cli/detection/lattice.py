@@ -196,8 +196,11 @@ class Lattice:
         mean = (weight[..., None] * pixel).sum(1) / total[:, None]
         pixel = np.where(known[..., None], pixel - mean[:, None], 0.0)
         normal = (weight @ _PRODUCTS).reshape(-1, 6, 6) + _RIDGE
-        right = (weight[..., None] * pixel).transpose(0, 2, 1) @ _TERMS
-        solution = np.linalg.solve(normal, right.transpose(0, 2, 1)).transpose(0, 2, 1)
+        right = np.zeros((len(cells), 6, 3))
+        right[..., :2] = _TERMS.T @ (weight[..., None] * pixel)
+        right[:, 0, 2] = 1
+        answer = np.linalg.solve(normal, right)
+        solution = answer[..., :2].transpose(0, 2, 1)
         step = solution[:, :, 1:3]
         length = np.hypot(step[:, 0], step[:, 1])
         area = step[:, 0, 0] * step[:, 1, 1] - step[:, 0, 1] * step[:, 1, 0]
@@ -210,7 +213,7 @@ class Lattice:
             step=step,
             bend=solution[:, :, 3:],
             neighbours=neighbours,
-            leverage=np.linalg.inv(normal)[:, 0, 0] * _WEIGHT[_CENTRE + 1],
+            leverage=answer[:, 0, 2] * _WEIGHT[_CENTRE + 1],
             side=side,
             sound=sound,
         )
