@@ -362,7 +362,7 @@ def _model(
     weight = frame.weight
     basis = np.stack([first, rest * (1 - fourth), third, rest * fourth], 1)
     basis *= weight[:, None]
-    inverse = np.linalg.inv(basis @ basis.transpose(0, 2, 1) + 1e-6 * np.eye(4))
+    inverse = np.linalg.inv(_products(basis) + 1e-6 * np.eye(4))
     levels = inverse @ (basis @ frame.value[..., None])
     residual = frame.value - (levels.transpose(0, 2, 1) @ basis)[:, 0]
     one, two, three, four = levels.transpose(1, 0, 2)
@@ -382,10 +382,17 @@ def _model(
     slope[:, 1] *= turned[:, None]
     slopes[:, :2] = slope
     slopes[:, 2:4] = slope * frame.along
-    # Kaufman's variable projection: the levels follow the shape.
-    slopes -= (slopes @ basis.transpose(0, 2, 1)) @ inverse @ basis
     best = np.asarray(levels[..., 0], np.float64)
     best = np.where(turned[:, None] > 0, best, best[:, ::-1])
     squares = (residual[:, None] @ residual[..., None])[:, 0, 0]
-    right = -(slopes @ residual[..., None])[..., 0]
-    return best, squares, slopes @ slopes.transpose(0, 2, 1), right
+    # Kaufman's variable projection: the levels follow the shape, and the residuals hold nothing
+    # that other levels would explain.
+    shared = slopes @ basis.transpose(0, 2, 1)
+    data = _products(slopes) - shared @ inverse @ shared.transpose(0, 2, 1)
+    return best, squares, data, -(slopes @ residual[..., None])[..., 0]
+
+
+def _products(rows: FloatArray) -> FloatArray:
+    """Scalar products (n, M, M) of M rows with each other, of (n, M, K)."""
+    # A copy: numpy's own way for a matrix and itself is far slower for small ones.
+    return rows @ rows.copy().transpose(0, 2, 1)

@@ -96,6 +96,8 @@ def _raise(pyramid: Pyramid, corners: XCorners, patch: Patch, free: BoolArray) -
         before = lattice.known.sum()
         grow(pyramid, lattice, candidates)
         clean(lattice)
+        if not is_large_enough(lattice):
+            return None
         grown = lattice.known.sum() > before
         found, dropped = refine_and_verify(pyramid, lattice)
         if not is_large_enough(lattice):
