@@ -95,6 +95,8 @@ def _at_scale(
     likely = glance(image, pixel)
     candidates = np.flatnonzero(likely)
     candidates = candidates[_first(likely[candidates], _MOST_RINGED)]
+    if not len(candidates):
+        return None
     pixel, response = pixel[candidates], response[candidates]
     rings = check_rings(image, pixel, _NOISE_CONTRAST * noise)
     good = np.flatnonzero(rings.ok)

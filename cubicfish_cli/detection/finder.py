@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from cubicfish_cli.detection.believe import closes_cell, is_board, is_large_enough
 from cubicfish_cli.detection.corners import XCorners, find_corners
@@ -64,12 +65,13 @@ def _search(pyramid: Pyramid) -> tuple[list[Lattice], FloatArray]:
     corners = find_corners(pyramid)
     links = keep_squares(find_links(pyramid, corners))
     free = np.ones(len(corners.pixel), bool)
+    candidates = cKDTree(corners.pixel)
     lattices: list[Lattice] = []
     failures = 0
     for patch in find_patches(links, corners.contrast * corners.radius):
         if len(patch.corner) < 4 or not free[patch.corner].all():
             continue
-        lattice = _raise(pyramid, corners, patch, free)
+        lattice = _raise(pyramid, corners, patch, candidates)
         if lattice is None:
             failures += 1
             if failures == _MOST_FAILURES:
@@ -78,17 +80,19 @@ def _search(pyramid: Pyramid) -> tuple[list[Lattice], FloatArray]:
         cells = lattice.cells()
         pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
         free &= ~_taken(corners.pixel, pixel, lattice.fit(cells).side)
+        candidates = cKDTree(corners.pixel[free])
         lattices.append(lattice)
     return lattices, corners.pixel[free]
 
 
-def _raise(pyramid: Pyramid, corners: XCorners, patch: Patch, free: BoolArray) -> Lattice | None:
+def _raise(
+    pyramid: Pyramid, corners: XCorners, patch: Patch, candidates: cKDTree
+) -> Lattice | None:
     """Grow a patch into a grid; None when it turns out not to be a board."""
     lattice = Lattice.from_cells(
         patch.cells, corners.pixel[patch.corner], corners.contrast[patch.corner], patch.parity
     )
     measure_contrast(pyramid, lattice)
-    candidates = corners.pixel[free]
     for _ in range(_PASSES):
         clean(lattice)
         if lattice.known.sum() < 4:

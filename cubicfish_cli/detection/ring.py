@@ -86,6 +86,8 @@ def _check_rings(image: Float32Array, pixel: FloatArray, least_contrast: float) 
     second = _ring(image, pixel, RADII[1], least_contrast)
     active = np.nonzero(second[0])[0]
     for k, r in enumerate(RADII):
+        if not len(active):
+            break
         if k == 1:
             good, arms, spread = (part[active] for part in second)
         else:
