@@ -108,9 +108,7 @@ def _fit(
     return pixel, ok, curvature
 
 
-def _newton(
-    patch: FloatArray, away: FloatArray, half: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _newton(patch: FloatArray, away: FloatArray, half: FloatArray) -> tuple[FloatArray, FloatArray]:
     """One weighted fit: patches (N, n, n), offsets along x, y (N, 2, n) -> step (N, 2), rise (N,).
 
     The weight is a product, so products of polynomials that are orthogonal along x and along y
