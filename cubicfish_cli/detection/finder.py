@@ -131,13 +131,15 @@ def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> tuple[Crossings, in
     contrast = found.contrast(sign)
     lattice.put(cells, found.pixel, contrast)
     measures = np.stack([contrast, found.blur.max(1), found.spread], axis=-1)
-    around = _median_around(measures, lattice, cells)
+    contrast_around, blur_around, spread_around = _median_around(measures, lattice, cells).T
     good = whole_corners(
         found,
         sign,
         fit.side,
         np.hypot(*(found.pixel - pixel).T),
-        *around.T,
+        contrast_around,
+        blur_around,
+        spread_around,
         pyramid.noise,
     )
     lattice.drop(cells[~good])
