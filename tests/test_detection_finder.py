@@ -6,6 +6,7 @@ import pytest
 from synthetic import box_of_four, lens_of_size
 
 from cubicfish_cli.detection import finder
+from cubicfish_cli.detection.believe import is_large_enough
 from cubicfish_cli.detection.diagnose import explain_no_grids
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.growth import measure_contrast
@@ -271,6 +272,70 @@ def seen(light):
     light = cv2.GaussianBlur(light, (0, 0), 2.5).reshape(240, 5, 320, 5).mean((1, 3))
     light += np.random.default_rng(0).normal(0, 1.5, light.shape)
     return np.clip(np.rint(light), 0, 255).astype(np.uint8)
+
+
+def cause(picture):
+    found = find_grids(picture)
+    assert found.grids == ()
+    return explain_no_grids(picture, found)
+
+
+def without_a_board():
+    """Photos for which no cause but the missing board may be named."""
+    rng = np.random.default_rng(5)
+    noise = rng.normal(0, 1.5, (360, 480))
+    page = np.full((360, 480), 255, np.uint8)
+    for y in range(30, 350, 26):
+        cv2.putText(page, "plain text on white paper", (12, y), 0, 0.8, 30, 2, cv2.LINE_AA)
+    front = np.full((360, 480), 262.0)
+    for y in range(20, 330, 44):
+        for x in range(20, 440, 38):
+            cv2.rectangle(front, (x, y), (x + 20, y + 24), float(rng.uniform(20, 60)), -1)
+    cells = cv2.resize(rng.uniform(20, 250, (90, 120)), (480, 360), interpolation=0)
+    lawn = np.kron(rng.uniform(0, 255, (120, 160)), np.ones((3, 3)))
+    pictures = {"page": page, "burnt-out front": front, "cells of 4 px": cells, "lawn": lawn}
+    return {
+        name: np.clip(cv2.GaussianBlur(picture, (0, 0), 0.7) + noise, 0, 255).astype(np.uint8)
+        for name, picture in pictures.items()
+    }
+
+
+@pytest.mark.parametrize("gap", [10, 13])
+def test_burnt_out_white_is_named_where_dark_squares_no_longer_touch(gap):
+    assert "too bright" in cause(seen(drawn_board(gap=gap)[0] * 1.1))
+
+
+@pytest.mark.parametrize("blur", [7, 12])
+def test_blur_is_named_where_a_board_is_seen_through_it(blur):
+    light = cv2.GaussianBlur(drawn_board()[0], (0, 0), 5 * blur)
+    sharp_frame = np.where(np.indices(light.shape)[0] < 60, 20.0, light)
+    assert "too blurred" in cause(seen(sharp_frame))
+
+
+def test_small_squares_are_named_with_their_size():
+    assert "squares of 3 px; they must be 6 px or more" in cause(seen(drawn_board(side=3)[0]))
+
+
+@pytest.mark.parametrize("name", sorted(without_a_board()))
+def test_no_cause_is_named_for_photos_without_a_board(name):
+    assert cause(without_a_board()[name]) in (
+        "corner-like points, but no checkerboard pattern",
+        "no checkerboard corner in sight",
+    )
+
+
+def test_pieces_that_hang_together_nowhere_are_no_board():
+    cells = np.argwhere(np.ones((3, 2))).tolist() + [
+        (i + 2, j + 3) for j in range(3) for i in (0, 1)
+    ]
+    joining = [(1, 2), (2, 2), (3, 2)]
+
+    def of(cells):
+        cells = np.array(cells)
+        return Lattice.from_cells(cells, 20.0 * cells[:, ::-1], np.ones(len(cells)), 1)
+
+    assert not is_large_enough(of(cells))
+    assert is_large_enough(of(cells + joining))
 
 
 def test_a_stray_corner_on_a_single_link_is_left_out():
