@@ -23,6 +23,7 @@ ALLOWED: dict[str, set[str]] = {
     "tables": {"errors", "reading", "wording"},
     "target": {"errors", "plain_yaml", "wording"},
     "picture_headers": set(),
+    "frame_names": set(),
     "photos": {"errors", "wording", "machines", "picture_headers"},
     "films": {"errors", "files", "photos", "wording"},
     "cluster": {"errors", "files", "machines", "photos"},
@@ -30,7 +31,15 @@ ALLOWED: dict[str, set[str]] = {
     "correspondences": {"errors", "wording", "arrays", "files", "tables", "target"},
     "corner_files": {"errors", "reading", "tables", "target", "correspondences", "wording"},
     "model": {"errors", "angles", "geometry"},
-    "fitting": {"errors", "angles", "geometry", "target", "correspondences", "model"},
+    "fitting": {
+        "errors",
+        "angles",
+        "geometry",
+        "target",
+        "correspondences",
+        "frame_names",
+        "model",
+    },
     "naming": {
         "errors",
         "geometry",
@@ -79,6 +88,7 @@ CONFINED: dict[str, set[str]] = {
     "cv2": {"photos", "films", "detection", "naming", "undistortion", "rendering"},
     "scipy": {*ALLOWED} - {"__init__", "__main__", "cli", "errors", "wording", "files"},
     "av": {"films", "undistortion"},
+    "rosbags": {"films"},
     "OpenEXR": {"undistortion"},
     "click": {"cli"},
     "rich": {"cli"},
@@ -89,7 +99,16 @@ CONFINED: dict[str, set[str]] = {
     "dask": {"cluster"},
     "distributed": {"cluster"},
     "numpy": {*ALLOWED}
-    - {"__init__", "errors", "wording", "files", "reading", "plain_yaml", "picture_headers"},
+    - {
+        "__init__",
+        "errors",
+        "wording",
+        "files",
+        "reading",
+        "plain_yaml",
+        "picture_headers",
+        "frame_names",
+    },
 }
 
 
