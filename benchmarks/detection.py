@@ -2,18 +2,27 @@
 
     python benchmarks/detection.py                       # rendered photos, exact truth
     python benchmarks/detection.py DATA --board 14x14    # DATA/images, DATA/reference_corners.csv
+    python benchmarks/detection.py --times [DATA]        # CPU seconds a megapixel, by size
 
 Each finder gets every photo once. OpenCV's are repeated on the photo with the found board painted
 over, until nothing more is found, since they return one board. A reference corner counts as found
 when a corner lies within 1 px of it. A found corner without one within 3 px counts as extra: on
 rendered photos that is a false corner, on real ones it may be one that the reference missed.
+
+``--times`` takes the photos above, then texture of every scale with one board in it from 1 to 108
+megapixels; each finder is given MOST_SECONDS a photo and asked for one board, with one thread.
 """
 
 import argparse
 import csv
+import multiprocessing
+import os
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import cv2
 import numpy as np
@@ -29,6 +38,15 @@ NEAR, FAR = 1.0, 3.0
 # Image, corners that must be found, all corners that may be found.
 Photo = tuple[np.ndarray, np.ndarray, np.ndarray]
 MOST_BOARDS = 6
+MOST_SECONDS = 120
+# Width, height, side of the board's squares, px.
+TEXTURES = (
+    (1152, 864, 20),
+    (2000, 1500, 30),
+    (4000, 3000, 60),
+    (4000, 3000, 20),
+    (12000, 9000, 180),
+)
 
 
 def ours(image: np.ndarray, _: tuple[int, int]) -> np.ndarray:
@@ -132,14 +150,109 @@ def photographed(folder: Path) -> Iterator[Photo]:
         yield image, np.array(corners), np.array(corners)
 
 
+def textured(width: int, height: int, square: float) -> np.ndarray:
+    """Clouds of every scale down to the pixel, before them a board of 11x8 inner corners."""
+    rng = np.random.default_rng(0)
+    total = np.zeros((height, width), np.float32)
+    side = 4
+    while side < width:
+        cloud = rng.normal(size=(max(2, side * height // width), side)).astype(np.float32)
+        total += cv2.resize(cloud, (width, height), interpolation=cv2.INTER_CUBIC)
+        side *= 2
+    total *= 45 / total.std()
+    cell = 40
+    drawn = np.full((11 * cell, 14 * cell), 225, np.float32)
+    for row in range(9):
+        for column in range(row % 2, 12, 2):
+            y, x = (row + 1) * cell, (column + 1) * cell
+            drawn[y : y + cell, x : x + cell] = 25
+    c, s = np.cos(0.4) * square / cell, np.sin(0.4) * square / cell
+    move = np.array([[c, -s, 0.3 * width], [s, c, 0.25 * height], [1e-4, -5e-5, 1]])
+    paper = cv2.warpPerspective(np.ones_like(drawn), move, (width, height))
+    board = cv2.warpPerspective(drawn, move, (width, height))
+    picture = cv2.GaussianBlur(np.where(paper > 0.5, board, 120 + total), (0, 0), 0.8)
+    picture += rng.normal(0, 2, picture.shape).astype(np.float32)
+    return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+
+
+def sectors_whole(image: np.ndarray, board: tuple[int, int]) -> np.ndarray | None:
+    return cv2.findChessboardCornersSB(image, board, flags=cv2.CALIB_CB_ACCURACY)[1]
+
+
+def classic_whole(image: np.ndarray, board: tuple[int, int]) -> np.ndarray | None:
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
+    return cv2.findChessboardCorners(image, board, flags=flags)[1]
+
+
+def charuco(image: np.ndarray, board: tuple[int, int]) -> np.ndarray | None:
+    layout = cv2.aruco.CharucoBoard(
+        (board[0] + 1, board[1] + 1),
+        1.0,
+        0.8,
+        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_250),
+    )
+    return cv2.aruco.CharucoDetector(layout).detectBoard(image)[0]
+
+
+TIMED = {
+    "cubicfish": ours,
+    "SB": sectors_whole,
+    "classic": classic_whole,
+    "Charuco": charuco,
+}
+
+
+def spent(name: str, image: np.ndarray, board: tuple[int, int]) -> tuple[float, int] | None:
+    """CPU seconds and corners of one finder on one photo; None where it was stopped."""
+    ours_end, its_end = multiprocessing.Pipe(duplex=False)
+    worker = multiprocessing.Process(target=_send, args=(its_end, name, image, board))
+    worker.start()
+    answer = ours_end.recv() if ours_end.poll(MOST_SECONDS) else None
+    worker.kill()
+    worker.join()
+    return answer
+
+
+def _send(end, name: str, image: np.ndarray, board: tuple[int, int]) -> None:
+    cv2.setNumThreads(1)
+    TIMED[name](image[:200, :200], board)  # what only the first call takes
+    start = time.process_time()
+    corners = TIMED[name](image, board)
+    end.send((time.process_time() - start, 0 if corners is None else corners.size // 2))
+
+
+def times(photos: list[Photo], board: tuple[int, int]) -> None:
+    print("CPU seconds a megapixel (corners found)")
+    print(f"{'':34}" + "".join(f"{name:>18}" for name in TIMED))
+    rows = [("photos", [photo[0] for photo in photos], board)]
+    for width, height, square in TEXTURES:
+        label = f"texture, squares of {square} px"
+        rows.append((label, [textured(width, height, square)], (11, 8)))
+    for label, images, inner in rows:
+        megapixels = sum(image.size for image in images) / 1e6
+        line = f"{label:24} {megapixels / len(images):5.1f} Mpx"
+        for name in TIMED:
+            answers = [spent(name, image, inner) for image in images]
+            if None in answers:
+                line += f"{f'over {MOST_SECONDS} s':>18}"
+            else:
+                cost = sum(answer[0] for answer in answers) / megapixels
+                line += f"{f'{cost:.3f} ({sum(answer[1] for answer in answers)})':>18}"
+        print(line, flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("data", nargs="?", type=Path, help="folder with images and a reference")
     parser.add_argument("--board", default="14x14", help="inner corners, for the classic finder")
+    parser.add_argument("--times", action="store_true", help="how long each takes")
     arguments = parser.parse_args()
     columns, rows = (int(part) for part in arguments.board.split("x"))
     cv2.setNumThreads(1)
     photos = list(photographed(arguments.data) if arguments.data else rendered())
+    if arguments.times:
+        times(photos, (columns, rows))
+        return
     print(f"{len(photos)} photos, {sum(len(p[1]) for p in photos)} reference corners, one thread")
     print(f"{'finder':45} recall  extra  median px  95 % px  bias px  CPU s/photo")
     for name, find in FINDERS.items():

@@ -18,11 +18,14 @@ import os
 import sys
 import time
 import warnings
+from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 import numpy as np
+from simulated import CornerErrors, simulated_corners
 
 from cubicfish_cli.correspondences import pair
 from cubicfish_cli.errors import CubicfishError
@@ -32,7 +35,6 @@ from cubicfish_cli.model.soundness import cone_rays
 from cubicfish_cli.rendering.lens import TrueLens
 from cubicfish_cli.rendering.outside import OUTSIDE_LENSES, outside_lens
 from cubicfish_cli.rendering.simulate import chosen_poses
-from cubicfish_cli.rendering.simulated import CornerErrors, simulated_corners
 from cubicfish_cli.target import Board, Target
 
 SIZE = (960, 720)

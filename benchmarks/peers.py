@@ -29,11 +29,11 @@ import numpy.typing as npt
 from cubicfish_cli.correspondences import Correspondences, load_corners, pair
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import FitLens, adjust
-from cubicfish_cli.fitting.baselines.compare import FrozenLens, compare_baselines
+from cubicfish_cli.fitting.baselines.compare import compare_baselines
 from cubicfish_cli.fitting.baselines.unified import UnifiedLens
 from cubicfish_cli.fitting.calibrate import Calibration, calibrate
 from cubicfish_cli.fitting.folds import FOLDS
-from cubicfish_cli.fitting.lenses import RadialFit
+from cubicfish_cli.fitting.lenses import FixedLens, RadialFit
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import rms_px
@@ -131,7 +131,7 @@ def opencv_rows(python: str, npz: Path, pairs: Correspondences, fit: Calibration
 
 def judged(lens: FitLens, pairs: Correspondences, poses: Poses) -> FloatArray | None:
     """Residuals (N, 2) of a fixed lens, poses refitted from a start; None where it has a hole."""
-    frozen = FrozenLens(lens=lens)
+    frozen = FixedLens(camera=lens)
     try:
         fit = adjust(frozen, poses, pairs, huber_px=10.0)
         return adjust(frozen, fit.poses, pairs, huber_px=huber_px(fit.residual)).residual

@@ -25,71 +25,8 @@ Conventions, the same everywhere in the package:
 
 __version__ = "0.1.0"
 
-# What type checkers take for true. The module that has it takes as long to load as the rest of
-# what is here, while Ctrl-C would still end in a traceback: nothing at all is loaded by this file.
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from typing import Any
-
-    from cubicfish_cli.correspondences import (
-        Corners,
-        Correspondences,
-        load_corners,
-        save_corners,
-    )
-    from cubicfish_cli.errors import CubicfishError
-    from cubicfish_cli.fitting.calibrate import Calibration
-    from cubicfish_cli.fitting.comparison import Comparison
-    from cubicfish_cli.fitting.comparison import compare_cameras as compare
-    from cubicfish_cli.fitting.evaluate import Evaluation
-    from cubicfish_cli.fitting.verdict import Verdict
-    from cubicfish_cli.formats.camera_yaml import CameraFile, load_camera
-    from cubicfish_cli.library.calibration import calibrate, evaluate, judge, uncertainty
-    from cubicfish_cli.library.cameras import save_camera, save_target
-    from cubicfish_cli.library.detection import detect
-    from cubicfish_cli.library.pictures import undistort
-    from cubicfish_cli.model.cubic import CubicCamera
-    from cubicfish_cli.naming.detect import Detection
-    from cubicfish_cli.photos import read_picture
-    from cubicfish_cli.target import Target
-    from cubicfish_cli.undistortion.choose import build_view
-    from cubicfish_cli.undistortion.maps import UndistortMap, build_map, load_map, save_map
-    from cubicfish_cli.undistortion.view import View
-
-__all__ = [
-    "Calibration",
-    "CameraFile",
-    "Comparison",
-    "Corners",
-    "Correspondences",
-    "CubicCamera",
-    "CubicfishError",
-    "Detection",
-    "Evaluation",
-    "Target",
-    "UndistortMap",
-    "Verdict",
-    "View",
-    "build_map",
-    "build_view",
-    "calibrate",
-    "compare",
-    "detect",
-    "evaluate",
-    "judge",
-    "load_camera",
-    "load_corners",
-    "load_map",
-    "read_picture",
-    "save_camera",
-    "save_corners",
-    "save_map",
-    "save_target",
-    "uncertainty",
-    "undistort",
-]
-
-# Where each name is, and what it is called there if it is called otherwise.
+# Where each public name is; __init__.pyi tells type checkers. Nothing at all is loaded by this
+# file: while it is, Ctrl-C would still end in a traceback.
 _PLACES = {
     "correspondences": ("Corners", "Correspondences", "load_corners", "save_corners"),
     "errors": ("CubicfishError",),
@@ -110,17 +47,18 @@ _PLACES = {
     "undistortion.maps": ("UndistortMap", "build_map", "load_map", "save_map"),
     "undistortion.view": ("View",),
 }
-_OTHERWISE = {"compare": "compare_cameras"}
 _MODULES = {name: module for module, names in _PLACES.items() for name in names}
 
+__all__ = sorted(_MODULES)
 
-def __getattr__(name: str) -> "Any":
+
+def __getattr__(name: str) -> object:
     """Load a public name when it is first used."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
-    value = getattr(import_module(f"{__name__}.{_MODULES[name]}"), _OTHERWISE.get(name, name))
+    value: object = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
     globals()[name] = value
     return value
 

@@ -10,7 +10,7 @@ import glob
 import os
 import re
 import threading
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -48,8 +48,6 @@ MAX_FILE_BYTES = 2_000_000_000
 
 _READABLE = "PNG, JPEG, TIFF, BMP, WebP, JPEG 2000 or PNM"
 _DAMAGED = "is cut short or damaged: copy it again or leave it out"
-_stderr_lock = threading.Lock()
-_opencv_lock = threading.Lock()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -372,76 +370,57 @@ def _claim_of(path: Path, data: bytes) -> Claim:
     return claim
 
 
-@contextmanager
-def one_opencv_thread() -> Iterator[None]:
-    """Keep OpenCV from using several threads for one picture while several are at work.
+class _Shared:
+    """A state of the process: who enters first makes it, who leaves last ends it.
 
-    Several threads may be inside at once: the last one out gives OpenCV its threads back.
+    Several threads may be inside at once.
     """
-    with _opencv_lock:
-        if _opencv.users == 0:
-            _opencv.threads = cv2.getNumThreads()
-            cv2.setNumThreads(1)
-        _opencv.users += 1
-    try:
-        yield
-    finally:
-        with _opencv_lock:
-            _opencv.users -= 1
-            if _opencv.users == 0:
-                cv2.setNumThreads(_opencv.threads)
 
+    def __init__(self, begin: Callable[[], Any], end: Callable[[Any], None]) -> None:
+        self._begin, self._end = begin, end
+        self._lock, self._inside = threading.Lock(), 0
+        self._before: Any = None
 
-class _OpenCV:
-    """Its threads while it is held to one; guarded by :data:`_opencv_lock`."""
-
-    def __init__(self) -> None:
-        self.users = 0
-        self.threads = 1
-
-
-_opencv = _OpenCV()
-
-
-@contextmanager
-def quiet_stderr() -> Iterator[None]:
-    """Send what C libraries write to stderr nowhere: decoders complain there by themselves.
-
-    Several threads may be inside at once: the first redirects and the last restores.
-    """
-    with _stderr_lock:
-        if _stderr.users == 0:
-            _stderr.redirect()
-        _stderr.users += 1
-    try:
-        yield
-    finally:
-        with _stderr_lock:
-            _stderr.users -= 1
-            if _stderr.users == 0:
-                _stderr.restore()
-
-
-class _Stderr:
-    """The file descriptor 2 while it is sent nowhere; guarded by :data:`_stderr_lock`."""
-
-    def __init__(self) -> None:
-        self.users = 0
-        self.kept: int | None = None
-
-    def redirect(self) -> None:
+    @contextmanager
+    def __call__(self) -> Iterator[None]:
+        with self._lock:
+            if self._inside == 0:
+                self._before = self._begin()
+            self._inside += 1
         try:
-            self.kept = os.dup(2)
-        except OSError:  # there is no stderr
-            return
-        with open(os.devnull, "wb") as nowhere:
-            os.dup2(nowhere.fileno(), 2)
-
-    def restore(self) -> None:
-        if self.kept is not None:
-            os.dup2(self.kept, 2)
-            os.close(self.kept)
-            self.kept = None
+            yield
+        finally:
+            with self._lock:
+                self._inside -= 1
+                if self._inside == 0:
+                    self._end(self._before)
 
 
-_stderr = _Stderr()
+def _one_thread() -> int:
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    return before
+
+
+one_opencv_thread = _Shared(_one_thread, cv2.setNumThreads)
+"""``with one_opencv_thread():`` several pictures are at work: none takes several threads."""
+
+
+def _stderr_nowhere() -> int | None:
+    try:
+        kept = os.dup(2)
+    except OSError:  # there is no stderr
+        return None
+    with open(os.devnull, "wb") as nowhere:
+        os.dup2(nowhere.fileno(), 2)
+    return kept
+
+
+def _stderr_again(kept: int | None) -> None:
+    if kept is not None:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+quiet_stderr = _Shared(_stderr_nowhere, _stderr_again)
+"""``with quiet_stderr():`` what C libraries write to stderr goes nowhere, as decoders do."""

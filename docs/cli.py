@@ -49,7 +49,8 @@ in it. Decide by codes, severities, remedies and figures: sentences may change w
 ENVIRONMENT = {
     "CUBICFISH_MODEL": "The camera of every command that takes `--model`, where that is not given.",
     "CUBICFISH_CACHE": "The folder where what was found in photos is kept. [default: "
-    "`$XDG_CACHE_HOME/cubicfish`, else `~/.cache/cubicfish`]",
+    "`$XDG_CACHE_HOME/cubicfish`, else `~/.cache/cubicfish`; on macOS and Windows the user's "
+    "folder for caches]",
     "XDG_CACHE_HOME": "See `CUBICFISH_CACHE`.",
     "MPLCONFIGDIR": "The folder where matplotlib, which draws reports and prints, keeps its list "
     "of fonts. [default: a folder in that of `CUBICFISH_CACHE`]",

@@ -81,6 +81,7 @@ def knowledge_of(fit, target=TARGET):
     return know(fit.camera, fit.as_record(), fit.pairs, fit.poses, target)
 
 
+@pytest.mark.slow
 def test_the_fit_comes_back_from_its_record(poor, advice):
     record = poor.as_record()
     poses = recorded_poses(record, poor.pairs.images)
@@ -98,6 +99,7 @@ def test_the_fit_comes_back_from_its_record(poor, advice):
     np.testing.assert_allclose(advice.sigma, expected, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_information_adds_up_as_the_normal_equations_do(poor):
     """Adding one photo's corners is the same as setting up the equations with that photo."""
     knowledge = knowledge_of(poor)
@@ -114,6 +116,7 @@ def test_information_adds_up_as_the_normal_equations_do(poor):
         assert (joint.uncertainty().sigma_px(rays) < before).all()
 
 
+@pytest.mark.slow
 def test_what_is_predicted_comes_true(truth):
     """Proposed photos are taken and fitted: uncertainty and error fall as was said."""
     predicted, found, errors = [], [], []
@@ -136,6 +139,7 @@ def test_what_is_predicted_comes_true(truth):
     assert after == pytest.approx(np.mean(predicted), rel=0.5)
 
 
+@pytest.mark.slow
 def test_empty_parts_are_named_and_photos_go_there(poor, advice):
     gaps = advice.gaps
     assert not advice.enough
@@ -161,6 +165,7 @@ def test_empty_parts_are_named_and_photos_go_there(poor, advice):
     assert 1 <= advice.photos_needed <= 12
 
 
+@pytest.mark.slow
 def test_photos_are_proposed_from_where_they_can_be_taken():
     """Half as near as photos so far and twice as far: nobody knows whether others are sharp."""
     poses = poses_around(TARGET, 4, distance=(1.2, 1.5), seed=3)
@@ -193,6 +198,7 @@ def test_photos_are_proposed_from_where_they_can_be_taken():
     np.testing.assert_allclose(inside, 200)  # and not 0, though the middle is there
 
 
+@pytest.mark.slow
 def test_no_photo_is_proposed_twice(poor):
     said = advise(poor.camera, poor.as_record(), poor.pairs, TARGET, goal_px=1e-3, proposals=12)
     poses = [np.concatenate(proposal.view.pose) for proposal in said.proposals]
@@ -200,6 +206,7 @@ def test_no_photo_is_proposed_twice(poor):
     assert len(np.unique(np.round(poses, 9), axis=0)) == 12
 
 
+@pytest.mark.slow
 def test_parts_are_named_by_the_squares_that_are_empty():
     fit = fit_of(poses_around(TARGET, 12, seed=3))
     camera, x = fit.camera, fit.pairs.pixel[:, 0]
@@ -215,6 +222,7 @@ def test_parts_are_named_by_the_squares_that_are_empty():
     assert part.words.startswith("all around, 20–")
 
 
+@pytest.mark.slow
 def test_an_object_that_was_fitted_too_stays_free():
     pairs = synthetic_correspondences(TARGET, poses_around(TARGET, 6, seed=3), noise=NOISE)
     fit = calibrate(pairs, target=TARGET, hold_out=False, refine_target="shape")
@@ -238,6 +246,7 @@ def test_an_object_that_was_fitted_too_stays_free():
     )
 
 
+@pytest.mark.slow
 def test_so_many_photos_as_said_reach_the_goal(poor):
     advice = advise(poor.camera, poor.as_record(), poor.pairs, TARGET, goal_px=0.09, proposals=12)
     assert 1 < advice.photos_needed <= len(advice.proposals)
@@ -247,6 +256,7 @@ def test_so_many_photos_as_said_reach_the_goal(poor):
     assert said.now.p95_px < 1.1 * 0.09
 
 
+@pytest.mark.slow
 def test_a_good_calibration_is_enough(fitted):
     record = fitted.as_record()
     said = advise(fitted.camera, record, fitted.pairs, TARGET)
@@ -273,6 +283,7 @@ def test_the_summary_names_the_gap(poor):
     assert "\n" not in said
 
 
+@pytest.mark.slow
 def test_the_picture_shows_each_proposal(advice):
     svg = advice_svg(advice)
     root = ElementTree.fromstring(svg)
@@ -337,6 +348,7 @@ def test_pairs_without_a_target_get_regions_only(poor):
     assert "no poses" in blind.notes[0]
 
 
+@pytest.mark.slow
 def test_reasons():
     fit = fit_of(poses_around(TARGET, 12, seed=3))
     gaps = find_gaps(fit.camera, fit.pairs, fit.poses, TARGET)
@@ -352,6 +364,7 @@ def test_reasons():
     assert summed(np.arange(101.0)) == FieldUncertainty(median_px=50.0, p95_px=95.0)
 
 
+@pytest.mark.slow
 def test_tilts_and_distances_that_are_missing():
     target = flat_board()
     middle = np.array([150.0, 105.0, 0.0])

@@ -33,6 +33,7 @@ def poor(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_poor_calibration(run: Run, poor: Path, tmp_path: Path) -> None:
     svg, poses = tmp_path / "advice.svg", tmp_path / "next.csv"
     said = run("advise", poor / "calibration", "-o", svg, "--poses", poses).stdout
@@ -54,6 +55,7 @@ def test_a_poor_calibration(run: Run, poor: Path, tmp_path: Path) -> None:
     assert "exists already" in run("advise", poor / "calibration", "-o", svg, code=1).stderr
 
 
+@pytest.mark.slow
 def test_the_goal_and_the_seed_are_asked_for(run: Run, calibrated: Path) -> None:
     said = run("advise", calibrated).stdout
     assert "Enough: more photos are not needed." in said
@@ -66,6 +68,7 @@ def test_the_goal_and_the_seed_are_asked_for(run: Run, calibrated: Path) -> None
     )
 
 
+@pytest.mark.slow
 def test_a_verdict_that_asks_for_photos_is_not_contradicted(
     run: Run, calibrated: Path, tmp_path: Path
 ) -> None:
@@ -80,6 +83,7 @@ def test_a_verdict_that_asks_for_photos_is_not_contradicted(
     assert "Enough" not in said
 
 
+@pytest.mark.slow
 def test_corners_may_be_named(run: Run, poor: Path, tmp_path: Path) -> None:
     camera = tmp_path / "camera.yaml"
     text = (poor / "calibration" / "camera.yaml").read_text()
@@ -95,6 +99,7 @@ def test_corners_may_be_named(run: Run, poor: Path, tmp_path: Path) -> None:
     assert "not those of the fit" in run("advise", "--model", camera, *wrong, code=1).stderr
 
 
+@pytest.mark.slow
 def test_what_point_cameras_and_bare_pairs_cannot(run: Run, poor: Path, tmp_path: Path) -> None:
     run("calibrate", poor / "three.csv", "-t", TARGET, "--lift", "point", "-o", tmp_path / "p",
         "--no-hold-out")  # fmt: skip
@@ -115,5 +120,6 @@ def test_what_point_cameras_and_bare_pairs_cannot(run: Run, poor: Path, tmp_path
     assert "Put the target" not in said.stdout
 
 
+@pytest.mark.slow
 def test_pictures_are_svg(run: Run, calibrated: Path, tmp_path: Path) -> None:
     assert "end the name in .svg" in run("advise", calibrated, "-o", "a.png", code=1).stderr

@@ -36,6 +36,7 @@ def text_of(*paths: Path) -> list[bytes]:
     return [path.read_bytes() for path in paths]
 
 
+@pytest.mark.slow
 def test_the_calibration_is_written_whole(calibrated: Path) -> None:
     names = sorted(path.name for path in calibrated.iterdir())
     assert names == ["camera.yaml", "corners.csv", "undistort_map.npz"]
@@ -51,6 +52,7 @@ def test_the_calibration_is_written_whole(calibrated: Path) -> None:
     np.testing.assert_array_equal(again.pixel, load_corners(CORNERS, target).pixel)
 
 
+@pytest.mark.slow
 def test_json_is_one_object_and_nothing_else(run: Run, tmp_path: Path) -> None:
     result = run("calibrate", CORNERS, "-t", TARGET, "-o", tmp_path / "c", "--json")
     record = json.loads(result.stdout)
@@ -76,6 +78,7 @@ def test_the_text_says_what_the_rms_is(run: Run, tmp_path: Path, quick_fit: None
     assert result.stderr == ""
 
 
+@pytest.mark.slow
 def test_a_gross_corner_is_dropped_and_listed(run: Run, tmp_path: Path) -> None:
     lines = CORNERS.read_text().splitlines()
     image, board, column, row, x, y = lines[300].split(",")
@@ -153,6 +156,7 @@ def correspondences(folder: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_pairs_need_no_target(run: Run, tmp_path: Path, calibrated: Path) -> None:
     pairs = correspondences(tmp_path)
     args = ["calibrate", "--correspondences", pairs, "--no-hold-out", "-o", tmp_path / "c"]
@@ -285,6 +289,7 @@ def test_an_input_that_changes_meanwhile_stops_it(
     assert not (tmp_path / "a").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("quick_fit")
 def test_what_an_earlier_calibration_left_goes_with_it(run: Run, tmp_path: Path) -> None:
     args = ("calibrate", CORNERS, "-t", TARGET, "-o", tmp_path)
@@ -314,6 +319,7 @@ def test_a_calibration_does_not_replace_the_object_that_it_is_made_from(
     assert mine.read_bytes() == TARGET.read_bytes()
 
 
+@pytest.mark.slow
 def test_corners_that_may_be_others_stay_marked(run: Run, tmp_path: Path) -> None:
     """What the table of corners marks as uncertain is so for every reader, and stays marked."""
     header, names, *rows = CORNERS.read_text().splitlines()

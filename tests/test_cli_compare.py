@@ -22,6 +22,7 @@ def other(calibrated: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_numbers_in_words_and_in_json(run: Run, calibrated: Path, other: Path) -> None:
     first = calibrated / "camera.yaml"
     record = json.loads(run("compare", first, other, "--json").stdout)
@@ -53,6 +54,7 @@ def test_the_gate(run: Run, calibrated: Path, other: Path) -> None:
     run("compare", first, other, "--max-rms", 5)
 
 
+@pytest.mark.slow
 def test_the_picture(run: Run, calibrated: Path, other: Path, tmp_path: Path) -> None:
     first, path = calibrated / "camera.yaml", tmp_path / "difference.png"
     assert f"wrote {path}" in run("compare", first, other, "--picture", path).stdout

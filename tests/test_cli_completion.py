@@ -84,6 +84,7 @@ def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(root), prepend=os.pathsep)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("program")
 @pytest.mark.parametrize(
     ("shell", "code"),

@@ -39,6 +39,7 @@ def detected(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_found_corners_are_where_the_lens_put_them(detected: Path) -> None:
     target = load_target(TARGET)
     found = load_corners(detected / "corners.csv", target)
@@ -59,6 +60,7 @@ def test_found_corners_are_where_the_lens_put_them(detected: Path) -> None:
     assert max(off) < 0.5
 
 
+@pytest.mark.slow
 def test_json_has_a_row_for_every_photo(detected: Path) -> None:
     record = json.loads((detected / "stdout").read_text())
     assert record["file"] == str(detected / "corners.csv")
@@ -126,6 +128,7 @@ def test_existing_corners_are_refused_before_the_work(
     assert "corner_03.png exists already" in run(*args, code=1).stderr
 
 
+@pytest.mark.slow
 def test_a_camera_is_evaluated_on_photos(run: Run, calibrated: Path) -> None:
     args = ["evaluate", PHOTOS[0], "-t", TARGET, "-m", calibrated / "camera.yaml"]
     record = json.loads(run(*args, "--json").stdout)
@@ -134,6 +137,7 @@ def test_a_camera_is_evaluated_on_photos(run: Run, calibrated: Path) -> None:
     assert record["rms_px"] < 0.1
 
 
+@pytest.mark.slow
 def test_a_camera_is_calibrated_from_one_photo_of_several_boards(run: Run, tmp_path: Path) -> None:
     out = tmp_path / "c"
     said = run("calibrate", PHOTOS[0], "-t", TARGET, "--no-hold-out", "-o", out).stdout
@@ -176,6 +180,7 @@ def test_photos_without_corners_say_why_and_leave_nothing(
     assert names == ["black.png", "empty", "text.png"]
 
 
+@pytest.mark.slow
 def test_boards_that_look_alike_are_left_out_where_they_are_alone(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

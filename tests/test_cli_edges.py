@@ -97,6 +97,7 @@ def test_a_photo_with_an_odd_name_is_left_out_and_said(
     assert "left out: a photo's name must be plain text" in said.stderr
 
 
+@pytest.mark.slow
 def test_files_that_are_missed_among_photos_are_counted_and_named(run: Run, tmp_path: Path) -> None:
     photos = tmp_path / "photos"
     shutil.copytree(SAMPLE / "photos", photos)

@@ -13,10 +13,10 @@ from conftest import Run
 from cubicfish_cli.cli import export as export_command
 from cubicfish_cli.cli import import_camera
 from cubicfish_cli.cli.export import FORMATS, _rounded_up
-from cubicfish_cli.fitting.conversion.outline import within
 from cubicfish_cli.formats import foreign
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.formats.foreign import FILE_NAMES
+from cubicfish_cli.geometry import inside_polygon
 
 # The other lenses of COLMAP are in test_formats_colmap.
 LENS_FORMATS = sorted({*foreign.LENS_OF} - {"colmap-eucm", "colmap-thin-prism-fisheye"})
@@ -63,6 +63,7 @@ def test_the_commands_know_the_formats_that_there_are():
     assert import_camera.FORMATS == foreign.READABLE
 
 
+@pytest.mark.slow
 def test_opencv_reads_it_and_projects_the_same(run, calibrated, tmp_path, rays):
     path = tmp_path / "camera.yaml"
     record = exported(run, calibrated, path, "opencv")
@@ -80,6 +81,7 @@ def test_opencv_reads_it_and_projects_the_same(run, calibrated, tmp_path, rays):
     assert f"RMS {record['rms_px']:.4f} px, largest {record['max_px']:.4f} px" in text
 
 
+@pytest.mark.slow
 def test_ros_holds_the_same_lens(run, calibrated, tmp_path, rays):
     path = tmp_path / "camera_info.yaml"
     record = exported(run, calibrated, path, "ros")
@@ -127,6 +129,7 @@ def project_kalibr(cam: dict, points: np.ndarray) -> np.ndarray:
     return plane * core[:2] + core[2:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("lens", "kind", "distortion"),
     [("pinhole-equi", "pinhole", "equidistant"), ("omni", "omni", "radtan"),
@@ -145,6 +148,7 @@ def test_kalibr_holds_the_same_lens(run, calibrated, tmp_path, rays, lens, kind,
     assert largest_px(pixel, rays, calibrated) <= stated_px(record) * 1.02
 
 
+@pytest.mark.slow
 def test_colmap_reads_it_and_projects_the_same(run, calibrated, tmp_path, rays):
     pycolmap = pytest.importorskip("pycolmap")
     record = exported(run, calibrated, tmp_path / "cameras.txt", "colmap")
@@ -185,6 +189,7 @@ def test_nerfstudio_holds_lens_and_poses(run, calibrated, tmp_path, rays):
     np.testing.assert_allclose(theirs, seen @ turn.T, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LENS_FORMATS)
 def test_what_is_written_is_read_as_the_same_lens(run, calibrated, tmp_path, rays, name):
     path, back = tmp_path / "file.txt", tmp_path / "back" / "camera.yaml"
@@ -203,6 +208,7 @@ def test_what_is_written_is_read_as_the_same_lens(run, calibrated, tmp_path, ray
     assert largest <= stated_px(record) + said["max_px"] + 0.02
 
 
+@pytest.mark.slow
 def test_an_imported_camera_serves_the_other_commands(run, calibrated, tmp_path, monkeypatch):
     exported(run, calibrated, tmp_path / "lens.cameramodel", "mrcal")
     monkeypatch.chdir(tmp_path)
@@ -214,6 +220,7 @@ def test_an_imported_camera_serves_the_other_commands(run, calibrated, tmp_path,
     assert json.loads(said.stdout)["rms_px"] < 0.02
 
 
+@pytest.mark.slow
 def test_a_lens_that_is_not_near_enough_is_refused(run, calibrated, tmp_path):
     path = tmp_path / "c.yaml"
     said = run(
@@ -258,6 +265,7 @@ def test_the_help_lists_every_format_and_fits_a_terminal(run):
         assert suffix.lstrip(".") in kinds[name].lower()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "other"),
     [("colmap", "colmap-rad-tan-thin-prism-fisheye"), ("kalibr-ds", "kalibr-omni")],
@@ -278,6 +286,7 @@ def known_to_60(calibrated: Path, tmp_path_factory: pytest.TempPathFactory) -> P
     return path
 
 
+@pytest.mark.slow
 def test_the_gate_is_where_corners_were(run, known_to_60, tmp_path):
     args = ["export", "--to", "kalibr-ds", "-m", known_to_60]
     path = tmp_path / "a"
@@ -299,6 +308,7 @@ def test_the_gate_is_where_corners_were(run, known_to_60, tmp_path):
     assert not (tmp_path / "d").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("covered", [None, "far", -3, 170.0])
 def test_where_no_file_says_how_far_corners_reached_the_field_counts(
     run, calibrated, tmp_path, covered
@@ -315,6 +325,7 @@ def test_where_no_file_says_how_far_corners_reached_the_field_counts(
     assert figures["max_angle_deg"] > 0.95 * record["max_angle_deg"]
 
 
+@pytest.mark.slow
 def test_readers_that_see_nothing_behind_are_named(run, calibrated, tmp_path):
     args = ["export", "-m", calibrated / "camera.yaml", "--max-error", 3]
     lines = "itself sees nothing at 90 degrees"
@@ -325,6 +336,7 @@ def test_readers_that_see_nothing_behind_are_named(run, calibrated, tmp_path):
     assert lines not in run(*args, "--to", "kalibr-eucm", "-o", tmp_path / "c").stdout
 
 
+@pytest.mark.slow
 def test_less_of_the_field_is_met_more_nearly(run, calibrated, tmp_path):
     args = ["export", "--to", "kalibr-ds", "-m", calibrated / "camera.yaml", "--max-error", 3]
     wide = json.loads(run(*args, "-o", tmp_path / "a", "--json").stdout)
@@ -347,6 +359,7 @@ distortion_coefficients: {rows: 1, cols: 5, data: [-0.2, 0.05, 0.001, -0.0005, 0
 """
 
 
+@pytest.mark.slow
 def test_a_pinhole_lens_becomes_a_cubic_camera(run, tmp_path):
     path, back = tmp_path / "info.yaml", tmp_path / "camera.yaml"
     path.write_text(PINHOLE)
@@ -370,6 +383,7 @@ CHAIN = """cam0:
 """
 
 
+@pytest.mark.slow
 def test_kalibrs_pinhole_becomes_the_same_cubic_camera(run, tmp_path):
     (tmp_path / "info.yaml").write_text(PINHOLE)
     (tmp_path / "chain.yaml").write_text(CHAIN.format("pinhole", "radtan"))
@@ -430,6 +444,7 @@ distortion_coefficients: {{rows: 1, cols: 4, data: [{k1}, 0.0, 0.0, 0.0]}}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("lens", "options", "ended_by", "words"),
     [
@@ -455,6 +470,7 @@ def test_what_ends_an_imported_field_is_said(run, tmp_path, lens, options, ended
     assert made.made_by["conversion"]["field_ended_by"] == ended_by
 
 
+@pytest.mark.slow
 def test_the_region_of_a_file_ends_the_field(run, calibrated, tmp_path):
     exported(run, calibrated, tmp_path / "lens", "mrcal")
     said = run("import", tmp_path / "lens", "-o", tmp_path / "camera.yaml").stdout
@@ -465,10 +481,11 @@ def test_inside_an_outline():
     outline = np.array([[0, 0], [10, 0], [10, 10], [5, 3], [0, 10]], float)
     pixel = np.array([[5, 1], [5, 5], [1, 7], [9, 7], [-1, 5], [np.nan, 1], [11, 0]])
     np.testing.assert_array_equal(
-        within(pixel, outline), [True, False, True, True, False, False, False]
+        inside_polygon(pixel, outline), [True, False, True, True, False, False, False]
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["opencv", "nerfstudio", "kalibr-pinhole-equi"])
 def test_own_exports_come_back_with_the_field_they_had(
     run: Run, calibrated: Path, tmp_path: Path, name: str

@@ -17,6 +17,8 @@ from cubicfish_cli.cli import choosing
 from cubicfish_cli.cli.json_keys import FRAMES
 from cubicfish_cli.films import scan
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def target(tmp_path: Path) -> Path:

@@ -78,6 +78,7 @@ def test_the_title_and_the_line_are_in_the_file_and_in_the_output(run: Run, tmp_
     assert "--title must be a line of plain text" in error
 
 
+@pytest.mark.slow
 def test_every_command_takes_a_folder_and_names_its_own_choice(
     run: Run, calibrated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

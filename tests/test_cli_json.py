@@ -117,6 +117,7 @@ def test_calibrate(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert ray["models"] == []
 
 
+@pytest.mark.slow
 def test_evaluate_tells_which_photos_gave_nothing(run: Run, model: Path, tmp_path: Path) -> None:
     black = tmp_path / "black.png"
     cv2.imwrite(str(black), np.zeros((720, 960), np.uint8))
@@ -149,6 +150,7 @@ def test_corners(run: Run, tmp_path: Path) -> None:
     assert one["empty_images"] == ["b.png"]
 
 
+@pytest.mark.slow
 def test_compare(run: Run, model: Path, tmp_path: Path) -> None:
     (one,) = records(run, ("compare", model, model, "--picture", tmp_path / "d.png"))
     assert one["picture"] == str(tmp_path / "d.png")
@@ -159,6 +161,7 @@ def test_target_check(run: Run, tmp_path: Path) -> None:
     assert one["drawing"] == str(tmp_path / "o.svg")
 
 
+@pytest.mark.slow
 def test_target_print(run: Run, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     (one,) = records(run, ("target", "print", "--object", "corner", "-o", tmp_path / "p"))
@@ -166,6 +169,7 @@ def test_target_print(run: Run, tmp_path: Path) -> None:
     assert files == {str(path) for path in (tmp_path / "p").iterdir()}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("with_report")
 def test_report(run: Run, model: Path, tmp_path: Path) -> None:
     (one,) = records(run, ("report", model, "-o", tmp_path / "r.html"))
@@ -175,6 +179,7 @@ def test_report(run: Run, model: Path, tmp_path: Path) -> None:
     assert any("photos" in line for line in one["absent"])
 
 
+@pytest.mark.slow
 def test_advise(run: Run, calibrated: Path, tmp_path: Path) -> None:
     line = ("advise", calibrated, "-o", tmp_path / "a.svg", "--poses", tmp_path / "p.csv")
     (one,) = records(run, line)
@@ -269,6 +274,7 @@ def test_map(run: Run, model: Path, tmp_path: Path) -> None:
     assert record(run, "map", tmp_path / "n.npz", "-m", model, "--size", "8x6")["ffmpeg"] == []
 
 
+@pytest.mark.slow
 def test_export_and_import(run: Run, model: Path, tmp_path: Path) -> None:
     lens = tmp_path / "lens.txt"
     near = ("-m", model, "--max-error", 9)
@@ -291,6 +297,7 @@ def test_info(run: Run, calibrated: Path) -> None:
     assert one["image_size"] == [960, 720]
 
 
+@pytest.mark.slow
 def test_simulate(run: Run, calibrated: Path, tmp_path: Path) -> None:
     seen = load_camera(calibrated / "camera.yaml").fit["per_image"][0]["camera_from_world"]
     numbers = ",".join(map(repr, (*seen["rotation_vector"], *seen["translation"])))

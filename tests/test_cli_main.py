@@ -32,6 +32,7 @@ def heavy_modules_after(*args: str) -> str:
     return done.stdout.splitlines()[-1]
 
 
+@pytest.mark.slow
 def test_help_is_quick() -> None:
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run([*CUBICFISH, "--help"], capture_output=True, check=True)
@@ -39,11 +40,13 @@ def test_help_is_quick() -> None:
     assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 0.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("args", [["--help"], ["calibrate", "-h"], ["project", "--help"]])
 def test_help_loads_no_heavy_library(args: list[str]) -> None:
     assert heavy_modules_after(*args) == "loaded:"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "args",
     [
@@ -65,6 +68,7 @@ def test_missing_files_are_told_before_anything_is_loaded(args: list[str]) -> No
     assert done.stdout == "loaded:\n"
 
 
+@pytest.mark.slow
 def test_the_check_for_heavy_libraries_sees_them(calibrated: Path, tmp_path: Path) -> None:
     points = tmp_path / "points.csv"
     points.write_text("0,0,1\n")
@@ -156,6 +160,7 @@ def test_what_is_missing_is_shown_in_its_place(run: Run, args: list[str], shown:
     assert said.endswith(f": '{shown}'\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("args", [[], ["target"]])
 def test_without_a_command_the_help_is_shown(args: list[str]) -> None:
     done = subprocess.run([*CUBICFISH, *args], capture_output=True, text=True, check=False)
@@ -258,6 +263,7 @@ def test_a_signal_ends_it_whatever_comes_of_the_exception(
     assert (done.returncode, done.stderr, done.stdout) == (code, said, "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143)])
 def test_a_signal_after_the_work_is_no_failure(tmp_path: Path, name: str, code: int) -> None:
     """What click makes of it, "Aborted!" and exit code 1, would be one."""
@@ -299,6 +305,7 @@ def test_a_reader_that_leaves_ends_it_quietly(calibrated: Path, tmp_path: Path) 
     assert process.returncode == 141
 
 
+@pytest.mark.slow
 def test_a_terminal_without_the_letters_still_gets_its_text(
     calibrated: Path, tmp_path: Path
 ) -> None:

@@ -77,6 +77,7 @@ def test_the_map_of_a_rescaled_photo(run: Run, model: Path, tmp_path: Path) -> N
     assert "960x540" in run("map", "d.npz", *view, "--photo-size", "960x540", code=1).stderr
 
 
+@pytest.mark.slow
 def test_the_way_back(run: Run, model: Path, tmp_path: Path) -> None:
     run("map", tmp_path / "m.npz", "-m", model, "--size", "96x72", "--redistort")
     with np.load(tmp_path / "m.npz") as data:

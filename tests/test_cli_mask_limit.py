@@ -88,6 +88,7 @@ def test_where_nothing_is_known_is_not_trusted(run: Run, model: Path, tmp_path: 
     assert 0 < mask.sum() < made.valid.sum()
 
 
+@pytest.mark.slow
 def test_undistort_writes_the_same_mask(run: Run, model: Path, tmp_path: Path) -> None:
     expected = mask_of(run, tmp_path, model, *VIEW, "--mask-limit", "0.6")
     args = ["-m", model, *VIEW, "--mask", tmp_path / "u.png", "--mask-limit", "0.6"]

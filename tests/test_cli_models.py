@@ -16,6 +16,7 @@ def calibrate(run: Run, folder: Path, *options: str) -> str:
     return said
 
 
+@pytest.mark.slow
 def test_the_table_and_the_json_hold_the_same_models(
     run: Run, tmp_path: Path, quick_fit: None
 ) -> None:
@@ -33,6 +34,7 @@ def test_the_table_and_the_json_hold_the_same_models(
     assert record["models"][1]["rms_px"] == pytest.approx(record["companion_rms_px"], rel=0.01)
 
 
+@pytest.mark.slow
 def test_without_the_option_there_is_no_table(run: Run, tmp_path: Path, quick_fit: None) -> None:
     assert "the same corners" not in calibrate(run, tmp_path / "a")
     assert "models" not in json.loads(calibrate(run, tmp_path / "b", "--json"))

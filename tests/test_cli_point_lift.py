@@ -54,6 +54,7 @@ def test_one_photo_gives_a_camera_of_its_boards(run: Run, one_photo: Path, tmp_p
     assert "is of lift 'point', which has no rays" in said
 
 
+@pytest.mark.slow
 def test_several_photos_and_the_gate(run: Run, tmp_path: Path) -> None:
     args = ["calibrate", SAMPLE / "true_corners.csv", "-t", TARGET, "--lift", "point"]
     said = run(*args, "-o", tmp_path, "--max-rms", 0.001, code=3).stdout

@@ -18,6 +18,7 @@ def numbers(text: str) -> np.ndarray:
     return np.array([[float(cell) for cell in line.split(",")] for line in text.splitlines()])
 
 
+@pytest.mark.slow
 def test_points_are_projected_as_the_library_does(run: Run, model: Path, tmp_path: Path) -> None:
     points = np.random.default_rng(0).normal(0.5, 1, size=(20, 3))
     path = tmp_path / "points.csv"

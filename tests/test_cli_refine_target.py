@@ -19,6 +19,7 @@ def bent_target(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_a_wrong_drawing_is_refined_and_written(run: Run, tmp_path, bent_target):
     corners = SAMPLE / "true_corners.csv"
     folder = tmp_path / "calibration"
@@ -42,6 +43,7 @@ def test_a_wrong_drawing_is_refined_and_written(run: Run, tmp_path, bent_target)
     assert made_by["options"]["refine_target"] == "auto"
 
 
+@pytest.mark.slow
 def test_an_exact_drawing_writes_no_second_target(run: Run, tmp_path):
     folder = tmp_path / "calibration"
     done = run(

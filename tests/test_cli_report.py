@@ -37,6 +37,7 @@ def own(calibrated: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(calibrated, tmp_path / "calibration"))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("with_report")
 def test_calibrate_writes_the_page_that_report_writes(run: Run, tmp_path: Path) -> None:
     folder = tmp_path / "c"
@@ -53,6 +54,7 @@ def test_calibrate_writes_the_page_that_report_writes(run: Run, tmp_path: Path) 
     assert "exists already" in run("report", folder, code=1).stderr
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("with_report", "quick_fit")
 def test_the_verdict_is_in_the_same_words_wherever_it_is_told(run: Run, tmp_path: Path) -> None:
     args = ["calibrate", CORNERS, "-t", TARGET]
@@ -70,6 +72,7 @@ def test_the_verdict_is_in_the_same_words_wherever_it_is_told(run: Run, tmp_path
         assert html.escape(reason["do"]).replace("&#x27;", "&#39;") in page
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("with_report")
 def test_it_takes_a_refusal_to_replace_before_the_work(run: Run, tmp_path: Path) -> None:
     (tmp_path / "report.html").write_text("mine")
@@ -81,6 +84,7 @@ def test_it_takes_a_refusal_to_replace_before_the_work(run: Run, tmp_path: Path)
     assert (tmp_path / "report.html").read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_without_the_extra_one_line_says_how_to_get_it(run: Run, tmp_path: Path) -> None:
     said = run("calibrate", CORNERS, "-t", TARGET, "-o", tmp_path, *QUICK).stderr
     (line,) = [line for line in said.splitlines() if "report" in line]
@@ -118,6 +122,7 @@ def test_a_camera_is_not_lost_with_its_page(
     }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("with_report", "quick_fit")
 def test_json_has_the_verdict_and_the_page(run: Run, tmp_path: Path) -> None:
     args = ["calibrate", CORNERS, "-t", TARGET, "--json", "-o"]
@@ -128,6 +133,7 @@ def test_json_has_the_verdict_and_the_page(run: Run, tmp_path: Path) -> None:
     assert json.loads(run(*args, tmp_path / "b", "--no-report").stdout)["report"] is None
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("with_report")
 def test_photos_that_are_given_are_shown(run: Run, own: Path) -> None:
     page = own / "report.html"
@@ -180,6 +186,7 @@ def test_the_camera_is_named_in_every_usual_way(
     assert "elsewhere/camera.yaml" in run("report", "elsewhere/camera.yaml", code=1).stderr
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("with_report")
 @pytest.mark.parametrize("photos", [1, 10])
 def test_point_lift(run: Run, tmp_path: Path, photos: int) -> None:
@@ -201,6 +208,7 @@ def test_point_lift(run: Run, tmp_path: Path, photos: int) -> None:
     assert (tmp_path / "again.html").read_text(encoding="utf-8") == page
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("with_report")
 def test_pairs_without_a_target(run: Run, tmp_path: Path) -> None:
     target = load_target(TARGET)
@@ -219,6 +227,7 @@ def test_pairs_without_a_target(run: Run, tmp_path: Path) -> None:
     assert "the table that it was calibrated from is not where it was, or has changed" in said
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("with_report")
 def test_a_refined_object_is_told(run: Run, tmp_path: Path) -> None:
     folder = tmp_path / "c"
@@ -244,6 +253,7 @@ def test_the_command_is_on_record(run: Run, tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("with_report")
 def test_matplotlib_keeps_its_worries_to_itself(own: Path, tmp_path: Path) -> None:
     (tmp_path / "matplotlibrc").write_text("lines.linewidth: bogus\n")
@@ -258,6 +268,7 @@ def test_matplotlib_keeps_its_worries_to_itself(own: Path, tmp_path: Path) -> No
     assert "wrote" in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "darwin", reason="names are UTF-8 there")
 @pytest.mark.usefixtures("with_report", "quick_fit")
 def test_names_that_are_no_utf8_and_hold_line_ends(run: Run, tmp_path: Path) -> None:
@@ -280,6 +291,7 @@ def test_the_templates_go_along_with_the_package() -> None:
     assert templates <= covered
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("with_report", "quick_fit")
 def test_the_page_begins_with_the_title_and_the_camera_in_a_line(run: Run, tmp_path: Path) -> None:
     line = ("calibrate", CORNERS, "-t", TARGET, "--no-hold-out", "-o", tmp_path / "c")

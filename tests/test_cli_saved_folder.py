@@ -34,6 +34,7 @@ def saved(fitted: Calibration, tmp_path: Path) -> Saved:
     return save
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("with_report")
 @pytest.mark.parametrize("beside", [True, False])
 def test_the_object_is_beside_it_or_named(run: Run, saved: Saved, beside: bool) -> None:

@@ -10,6 +10,7 @@ from conftest import SAMPLE, Run
 PHOTO = SAMPLE / "photos" / "corner_01.jpg"
 
 
+@pytest.mark.slow
 def test_nothing_of_dask_is_loaded_unless_it_is_asked_for(calibrated: Path, tmp_path: Path) -> None:
     code = (
         "import sys\nfrom cubicfish_cli.cli.main import cli\n"

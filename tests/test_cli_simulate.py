@@ -37,6 +37,7 @@ def small_lens(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_calibrating_the_photos_gives_the_camera_back(
     run: Run, calibrated: Path, tmp_path: Path
 ) -> None:
@@ -74,6 +75,7 @@ def _by_name(corners):
         yield (*name, corners.row[i]), corners.pixel[i]
 
 
+@pytest.mark.slow
 def test_a_seed_gives_the_same_photos_and_poses_can_be_taken_again(
     run: Run, small_lens: Path, tmp_path: Path
 ) -> None:
@@ -104,6 +106,7 @@ def test_a_seed_gives_the_same_photos_and_poses_can_be_taken_again(
     assert np.corrcoef(bright.ravel(), dark.ravel())[0, 1] > 0.97
 
 
+@pytest.mark.slow
 def test_two_photos_from_one_pose_differ_in_their_noise_only(
     run: Run, small_lens: Path, tmp_path: Path
 ) -> None:
@@ -120,6 +123,7 @@ def test_two_photos_from_one_pose_differ_in_their_noise_only(
     assert (one - two)[inside].std() == pytest.approx(3 * np.sqrt(2), rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_lens_that_no_camera_can_hold_and_its_truth(run: Run, tmp_path: Path) -> None:
     lens = ("--lens", "moving-pupil", "--size", "480x360")
     run("simulate", "-t", TARGET, *lens, "-n", 2, "-o", tmp_path / "a", "--format", "png")
@@ -150,6 +154,7 @@ def test_a_lens_that_no_camera_can_hold_and_its_truth(run: Run, tmp_path: Path) 
     assert json.loads(said.stdout)["rms_px"] < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["mrcal", "colmap-thin-prism-fisheye"])
 def test_another_tools_lens_is_taken_as_it_is(
     run: Run, calibrated: Path, tmp_path: Path, form: str
@@ -172,6 +177,7 @@ def test_another_tools_lens_is_taken_as_it_is(
     assert 1e-9 < np.abs(near.project(points) - pixel).max() < 0.1
 
 
+@pytest.mark.slow
 def test_overexposed_photos_bleed(run: Run, small_lens: Path, tmp_path: Path) -> None:
     options = ("-t", TARGET, "-m", small_lens, "-n", 1, "--noise", 0, "--format", "png")
     dark = []
@@ -183,6 +189,7 @@ def test_overexposed_photos_bleed(run: Run, small_lens: Path, tmp_path: Path) ->
     assert dark[1] < dark[0]
 
 
+@pytest.mark.slow
 def test_json(run: Run, small_lens: Path, tmp_path: Path) -> None:
     said = run("simulate", "-t", TARGET, "-m", small_lens, "-n", 1, "-o", tmp_path, "--json")
     record = json.loads(said.stdout)
@@ -193,6 +200,7 @@ def test_json(run: Run, small_lens: Path, tmp_path: Path) -> None:
     assert record["true_poses"] == str(tmp_path / "true_poses.csv")
 
 
+@pytest.mark.slow
 def test_what_goes_wrong_is_said_before_anything_is_written(
     run: Run, small_lens: Path, tmp_path: Path
 ) -> None:

@@ -26,6 +26,7 @@ def shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "closed", [">&-", "2>&-", ALL_CLOSED, pytest.param("2>/dev/full", marks=full)]
 )
@@ -43,6 +44,7 @@ def test_streams_that_cannot_be_written_change_nothing_but_what_is_seen(
     assert shell(f"undistort - flat/ -m {calibrated} <&- {closed}", tmp_path).returncode == 2
 
 
+@pytest.mark.slow
 @full
 def test_results_that_cannot_be_printed_are_an_error_in_one_line(
     calibrated: Path, tmp_path: Path
@@ -53,6 +55,7 @@ def test_results_that_cannot_be_printed_are_an_error_in_one_line(
         assert done.stderr == "Error: standard output: No space left on device\n"
 
 
+@pytest.mark.slow
 def test_a_closed_stream_is_not_what_files_are_written_to(calibrated: Path, tmp_path: Path) -> None:
     """The first file that is opened would take the place of a closed standard output."""
     made = shell(f"map m.npz -m {calibrated} --size 64x48 {ALL_CLOSED}", tmp_path)

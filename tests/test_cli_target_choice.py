@@ -33,6 +33,7 @@ def write_photos(folder: Path, columns: int, rows: int, *, light: bool, count: i
         cv2.imwrite(str(folder / f"p{index}.png"), cv2.GaussianBlur(picture, (0, 0), 0.8))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("light", [False, True])
 @pytest.mark.parametrize("cache", [(), ("--no-cache",)])
 def test_a_board_is_named_by_its_counts_whatever_its_outer_squares(
@@ -143,6 +144,7 @@ def test_colours_matter_only_where_a_turn_does_not_exchange_them(
     assert len(colourings(load_target(path))) == ways
 
 
+@pytest.mark.slow
 def test_a_checkerboard_of_kalibr_is_found_in_either_colours(run: Run, tmp_path: Path) -> None:
     write_photos(tmp_path / "photos", 7, 5, light=True)
     path = tmp_path / "kalibr.yaml"

@@ -82,6 +82,7 @@ def edge_errors(
     return np.array(errors)
 
 
+@pytest.mark.slow
 @needs_poppler
 def test_every_side_of_every_square_is_in_its_place(run: Run, tmp_path: Path) -> None:
     said = run("target", "print", "--object", "corner", "-o", tmp_path / "printed", "--json").stdout
@@ -124,6 +125,7 @@ def drawn(sheet: Sheet, page, shape: tuple[int, int], dpi: int) -> np.ndarray:
     return face(sheet.board, margin=0.0).is_dark(place - page.shift)
 
 
+@pytest.mark.slow
 @needs_poppler
 @pytest.mark.parametrize("board_type", ["checkerboard", "charuco", "aprilgrid"])
 def test_the_print_is_what_the_renderer_draws(run: Run, tmp_path: Path, board_type: str) -> None:
@@ -150,6 +152,7 @@ def test_the_print_is_what_the_renderer_draws(run: Run, tmp_path: Path, board_ty
     assert (picture[around & blank] == 255).all()
 
 
+@pytest.mark.slow
 @needs_poppler
 @pytest.mark.parametrize("kind", ["corner", "box"])
 def test_the_finder_sees_each_board_and_nothing_else(run: Run, tmp_path: Path, kind: str) -> None:
@@ -162,6 +165,7 @@ def test_the_finder_sees_each_board_and_nothing_else(run: Run, tmp_path: Path, k
         assert len(grid.pixel) == board.columns * board.rows
 
 
+@pytest.mark.slow
 @needs_poppler
 @pytest.mark.parametrize("board_type", ["charuco", "aprilgrid"])
 def test_opencv_reads_the_markers(run: Run, tmp_path: Path, board_type: str) -> None:
@@ -202,6 +206,7 @@ def test_opencv_reads_the_markers(run: Run, tmp_path: Path, board_type: str) -> 
             np.testing.assert_allclose(found.reshape(-1, 2), place / INCH * 150 - 0.5, atol=1.0)
 
 
+@pytest.mark.slow
 @needs_poppler
 def test_parts_glued_together_are_the_whole_board(run: Run, tmp_path: Path) -> None:
     args = ["--object", "board", "--type", "charuco", "--square", "50mm", "--corners", "6x5"]
@@ -237,6 +242,7 @@ def test_parts_glued_together_are_the_whole_board(run: Run, tmp_path: Path) -> N
     assert edge.mean() < 0.2
 
 
+@pytest.mark.slow
 @needs_poppler
 def test_marks_and_overviews_of_parts_are_no_boards(run: Run, tmp_path: Path) -> None:
     args = ["--object", "board", "--square", "30mm", "--corners", "19x12", "-o", tmp_path]
@@ -247,6 +253,7 @@ def test_marks_and_overviews_of_parts_are_no_boards(run: Run, tmp_path: Path) ->
         assert spacing >= 30 / INCH * 60 - 1
 
 
+@pytest.mark.slow
 def test_an_existing_target_in_its_unit(run: Run, tmp_path: Path) -> None:
     text = (SAMPLE / "target.yaml").read_text().replace("units: mm", "units: cm")
     small = tmp_path / "target.yaml"
@@ -261,6 +268,7 @@ def test_an_existing_target_in_its_unit(run: Run, tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "one").iterdir()] == ["boards.pdf"]
 
 
+@pytest.mark.slow
 def test_pages_are_the_same_bytes_again_and_are_not_replaced(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -314,6 +322,7 @@ def test_what_cannot_be_done_is_one_line(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_points_and_unknown_units_are_refused(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "target.yaml"
     dots = "- {name: dots, type: points, points: [[0, 0, 1], [1, 0, 1]]}\n"
@@ -328,6 +337,7 @@ def test_points_and_unknown_units_are_refused(run: Run, tmp_path: Path) -> None:
     assert "units 'cubit' cannot be printed" in said
 
 
+@pytest.mark.slow
 def test_odd_names_print(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "target.yaml"
     path.write_text(
@@ -353,12 +363,14 @@ def test_without_the_library_it_says_how_to_get_it(
     assert said == "Error: printing needs matplotlib: pip install 'cubicfish[report]'\n"
 
 
+@pytest.mark.slow
 def test_an_ambiguous_board_is_warned_of(run: Run, tmp_path: Path) -> None:
     args = ["target", "print", "--object", "board", "--corners"]
     assert "looks the same" in run(*args, "8x6", "-o", tmp_path / "a").stderr
     assert "looks the same" not in run(*args, "9x6", "-o", tmp_path / "b").stderr
 
 
+@pytest.mark.slow
 def test_boards_much_smaller_than_the_paper_print(run: Run, tmp_path: Path) -> None:
     run("target", "print", "--object", "corner", "--corners", "9x6", "--square", "10mm",
         "--paper", "A5", "-o", tmp_path)  # fmt: skip
@@ -386,6 +398,7 @@ VIEWS = (
 )
 
 
+@pytest.mark.slow
 def test_from_nothing_to_the_true_lens(run: Run, tmp_path: Path) -> None:
     run("target", "print", "--object", "corner", "-o", tmp_path / "mine", "-q")
     target_file = tmp_path / "mine" / "target.yaml"

@@ -78,6 +78,7 @@ def show(monkeypatch: pytest.MonkeyPatch):  # type: ignore[no-untyped-def]
 # ---------------------------------------------------------------------------- real terminals
 
 
+@pytest.mark.slow
 def test_a_terminal_gets_colours_and_lines_that_fit(calibrated: Path) -> None:
     model = calibrated / "camera.yaml"
     ended = on_terminal("evaluate", CORNERS, "-t", TARGET, "-m", model, columns=60)
@@ -90,6 +91,7 @@ def test_a_terminal_gets_colours_and_lines_that_fit(calibrated: Path) -> None:
     assert ["all", "10", "1120"] in [row[:3] for row in rows]
 
 
+@pytest.mark.slow
 def test_no_color_and_forty_columns(calibrated: Path) -> None:
     model = calibrated / "camera.yaml"
     ended = on_terminal("evaluate", CORNERS, "-t", TARGET, "-m", model, columns=40, NO_COLOR="1")
@@ -102,6 +104,7 @@ def test_no_color_and_forty_columns(calibrated: Path) -> None:
     assert "median" not in header
 
 
+@pytest.mark.slow
 def test_progress_names_the_stage_and_leaves_nothing_behind(tmp_path: Path) -> None:
     args = ["calibrate", CORNERS, "-t", TARGET, "-o", tmp_path / "c", "--no-report"]
     ended = on_terminal(*args, piped=True)
@@ -120,6 +123,7 @@ def test_progress_names_the_stage_and_leaves_nothing_behind(tmp_path: Path) -> N
     assert re.search(r"^advice: enough photos: .* 98 % of the field", ended.stdout, re.MULTILINE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["quiet", "dumb"])
 def test_no_progress_where_none_is_wanted(tmp_path: Path, how: str) -> None:
     args = ["calibrate", CORNERS, "-t", TARGET, "-o", tmp_path / "c", "--no-report"]
@@ -133,6 +137,7 @@ def test_no_progress_where_none_is_wanted(tmp_path: Path, how: str) -> None:
     assert ended.code == 0
 
 
+@pytest.mark.slow
 def test_ctrl_c_leaves_a_clean_terminal(tmp_path: Path) -> None:
     ended = on_terminal(
         *["calibrate", CORNERS, "-t", TARGET, "-o", tmp_path / "c", "--refine-target", "points"],
@@ -144,6 +149,7 @@ def test_ctrl_c_leaves_a_clean_terminal(tmp_path: Path) -> None:
     assert not (tmp_path / "c" / "camera.yaml").exists()
 
 
+@pytest.mark.slow
 def test_an_encoding_without_our_signs_gets_ascii(calibrated: Path, tmp_path: Path) -> None:
     environment = {**os.environ, "LC_ALL": "C", "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
     model = calibrated / "camera.yaml"
@@ -261,6 +267,7 @@ def test_names_cannot_steer_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
 # ---------------------------------------------------------------------------- characters
 
 
+@pytest.mark.slow
 @given(NAMES, st.integers(1, 40))
 def test_cut_names_fit_and_keep_both_ends(name: str, most: int) -> None:
     name = safe(name)
@@ -276,6 +283,7 @@ def test_cut_names_fit_and_keep_both_ends(name: str, most: int) -> None:
     assert cells(cut_end(name, most)) <= most
 
 
+@pytest.mark.slow
 @given(NAMES)
 def test_safe_text_is_one_line_without_controls(text: str) -> None:
     shown = safe(text)

@@ -336,6 +336,7 @@ def test_a_photo_is_never_replaced_by_its_own_result(run: Run, model: Path, phot
     assert (photos / "a.jpg").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_a_dry_run_says_what_would_be_kept_and_writes_nothing(
     run: Run, model: Path, tmp_path: Path, photos: Path
 ) -> None:
@@ -360,6 +361,7 @@ def test_a_view_at_its_limit_says_so(run: Run, model: Path, tmp_path: Path) -> N
     assert "can show" not in said
 
 
+@pytest.mark.slow
 def test_what_the_camera_saw_is_told_from_what_the_view_spans(
     run: Run, model: Path, tmp_path: Path
 ) -> None:
@@ -434,6 +436,7 @@ def test_the_mask_and_the_camera_go_along(run: Run, model: Path, tmp_path: Path)
     assert 2 * np.degrees(np.arctan(480 / matrix[0, 0])) == pytest.approx(150)
 
 
+@pytest.mark.slow
 def test_one_small_photo_needs_no_scipy(model: Path, tmp_path: Path) -> None:
     code = (
         "import sys\nfrom cubicfish_cli.cli.main import cli\n"
@@ -445,6 +448,7 @@ def test_one_small_photo_needs_no_scipy(model: Path, tmp_path: Path) -> None:
     assert done.stdout.splitlines()[-1] == "[]"
 
 
+@pytest.mark.slow
 def test_an_interrupt_leaves_whole_files_only(model: Path, tmp_path: Path) -> None:
     photos, out = tmp_path / "in", tmp_path / "out"
     photos.mkdir()
@@ -483,6 +487,7 @@ def write_video(path: Path) -> None:
         container.mux(stream.encode(None))
 
 
+@pytest.mark.slow
 def test_a_video_becomes_a_video(run: Run, model: Path, tmp_path: Path) -> None:
     write_video(tmp_path / "in.mp4")
     args = ["undistort", tmp_path / "in.mp4", tmp_path / "out.mp4", "-m", model, "--crf", "10"]

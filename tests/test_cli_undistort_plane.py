@@ -59,6 +59,7 @@ def test_the_margin_and_the_scale_set_the_size(run: Run, model: Path, tmp_path: 
     assert read_picture(tmp_path / "o.png").shape == (5 * 50, 8 * 50)
 
 
+@pytest.mark.slow
 def test_without_a_pose_the_boards_corners_give_it(run: Run, model: Path, tmp_path: Path) -> None:
     shutil.copy(PHOTO, tmp_path / "unknown.jpg")
     args = ["-m", model, "--plane", "floor", "-t", TARGET, "--pixels-per-unit", SCALE]
@@ -69,6 +70,7 @@ def test_without_a_pose_the_boards_corners_give_it(run: Run, model: Path, tmp_pa
     assert np.abs(made - known).mean() < 1
 
 
+@pytest.mark.slow
 def test_a_camera_of_points_shows_its_boards(run: Run, tmp_path: Path) -> None:
     lines = (SAMPLE / "true_corners.csv").read_text().splitlines()
     own = [line for line in lines if line.startswith(("#", "image", "corner_01"))]

@@ -136,6 +136,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
+@pytest.mark.slow
 def test_pictures_are_the_same_to_the_byte(
     run: Run, processes: Processes, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -159,6 +160,7 @@ def test_pictures_are_the_same_to_the_byte(
     assert not (tmp_path / "new").exists()
 
 
+@pytest.mark.slow
 def test_corners_are_the_same_to_the_byte(
     run: Run, processes: Processes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -179,6 +181,7 @@ def test_corners_are_the_same_to_the_byte(
     assert json.loads(there.stdout)["per_image"][0]["corners"] > 50
 
 
+@pytest.mark.slow
 def test_planes_find_their_poses_there(
     run: Run, processes: Processes, model: Path, tmp_path: Path
 ) -> None:
@@ -190,6 +193,7 @@ def test_planes_find_their_poses_there(
     assert (tmp_path / "there.png").read_bytes() == (tmp_path / "here.png").read_bytes()
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_killed_loses_nothing(processes: Processes, tmp_path: Path) -> None:
     jobs, seen = jobs_of(tmp_path, 12), []
     undistort_photos(
@@ -253,6 +257,7 @@ def test_without_workers_it_waits_so_long_and_no_longer(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_worker_without_cubicfish_is_named(processes: Processes, tmp_path: Path) -> None:
     processes.have(0)
     (tmp_path / "cubicfish_cli.py").write_text("raise ImportError('none here')\n")
@@ -268,6 +273,7 @@ def test_a_worker_without_cubicfish_is_named(processes: Processes, tmp_path: Pat
         processes.wait_for(0)
 
 
+@pytest.mark.slow
 def test_workers_of_another_version_are_refused(
     processes: Processes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -302,6 +308,7 @@ def test_a_worker_with_other_folders_is_refused(tmp_path: Path) -> None:
             do_one(wanted, pickle.dumps(1))
 
 
+@pytest.mark.slow
 def test_few_tasks_are_on_their_way_at_a_time(processes: Processes) -> None:
     class Watched(Sequence):
         taken = 0
@@ -324,6 +331,7 @@ def test_few_tasks_are_on_their_way_at_a_time(processes: Processes) -> None:
     assert len(set(answers.values())) == 2
 
 
+@pytest.mark.slow
 def test_an_interrupt_cancels_what_has_not_begun(
     processes: Processes, model: Path, tmp_path: Path
 ) -> None:
@@ -375,6 +383,7 @@ def test_a_scheduler_that_is_not_there_is_one_line(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_listener_that_is_no_scheduler_is_one_line_too() -> None:
     code = (
         "import sys\nfrom cubicfish_cli.cluster import connection\n"
@@ -390,6 +399,7 @@ def test_a_listener_that_is_no_scheduler_is_one_line_too() -> None:
     assert last.startswith(f"cubicfish_cli.errors.ClusterError: no scheduler answers at {address}")
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_is_lost_is_one_line(
     model: Path, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:

@@ -371,6 +371,7 @@ def test_any_bytes_are_read_or_refused(tmp_path_factory, raw: bytes, kind, heade
 # From the command line to a camera ---------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_corners_of_deltille_calibrate_a_camera(tmp_path: Path, run) -> None:
     true = truth(THREE, photos=6)
     write_orpc(tmp_path, true, THREE, {0: 0, 1: 1, 2: 2})

@@ -101,6 +101,7 @@ def corners(draw: st.DrawFn) -> Corners:
     )
 
 
+@pytest.mark.slow
 @given(corners(), st.booleans(), st.booleans())
 def test_corners_read_back_exactly(
     tmp_path_factory: Any, found: Corners, weighted: bool, doubted: bool
@@ -126,6 +127,7 @@ def test_tables_that_say_nothing_of_certainty_are_certain(tmp_path: Path) -> Non
     assert load_corners(written(tmp_path, marked), TARGET).certain.tolist() == [False]
 
 
+@pytest.mark.slow
 @given(corners())
 def test_pairs_are_sorted_by_photo_and_stand_on_their_boards(found: Corners) -> None:
     pairs = pair(found, TARGET)
@@ -376,6 +378,7 @@ def test_sizes_that_are_not_are_refused(text: str) -> None:
         parse_size(text)
 
 
+@pytest.mark.slow
 def test_three_hundred_thousand_rows_take_seconds_not_minutes(tmp_path: Path) -> None:
     count = 300_000
     image = np.repeat(np.arange(count // 20), 20)

@@ -6,6 +6,7 @@ import pytest
 from synthetic import box_of_four, lens_of_size
 
 from cubicfish_cli.detection import finder
+from cubicfish_cli.detection.believe import is_large_enough
 from cubicfish_cli.detection.diagnose import explain_no_grids
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.growth import measure_contrast
@@ -84,6 +85,7 @@ def errors(found, truth):
     )
 
 
+@pytest.mark.slow
 def test_every_board_is_one_grid_with_all_its_visible_corners(box):
     image, truth = box
     found = find_grids(image)
@@ -99,6 +101,7 @@ def test_every_board_is_one_grid_with_all_its_visible_corners(box):
     assert grid.step == pytest.approx(np.median(np.hypot(*np.diff(column, axis=0).T)), rel=0.4)
 
 
+@pytest.mark.slow
 def test_without_noise_positions_have_no_bias():
     image, truth = photo(0.6, noise=0.0, supersample=5)
     error = errors(find_grids(image), truth)
@@ -106,6 +109,7 @@ def test_without_noise_positions_have_no_bias():
     assert np.median(np.hypot(*error.T)) < 0.015
 
 
+@pytest.mark.slow
 def test_squares_of_six_pixels_are_found():
     image, truth = photo(0.36)
     found = find_grids(image)
@@ -115,6 +119,7 @@ def test_squares_of_six_pixels_are_found():
     assert recall(found, truth) > 0.95
 
 
+@pytest.mark.slow
 def test_a_blurred_and_noisy_photo_keeps_its_boards_whole():
     image, truth = photo(0.6, noise=6.0, blur=1.2)
     found = find_grids(image)
@@ -123,6 +128,7 @@ def test_a_blurred_and_noisy_photo_keeps_its_boards_whole():
     assert np.sqrt((errors(found, truth) ** 2).mean()) < 0.12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "scale"), [(0.5, 1.6), (0.7, 1.0), (0.75, 1.6)])
 def test_markers_in_the_light_squares_do_not_hide_a_board(tmp_path, share, scale):
     path = tmp_path / "target.yaml"
@@ -140,6 +146,7 @@ def test_markers_in_the_light_squares_do_not_hide_a_board(tmp_path, share, scale
     assert recall(found, truth) == 1
 
 
+@pytest.mark.slow
 def test_a_shadow_across_a_board_does_not_split_it(box):
     image, truth = box
     shaded = image.astype(float)
@@ -150,6 +157,7 @@ def test_a_shadow_across_a_board_does_not_split_it(box):
     assert recall(found, truth) > 0.93
 
 
+@pytest.mark.slow
 def test_number_type_and_range_do_not_matter(box):
     image, _ = box
     reference = find_grids(image)
@@ -163,6 +171,7 @@ def test_number_type_and_range_do_not_matter(box):
     )
 
 
+@pytest.mark.slow
 def test_the_same_photo_gives_the_same_grids(box):
     first, second = find_grids(box[0]), find_grids(box[0])
     for a, b in zip(first.grids, second.grids, strict=True):
@@ -170,6 +179,7 @@ def test_the_same_photo_gives_the_same_grids(box):
         assert np.array_equal(a.cells, b.cells)
 
 
+@pytest.mark.slow
 def test_a_large_photo_is_searched_reduced_and_refined_at_full_size(monkeypatch):
     image, truth = photo(1.0, supersample=2)
     monkeypatch.setattr(finder, "MOST_PIXELS", image.size // 2)
@@ -207,6 +217,7 @@ def textures():
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(textures()))
 def test_texture_is_not_a_board(name):
     image = np.clip(textures()[name], 0, 255).astype(np.uint8)
@@ -227,6 +238,7 @@ def test_values_that_are_not_finite_do_no_harm():
     assert find_grids(np.full((80, 80), np.nan, np.float32)).grids == ()
 
 
+@pytest.mark.slow
 def test_the_explanation_names_the_cause(box):
     image, _ = box
 
@@ -261,6 +273,69 @@ def seen(light):
     light = cv2.GaussianBlur(light, (0, 0), 2.5).reshape(240, 5, 320, 5).mean((1, 3))
     light += np.random.default_rng(0).normal(0, 1.5, light.shape)
     return np.clip(np.rint(light), 0, 255).astype(np.uint8)
+
+
+def cause(picture):
+    found = find_grids(picture)
+    assert found.grids == ()
+    return explain_no_grids(picture, found)
+
+
+def without_a_board():
+    """Photos for which no cause but the missing board may be named."""
+    rng = np.random.default_rng(5)
+    noise = rng.normal(0, 1.5, (360, 480))
+    page = np.full((360, 480), 255, np.uint8)
+    for y in range(30, 350, 26):
+        cv2.putText(page, "plain text on white paper", (12, y), 0, 0.8, 30, 2, cv2.LINE_AA)
+    front = np.full((360, 480), 262.0)
+    for y in range(20, 330, 44):
+        for x in range(20, 440, 38):
+            cv2.rectangle(front, (x, y), (x + 20, y + 24), float(rng.uniform(20, 60)), -1)
+    cells = cv2.resize(rng.uniform(20, 250, (90, 120)), (480, 360), interpolation=0)
+    lawn = np.kron(rng.uniform(0, 255, (120, 160)), np.ones((3, 3)))
+    pictures = {"page": page, "burnt-out front": front, "cells of 4 px": cells, "lawn": lawn}
+    return {
+        name: np.clip(cv2.GaussianBlur(picture, (0, 0), 0.7) + noise, 0, 255).astype(np.uint8)
+        for name, picture in pictures.items()
+    }
+
+
+@pytest.mark.parametrize("gap", [10, 13])
+def test_burnt_out_white_is_named_where_dark_squares_no_longer_touch(gap):
+    told = cause(seen(drawn_board(gap=gap)[0] * 1.1))
+    assert (told.code, told.case) == (Code.TOO_BRIGHT, "burnt")
+
+
+@pytest.mark.parametrize("blur", [7, 12])
+def test_blur_is_named_where_a_board_is_seen_through_it(blur):
+    light = cv2.GaussianBlur(drawn_board()[0], (0, 0), 5 * blur)
+    sharp_frame = np.where(np.indices(light.shape)[0] < 60, 20.0, light)
+    assert cause(seen(sharp_frame)).code is Code.BLURRED
+
+
+def test_small_squares_are_named_with_their_size():
+    told = cause(seen(drawn_board(side=3)[0]))
+    assert "squares of 3 px; they must be 6 px or more" in told.what
+
+
+@pytest.mark.parametrize("name", sorted(without_a_board()))
+def test_no_cause_is_named_for_photos_without_a_board(name):
+    assert cause(without_a_board()[name]).code in (Code.NO_CHECKERBOARD, Code.NO_CORNER)
+
+
+def test_pieces_that_hang_together_nowhere_are_no_board():
+    cells = np.argwhere(np.ones((3, 2))).tolist() + [
+        (i + 2, j + 3) for j in range(3) for i in (0, 1)
+    ]
+    joining = [(1, 2), (2, 2), (3, 2)]
+
+    def of(cells):
+        cells = np.array(cells)
+        return Lattice.from_cells(cells, 20.0 * cells[:, ::-1], np.ones(len(cells)), 1)
+
+    assert not is_large_enough(of(cells))
+    assert is_large_enough(of(cells + joining))
 
 
 def test_a_stray_corner_on_a_single_link_is_left_out():

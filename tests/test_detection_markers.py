@@ -118,6 +118,7 @@ def errors(found, target, pose=POSE):
     return error, (hit & wanted).sum() / wanted.sum()
 
 
+@pytest.mark.slow
 def test_boards_of_all_kinds_are_named_to_the_rim():
     found = find(mixed_photo(), MIXED)
     error, recall = errors(found, MIXED)
@@ -129,6 +130,7 @@ def test_boards_of_all_kinds_are_named_to_the_rim():
     assert (found.how == How.MARKER).mean() > 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turns", [1, 2])
 def test_a_turned_camera_gives_the_same_names(turns):
     def by_name(found):
@@ -146,6 +148,7 @@ def test_a_turned_camera_gives_the_same_names(turns):
     assert max(apart) < 0.1
 
 
+@pytest.mark.slow
 def test_deep_photos_and_dim_ones():
     bright = find(mixed_photo(), MIXED)
     deep = find(mixed_photo().astype(np.uint16) * 200, MIXED)
@@ -156,6 +159,7 @@ def test_deep_photos_and_dim_ones():
     assert errors(dim, MIXED)[1] > 0.8
 
 
+@pytest.mark.slow
 def test_a_mirrored_photo_has_no_names():
     for axis in (0, 1):
         found = find(np.flip(mixed_photo(), axis).copy(), MIXED)
@@ -178,6 +182,7 @@ def test_nothing_comes_of_nothing():
         assert found.contradictory == ()
 
 
+@pytest.mark.slow
 def test_a_target_without_markers_names_nothing():
     plain = Target(units="mm", boards=MIXED.boards[3:])
     found = find(mixed_photo(), plain)
@@ -185,6 +190,7 @@ def test_a_target_without_markers_names_nothing():
     assert len(found.grid_board) == len(find_grids(mixed_photo()).grids)
 
 
+@pytest.mark.slow
 def test_foreign_markers_give_no_names():
     foreign = Target(
         units="mm",
@@ -197,6 +203,7 @@ def test_foreign_markers_give_no_names():
     assert len(find(mixed_photo(), foreign)) == 0
 
 
+@pytest.mark.slow
 def test_a_board_of_another_layout_with_the_same_ids_is_left_out():
     # The photo's board has one column more: ids run on differently in every row but the first.
     narrow = Target(units="mm", boards=(wall("front", "charuco", (5, 5), 24.0),))
@@ -209,6 +216,7 @@ def test_a_board_of_another_layout_with_the_same_ids_is_left_out():
     assert found.contradictory == (0,)
 
 
+@pytest.mark.slow
 def test_one_of_its_markers_inside_a_foreign_board_names_nothing():
     foreign = Target(units="mm", boards=(wall("front", "charuco", (6, 5), 24.0, first=21),))
     photo = photo_of(foreign)
@@ -248,6 +256,7 @@ def true_grid(board, turn=0):
     return target, grid
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", range(4))
 def test_markers_are_read_through_a_grid(turn):
     board = MIXED.boards[0]
@@ -264,6 +273,7 @@ def test_markers_are_read_through_a_grid(turn):
     assert np.hypot(*(seen.pixel[:, 0] - expected).T).max() < 1.0
 
 
+@pytest.mark.slow
 def test_corners_that_the_rim_cuts_are_refused():
     board = MIXED.boards[0]
     _, grid = true_grid(board)
@@ -283,6 +293,7 @@ def test_corners_that_the_rim_cuts_are_refused():
         assert not lattice.refined(build_pyramid(photo), grid.cells, grid.pixel, fit)[1].any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", range(4))
 def test_a_grid_takes_its_names_from_the_markers(turn):
     target, whole = true_grid(MIXED.boards[0], turn)
@@ -302,6 +313,7 @@ def test_a_grid_takes_its_names_from_the_markers(turn):
     assert named(cells=whole.cells * (1, 2)).grid_board.tolist() == [-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "counts", "side"), [("charuco", (5, 4), 22.0), ("aprilgrid", (3, 3), 30.0)]
 )
@@ -315,6 +327,7 @@ def test_two_copies_of_a_board_are_told_and_left_out(kind, counts, side):
     assert set(found.board.tolist()) == {1}
 
 
+@pytest.mark.slow
 def test_a_stray_marker_does_not_harm_the_board():
     photo = mixed_photo().copy()
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
@@ -328,6 +341,7 @@ def test_a_stray_marker_does_not_harm_the_board():
     assert recall > 0.97
 
 
+@pytest.mark.slow
 def test_a_board_behind_a_bar_is_still_one_board():
     photo = mixed_photo().copy()
     middle = project_corners(MIXED, LENS, POSE, SIZE)

@@ -12,6 +12,7 @@ from cubicfish_cli.detection.finder import find_grids
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["0000.png", "0039.png"])
 def test_walls_cut_by_the_image_circle(name):
     folder = DATA / "ov_cube"
@@ -36,6 +37,7 @@ def test_walls_cut_by_the_image_circle(name):
         assert len(np.unique(owner[distance.argmin(1)][near & (board == wall)])) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [4, 16, 23, 26])
 def test_a_board_near_the_lens_or_the_rim_or_in_shadow_is_whole(number):
     path = DATA / "boofcv_chessboard" / "images" / f"{number}.jpg"

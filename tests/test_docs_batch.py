@@ -115,6 +115,7 @@ def two(tmp_path: Path, calibrated: Path) -> Cameras:
     return Cameras(tmp_path / "work", calibrated, ("front", "left side"))
 
 
+@pytest.mark.slow
 @needs_make
 def test_make_does_what_changed_and_no_more(front: Cameras) -> None:
     make, photos = ("make", "-f", str(BATCH / "Makefile")), front.folder / "front" / "photos"
@@ -138,6 +139,7 @@ def test_make_does_what_changed_and_no_more(front: Cameras) -> None:
     assert pictures(front.folder) == front.plainly()
 
 
+@pytest.mark.slow
 @needs_make
 def test_make_calibrates_when_a_photo_of_the_board_changed(front: Cameras) -> None:
     options = ("--no-hold-out", "--no-report")
@@ -163,6 +165,7 @@ def test_make_calibrates_when_a_photo_of_the_board_changed(front: Cameras) -> No
     assert (result / "corners.csv").read_bytes() == (plain / "corners.csv").read_bytes()
 
 
+@pytest.mark.slow
 @needs_make
 def test_make_goes_on_where_it_was_interrupted(front: Cameras) -> None:
     make = ("make", "-f", str(BATCH / "Makefile"))
@@ -185,6 +188,7 @@ def test_make_goes_on_where_it_was_interrupted(front: Cameras) -> None:
     assert pictures(front.folder) == front.plainly()
 
 
+@pytest.mark.slow
 @needs_parallel
 def test_parallel_does_the_rest_after_failures(two: Cameras) -> None:
     parallel = ("bash", str(BATCH / "parallel.sh"), "target.yaml", *two.names)
@@ -206,6 +210,7 @@ def test_parallel_does_the_rest_after_failures(two: Cameras) -> None:
     assert pictures(two.folder) == expected
 
 
+@pytest.mark.slow
 @needs_bash
 def test_the_tasks_of_an_array_do_all_photos_once(two: Cameras) -> None:
     expected, seen = two.plainly(), 0
@@ -219,6 +224,7 @@ def test_the_tasks_of_an_array_do_all_photos_once(two: Cameras) -> None:
     assert said.stdout == "nothing to do\n" * 2
 
 
+@pytest.mark.slow
 @needs_bash
 def test_a_task_that_fails_says_so_and_can_be_run_again(two: Cameras) -> None:
     expected = two.plainly()
@@ -238,6 +244,7 @@ def test_arrays_larger_than_the_work_or_with_gaps(two: Cameras) -> None:
     assert "submit it whole" in two.run(*array(two), **task(7, 2), code=2).stderr
 
 
+@pytest.mark.slow
 @needs_bash
 def test_an_array_calibrates_one_camera_a_task(two: Cameras) -> None:
     script = ("bash", str(BATCH / "calibrate.slurm"), "target.yaml", *two.names)

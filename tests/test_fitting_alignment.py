@@ -33,6 +33,7 @@ def check(rotation):
     np.testing.assert_allclose(found, rotation, atol=1e-7)
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q: np.hypot(*q[:2]) > 0.1))
 def test_any_rotation_is_found(quaternion):

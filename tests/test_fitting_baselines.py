@@ -142,6 +142,7 @@ def rows():
     return {row.model: row for row in compare_baselines(calibration)}, calibration
 
 
+@pytest.mark.slow
 def test_the_table_has_every_model_on_the_same_terms(rows):
     rows, calibration = rows
     assert list(rows) == [CUBIC, KANNALA_BRANDT, *(kind.name for kind in BASELINES)]
@@ -165,6 +166,7 @@ def test_the_table_has_every_model_on_the_same_terms(rows):
     }
 
 
+@pytest.mark.slow
 def test_every_model_fits_as_well_as_it_can(rows):
     rows, _ = rows
     best = rows[CUBIC].rms_px
@@ -183,6 +185,7 @@ class _Companion:
         self.camera, self.covered = camera, covered
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", BASELINES, ids=lambda kind: kind.name)
 @pytest.mark.parametrize("half_angle_deg", [35.0, 90.0, 110.0])
 def test_nearest_lens_follows_narrow_and_wide_cameras(kind, half_angle_deg):
@@ -193,6 +196,7 @@ def test_nearest_lens_follows_narrow_and_wide_cameras(kind, half_angle_deg):
     assert np.sqrt(np.mean(away**2)) < 0.012 * min(camera.image_size)
 
 
+@pytest.mark.slow
 def test_a_refined_object_is_not_what_models_are_judged_on():
     """Boards that bend: the table is on the drawing, for the cubic too."""
     floor = TARGET.boards[0]

@@ -18,6 +18,8 @@ from cubicfish_cli.fitting.subset import select, select_photos
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.model.soundness import check_soundness, cone_rays
 
+pytestmark = pytest.mark.slow
+
 TARGET = synthetic.corner_of_three()
 NOISE = 0.1
 

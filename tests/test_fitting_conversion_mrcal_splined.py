@@ -74,6 +74,7 @@ def random_record(order: int, nx: int, ny: int, fov_x_deg: int) -> LensRecord:
     )
 
 
+@pytest.mark.slow
 @needs_mrcal
 @pytest.mark.parametrize("shape", [(3, 11, 8, 200), (2, 9, 7, 150)])
 def test_splines_are_those_of_mrcal(tmp_path: Path, shape: tuple[int, int, int, int]) -> None:
@@ -89,6 +90,7 @@ def test_splines_are_those_of_mrcal(tmp_path: Path, shape: tuple[int, int, int, 
 _ANY_REGION = "\n    'valid_intrinsics_region': [[0, 0], [9, 0], [9, 9], [0, 0]],\n    'extrinsics'"
 
 
+@pytest.mark.slow
 @needs_mrcal
 @pytest.mark.parametrize("half_angle_deg", [45, 115])
 def test_mrcal_sees_with_the_written_model_what_the_camera_sees(
@@ -106,6 +108,7 @@ def test_mrcal_sees_with_the_written_model_what_the_camera_sees(
     assert np.array_equal(region, record.values["region"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half_angle_deg", [30, 60, 95, 120])
 def test_the_spline_is_within_a_hundredth_of_a_pixel(half_angle_deg: float) -> None:
     camera = cubic_camera(half_angle_deg)
@@ -132,6 +135,7 @@ def test_the_spline_goes_on_in_order_outside_the_field() -> None:
     assert np.isnan(mrcal_splined.project(record, np.array([[0.0, 0.0, -1.0]]))).all()
 
 
+@pytest.mark.slow
 def test_the_region_is_the_outline_of_the_field() -> None:
     camera = cubic_camera(100)
     region = mrcal_splined.fit(camera, *field(camera)).values["region"]
@@ -159,6 +163,7 @@ def test_a_stereographic_lens_is_a_spline_of_zeros(tmp_path: Path) -> None:
     assert np.abs(pixel[:, 0] - (480 + 400 * np.tan(angle / 2))).max() < 1e-9
 
 
+@pytest.mark.slow
 @needs_mrcal
 def test_opencv_lenses_of_mrcal_are_read_as_mrcal_means_them(tmp_path: Path) -> None:
     path = tmp_path / "o.cameramodel"

@@ -123,6 +123,7 @@ def test_f_does_not_fold_right_behind_the_field(half_angle_deg: float) -> None:
     assert np.degrees(ocam._last_angle(a, 500.0)) > camera.max_angle_deg + 10
 
 
+@pytest.mark.slow
 def test_what_the_inverse_polynomial_loses_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     camera = cubic_camera(80, bend=0.0)
     error = to_lens(camera, "ocam").error

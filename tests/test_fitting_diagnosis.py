@@ -21,7 +21,7 @@ from cubicfish_cli.fitting.diagnosis.few_photos import enough_photos, spread_out
 from cubicfish_cli.fitting.diagnosis.handedness import local_noise_px, neighbours, seen_sides
 from cubicfish_cli.fitting.diagnosis.lens_faults import LensChange, left_out_lens, lens_change
 from cubicfish_cli.fitting.diagnosis.measured_object import measured_object, plane_in_squares
-from cubicfish_cli.fitting.diagnosis.object_faults import object_fault, similarity
+from cubicfish_cli.fitting.diagnosis.object_faults import object_fault
 from cubicfish_cli.fitting.diagnosis.photo_lenses import (
     BY_CHANCE,
     PhotoLenses,
@@ -34,6 +34,7 @@ from cubicfish_cli.fitting.diagnosis.repeats import NEAR_SHARE, repeated_groups
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
+from cubicfish_cli.geometry import similarity
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.target import BoardShape
 from cubicfish_cli.words.codes import Code, Severity
@@ -194,19 +195,6 @@ def measured(target=TARGET, *, seed=None, noise=0.0):
     return found
 
 
-def test_the_similarity_between_points_is_found_and_never_a_mirror():
-    rng = np.random.default_rng(1)
-    points = rng.normal(size=(20, 3))
-    turn = 2.5 * Rotation.random(random_state=rng).as_matrix()
-    linear, shift = similarity(points, points @ turn.T + [1, 2, 3])
-    np.testing.assert_allclose(linear, turn, atol=1e-12)
-    np.testing.assert_allclose(shift, [1, 2, 3], atol=1e-12)
-    linear, _ = similarity(points, points * [1, 1, -1])
-    assert np.linalg.det(linear) > 0
-    linear, _ = similarity(points, 3 * points, scaled=False)
-    np.testing.assert_allclose(linear @ linear.T, np.eye(3), atol=1e-12)
-
-
 def test_a_right_drawing_has_no_fault():
     assert object_fault(TARGET, measured(seed=1)) is None
     # Nothing simple explains corners that are all a little off.
@@ -290,8 +278,8 @@ def test_the_object_is_measured_from_photos_without_its_drawing(pairs):
         row, column = (part.ravel() for part in np.indices((TARGET.boards[index].rows, 5)))
         seen.append(board.points(plane_in_squares(drawn.boards[index], column, row)))
         truth.append(TARGET.boards[index].world_points(column, row))
-    linear, shift = similarity(np.concatenate(seen), np.concatenate(truth))
-    miss = np.concatenate(seen) @ linear.T + shift - np.concatenate(truth)
+    seen, truth = np.concatenate(seen), np.concatenate(truth)
+    miss = similarity(seen, truth)(seen) - truth
     assert np.abs(miss).max() < 0.5  # mm, of an object of half a metre
 
 
@@ -554,6 +542,7 @@ def unsteady_pairs(change, seed=31):
     return whole, target
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "cause"),
     [("bend", "sheet_bends"), ("scale", "autofocus"), ("shift", "stabilisation"), ("none", None)],
@@ -565,6 +554,7 @@ def test_what_changes_from_photo_to_photo_is_named_and_accuses_nobody(change, ca
     assert [one.code for one in found if one.severity == "note"] == [cause] * (cause is not None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [0.0, 0.003])
 def test_odd_photos_are_compared_with_a_lens_that_knows_none_of_them(size):
     """Three of them hide each other beside a lens and poses that were fitted to all."""
@@ -623,6 +613,7 @@ def zoomed_from(pairs, photo, ratio):
     return replace(pairs, pixel=pixel)
 
 
+@pytest.mark.slow
 def test_two_lenses_among_many_photos_are_named_with_all_of_them(many):
     found = calibrate(zoomed_from(many, 25, 1.02), hold_out=False).findings
     assert [one.code for one in found] == ["zoom"]
@@ -630,6 +621,7 @@ def test_two_lenses_among_many_photos_are_named_with_all_of_them(many):
     assert "+2 % from 25.png on" in found[0].what
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [1.0, 1.002])
 def test_many_right_photos_are_not_followed_up(many, monkeypatch, ratio):
     """A change of no worth is certain among so many photos, and costs nothing."""
@@ -637,6 +629,7 @@ def test_many_right_photos_are_not_followed_up(many, monkeypatch, ratio):
     assert not calibrate(zoomed_from(many, 20, ratio), hold_out=False).findings
 
 
+@pytest.mark.slow
 def test_a_wrong_square_among_many_photos_is_measured_with_all_of_them(many, monkeypatch):
     drawn = wrong.with_board(TARGET, 1, square=36.36)
     world = drawn.world_points(many.board, many.column, many.row)
@@ -775,6 +768,7 @@ def test_a_blurred_photo_has_no_board_that_moved():
 # Where there is no fit
 
 
+@pytest.mark.slow
 def test_an_error_keeps_its_figures_and_gains_its_cause(pairs):
     error = FitError("the corners do not fit (typical error 9 px)", do="check everything")
     assert str(error) == "the corners do not fit (typical error 9 px): check everything"
@@ -795,6 +789,7 @@ def points(pairs):
     return replace(pairs, board=np.full(len(pairs.board), -1), boards=())
 
 
+@pytest.mark.slow
 def test_points_that_fit_in_a_mirror_are_told(points):
     points = select_photos(points, np.arange(4))
     with pytest.raises(FitError, match=r"all photos are mirrored, or the points' coordinates"):
@@ -802,6 +797,7 @@ def test_points_that_fit_in_a_mirror_are_told(points):
     assert mirrored_object(points) is None
 
 
+@pytest.mark.slow
 def test_points_that_are_paired_at_random_are_refused_quickly(points, monkeypatch):
     iterations = []
     adjust = companion.adjust
@@ -827,6 +823,7 @@ def test_a_flat_object_is_the_same_in_a_mirror():
     assert mirrored_object(mirrored(pairs, slice(None))) is None
 
 
+@pytest.mark.slow
 def test_photos_that_do_not_go_with_the_others_are_named(points):
     """An object that moved between photos: no lens explains them."""
     rng = np.random.default_rng(3)
@@ -843,6 +840,7 @@ def test_few_of_many_photos_are_tried():
     assert max(len(few) for few in failed_lens_module._subsets(1000)) <= 6
 
 
+@pytest.mark.slow
 def test_photos_that_only_say_too_little_are_not_taken_apart(pairs, monkeypatch):
     """One board, always square to the camera: nothing is wrong with the drawing or the lens."""
     flat = synthetic.flat_board()

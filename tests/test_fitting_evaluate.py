@@ -75,6 +75,7 @@ def test_photos_with_too_few_corners_are_named(camera, pairs):
         evaluate(camera, select(pairs, np.arange(len(pairs.image)) < 4)[0])
 
 
+@pytest.mark.slow
 def test_a_calibration_evaluates_as_it_was_fitted(pairs):
     result = calibrate(pairs, hold_out=False)
     again = evaluate(result.camera, pairs)

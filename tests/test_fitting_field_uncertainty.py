@@ -34,6 +34,7 @@ def test_what_records_say() -> None:
     assert recorded({}) is None
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("with_report", "quick_fit")
 def test_one_statistic_in_the_same_words_everywhere(run: Run, tmp_path: Path) -> None:
     folder = tmp_path / "c"

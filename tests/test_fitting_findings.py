@@ -41,6 +41,7 @@ def swapped(pairs, photo):
     )
 
 
+@pytest.mark.slow
 def test_swapped_boards_are_named(pairs):
     result = calibrate(swapped(pairs, 4), target=TARGET, hold_out=False)
     said = " ".join(map(str, result.notes)) + " ".join(result.unfit)
@@ -50,6 +51,7 @@ def test_swapped_boards_are_named(pairs):
     assert lost == {"04.png"}
 
 
+@pytest.mark.slow
 def test_a_board_that_moved_in_one_photo_is_named(pairs):
     own = (pairs.image == 2) & (pairs.board == 1)
     world = pairs.world.copy()
@@ -79,6 +81,7 @@ def test_photos_that_lost_the_same_board_are_told_in_one_line(pairs):
     )
 
 
+@pytest.mark.slow
 def test_a_blurred_photo_is_named_and_left_out(pairs):
     pixel = pairs.pixel.copy()
     own = pairs.image == 6
@@ -93,17 +96,20 @@ def test_a_blurred_photo_is_named_and_left_out(pairs):
     assert result.errors.rms_px < 0.16
 
 
+@pytest.mark.slow
 def test_photos_that_are_all_noisy_are_kept(pairs):
     pixel = pairs.pixel + np.random.default_rng(0).normal(0, 0.9, pairs.pixel.shape)
     assert not calibrate(replace(pairs, pixel=pixel), target=TARGET, hold_out=False).unfit
 
 
+@pytest.mark.slow
 def test_a_good_set_is_not_talked_about(pairs):
     assert not [
         one for one in calibrate(pairs, hold_out=False).notes if one.code is not Code.LOW_COVERAGE
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "cause"), [("square", "board_square"), ("place", "board_place")]
 )
@@ -140,6 +146,7 @@ def test_coverage_counts_the_valid_field():
     assert (few.code, few.case) == (Code.NOT_HELD_OUT, "note")
 
 
+@pytest.mark.slow
 def test_the_cubic_is_not_worse_than_its_companion_on_a_radial_lens():
     """Few noisy corners of a lens that is the companion's own: the freedom must not hurt."""
     truth = RadialCamera(

@@ -57,6 +57,7 @@ def anew(fit, pairs, image_size, photos):
     return adjust(FixedLens(camera=camera), fit.poses[photos], own, huber_px=limit).residual
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", ["off", "shape", "points"])
 def test_one_step_is_nearly_a_fit_anew(companion, target, level):
     pairs, world = companion.pairs, None
@@ -80,6 +81,7 @@ def test_one_step_is_nearly_a_fit_anew(companion, target, level):
         assert rms_px(one.residual) == pytest.approx(rms_px(wanted), rel=0.02)
 
 
+@pytest.mark.slow
 def test_photos_left_out_see_asymmetry_that_is_there(target):
     """Decentring of a hundredth is found in the photos; a symmetric lens is held to symmetry."""
     poses = synthetic.poses_around(target, 8, seed=7, distance=(0.3, 0.6))

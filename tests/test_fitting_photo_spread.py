@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import synthetic
+from simulated import CornerErrors, simulated_corners
 
 from cubicfish_cli.correspondences import pair
 from cubicfish_cli.fitting.alignment import aligned_difference
@@ -16,7 +17,6 @@ from cubicfish_cli.fitting.uncertainty import camera_uncertainty
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.soundness import cone_rays
 from cubicfish_cli.rendering.outside import outside_lens
-from cubicfish_cli.rendering.simulated import CornerErrors, simulated_corners
 
 TARGET = synthetic.corner_of_three()
 HOLD = Hold(spread=1e-3, weight=1.0)
@@ -61,18 +61,21 @@ def observed_over_predicted(errors):
     return np.median(ratios, axis=0)
 
 
+@pytest.mark.slow
 def test_errors_that_a_photo_shares_are_foretold():
     of_photos, of_noise = observed_over_predicted(CornerErrors(noise=0.05, shared=0.15))
     assert 0.6 < of_photos < 1.5
     assert of_noise > 1.5 * of_photos  # single corners' noise knows nothing of them
 
 
+@pytest.mark.slow
 def test_independent_errors_are_too():
     of_photos, of_noise = observed_over_predicted(CornerErrors(noise=0.1, shared=0, spread=0))
     assert 0.6 < of_photos < 1.5
     assert 0.6 < of_noise < 1.5
 
 
+@pytest.mark.slow
 def test_one_place_leaves_the_noise_alone():
     companion, cubic = fitted(3, CornerErrors())
     rays = cone_rays(companion.covered, 50)
@@ -83,6 +86,7 @@ def test_one_place_leaves_the_noise_alone():
     np.testing.assert_allclose(same.variance(rays, weights), noise.variance(rays, weights))
 
 
+@pytest.mark.slow
 def test_variances_add_up_to_sigma():
     companion, cubic = fitted(4, CornerErrors())
     spread = photo_spread(cubic, companion, np.arange(PHOTOS))

@@ -80,6 +80,7 @@ def test_refined_target_is_the_moved_world():
     )
 
 
+@pytest.mark.slow
 def test_shape_is_found_and_helps_on_new_photos():
     real = real_object()
     result = calibrate(photos_of(real), target=DRAWN, refine_target="auto")
@@ -102,6 +103,7 @@ def test_shape_is_found_and_helps_on_new_photos():
     assert refined < 0.09 < drawn
 
 
+@pytest.mark.slow
 def test_points_are_found_where_there_are_any():
     real = real_object(offsets=0.25)
     result = calibrate(photos_of(real, 16), target=DRAWN, refine_target="auto")
@@ -125,6 +127,7 @@ def test_points_are_found_where_there_are_any():
     assert np.std(np.vstack(errors)) < 0.5 * np.std(np.vstack(truths))
 
 
+@pytest.mark.slow
 def test_an_exact_object_stays_as_drawn():
     result = calibrate(photos_of(DRAWN), target=DRAWN, refine_target="auto")
     assert result.refined == "off"
@@ -132,6 +135,7 @@ def test_an_exact_object_stays_as_drawn():
     assert set(result.held_out_by_level) == {"off", "shape"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", ["shape", "points"])
 def test_noise_alone_bends_nothing(level):
     result = calibrate(photos_of(DRAWN), target=DRAWN, refine_target=level, hold_out=False)
@@ -142,6 +146,7 @@ def test_noise_alone_bends_nothing(level):
         assert np.sqrt(np.mean(board.shape.offsets**2)) < 0.04
 
 
+@pytest.mark.slow
 def test_units_do_not_matter_to_a_refined_object():
     pairs = photos_of(real_object(), 6)
     metres = Target(
@@ -164,6 +169,7 @@ def test_units_do_not_matter_to_a_refined_object():
     )
 
 
+@pytest.mark.slow
 def test_pairs_without_a_target_are_left_alone():
     pairs = photos_of(DRAWN, 5)
     result = calibrate(pairs, refine_target="auto")

@@ -20,6 +20,7 @@ def told(**options: object) -> list[tuple[str, float]]:
     return said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "last", "some"),
     [

@@ -86,6 +86,7 @@ def test_start_finds_an_equidistant_lens_exactly():
     assert start.score < 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "target",
     [synthetic.corner_of_three(), synthetic.box_of_four(), synthetic.flat_board()],
@@ -106,6 +107,7 @@ def test_companion_recovers_a_radial_lens_and_the_poses(target):
     np.testing.assert_allclose(known.poses.rotation, companion.poses.rotation, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("centre", "focal"),
     [((300, 420), 240), ((680, 250), 240), ((900, 60), 500)],

@@ -21,6 +21,7 @@ def draw(seed, noise=NOISE):
     return synthetic.synthetic_correspondences(TARGET, poses, noise=noise, seed=seed)
 
 
+@pytest.mark.slow
 def test_prediction_is_the_spread_over_draws():
     start = fit_companion(draw(0))
     reference = fit_cubic(start, HOLD)
@@ -56,6 +57,7 @@ def test_more_photos_make_it_smaller():
     assert sigma(20) < 0.75 * sigma(5)
 
 
+@pytest.mark.slow
 def test_it_grows_towards_the_rim_and_is_null_outside():
     result = calibrate(draw(3), hold_out=False)
     record = result.uncertainty
@@ -71,6 +73,7 @@ def test_it_grows_towards_the_rim_and_is_null_outside():
     assert record["max_px"] == pytest.approx(np.nanmax(sigma), abs=1e-4)
 
 
+@pytest.mark.slow
 def test_the_record_is_that_of_the_rays():
     companion = fit_companion(draw(3))
     fit = fit_cubic(companion, HOLD)

@@ -215,6 +215,7 @@ PLAIN = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(st.dictionaries(st.sampled_from([*GOOD, "per_image", "dropped_corners", "lift"]), PLAIN))
 def test_no_record_breaks_it(record: dict[str, Any]) -> None:
     verdict({**GOOD, **record}, SIZE)

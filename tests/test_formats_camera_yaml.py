@@ -43,6 +43,7 @@ def test_round_trip_is_exact(path):
     assert loaded.made_by == MADE_BY
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(st.integers(0, 10**6), st.floats(30, 110))
 def test_round_trip_of_random_cameras(tmp_path_factory, seed, angle):

@@ -87,6 +87,7 @@ def test_colmap_projects_what_is_written_the_same(tmp_path, model):
         np.testing.assert_allclose(ours, theirs, atol=1e-9, rtol=0)
 
 
+@pytest.mark.slow
 def test_a_lens_with_prisms_is_found_again():
     """Those of a real lens are a few times smaller."""
     values = {

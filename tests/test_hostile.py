@@ -182,6 +182,7 @@ def test_a_link_is_replaced_and_what_it_leads_to_stays(run, calibrated, photo, h
     assert not (here / "made.txt").exists()
 
 
+@pytest.mark.slow
 def test_a_folder_that_is_a_link_is_written_into(run, calibrated, photo, here):
     (here / "real").mkdir()
     (here / "link").symlink_to("real")
@@ -192,6 +193,7 @@ def test_a_folder_that_is_a_link_is_written_into(run, calibrated, photo, here):
     assert "loop/out.png cannot be written" in said
 
 
+@pytest.mark.slow
 def test_names_of_photos_in_tables_lead_nowhere(run, here, with_report, quick_fit):
     text = CORNERS.read_text()
     for number, name in enumerate(("../../escaped", "/tmp/escaped", "..", "a/../../../escaped")):
@@ -278,6 +280,7 @@ def on_a_terminal(*arguments, folder):
     return shown, process.returncode
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "code"),
     [

@@ -41,6 +41,7 @@ def test_an_inverted_board_is_the_negative_of_the_other():
     np.testing.assert_array_equal(other.marker_cells(), board.marker_cells())
 
 
+@pytest.mark.slow
 def test_it_is_laid_out_as_opencv_does():
     """An inverted picture of OpenCV's board, at its usual layout, needs no first_square."""
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
@@ -53,6 +54,7 @@ def test_it_is_laid_out_as_opencv_does():
     np.testing.assert_allclose(found.pixel, expected, atol=0.6)
 
 
+@pytest.mark.slow
 def test_inverted_markers_are_read_beside_others():
     found = find(photo_of(INVERTED, supersample=3), INVERTED)
     error, recall = errors(found, INVERTED)
@@ -61,6 +63,7 @@ def test_inverted_markers_are_read_beside_others():
     assert set(found.board.tolist()) == {0, 1, 2}
 
 
+@pytest.mark.slow
 def test_none_is_read_the_wrong_way_round():
     assert 0 not in find(photo_of(INVERTED), PLAIN).board
     assert 0 not in find(photo_of(PLAIN), INVERTED).board
@@ -90,6 +93,7 @@ def photos_of(tmp_path, *pictures):
     return find_photos([tmp_path])
 
 
+@pytest.mark.slow
 def test_a_board_that_is_inverted_is_told_by_its_key(tmp_path):
     detection = detect_corners(photos_of(tmp_path, photo_of(INVERTED)), PLAIN, jobs=1)
     assert 0 not in detection.corners.board
@@ -99,6 +103,7 @@ def test_a_board_that_is_inverted_is_told_by_its_key(tmp_path):
     assert "say inverted: true and first_square: light for it in target.yaml" in finding.do
 
 
+@pytest.mark.slow
 def test_a_board_that_is_not_inverted_is_told_too(tmp_path):
     target = Target(units="mm", boards=INVERTED.boards[:1])
     only = Target(units="mm", boards=PLAIN.boards[:1])
@@ -106,6 +111,7 @@ def test_a_board_that_is_not_inverted_is_told_too(tmp_path):
         detect_corners(photos_of(tmp_path, photo_of(only)), target, jobs=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", [PLAIN, INVERTED])
 def test_mirrored_markers_are_told(tmp_path, target):
     mirrored = photos_of(tmp_path, photo_of(target)[:, ::-1])
@@ -114,6 +120,7 @@ def test_mirrored_markers_are_told(tmp_path, target):
     assert len(detect_corners(mirrored, target.in_mirror(), jobs=1).corners.pixel) > 50
 
 
+@pytest.mark.slow
 def test_markers_that_are_nowhere_are_not_explained(tmp_path):
     other = Target(
         units="mm", boards=(wall("front", "charuco", (6, 5), 24.0, dictionary="DICT_6X6_50"),)
@@ -122,6 +129,7 @@ def test_markers_that_are_nowhere_are_not_explained(tmp_path):
         detect_corners(photos_of(tmp_path, photo_of(PLAIN)), other, jobs=1)
 
 
+@pytest.mark.slow
 def test_grids_of_the_negative_have_its_colours():
     photo = mixed_photo()
     negative = negative_photo(photo)

@@ -91,6 +91,7 @@ def heavy_after(code: str) -> set[str]:
     return set(done.stdout.split()) & HEAVY
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "loaded"),
     [
@@ -117,12 +118,10 @@ def test_every_name_is_there_and_no_other() -> None:
 
 
 def test_what_mypy_is_told_is_what_is_loaded() -> None:
-    source = inspect.getsource(cubicfish_cli)
-    typed = source.split("if TYPE_CHECKING:")[1].split("__all__")[0]
+    stub = Path(cubicfish_cli.__file__).with_suffix(".pyi").read_text(encoding="utf-8")
     names: dict[str, Any] = {}
-    exec(inspect.cleandoc(typed), names)
-    names.pop("__builtins__")
-    assert names.pop("Any") is Any
+    exec(stub, names)
+    del names["__builtins__"], names["__doc__"], names["__annotations__"]
     assert sorted(names) == sorted(cubicfish_cli.__all__)
     for name, value in names.items():
         assert getattr(cubicfish_cli, name) is value
@@ -176,6 +175,7 @@ def test_every_function_says_shapes_units_and_types(name: str) -> None:
 # The same as the command line.
 
 
+@pytest.mark.slow
 def test_a_camera_is_that_of_the_command_line(
     calibrated: Path, corners: Corners, target: Target
 ) -> None:
@@ -190,6 +190,7 @@ def test_a_camera_is_that_of_the_command_line(
     np.testing.assert_allclose(made.map_x, of_file.map_x, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_arrays_give_the_camera_that_named_corners_give(
     fitted: Calibration, corners: Corners, target: Target
 ) -> None:
@@ -205,6 +206,7 @@ def test_arrays_give_the_camera_that_named_corners_give(
     assert compare(calibration.camera, fitted.camera).statistics.max_px < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", [1e4, 1e7])
 def test_a_world_counted_from_far_away_gives_the_same_camera(
     fitted: Calibration, corners: Corners, target: Target, distance: float
@@ -224,6 +226,7 @@ def test_a_world_counted_from_far_away_gives_the_same_camera(
     np.testing.assert_allclose(seen - moved.pixel, evaluation.residual, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_photos_in_memory_give_the_corners_of_their_files(tmp_path: Path, target: Target) -> None:
     run_cli(
         "detect", *PHOTOS, "--target", SAMPLE / "target.yaml", "-o", tmp_path / "corners.csv",
@@ -297,6 +300,7 @@ def test_a_picture_is_that_of_the_command_line(
 # Nothing is said, nothing is written unasked.
 
 
+@pytest.mark.slow
 def test_nothing_is_printed_or_written(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -519,6 +523,7 @@ def test_only_plain_data_are_saved(tmp_path: Path, fitted: Calibration, value: A
 # Threads.
 
 
+@pytest.mark.slow
 def test_threads_do_not_disturb_each_other(
     corners: Corners, target: Target, picture: np.ndarray, fitted: Calibration
 ) -> None:

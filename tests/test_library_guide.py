@@ -41,6 +41,7 @@ def test_what_counts_as_the_same(shown: str, printed: str, is_same: bool) -> Non
     assert same(shown, printed) is is_same
 
 
+@pytest.mark.slow
 def test_the_guide_runs_and_prints_what_it_shows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -55,6 +55,7 @@ def mirrored_photos(target, photos=6):
     return [[grid_in_mirror(grid, width) for grid in own] for own in grids], names_of
 
 
+@pytest.mark.slow
 def test_a_mirrored_object_is_named_and_fitted_as_the_mirror_shows_it():
     target = Target.from_data({"mirrored": True, **yaml.safe_load(target_text(corner_of_three()))})
     grids, names_of = mirrored_photos(target.as_printed())
@@ -70,6 +71,7 @@ def test_a_mirrored_object_is_named_and_fitted_as_the_mirror_shows_it():
     assert rms_px(fit.residual) < 0.3
 
 
+@pytest.mark.slow
 def test_a_mirrored_object_is_told_what_to_say():
     target = corner_of_three()
     grids, _ = mirrored_photos(target)
@@ -79,6 +81,7 @@ def test_a_mirrored_object_is_told_what_to_say():
     assert "mirrored: true at the top of target.yaml" in finding.do
 
 
+@pytest.mark.slow
 def test_an_object_that_is_not_mirrored_is_told_to_be_so():
     target = corner_of_three()
     grids, _ = anonymous_photos(seen(target, photos=6), target)
@@ -117,6 +120,7 @@ def test_the_note_about_colours_says_what_to_write(tmp_path, said, mirrored, sho
     assert f"first_square is not {said}" in finding.what
 
 
+@pytest.mark.slow
 def test_a_first_square_of_the_other_colour_is_told_by_its_key():
     target = corner_of_three()
     grids, _ = anonymous_photos(seen(target, photos=6), target)
@@ -203,6 +207,7 @@ def test_the_printed_face_is_the_mirrors_turned_round():
     np.testing.assert_array_equal(own[:, 1], board.columns - cells[:, 1])
 
 
+@pytest.mark.slow
 def test_markers_are_read_in_mirrored_photos():
     photo = mixed_photo()
     mirrored = np.ascontiguousarray(photo[:, ::-1])
@@ -222,6 +227,7 @@ def test_markers_are_read_in_mirrored_photos():
     assert np.median(off) < 0.05
 
 
+@pytest.mark.slow
 def test_mirrored_markers_are_drawn_as_they_are_read():
     """A photo of what the mirror shows, from where the camera stands in the mirror."""
     shown = MIXED.in_mirror()

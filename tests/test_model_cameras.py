@@ -36,6 +36,7 @@ def test_round_trip_over_the_field(camera_and_angle):
     np.testing.assert_allclose(camera.project(again), pixel, atol=UNPROJECT_TOLERANCE_PX)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CAMERAS)
 @given(exponent=st.floats(-300, 307.5))
 def test_length_of_a_point_does_not_matter(name, exponent):

@@ -80,6 +80,7 @@ def test_a_folder_that_cannot_be_written_is_no_error(tmp_path):
     assert cache.load("k") is None
 
 
+@pytest.mark.slow
 def test_unchanged_photos_are_not_searched_again(cache, tmp_path, monkeypatch):
     folder = tmp_path / "photos"
     folder.mkdir()

@@ -41,6 +41,7 @@ def detection(folder, target):
     return detect_corners(find_photos([folder]), target, jobs=1)
 
 
+@pytest.mark.slow
 def test_corners_have_their_true_names(detection, target):
     true = load_corners(SAMPLE / "true_corners.csv", target)
     where = {
@@ -64,6 +65,7 @@ def test_corners_have_their_true_names(detection, target):
     assert np.median(miss) < 0.1
 
 
+@pytest.mark.slow
 def test_every_photo_is_accounted_for(detection, folder):
     reports = {report.name: report for report in detection.photos}
     assert list(reports) == [photo.name for photo in find_photos([folder])]
@@ -84,6 +86,7 @@ def test_every_photo_is_accounted_for(detection, folder):
         assert len(report.notes) == len(report.grids) - named
 
 
+@pytest.mark.slow
 def test_photos_that_are_turned_are_told_from_photos_of_another_size(folder, target, tmp_path):
     for path in sorted(folder.glob("*.jpg")):
         shutil.copy(path, tmp_path / path.name)
@@ -106,6 +109,7 @@ def test_photos_that_are_turned_are_told_from_photos_of_another_size(folder, tar
     ]
 
 
+@pytest.mark.slow
 def test_jobs_change_nothing_but_the_time(detection, folder, target):
     calls = []
     again = detect_corners(
@@ -180,6 +184,7 @@ def test_unreadable_photos_say_why(tmp_path, target):
         detect_corners([], target)
 
 
+@pytest.mark.slow
 def test_copies_are_told_before_anything_else(flat_photo, tmp_path):
     for name in ("a", "b", "c"):
         shutil.copy(flat_photo / "0.png", tmp_path / f"{name}.png")

@@ -68,6 +68,7 @@ def distances(corners, truth):
     ]
 
 
+@pytest.mark.slow
 def test_every_kind_of_board_is_named_and_calibrates(photos):
     target, files, truth = photos
     first = detect_corners(files, target, jobs=1)
@@ -86,6 +87,7 @@ def test_every_kind_of_board_is_named_and_calibrates(photos):
     assert not result.dropped
 
 
+@pytest.mark.slow
 def test_the_wrong_family_is_said(photos):
     target, files, _ = photos
     charuco = target.boards[0]
@@ -95,6 +97,7 @@ def test_the_wrong_family_is_said(photos):
         detect_corners(files[:2], wrong, jobs=1)
 
 
+@pytest.mark.slow
 def test_only_marked_boards(photos):
     target, files, _ = photos
     alone = replace(target, boards=target.boards[:1])

@@ -17,8 +17,9 @@ from synthetic import (
 from cubicfish_cli.correspondences import load_corners
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.fitting.poses import rotation_from_vector
+from cubicfish_cli.geometry import similarity
 from cubicfish_cli.model.radial import RadialCamera
-from cubicfish_cli.naming.congruence import is_symmetry, similarity
+from cubicfish_cli.naming.congruence import is_symmetry
 from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.name_grids import Naming, Place, name_grids
 from cubicfish_cli.naming.places import sides_of
@@ -61,6 +62,7 @@ def seen(
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("field_deg", "distance", "noise"),
     [(195, (0.35, 0.9), 0.3), (120, (0.6, 1.2), 0.3), (60, (1.1, 1.9), 0.2), (4, (15, 22), 0.05)],
@@ -97,6 +99,7 @@ def test_one_photo_is_enough():
         assert places(name_grids(grids, target, IMAGE_SIZE, ["a"])) == truth
 
 
+@pytest.mark.slow
 def test_equal_boards_are_told_apart_by_how_they_lie():
     box = box_of_four()
     # Moved boards make the box as irregular as a real one, and the drawing says so.
@@ -127,6 +130,7 @@ def false_grid(camera: RadialCamera, ray: np.ndarray, seed: int, size: tuple[int
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(5, 5), (8, 7)])
 def test_grids_that_are_not_of_the_target_are_left_out(size):
     """Also when the false grid is larger than the boards."""
@@ -279,6 +283,7 @@ def glued(target: Target, mm: float, deg: float, seed: int) -> Target:
     return replace(target, boards=tuple(boards))
 
 
+@pytest.mark.slow
 def test_an_object_that_is_not_as_drawn_is_named_all_the_same():
     drawn = corner_of_three()
     corners = seen(glued(drawn, 3.0, 0.5, seed=3), photos=6)
@@ -289,6 +294,7 @@ def test_an_object_that_is_not_as_drawn_is_named_all_the_same():
     assert np.median(rms) < 0.3  # the boards are 3 mm off: as drawn they miss by 3 px
 
 
+@pytest.mark.slow
 def test_names_agree_from_photo_to_photo_where_the_drawing_is_symmetric():
     drawn = box_of_four()
     corners = seen(glued(drawn, 1.0, 0.1, seed=3), photos=6, seed=185)
@@ -320,6 +326,7 @@ def test_nothing_found_is_nothing_named():
     assert naming.lens is None
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not OV_CUBE.is_dir(), reason="needs the photos of a real box")
 @pytest.mark.parametrize("alone", [False, True])
 def test_a_real_box_of_equal_boards(alone):
@@ -335,6 +342,7 @@ def test_a_real_box_of_equal_boards(alone):
     assert found == truth
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(6, 4), (7, 5), (9, 6)])
 def test_a_lone_board_is_the_same_whichever_side_is_called_x(size):
     """All names of all photos are turned by one and the same quarter turn."""

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from synthetic import IMAGE_SIZE, box_of_four, checkerboard, corner_of_three, flat_board
 
 from cubicfish_cli.fitting.poses import rotation_from_vector
-from cubicfish_cli.naming.congruence import is_symmetry, similarity
+from cubicfish_cli.geometry import similarity
+from cubicfish_cli.naming.congruence import is_symmetry
 from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.name_grids import name_grids
 from cubicfish_cli.naming.object_check import ALIKE, Turn, check_object, rank_of_lift
@@ -190,6 +191,7 @@ def named(target: Target, boards: list[int]) -> list[Verdict]:
     return [grid.verdict for photo in naming.grids for grid in photo]
 
 
+@pytest.mark.slow
 def test_naming_leaves_out_exactly_what_is_said_to_look_alike():
     box = box_of_four()
     assert set(named(box, [0, 1, 2, 3])) == {Verdict.NAMED}

@@ -5,7 +5,8 @@ from hypothesis import strategies as st
 from synthetic import checkerboard, corner_of_three
 
 from cubicfish_cli.detection.grids import Grid
-from cubicfish_cli.naming.congruence import is_symmetry, similarity
+from cubicfish_cli.geometry import similarity
+from cubicfish_cli.naming.congruence import is_symmetry
 from cubicfish_cli.naming.places import TURNS, reach_of, sides_of
 from cubicfish_cli.target import Target
 
@@ -25,6 +26,7 @@ def one_board(columns: int, rows: int) -> Target:
     return Target(units="mm", boards=(checkerboard("b", columns, rows, 10.0),))
 
 
+@pytest.mark.slow
 @given(
     st.integers(2, 7),
     st.integers(2, 7),

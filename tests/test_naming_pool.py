@@ -19,6 +19,7 @@ from cubicfish_cli.errors import DetectionError, PhotoError
 from cubicfish_cli.naming.pool import map_photos
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("letters", [0, 90])
 def test_workers_start_however_long_the_name_of_the_temporary_folder_is(
     tmp_path: Path, letters: int
@@ -35,6 +36,7 @@ def test_workers_start_however_long_the_name_of_the_temporary_folder_is(
     assert list(folder.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="needs Linux's /proc")
 def test_the_server_of_workers_holds_interrupts_back_while_it_loads() -> None:
     """Ctrl-C goes to the server too, and would end it with a traceback of its imports."""
@@ -102,6 +104,7 @@ def outcome(work: Callable[[str], object], items: list[str]) -> BaseException | 
     return outcomes[0]
 
 
+@pytest.mark.slow
 def test_a_request_to_end_waits_until_a_process_has_started(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -127,6 +130,7 @@ def test_answers_come_in_order() -> None:
     assert outcome(refuses, list("abcdefgh")) == list("abcdefgh")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("work", [dies, dies_in_a_word])
 @pytest.mark.parametrize("place", [0, 3])
 def test_a_process_that_is_killed_is_an_error_and_no_hang(
@@ -139,6 +143,7 @@ def test_a_process_that_is_killed_is_an_error_and_no_hang(
     assert "ended from outside" in str(problem)
 
 
+@pytest.mark.slow
 def test_what_the_work_raises_is_raised() -> None:
     problem = outcome(refuses, ["a", "bad", "c"])
     assert isinstance(problem, PhotoError)

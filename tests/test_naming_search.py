@@ -44,6 +44,7 @@ def plane(seed: int, *, columns: int = 6, rows: int = 5) -> tuple[Grid, np.ndarr
     return grid, form
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000))
 def test_moments_give_the_reprojection_error_of_small_moves(seed):
     grid, form = plane(seed)

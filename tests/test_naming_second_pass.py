@@ -70,6 +70,7 @@ def thinned():
     return subset(corners, np.random.default_rng(0).random(len(corners.pixel)) < 0.67)
 
 
+@pytest.mark.slow
 def test_missed_corners_are_added_where_they_are(thinned):
     true = keys(truth())
     detection = second_pass(PHOTOS, first_pass(thinned), TARGET, jobs=1)
@@ -85,6 +86,7 @@ def test_missed_corners_are_added_where_they_are(thinned):
     assert (np.diff(detection.corners.image) >= 0).all()
 
 
+@pytest.mark.slow
 def test_a_board_that_only_the_second_pass_saw_is_reported(thinned):
     without = subset(thinned, (thinned.image != 0) | (thinned.board != 2))
     detection = second_pass(PHOTOS, first_pass(without), TARGET, jobs=1)
@@ -92,12 +94,14 @@ def test_a_board_that_only_the_second_pass_saw_is_reported(thinned):
     assert report.boards == TARGET.board_names
 
 
+@pytest.mark.slow
 def test_nothing_is_added_that_no_photo_shows(thinned):
     """What is added beyond the list of true corners lies at the rim of what can be seen."""
     detection = second_pass(PHOTOS, first_pass(truth()), TARGET, jobs=1)
     assert sum(photo.added for photo in detection.photos) < 0.1 * len(truth().pixel)
 
 
+@pytest.mark.slow
 def test_photos_placed_by_convention_are_left_alone(thinned):
     detection = second_pass(PHOTOS, first_pass(thinned, exact=False), TARGET, jobs=1)
     assert sum(photo.added for photo in detection.photos) == 0
@@ -108,6 +112,7 @@ def test_without_a_camera_the_first_pass_stands(thinned):
     assert second_pass(PHOTOS, few, TARGET, jobs=1) is few
 
 
+@pytest.mark.slow
 def test_processes_do_not_change_the_result(thinned):
     one = second_pass(PHOTOS, first_pass(thinned), TARGET, jobs=1)
     two = second_pass(PHOTOS, first_pass(thinned), TARGET, jobs=2)
@@ -120,6 +125,7 @@ def test_boards_of_tags_alone_have_no_second_pass():
     assert second_pass(PHOTOS, detection, tags) is detection
 
 
+@pytest.mark.slow
 def test_boards_of_the_other_colours_are_looked_at_as_they_are(thinned):
     """What the first pass saw of the colours counts, not what the target says."""
     others = {"dark": "light", "light": "dark"}

@@ -143,6 +143,7 @@ def test_a_weak_line_of_the_board_itself_stays_where_strays_go():
     assert len(naming.corners.pixel) == 82 * len(covered)
 
 
+@pytest.mark.slow
 def test_strays_do_not_make_a_board_another_larger_one():
     """The wall with a stray still fits the floor's size: it is tried without the stray too."""
     target = corner_of_three()

@@ -25,6 +25,8 @@ from cubicfish_cli.rendering.pose import camera_points
 from cubicfish_cli.rendering.simulate import Look, simulated_photos
 from cubicfish_cli.target import Target
 
+pytestmark = pytest.mark.slow
+
 ONE = Target(units="mm", boards=(checkerboard("board", 7, 5, 30.0),))
 THREE = corner_of_three()
 SMALL = lens_of_size(0.6)

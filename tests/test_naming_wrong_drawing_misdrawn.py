@@ -66,6 +66,7 @@ def test_right_photos_of_a_right_drawing_are_not_named_again(grids, monkeypatch)
     assert misdrawn(naming, TARGET) is None
 
 
+@pytest.mark.slow
 def test_all_photos_mirrored(grids):
     finding = told(mirrored(grids, range(5)))
     assert (finding.code, finding.severity, finding.images) == ("mirrored", "bad", ())
@@ -73,6 +74,7 @@ def test_all_photos_mirrored(grids):
     assert "and 100 % with that put right" in finding.evidence
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("photos", [(2,), (0, 3)])
 def test_some_photos_mirrored_of_which_some_boards_have_a_place(grids, photos):
     finding = told(mirrored(grids, photos))
@@ -80,6 +82,7 @@ def test_some_photos_mirrored_of_which_some_boards_have_a_place(grids, photos):
     assert finding.images == tuple(NAMES[photo] for photo in photos)
 
 
+@pytest.mark.slow
 def test_a_photo_of_something_else_is_not_put_down_to_a_mirror(grids):
     """A floor with tiles of another size and count, in one photo."""
     tiles = Target(units="mm", boards=(checkerboard("tiles", 13, 4, 61.0),))
@@ -88,6 +91,7 @@ def test_a_photo_of_something_else_is_not_put_down_to_a_mirror(grids):
     assert told([*grids[:4], other[0]]) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("target", "cause", "what"),
     [
@@ -122,6 +126,7 @@ def few_trials(monkeypatch):
     monkeypatch.setattr(module, "_changes", lambda board: iter(()))
 
 
+@pytest.mark.slow
 def test_two_boards_places_exchanged(grids, few_trials):
     one, two = TARGET.boards[1], TARGET.boards[2]
     boards = (TARGET.boards[0], module._placed(one, two), module._placed(two, one))
@@ -130,6 +135,7 @@ def test_two_boards_places_exchanged(grids, few_trials):
     assert finding.boards == ("left", "right")
 
 
+@pytest.mark.slow
 def test_what_nothing_simple_explains_is_left_alone(grids, few_trials):
     """All boards have other squares and places than drawn."""
     boards = [

@@ -6,6 +6,7 @@ Each example is a whole calibration, so a run tries few of them: more with, say,
 
 import os
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -36,6 +37,7 @@ class Problem:
     pairs: object
 
 
+@cache
 def problem(seed: int) -> Problem:
     """A lens of 60° to 220°, decentred and tilted; a corner or a box; 6 to 14 photos."""
     rng = np.random.default_rng(seed)
@@ -80,14 +82,20 @@ def miss_px(camera, truth, angle_deg: float) -> np.ndarray:
     return np.linalg.norm(miss[np.isfinite(miss[:, 0])], axis=1)
 
 
-SEEDS = st.integers(0, 2**31)
+# In a usual run the tests share a few problems and their fits.
+SEEDS = st.integers(0, 2**31) if EXAMPLES >= 20 else st.sampled_from(range(EXAMPLES))
 
 
+@cache
+def fit_of(seed: int) -> Calibration:
+    return fit(problem(seed))
+
+
+@pytest.mark.slow
 @settings(max_examples=EXAMPLES, derandomize=EXAMPLES < 20)
 @given(seed=SEEDS)
 def test_the_true_camera_comes_out(seed):
-    one = problem(seed)
-    result = fit(one)
+    one, result = problem(seed), fit_of(seed)
     assert not result.unfit
     assert len(result.dropped) <= 1e-3 * len(one.pairs.pixel)
     assert result.errors.rms_px == pytest.approx(NOISE * np.sqrt(2), rel=0.08)
@@ -99,10 +107,11 @@ def test_the_true_camera_comes_out(seed):
     assert np.sqrt(np.mean(miss**2)) < 0.03 + 3 * result.uncertainty["median_px"]
 
 
+@pytest.mark.slow
 @settings(max_examples=EXAMPLES, derandomize=EXAMPLES < 20)
 @given(seed=SEEDS)
 def test_pixels_and_rays_go_both_ways_and_through_a_file(seed, tmp_path_factory):
-    result = fit(problem(seed))
+    result = fit_of(seed)
     camera = result.camera
     path = tmp_path_factory.mktemp("camera") / "camera.yaml"
     save_camera(path, camera, fit=result.as_record(), made_by={}, overwrite=False)
@@ -121,6 +130,7 @@ def test_pixels_and_rays_go_both_ways_and_through_a_file(seed, tmp_path_factory)
     np.testing.assert_allclose(read.project(again), pixel[on_photo], atol=1e-6)
 
 
+@pytest.mark.slow
 @settings(max_examples=EXAMPLES, derandomize=EXAMPLES < 20)
 @given(seed=SEEDS, factor=st.sampled_from([1e-3, 0.1, 39.37, 1e3]))
 def test_units_and_the_worlds_frame_change_nothing(seed, factor):
@@ -128,11 +138,12 @@ def test_units_and_the_worlds_frame_change_nothing(seed, factor):
     rotation = np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0]
     rotation *= np.linalg.det(rotation)
     world = factor * (one.pairs.world @ rotation.T + [310.0, -20.0, 75.0])
-    first, second = fit(one), fit(replace(one, pairs=replace(one.pairs, world=world)))
+    first, second = fit_of(seed), fit(replace(one, pairs=replace(one.pairs, world=world)))
     assert miss_px(second.camera, first.camera, first.covered_deg).max() < SAME_PX
     assert second.errors.rms_px == pytest.approx(first.errors.rms_px, rel=1e-6)
 
 
+@pytest.mark.slow
 @settings(max_examples=EXAMPLES, derandomize=EXAMPLES < 20)
 @given(seed=SEEDS)
 def test_the_order_of_photos_changes_nothing(seed):
@@ -150,7 +161,7 @@ def test_the_order_of_photos_changes_nothing(seed):
             for name in ("world", "pixel", "weight", "board", "column", "row")
         },
     )
-    first, second = fit(one), fit(replace(one, pairs=turned))
+    first, second = fit_of(seed), fit(replace(one, pairs=turned))
     assert miss_px(second.camera, first.camera, first.covered_deg).max() < SAME_PX
 
 
@@ -163,6 +174,7 @@ def same_fits(first: Calibration, second: Calibration) -> None:
     assert second.held_out.rms_px == pytest.approx(first.held_out.rms_px, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("refine_target", ["off", "points"])
 @settings(
     max_examples=max(1, EXAMPLES // 2),
@@ -202,7 +214,8 @@ def test_a_shift_of_the_world_changes_nothing(refine_target, seed, shift, size):
     assert again.errors.rms_px == pytest.approx(far.errors.rms_px, rel=1e-4)
 
 
-@settings(max_examples=EXAMPLES, derandomize=EXAMPLES < 20, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=max(1, EXAMPLES // 2), derandomize=EXAMPLES < 20, deadline=None)
 @given(seed=SEEDS, exponent=st.floats(-6, 6), uneven=st.booleans())
 def test_a_factor_on_all_weights_changes_nothing(seed, exponent, uneven):
     one = problem(seed)

@@ -200,6 +200,7 @@ def test_a_small_file_that_claims_a_huge_picture_is_refused(tmp_path):
         read_picture(path)
 
 
+@pytest.mark.slow
 def test_decoders_write_nothing_to_stderr(tmp_path):
     png = cv2.imencode(".png", COLOUR)[1].tobytes()
     (tmp_path / "cut.png").write_bytes(png[: len(png) // 2])

@@ -215,6 +215,7 @@ def test_progressive_jpeg_and_other_ways_to_write():
     assert claimed(b"P1 3 2\n010101").width == 3
 
 
+@pytest.mark.slow
 @given(st.sampled_from(sorted(HUGE)), st.data())
 def test_any_damage_is_none_or_a_claim(kind, data):
     hurt = bytearray(HUGE[kind])

@@ -64,6 +64,7 @@ plain = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(plain.filter(lambda value: value is not None))
 def test_what_pyyaml_writes_is_read_back(tmp_path_factory: Any, value: object) -> None:
     text = yaml.safe_dump(value, allow_unicode=True)

@@ -39,6 +39,7 @@ def test_ink_is_where_the_renderer_has_it(board):
     np.testing.assert_array_equal(times == 1, whole.is_dark(points))
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from(list(BOARDS.values())),
     st.lists(st.floats(0, 1), min_size=4, max_size=4, unique=True),

@@ -1,6 +1,7 @@
 """Tabulated rays, and photos of which only the edges are sub-sampled."""
 
 import numpy as np
+import pytest
 from synthetic import corner_of_three, lens_of_size, poses_around
 
 from cubicfish_cli.rendering.ray_grid import RayGrid
@@ -22,6 +23,7 @@ def test_rays_between_pixels_are_the_lenss():
     assert np.isfinite(off).mean() > 0.99
 
 
+@pytest.mark.slow
 def test_photos_with_smooth_edges_alone_are_the_same_photos():
     target = corner_of_three()
     pose = poses_around(target, 1, seed=3)[0]

@@ -32,6 +32,7 @@ def at(photo, pixel):
     return int(photo[y, x])
 
 
+@pytest.mark.slow
 def test_edges_are_where_the_lens_projects_the_corners():
     target, pose = corner_of_three(), poses_around(corner_of_three(), 1, seed=3)[0]
     photo = render(target, LENS.unproject, pose, SIZE, **CLEAN | {"blur": 0.7, "supersample": 4})
@@ -87,6 +88,7 @@ def two_boards():
     return Target(units="mm", boards=(flat_board().boards[0], small))
 
 
+@pytest.mark.slow
 def test_the_nearer_board_hides_the_farther():
     seen = project_corners(two_boards(), LENS, in_front(), SIZE)
     photo = render(two_boards(), LENS.unproject, in_front(), SIZE, **CLEAN)
@@ -137,6 +139,7 @@ def test_a_corner_cut_by_the_picture_or_the_field_is_not_visible():
     assert not cut.visible[np.isnan(cut.pixel).any(axis=1)].any()
 
 
+@pytest.mark.slow
 def test_the_same_arguments_give_the_same_photo():
     def take(**changes):
         options = {"supersample": 2, "seed": 5} | changes
@@ -150,6 +153,7 @@ def test_the_same_arguments_give_the_same_photo():
     assert not np.array_equal(take(), take(seed=6))
 
 
+@pytest.mark.slow
 def test_blocks_of_rows_leave_no_seam(monkeypatch):
     def take():
         return render(one_board(), LENS.unproject, in_front(), SIZE, supersample=2)

@@ -25,6 +25,7 @@ def eye_of(view):
     return -rotation_matrix(view.pose[0]).T @ view.pose[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", [corner_of_three(), box_of_four(), flat_board()])
 def test_every_view_shows_whole_boards_from_their_printed_side(target):
     views = sample_views(target, TRUE_LENS, IMAGE_SIZE, 40)
@@ -76,6 +77,7 @@ def test_chosen_views_fill_the_field_and_differ():
     assert min(slants) < 25 < 45 < max(slants)
 
 
+@pytest.mark.slow
 def test_a_seed_gives_the_same_poses_and_another_gives_others():
     first, again, other = (
         np.concatenate(chosen_poses(flat_board(), TRUE_LENS, IMAGE_SIZE, 3, seed=seed))

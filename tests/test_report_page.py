@@ -117,6 +117,7 @@ def test_the_errors_are_those_of_the_fit(fitted: Calibration, pairs: Corresponde
     assert errors.angle_deg.max() == pytest.approx(fitted.covered_deg, abs=0.5)
 
 
+@pytest.mark.slow
 def test_dropped_corners_and_unfit_photos_take_no_part(
     fitted: Calibration, pairs: Correspondences
 ) -> None:
@@ -145,6 +146,7 @@ def test_corners_of_another_fit_are_not_drawn(fitted: Calibration, pairs: Corres
     assert "The lens: radius by angle" in page.text
 
 
+@pytest.mark.slow
 def test_everything_is_there(page: Page) -> None:
     for words in (
         "Usable with care", "What to do:", "Where the corners are", "How certain the camera is",
@@ -157,6 +159,7 @@ def test_everything_is_there(page: Page) -> None:
         assert words in page.text, words
 
 
+@pytest.mark.slow
 def test_nothing_comes_from_elsewhere_and_nothing_runs(page: Page, html: str) -> None:
     assert not page.all("script")
     for tag, attributes in page.elements:
@@ -193,6 +196,7 @@ def drawing(html: str, name: str) -> str:
     return html[html.index(f'aria-labelledby="{name}-title"') :].partition("</svg>")[0]
 
 
+@pytest.mark.slow
 def test_tables_become_blocks_on_small_pages(page: Page, html: str) -> None:
     css = html[: html.index("</style>")]
     assert ".stack tr {" in css[css.index("@media screen and (max-width: 800px)") :]
@@ -237,6 +241,7 @@ def test_letters_have_room_on_small_pages_too(html: str) -> None:
         assert all(0.75 * larger <= float(x) <= left for x in upright), name
 
 
+@pytest.mark.slow
 def test_a_page_is_of_reasonable_size(html: str) -> None:
     assert len(html) < 1_200_000  # ten photos large and small, and nine figures
 
@@ -270,6 +275,7 @@ def test_drawings_take_the_pages_colours(html: str) -> None:
         assert css.count(f"{variable}:") >= 2, variable  # light and dark
 
 
+@pytest.mark.slow
 def test_the_same_page_to_the_byte_whatever_the_surroundings(
     html: str, fitted: Calibration, pairs: Correspondences, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -289,6 +295,7 @@ HOSTILE = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_names_are_text_and_nothing_else(fitted: Calibration, pairs: Correspondences) -> None:
     names = tuple(HOSTILE[: len(pairs.images)])
     record = fitted.as_record()
@@ -337,6 +344,7 @@ def test_names_are_text_and_nothing_else(fitted: Calibration, pairs: Corresponde
     assert "x" * 1001 not in text
 
 
+@pytest.mark.slow
 def test_a_thousand_photos_and_a_hundred_thousand_corners(
     fitted: Calibration, pairs: Correspondences
 ) -> None:
@@ -367,6 +375,7 @@ def test_a_thousand_photos_and_a_hundred_thousand_corners(
     assert "Pictures are of the 48 photos with the largest errors" in page.text
 
 
+@pytest.mark.slow
 def test_photos_that_changed_or_are_broken_are_left_out_and_told(
     fitted: Calibration, pairs: Correspondences, tmp_path: Path
 ) -> None:
@@ -397,6 +406,7 @@ PLAIN = st.recursive(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_no_record_breaks_it(data: st.DataObject, fitted: Calibration) -> None:

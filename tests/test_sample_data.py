@@ -30,6 +30,7 @@ def test_the_files_are_few_and_small(script):
     assert sum(photo.stat().st_size for photo in photos) < 3_000_000
 
 
+@pytest.mark.slow
 def test_the_photos_show_what_the_script_renders(script):
     target, lens = load_target(SAMPLE / "target.yaml"), script.true_lens()
     for name in ("corner_03.jpg", "corner_08.jpg"):

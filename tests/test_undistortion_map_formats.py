@@ -136,6 +136,7 @@ def test_the_pgm_pair_is_what_ffmpeg_takes(tmp_path):
     assert made[~VALID].max() < 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("view", [VIEW, EquidistantView.with_field(200, (160, 120))])
 def test_the_way_back_undoes_the_way_there(view):
     there = build_map(CAMERA, view)
@@ -154,6 +155,7 @@ def test_the_way_back_undoes_the_way_there(view):
     assert (back.map_x[~back.valid] == -1).all()
 
 
+@pytest.mark.slow
 def test_the_way_back_is_exact_by_the_camera():
     back = build_redistort_map(CAMERA, VIEW)
     y, x = np.nonzero(back.valid)

@@ -262,6 +262,7 @@ def test_files_that_are_no_map_are_refused(saved):
         load_map(path.with_name("absent.npz"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compressed", [False, True])
 def test_damage_anywhere_in_a_map_is_an_error_of_one_kind(tmp_path, compressed):
     made = build_map(LENS, PerspectiveView.with_field(120, (8, 6)))
@@ -305,6 +306,7 @@ def packed_again(path, changes=(), **how):
             archive.writestr(name, content)
 
 
+@pytest.mark.slow
 def test_a_small_file_that_unpacks_to_a_huge_one_is_refused(saved):
     path, _ = saved
     array = io.BytesIO()
@@ -315,6 +317,7 @@ def test_a_small_file_that_unpacks_to_a_huge_one_is_refused(saved):
         load_map(path)
 
 
+@pytest.mark.slow
 def test_no_more_room_is_made_than_the_view_needs(saved):
     path, _ = saved
     array = io.BytesIO()

@@ -55,6 +55,7 @@ def test_directions_lie_where_the_formula_says(kind, ray, offset):
     np.testing.assert_allclose(unit(view.rays(pixel)), unit(np.array(ray, float)), atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", list(CENTRAL_KINDS))
 @given(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5), st.tuples(*[st.floats(-3, 3)] * 3))
 def test_rays_and_pixels_are_inverse(kind, x, y, rotation):

@@ -16,6 +16,8 @@ from conftest import SAMPLE, Run
 
 from cubicfish_cli.formats.camera_yaml import load_camera
 
+pytestmark = pytest.mark.slow
+
 # Its corners fit no lens at all.
 REFUSED = ("[7, 9] for [9, 7], one board",)
 # Name of the case, and the seed. All of these come through corners.csv.

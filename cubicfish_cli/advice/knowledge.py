@@ -20,6 +20,7 @@ from cubicfish_cli.fitting.hold import UNTOLD
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.robust import huber_px, noise_px
+from cubicfish_cli.fitting.statistics import poses_on_record
 from cubicfish_cli.fitting.subset import middle, with_mean_weight_one, world_scale
 from cubicfish_cli.fitting.uncertainty import Information, information
 from cubicfish_cli.fitting.world import World
@@ -139,14 +140,7 @@ class Knowledge:
 
 def recorded_poses(fit: Mapping[str, Any], images: Sequence[str]) -> Poses | None:
     """camera_from_world of photos from a fit's record; None where one is not on record."""
-    known: dict[str, tuple[list[float], list[float]]] = {}
-    records = fit.get("per_image")
-    for record in records if isinstance(records, list) else []:
-        pose = record.get("camera_from_world") if isinstance(record, Mapping) else None
-        if isinstance(pose, Mapping):
-            turn, shift = _three(pose.get("rotation_vector")), _three(pose.get("translation"))
-            if turn and shift:
-                known[str(record.get("image"))] = turn, shift
+    known = poses_on_record(fit)
     if not images or any(name not in known for name in images):
         return None
     vectors, shifts = zip(*(known[name] for name in images), strict=True)
@@ -239,13 +233,3 @@ def _offset_spread(fit: Mapping[str, Any], scale: float) -> float:
     known = [x for x in found if isinstance(x, int | float) and 0 < x < math.inf]
     # The record's lengths are of three coordinates.
     return max(float(np.mean(known)) / math.sqrt(3) / scale, 1e-7) if known else _OFFSET_SHARE
-
-
-def _three(value: object) -> list[float] | None:
-    numbers = value if isinstance(value, list) else []
-    good = [
-        float(x)
-        for x in numbers
-        if isinstance(x, int | float) and not isinstance(x, bool) and abs(x) < 1e9
-    ]
-    return good if len(good) == len(numbers) == 3 else None

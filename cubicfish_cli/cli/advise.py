@@ -8,20 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange, IntRange
-from cubicfish_cli.cli.options import (
-    FILE,
-    calibration_argument,
-    common_options,
-    examples,
-    json_option,
-    model_option,
-    model_path,
-    overwrite_option,
-    target_option,
-)
 from cubicfish_cli.cli.streams import text_width
 from cubicfish_cli.cli.terminal import print_json, result, say, working
 
@@ -43,32 +32,26 @@ _MOST_PARTS = 4
 @click.command(
     "advise",
     short_help="What to photograph next, and how much it would help.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish advise",
         "cubicfish advise calibration/ -o advice.svg",
         "cubicfish advise --model camera.yaml --corners corners.csv --target target.yaml",
         "cubicfish advise --goal 0.05 --poses next.csv",
     ),
 )
-@calibration_argument
-@model_option
-@target_option
+@options.calibration_argument
+@options.model_option
+@options.target_option
 @click.option(
     "--corners",
-    type=FILE,
+    type=options.FILE,
     metavar="FILE",
     help="The corners.csv that the camera was calibrated from, where it is not beside it.",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=FILE,
-    metavar="FILE.svg",
-    help="Also draw where the target should appear.",
-)
+@options.output_option("Also draw where the target should appear.", metavar="FILE.svg")
 @click.option(
     "--poses",
-    type=FILE,
+    type=options.FILE,
     metavar="FILE",
     help="Also write the proposed poses, for 'cubicfish simulate --poses'.",
 )
@@ -87,9 +70,9 @@ _MOST_PARTS = 4
     metavar="N",
     help="Other poses are tried; the same seed gives the same proposals.",
 )
-@overwrite_option
-@json_option(json_keys.ADVISE)
-@common_options
+@options.overwrite_option
+@options.json_option(json_keys.ADVISE)
+@options.common_options
 def command(
     calibration: Path | None,
     model: Path | None,
@@ -122,7 +105,7 @@ def command(
     for path in (output, poses):
         if path is not None:
             refuse_existing(path, overwrite=overwrite)
-    camera_file = model_path(calibration or model)
+    camera_file = options.model_path(calibration or model)
     facts = _facts(camera_file, target, corners)
     if not isinstance(facts.camera, CubicCamera):
         raise CubicfishError(

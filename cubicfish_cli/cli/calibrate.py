@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import calibrate_points, json_keys, report_step
+from cubicfish_cli.cli import calibrate_points, json_keys, options, report_step
 from cubicfish_cli.cli.calibration_folder import of_earlier, refuse_inputs, say_removed
 from cubicfish_cli.cli.choosing import MOST, films_among, frames_to_calibrate, refuse_other_photos
 from cubicfish_cli.cli.figures import (
@@ -33,19 +33,6 @@ from cubicfish_cli.cli.inputs import (
 from cubicfish_cli.cli.made_by import check_title, made_at, made_by_record
 from cubicfish_cli.cli.next_step import say_next
 from cubicfish_cli.cli.numbers import IntRange
-from cubicfish_cli.cli.options import (
-    FILE,
-    FOLDER,
-    Argument,
-    common_options,
-    examples,
-    jobs_option,
-    json_option,
-    max_rms_option,
-    no_cache_option,
-    overwrite_option,
-    size_option,
-)
 from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table
 from cubicfish_cli.cli.target_choice import (
     DEFAULT_TARGET,
@@ -76,7 +63,7 @@ MAP = "undistort_map.npz"
 @click.command(
     "calibrate",
     short_help="Photos of a known target to a camera and its undistortion map.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish calibrate photos/ --target target.yaml",
         "cubicfish calibrate photos/ --board 9x6 --square 25mm --title 'front left'",
         "cubicfish calibrate film.mp4 --target target.yaml",
@@ -84,30 +71,24 @@ MAP = "undistort_map.npz"
         "cubicfish calibrate --correspondences pairs.csv --size 1280x800",
     ),
 )
-@click.argument(
+@options.argument(
     "inputs",
-    type=FILE,
+    "Photos (files, folders or globs), films, or one corners.csv or correspondences.csv.",
     nargs=-1,
     metavar="[PHOTOS|FILM|CSV]...",
-    cls=Argument,
-    meaning="Photos (files, folders or globs), films, or one corners.csv or correspondences.csv.",
 )
 @target_options
 @click.option(
     "--correspondences",
-    type=FILE,
+    type=options.FILE,
     metavar="FILE",
     help="2D-3D pairs instead of photos: a CSV file with the columns image,X,Y,Z,x,y.",
 )
-@size_option
-@click.option(
-    "-o",
-    "--output",
-    type=FOLDER,
-    default=Path("calibration"),
-    show_default=True,
-    metavar="FOLDER",
-    help="Where camera.yaml, undistort_map.npz, corners.csv and report.html go.",
+@options.size_option
+@options.output_option(
+    "Where camera.yaml, undistort_map.npz, corners.csv and report.html go.",
+    default="calibration",
+    folder=True,
 )
 @click.option("--title", metavar="TEXT", help="What to call this camera, in its file and report.")
 @click.option(
@@ -146,12 +127,12 @@ MAP = "undistort_map.npz"
     help="Also fit other lens models to the same corners, and print one table.",
 )
 @report_step.report_option
-@max_rms_option
-@overwrite_option
-@json_option(json_keys.CALIBRATE)
-@jobs_option
-@no_cache_option
-@common_options
+@options.max_rms_option
+@options.overwrite_option
+@options.json_option(json_keys.CALIBRATE)
+@options.jobs_option
+@options.no_cache_option
+@options.common_options
 def command(
     inputs: tuple[Path, ...],
     target: TargetChoice,
@@ -268,8 +249,8 @@ def command(
             f"No {MAP} was written: a map of {{}}x{{}} pixels takes gigabytes. 'cubicfish map "
             "--size' makes a smaller one.".format(*calibration.camera.image_size)
         )
-    options = {"hold_out": hold_out, "refine_target": refine_target}
-    made_by = _made_by(options, loaded, outputs, title)
+    asked = {"hold_out": hold_out, "refine_target": refine_target}
+    made_by = _made_by(asked, loaded, outputs, title)
     record = calibration.as_record()
     camera = calibration.camera
     facts = camera_facts(camera, record, made_by)
@@ -376,12 +357,12 @@ def _write(
 
 
 def _made_by(
-    options: Mapping[str, Any], loaded: Pairs, outputs: Mapping[str, Path], title: str | None
+    asked: Mapping[str, Any], loaded: Pairs, outputs: Mapping[str, Path], title: str | None
 ) -> dict[str, Any]:
     """How it was made; the object too where it came as counts and its file is still to be."""
     from cubicfish_cli.formats.target_yaml import target_text
 
-    record = made_by_record(options, loaded.target_file, loaded.files)
+    record = made_by_record(asked, loaded.target_file, loaded.files)
     if "drawn" in outputs and loaded.target is not None:
         record["target"] = recorded_as(target_text(loaded.target), outputs["drawn"])
     return {**({} if title is None else {"title": title}), **record}

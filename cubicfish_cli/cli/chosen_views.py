@@ -12,7 +12,7 @@ import click
 
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import FILE, Decorated
+from cubicfish_cli.cli.options import FILE, bundle
 from cubicfish_cli.cli.target_choice import target_path
 from cubicfish_cli.cli.view_options import ChosenView, SeenField, ViewOptions
 
@@ -130,6 +130,7 @@ class PlanesOfPhotos:
             click.UsageError: it has no such board, or the board has no plane.
 
         """
+        from cubicfish_cli.fitting.statistics import photos_on_record
         from cubicfish_cli.target import load_target
         from cubicfish_cli.wording import did_you_mean, quoted
 
@@ -150,8 +151,9 @@ class PlanesOfPhotos:
                 f"board {quoted(options.board)} is a list of points and has no plane: "
                 "name a board with a grid"
             )
+        records = photos_on_record(loaded.fit)
         self._poses = _poses_of(loaded.fit)
-        self._photos = {Path(str(record.get("image"))).name for record in _records(loaded.fit)}
+        self._photos = {Path(str(record.get("image"))).name for record in records}
 
     def group(self, source: Path, size: tuple[int, int]) -> object:
         """The photo itself."""
@@ -260,74 +262,42 @@ class PlanesOfPhotos:
         return
 
 
-def _records(fit: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """What a camera file says of each photo."""
-    records = fit.get("per_image", [])
-    if not isinstance(records, list):
-        return []
-    return [record for record in records if isinstance(record, dict)]
-
-
 def _poses_of(fit: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
-    """Photo -> rotation vector and translation, of the records that have them."""
-    import numpy as np
+    """Rotation vector and translation by the photo's file name, without folders."""
+    from cubicfish_cli.fitting.statistics import poses_on_record
 
-    poses = {}
-    for record in _records(fit):
-        pose = record.get("camera_from_world")
-        if not isinstance(pose, dict):
-            continue
-        try:
-            vectors = np.array([pose.get("rotation_vector"), pose.get("translation")], dtype=float)
-        except (TypeError, ValueError):
-            continue
-        if vectors.shape == (2, 3) and np.isfinite(vectors).all():
-            poses[Path(str(record.get("image"))).name] = (vectors[0], vectors[1])
-    return poses
+    return {Path(name).name: pose for name, pose in poses_on_record(fit).items()}
 
 
-def plane_options(function: Decorated) -> Decorated:
-    """The options; the command gets them as one argument, ``plane``."""
-    import functools
-
-    @functools.wraps(function)
-    def with_plane(*args: Any, **options: Any) -> Any:
-        names = ("board", "target", "pixels_a_unit", "margin")
-        plane = PlaneOptions(**{name: options.pop(name) for name in names})
-        return function(*args, plane=plane, **options)
-
-    decorators: tuple[Callable[[Any], Any], ...] = (
-        click.option(
-            "--margin",
-            type=FloatRange(0, 1_000_000),
-            metavar="UNITS",
-            help="Of a plane: how far it goes on beyond the outer corners. [default: a square]",
-        ),
-        click.option(
-            "--pixels-per-unit",
-            "pixels_a_unit",
-            type=FloatRange(1e-9, 1_000_000_000),
-            metavar="N",
-            help="Scale of a plane: pixels per mm, or whatever the target's units are. [default: "
-            "the largest that the photo has there]",
-        ),
-        click.option(
-            "-t",
-            "--target",
-            type=FILE,
-            metavar="FILE",
-            help="The calibration target: a target.yaml, or one of Kalibr's target files. Where "
-            "one is needed, ./target.yaml stands for it; for --plane.",
-        ),
-        click.option(
-            "--plane",
-            "board",
-            metavar="BOARD",
-            help="The metric picture of a board's plane instead of a view; needs --target.",
-        ),
-    )
-    decorated: Any = with_plane
-    for decorator in decorators:
-        decorated = decorator(decorated)
-    result: Decorated = decorated
-    return result
+plane_options = bundle(
+    "plane",
+    PlaneOptions,
+    click.option(
+        "--plane",
+        "board",
+        metavar="BOARD",
+        help="The metric picture of a board's plane instead of a view; needs --target.",
+    ),
+    click.option(
+        "-t",
+        "--target",
+        type=FILE,
+        metavar="FILE",
+        help="The calibration target: a target.yaml, or one of Kalibr's target files. Where "
+        "one is needed, ./target.yaml stands for it; for --plane.",
+    ),
+    click.option(
+        "--pixels-per-unit",
+        "pixels_a_unit",
+        type=FloatRange(1e-9, 1_000_000_000),
+        metavar="N",
+        help="Scale of a plane: pixels per mm, or whatever the target's units are. [default: "
+        "the largest that the photo has there]",
+    ),
+    click.option(
+        "--margin",
+        type=FloatRange(0, 1_000_000),
+        metavar="UNITS",
+        help="Of a plane: how far it goes on beyond the outer corners. [default: a square]",
+    ),
+)

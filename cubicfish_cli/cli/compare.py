@@ -7,18 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import hold_gate, print_spread, px
-from cubicfish_cli.cli.options import (
-    FILE,
-    Argument,
-    common_options,
-    examples,
-    in_folder,
-    json_option,
-    max_rms_option,
-    overwrite_option,
-)
 from cubicfish_cli.cli.terminal import print_json, print_table, result
 
 _DRAWN_PIXELS = 150_000
@@ -31,38 +21,34 @@ if TYPE_CHECKING:
 @click.command(
     "compare",
     short_help="How far apart two cameras are, in pixels.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish compare last_year/camera.yaml calibration/camera.yaml",
         "cubicfish compare a.yaml b.yaml --picture difference.png --max-rms 0.3",
         "cubicfish compare simulated/true_camera.yaml calibration/camera.yaml",
     ),
 )
-@click.argument(
+@options.argument(
     "first",
-    type=FILE,
+    "The camera.yaml, or its folder, in whose pixels differences are.",
     metavar="A",
-    cls=Argument,
-    meaning="The camera.yaml, or its folder, in whose pixels differences are.",
     missing=_BOTH,
 )
-@click.argument(
+@options.argument(
     "second",
-    type=FILE,
+    "The camera.yaml, or its folder, that is compared with it.",
     metavar="B",
-    cls=Argument,
-    meaning="The camera.yaml, or its folder, that is compared with it.",
     missing=_BOTH,
 )
 @click.option(
     "--picture",
-    type=FILE,
+    type=options.FILE,
     metavar="FILE",
     help="Also draw the difference at every pixel of camera A.",
 )
-@max_rms_option
-@overwrite_option
-@json_option(json_keys.COMPARE)
-@common_options
+@options.max_rms_option
+@options.overwrite_option
+@options.json_option(json_keys.COMPARE)
+@options.common_options
 def command(
     first: Path,
     second: Path,
@@ -79,13 +65,13 @@ def command(
     of sizes that are an exact rescale; differences are in A's pixels.
     """
     from cubicfish_cli.files import refuse_existing
-    from cubicfish_cli.fitting.comparison import compare_cameras
+    from cubicfish_cli.fitting.comparison import compare
     from cubicfish_cli.undistortion.images import check_suffix
 
     if picture is not None:
         refuse_existing(picture, overwrite=overwrite)
         check_suffix(picture)
-    comparison = compare_cameras(_camera(in_folder(first)), _camera(in_folder(second)))
+    comparison = compare(_camera(options.in_folder(first)), _camera(options.in_folder(second)))
     if picture is not None:
         _draw(comparison, picture, overwrite=overwrite)
     record = comparison.as_record()

@@ -7,18 +7,8 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.options import (
-    FILE,
-    Argument,
-    SizeType,
-    common_options,
-    examples,
-    json_option,
-    overwrite_option,
-    target_option,
-)
 from cubicfish_cli.cli.target_choice import needed_target
 from cubicfish_cli.cli.terminal import print_json, result, say
 
@@ -52,39 +42,29 @@ seen from behind are refused.
     "corners",
     help=_HELP,
     short_help="Take over corners that another detector found.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish corners run1/ --target box.yaml",
         "cubicfish corners corners.vnl --target board.yaml --size 1920x1080",
         "cubicfish corners found.csv --target grid.yaml --size 752x480 --only 'cam0/*'",
     ),
 )
-@click.argument(
+@options.argument(
     "files",
-    type=FILE,
+    "What the detector wrote: files, or folders of .orpc files.",
     nargs=-1,
     required=True,
     metavar="FILES...",
-    cls=Argument,
-    meaning="What the detector wrote: files, or folders of .orpc files.",
     missing="name what the detector wrote: 'cubicfish corners run1/ --target target.yaml'",
 )
-@target_option
-@click.option(
-    "-o",
-    "--output",
-    type=FILE,
-    default=Path("corners.csv"),
-    show_default=True,
-    metavar="FILE",
-    help="Where the corners go.",
-)
+@options.target_option
+@options.output_option("Where the corners go.", default="corners.csv")
 @click.option(
     "--format",
     "kind",
     type=click.Choice(FORMATS),
     help="What wrote the files. [default: .orpc deltille, .vnl mrcal, .csv kalibr]",
 )
-@click.option("--size", type=SizeType(), help="Size of the photos; .orpc files state it.")
+@click.option("--size", type=options.SIZE, help="Size of the photos; .orpc files state it.")
 @click.option(
     "--board",
     "boards",
@@ -101,9 +81,9 @@ seen from behind are refused.
     "rows-from-bottom on an aprilgrid, as in Kalibr]",
 )
 @click.option("--only", metavar="GLOB", help="Only photos whose names match, such as 'cam0/*'.")
-@overwrite_option
-@json_option(json_keys.CORNERS)
-@common_options
+@options.overwrite_option
+@options.json_option(json_keys.CORNERS)
+@options.common_options
 def command(
     files: tuple[Path, ...],
     target: Path | None,

@@ -9,20 +9,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.inputs import detect, lost_word, mark_of, photos_of, say_photo_problems
-from cubicfish_cli.cli.options import (
-    FILE,
-    FOLDER,
-    Argument,
-    common_options,
-    examples,
-    jobs_option,
-    json_option,
-    no_cache_option,
-    overwrite_option,
-)
 from cubicfish_cli.cli.photo_table import GOOD, PhotoRow, corners_by_board, print_photo_table
 from cubicfish_cli.cli.scheduler_options import SchedulerOptions, scheduler_options
 from cubicfish_cli.cli.target_choice import TargetChoice, say_default, target_options
@@ -39,43 +28,29 @@ _FEW_CORNERS = 20
 @click.command(
     "detect",
     short_help="Find and name the corners of the target in photos.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish detect photos/ --target target.yaml",
         "cubicfish detect 'run7/*.png' --target target.yaml -o run7.csv --draw seen/",
     ),
 )
-@click.argument(
-    "photos",
-    type=FILE,
-    nargs=-1,
-    required=True,
-    metavar="PHOTOS...",
-    cls=Argument,
-    meaning="Photos: files, folders or globs.",
+@options.argument(
+    "photos", "Photos: files, folders or globs.", nargs=-1, required=True, metavar="PHOTOS..."
 )
 @target_options
-@click.option(
-    "-o",
-    "--output",
-    type=FILE,
-    default=Path("corners.csv"),
-    show_default=True,
-    metavar="FILE",
-    help="Where the corners go.",
-)
+@options.output_option("Where the corners go.", default="corners.csv")
 @click.option(
     "--draw",
-    type=FOLDER,
+    type=options.FOLDER,
     metavar="FOLDER",
     help="Also write FOLDER/<photo>.png for each photo: its corners in a colour a board, a disc at "
     "corner (0, 0), arrows along x and y, in red what was left out and why.",
 )
-@overwrite_option
-@json_option(json_keys.DETECT)
-@jobs_option
+@options.overwrite_option
+@options.json_option(json_keys.DETECT)
+@options.jobs_option
 @scheduler_options
-@no_cache_option
-@common_options
+@options.no_cache_option
+@options.common_options
 def command(
     photos: tuple[Path, ...],
     target: TargetChoice,

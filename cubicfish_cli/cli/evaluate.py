@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_verdict, px
 from cubicfish_cli.cli.inputs import (
     check_inputs,
@@ -17,19 +17,6 @@ from cubicfish_cli.cli.inputs import (
     refuse_other_sizes,
     say_photo_problems,
     why_lost,
-)
-from cubicfish_cli.cli.options import (
-    FILE,
-    Argument,
-    common_options,
-    examples,
-    jobs_option,
-    json_option,
-    max_rms_option,
-    model_option,
-    model_path,
-    no_cache_option,
-    size_option,
 )
 from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table
 from cubicfish_cli.cli.target_choice import TargetChoice, target_options
@@ -45,27 +32,25 @@ if TYPE_CHECKING:
 @click.command(
     "evaluate",
     short_help="Measure a camera on other photos, poses refitted.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish evaluate new_photos/ --target target.yaml",
         "cubicfish evaluate corners.csv --target target.yaml --max-rms 0.5",
     ),
 )
-@click.argument(
+@options.argument(
     "inputs",
-    type=FILE,
+    "Photos (files, folders or globs), or one corners.csv or correspondences.csv.",
     nargs=-1,
     metavar="PHOTOS|CSV...",
-    cls=Argument,
-    meaning="Photos (files, folders or globs), or one corners.csv or correspondences.csv.",
 )
 @target_options
-@model_option
-@size_option
-@max_rms_option
-@json_option(json_keys.EVALUATE)
-@jobs_option
-@no_cache_option
-@common_options
+@options.model_option
+@options.size_option
+@options.max_rms_option
+@options.json_option(json_keys.EVALUATE)
+@options.jobs_option
+@options.no_cache_option
+@options.common_options
 def command(
     inputs: tuple[Path, ...],
     target: TargetChoice,
@@ -85,7 +70,7 @@ def command(
     from cubicfish_cli.fitting.verdict import evaluation_verdict
     from cubicfish_cli.formats.camera_yaml import load_camera
 
-    file = load_camera(model_path(model))
+    file = load_camera(options.model_path(model))
     camera = file.camera
     refuse_other_sizes(inputs, camera.image_size)
     loaded = load_pairs(

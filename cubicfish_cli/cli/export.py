@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from decimal import ROUND_UP, Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,17 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli import __version__
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import (
-    FILE,
-    common_options,
-    examples,
-    json_option,
-    model_option,
-    model_path,
-    overwrite_option,
-)
 from cubicfish_cli.cli.terminal import print_json, result, say, working
 from cubicfish_cli.errors import FitError
 
@@ -78,7 +69,7 @@ camera.yaml's frame is printed, and poses that go into the file are turned along
     "export",
     help=_HELP,
     short_help="The camera for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish export --to opencv",
         "cubicfish export --to kalibr-ds -o camchain.yaml --max-angle 90",
         "cubicfish export --to mrcal -m lens_a/camera.yaml",
@@ -92,14 +83,8 @@ camera.yaml's frame is printed, and poses that go into the file are turned along
     metavar="FORMAT",
     help="What to write: a name of the list above.",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=FILE,
-    metavar="FILE",
-    help="Where it goes. [default: the format's usual name, in the current folder]",
-)
-@model_option
+@options.output_option("Where it goes. [default: the format's usual name, in the current folder]")
+@options.model_option
 @click.option(
     "--max-error",
     type=FloatRange(min=0, min_open=True),
@@ -116,9 +101,9 @@ camera.yaml's frame is printed, and poses that go into the file are turned along
     help="Leave out of the conversion what is farther from the axis, so that the rest is met more "
     "nearly. [default: the whole field]",
 )
-@overwrite_option
-@json_option(json_keys.EXPORT)
-@common_options
+@options.overwrite_option
+@options.json_option(json_keys.EXPORT)
+@options.common_options
 def command(
     name: str,
     output: Path | None,
@@ -136,7 +121,7 @@ def command(
 
     path = output or Path(FILE_NAMES.get(name, "undistort_map.npz"))
     refuse_existing(path, overwrite=overwrite)
-    loaded = load_camera(model_path(model))
+    loaded = load_camera(options.model_path(model))
     if name == "maps":
         _write_map(path, loaded.camera, overwrite=overwrite, as_json=as_json)
         return
@@ -270,21 +255,11 @@ def _rounded_up(value: float) -> str:
 
 def _poses(fit: Mapping[str, Any], conversion: Conversion) -> Poses:
     """camera_from_world of the calibration's photos, in the lens's frame."""
-    import numpy as np
-
+    from cubicfish_cli.fitting.statistics import poses_on_record
     from cubicfish_cli.rendering.pose import rotation_matrix
 
-    poses = {}
     turn = conversion.lens_from_camera
-    rows: Sequence[Mapping[str, Any]] = fit.get("per_image") or ()
-    for row in rows:
-        try:
-            pose = row["camera_from_world"]
-            vector = np.array(pose["rotation_vector"], float)
-            translation = np.array(pose["translation"], float)
-            name = str(row["image"])
-        except (KeyError, TypeError, ValueError):
-            continue  # made by something else: a lens is a lens without poses too
-        if vector.shape == translation.shape == (3,):
-            poses[name] = (turn @ rotation_matrix(vector), turn @ translation)
-    return poses
+    return {
+        name: (turn @ rotation_matrix(vector), turn @ translation)
+        for name, (vector, translation) in poses_on_record(fit).items()
+    }

@@ -7,21 +7,10 @@ from pathlib import Path
 
 import click
 
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.choosing import MOST, choose_frames
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import IntRange
-from cubicfish_cli.cli.options import (
-    FILE,
-    FOLDER,
-    Argument,
-    common_options,
-    examples,
-    jobs_option,
-    json_option,
-    no_cache_option,
-    overwrite_option,
-)
 from cubicfish_cli.cli.target_choice import TargetChoice, say_default, target_options
 from cubicfish_cli.cli.terminal import print_json, result
 
@@ -29,29 +18,19 @@ from cubicfish_cli.cli.terminal import print_json, result
 @click.command(
     "frames",
     short_help="Choose frames of films to calibrate from.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish frames film.mp4 -o photos/ --target target.yaml",
         "cubicfish frames 'films/*.mp4' -o photos/ --most 40",
     ),
 )
-@click.argument(
-    "films",
-    type=FILE,
-    nargs=-1,
-    required=True,
-    metavar="FILM...",
-    cls=Argument,
-    meaning="Films of one camera, all of one size.",
+@options.argument(
+    "films", "Films of one camera, all of one size.", nargs=-1, required=True, metavar="FILM..."
 )
 @target_options
-@click.option(
-    "-o",
-    "--output",
-    type=FOLDER,
+@options.output_option(
+    "Where the frames (PNG, with their time in the name), frames.csv and contact_sheet.html go.",
+    folder=True,
     required=True,
-    metavar="FOLDER",
-    help="Where the frames (PNG, with their time in the name), frames.csv and contact_sheet.html "
-    "go.",
 )
 @click.option(
     "--most",
@@ -61,11 +40,11 @@ from cubicfish_cli.cli.terminal import print_json, result
     metavar="N",
     help="Choose no more frames than these.",
 )
-@overwrite_option
-@json_option(json_keys.FRAMES)
-@jobs_option
-@no_cache_option
-@common_options
+@options.overwrite_option
+@options.json_option(json_keys.FRAMES)
+@options.jobs_option
+@options.no_cache_option
+@options.common_options
 def command(
     films: tuple[Path, ...],
     target: TargetChoice,

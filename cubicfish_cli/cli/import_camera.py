@@ -7,18 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.made_by import made_at, made_by_record
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import (
-    FILE,
-    Argument,
-    SizeType,
-    common_options,
-    examples,
-    json_option,
-    overwrite_option,
-)
 from cubicfish_cli.cli.terminal import print_json, result, working
 
 if TYPE_CHECKING:
@@ -31,19 +22,17 @@ FORMATS = ("opencv", "ros", "kalibr", "ocamcalib", "pyocamcalib", "colmap", "ner
 @click.command(
     "import",
     short_help="Another tool's camera as camera.yaml.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish import camchain.yaml --camera cam1",
         "cubicfish import calib_results.txt -o lens_a/camera.yaml --max-angle 95",
         "cubicfish import sparse/0/cameras.bin --camera 1",
         "cubicfish import calibration.json --from pyocamcalib --size 1280x800",
     ),
 )
-@click.argument(
+@options.argument(
     "file",
-    type=FILE,
+    "The other tool's camera file.",
     metavar="FILE",
-    cls=Argument,
-    meaning="The other tool's camera file.",
     missing="name the other tool's camera file: 'cubicfish import camchain.yaml'",
 )
 @click.option(
@@ -57,7 +46,7 @@ FORMATS = ("opencv", "ros", "kalibr", "ocamcalib", "pyocamcalib", "colmap", "ner
     metavar="NAME",
     help="Which camera, where the file holds several: cam1, COLMAP's CAMERA_ID, 1 for M1 and D1.",
 )
-@click.option("--size", type=SizeType(), help="Size of the photos, where the file does not say.")
+@click.option("--size", type=options.SIZE, help="Size of the photos, where the file does not say.")
 @click.option(
     "--max-angle",
     type=FloatRange(min=0, max=175, min_open=True),
@@ -65,18 +54,10 @@ FORMATS = ("opencv", "ros", "kalibr", "ocamcalib", "pyocamcalib", "colmap", "ner
     help="Trust the lens up to this angle from its axis: files do not say how far it was "
     "calibrated. [default: what it shows in the photo, at most 110]",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=FILE,
-    default=Path("calibration/camera.yaml"),
-    show_default=True,
-    metavar="FILE",
-    help="Where the camera goes.",
-)
-@overwrite_option
-@json_option(json_keys.IMPORT)
-@common_options
+@options.output_option("Where the camera goes.", default="calibration/camera.yaml")
+@options.overwrite_option
+@options.json_option(json_keys.IMPORT)
+@options.common_options
 def command(
     file: Path,
     name: str | None,

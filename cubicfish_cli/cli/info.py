@@ -7,16 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import count, print_verdict, px
-from cubicfish_cli.cli.options import (
-    calibration_argument,
-    common_options,
-    examples,
-    json_option,
-    model_option,
-    model_path,
-)
 from cubicfish_cli.cli.terminal import print_json, result
 
 if TYPE_CHECKING:
@@ -26,16 +18,16 @@ if TYPE_CHECKING:
 @click.command(
     "info",
     short_help="What a camera is: focal length, field of view, how far to trust it.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish info",
         "cubicfish info lens_a/",
         "cubicfish info camera.yaml --json",
     ),
 )
-@calibration_argument
-@model_option
-@json_option(json_keys.INFO)
-@common_options
+@options.calibration_argument
+@options.model_option
+@options.json_option(json_keys.INFO)
+@options.common_options
 def command(calibration: Path | None, model: Path | None, as_json: bool) -> None:
     """Say what the camera in FOLDER (by default: calibration) is.
 
@@ -46,7 +38,7 @@ def command(calibration: Path | None, model: Path | None, as_json: bool) -> None
     from cubicfish_cli.fitting.camera_facts import camera_facts
     from cubicfish_cli.formats.camera_yaml import load_any_camera
 
-    path = model_path(calibration or model)
+    path = options.model_path(calibration or model)
     loaded = load_any_camera(path)
     facts = camera_facts(loaded.camera, loaded.fit, loaded.made_by)
     if as_json:

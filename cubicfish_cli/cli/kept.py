@@ -14,13 +14,14 @@ def cache_folder() -> Path | None:
     named = os.environ.get("CUBICFISH_CACHE")
     if named:
         return Path(named).absolute()
-    base = os.environ.get("XDG_CACHE_HOME")
-    if base:
-        return Path(base).absolute() / "cubicfish"
+    from platformdirs import user_cache_path
+
+    # Nobody that this machine knows, as in some containers, has no home.
     try:
-        return Path.home() / ".cache" / "cubicfish"
-    except RuntimeError:  # nobody that this machine knows, as in some containers
+        folder = user_cache_path("cubicfish", appauthor=False)
+    except RuntimeError:  # newer versions; older ones leave the ~
         return None
+    return None if folder.parts[0] == "~" else folder.absolute()
 
 
 def keep_fonts(keep: bool = True) -> None:

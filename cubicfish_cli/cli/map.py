@@ -9,24 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.mask_limit import (
     check_mask_limit,
     mask_limit_option,
     mask_option,
     trusted_within,
     uncertainty_of,
-)
-from cubicfish_cli.cli.options import (
-    FILE,
-    Argument,
-    SizeType,
-    common_options,
-    examples,
-    json_option,
-    model_option,
-    model_path,
-    overwrite_option,
 )
 from cubicfish_cli.cli.rendering_options import crop_option
 from cubicfish_cli.cli.terminal import print_json, result, say
@@ -54,26 +43,24 @@ _HELP = """Write where each pixel of a view comes from in the photo, and the vie
     "map",
     help=_HELP,
     short_help="The undistortion map alone: for cv2.remap, as an STMap, for ffmpeg.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish map left.npz --rotate -60,0,0 --hfov 80 --size 800x600",
         "cubicfish map undistort.exr --fit outer",
         "cubicfish map redistort.exr --fit outer --redistort",
         "cubicfish map flat.pgm --size 1920x1080",
     ),
 )
-@click.argument(
+@options.argument(
     "output",
-    type=FILE,
+    "Where the map goes: a name that ends in .npz, .exr, .png or .pgm.",
     metavar="OUT",
-    cls=Argument,
-    meaning="Where the map goes: a name that ends in .npz, .exr, .png or .pgm.",
     missing="OUT is needed: 'cubicfish map undistort.npz', or a name in .exr, .png or .pgm",
 )
-@model_option
+@options.model_option
 @view_options
 @click.option(
     "--photo-size",
-    type=SizeType(),
+    type=options.SIZE,
     help="Size of the photos, when it is an exact rescale of the calibrated ones.",
 )
 @crop_option
@@ -93,9 +80,9 @@ _HELP = """Write where each pixel of a view comes from in the photo, and the vie
 )
 @mask_option
 @mask_limit_option
-@overwrite_option
-@json_option(json_keys.MAP)
-@common_options
+@options.overwrite_option
+@options.json_option(json_keys.MAP)
+@options.common_options
 def command(
     output: Path,
     model: Path | None,
@@ -141,7 +128,7 @@ def command(
     for paths, _ in parts.values():
         for path in paths:
             refuse_existing(path, overwrite=overwrite)
-    camera_file = model_path(model)
+    camera_file = options.model_path(model)
     loaded = load_camera(camera_file)
     whole = loaded.camera
     size = photo_size or ((crop.width, crop.height) if crop else whole.image_size)

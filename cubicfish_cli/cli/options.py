@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
+from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -61,6 +63,37 @@ class Argument(click.Argument):
             if self.missing is None:
                 raise
             raise click.UsageError(self.missing, ctx) from None
+
+
+def argument(
+    name: str, meaning: str, *, type: click.ParamType = FILE, **more: Any
+) -> Callable[[Decorated], Decorated]:
+    """An argument, by default the name of a file; ``more`` as click has it."""
+    return click.argument(name, type=type, cls=Argument, meaning=meaning, **more)
+
+
+class Parsed(click.ParamType):
+    """What a function makes of a word of the command line.
+
+    Args:
+        name: what help calls it.
+        parse: raises a ValueError that says what is wrong, such as a :class:`ViewError`.
+
+    """
+
+    def __init__(self, name: str, parse: Callable[[str], Any]) -> None:
+        self.name = name
+        self._parse = parse
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Parse, or fail as a usage error."""
+        # A shell completes the line: nothing uses the value, and numpy takes time.
+        if not isinstance(value, str) or (ctx is not None and ctx.resilient_parsing):
+            return value
+        try:
+            return self._parse(value)
+        except ValueError as problem:
+            self.fail(str(problem), param, ctx)
 
 
 def examples(*lines: str) -> str:
@@ -134,14 +167,54 @@ model_option = click.option(
     "$CUBICFISH_MODEL, else calibration/camera.yaml]",
 )
 
-calibration_argument = click.argument(
+calibration_argument = argument(
     "calibration",
-    type=FILE,
+    "The folder that calibrate wrote, or the camera's file in it. [default: --model]",
     required=False,
     metavar="[FOLDER|CAMERA_YAML]",
-    cls=Argument,
-    meaning="The folder that calibrate wrote, or the camera's file in it. [default: --model]",
 )
+
+
+def output_option(
+    help: str, *, default: str | None = None, folder: bool = False, metavar: str = "", **more: Any
+) -> Callable[[Decorated], Decorated]:
+    """``-o``, which says where the result goes."""
+    if default is not None:
+        more |= {"default": default, "show_default": True}
+    return click.option(
+        "-o",
+        "--output",
+        type=FOLDER if folder else FILE,
+        metavar=metavar or ("FOLDER" if folder else "FILE"),
+        help=help,
+        **more,
+    )
+
+
+def bundle(
+    name: str, kind: Callable[..., Any], *options: Callable[[Any], Any]
+) -> Callable[[Decorated], Decorated]:
+    """Options that a command gets together as one argument.
+
+    Args:
+        name: of the argument.
+        kind: makes it of the options' values, by their names: a dataclass with a field for each.
+        options: in the order of ``--help``.
+
+    """
+    names = list(signature(kind).parameters)
+
+    def decorate(function: Any) -> Any:
+        @functools.wraps(function)
+        def command(**values: Any) -> Any:
+            together = kind(**{one: values.pop(one) for one in names})
+            return function(**{name: together}, **values)
+
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
 
 
 class JsonOption(click.Option):
@@ -189,30 +262,16 @@ max_rms_option = click.option(
 )
 
 
-class SizeType(click.ParamType):
-    """``WIDTHxHEIGHT`` -> (width, height)."""
+def _size(text: str) -> tuple[int, int]:
+    from cubicfish_cli.correspondences import parse_size
 
-    name = "WIDTHxHEIGHT"
+    return parse_size(text)
 
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[int, int]:
-        """Parse, or fail as a usage error."""
-        if isinstance(value, tuple):
-            return value
-        if ctx is not None and ctx.resilient_parsing:
-            return 0, 0  # a shell completes the line: nothing uses the size, and numpy takes time
-        from cubicfish_cli.correspondences import parse_size
-        from cubicfish_cli.errors import CorrespondenceError
 
-        try:
-            return parse_size(str(value))
-        except CorrespondenceError as error:
-            self.fail(str(error), param, ctx)
-
+SIZE = Parsed("WIDTHxHEIGHT", _size)
 
 size_option = click.option(
-    "--size", type=SizeType(), help="Size of the photos, for CSV files that do not state it."
+    "--size", type=SIZE, help="Size of the photos, for CSV files that do not state it."
 )
 
 

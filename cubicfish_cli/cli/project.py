@@ -6,14 +6,7 @@ from pathlib import Path
 
 import click
 
-from cubicfish_cli.cli.options import (
-    FILE,
-    Argument,
-    common_options,
-    examples,
-    model_option,
-    model_path,
-)
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.points import PointsCommand, print_points, read_points
 
 
@@ -21,21 +14,19 @@ from cubicfish_cli.cli.points import PointsCommand, print_points, read_points
     "project",
     cls=PointsCommand,
     short_help="Points in the camera frame to pixels.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish project 0.2,0.1,1",
         "cubicfish project points.csv --model lens_a/",
         "echo 0.5,0,1 | cubicfish project",
     ),
 )
-@click.argument(
+@options.argument(
     "points",
-    type=FILE,
+    "A CSV file of points X,Y,Z, or one point such as 0.2,0.1,1. [default: stdin]",
     default=Path("-"),
-    cls=Argument,
-    meaning="A CSV file of points X,Y,Z, or one point such as 0.2,0.1,1. [default: stdin]",
 )
-@model_option
-@common_options
+@options.model_option
+@options.common_options
 def command(points: Path, model: Path | None) -> None:
     """Project POINTS to pixels: X,Y,Z a line (a CSV file or stdin) in, x,y a line out. One
     point may stand on the command line: 0.2,0.1,1.
@@ -48,7 +39,7 @@ def command(points: Path, model: Path | None) -> None:
     """
     from cubicfish_cli.formats.camera_yaml import PointCameraFile, load_any_camera
 
-    loaded = load_any_camera(model_path(model))
+    loaded = load_any_camera(options.model_path(model))
     read = read_points(points, ("X", "Y", "Z"))
     if isinstance(loaded, PointCameraFile):
         loaded.camera.refuse_off_boards(read.values)

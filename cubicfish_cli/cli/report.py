@@ -6,53 +6,36 @@ from pathlib import Path
 
 import click
 
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import print_verdict
 from cubicfish_cli.cli.kept import keep_fonts
-from cubicfish_cli.cli.options import (
-    FILE,
-    calibration_argument,
-    common_options,
-    examples,
-    json_option,
-    model_option,
-    model_path,
-    overwrite_option,
-    target_option,
-)
 from cubicfish_cli.cli.terminal import print_json, result, say, working
 
 
 @click.command(
     "report",
     short_help="One HTML page about a calibration: is it good, and why.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish report",
         "cubicfish report calibration/ --photos photos/ -o lens.html",
         "cubicfish report --model camera.yaml --target target.yaml --overwrite",
     ),
 )
-@calibration_argument
-@model_option
-@target_option
+@options.calibration_argument
+@options.model_option
+@options.target_option
 @click.option(
     "--photos",
-    type=FILE,
+    type=options.FILE,
     multiple=True,
     metavar="PATH",
     help="The photos (a folder, a file or a glob), where they are not at their old place. May be "
     "given again.",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=FILE,
-    metavar="FILE",
-    help="The page. [default: report.html beside the camera]",
-)
-@overwrite_option
-@json_option(json_keys.REPORT)
-@common_options
+@options.output_option("The page. [default: report.html beside the camera]")
+@options.overwrite_option
+@options.json_option(json_keys.REPORT)
+@options.common_options
 def command(
     calibration: Path | None,
     model: Path | None,
@@ -75,7 +58,7 @@ def command(
 
     if missing():
         raise CubicfishError(f"a report needs {' and '.join(missing())}: {INSTALL}")
-    camera = model_path(calibration or model)
+    camera = options.model_path(calibration or model)
     page = output or camera.parent / "report.html"
     refuse_existing(page, overwrite=overwrite)
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import Decorated
+from cubicfish_cli.cli.options import bundle
 from cubicfish_cli.cli.terminal import say
 
 if TYPE_CHECKING:
@@ -58,35 +57,22 @@ class SchedulerOptions:
             yield there
 
 
-def scheduler_options(function: Decorated) -> Decorated:
-    """The options; the command gets them as one argument, ``scheduler``."""
-
-    @functools.wraps(function)
-    def with_scheduler(*args: Any, **options: Any) -> Any:
-        scheduler = SchedulerOptions(
-            address=options.pop("scheduler_address"), wait_s=options.pop("wait_s")
-        )
-        return function(*args, scheduler=scheduler, **options)
-
-    decorators: tuple[Callable[[Any], Any], ...] = (
-        click.option(
-            "--wait",
-            "wait_s",
-            type=FloatRange(min=0, max=1_000_000),
-            metavar="SECONDS",
-            help="How long to wait while the scheduler has no worker. [default: 60]",
-        ),
-        click.option(
-            "--scheduler",
-            "scheduler_address",
-            metavar="ADDRESS",
-            help="Have the work done by the dask workers of tcp://HOST:8786, which must see the "
-            "same files under the same names (a shared file system). Only use a scheduler that "
-            "you trust. Needs pip install 'cubicfish[scale]'.",
-        ),
-    )
-    decorated: Any = with_scheduler
-    for decorator in decorators:
-        decorated = decorator(decorated)
-    result: Decorated = decorated
-    return result
+scheduler_options = bundle(
+    "scheduler",
+    SchedulerOptions,
+    click.option(
+        "--scheduler",
+        "address",
+        metavar="ADDRESS",
+        help="Have the work done by the dask workers of tcp://HOST:8786, which must see the "
+        "same files under the same names (a shared file system). Only use a scheduler that "
+        "you trust. Needs pip install 'cubicfish[scale]'.",
+    ),
+    click.option(
+        "--wait",
+        "wait_s",
+        type=FloatRange(min=0, max=1_000_000),
+        metavar="SECONDS",
+        help="How long to wait while the scheduler has no worker. [default: 60]",
+    ),
+)

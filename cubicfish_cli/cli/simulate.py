@@ -10,21 +10,9 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange, IntRange
-from cubicfish_cli.cli.options import (
-    FILE,
-    FOLDER,
-    SizeType,
-    common_options,
-    examples,
-    json_option,
-    model_option,
-    model_path,
-    overwrite_option,
-    target_option,
-)
 from cubicfish_cli.cli.target_choice import needed_target
 from cubicfish_cli.cli.terminal import print_json, progress, result, say, working
 
@@ -44,15 +32,15 @@ LENSES = ("moving-pupil", "mirror", "equisolid", "orthographic")
 @click.command(
     "simulate",
     short_help="Render photos of a target through a camera, with the truth beside them.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish simulate --target target.yaml --model calibration/camera.yaml -n 12 -o photos/",
         "cubicfish simulate -t target.yaml -m camera.yaml --noise 6 --blur 1.5 --exposure 0.3",
         "cubicfish simulate -t target.yaml --lens moving-pupil --size 1280x960 --exposure 2",
         "cubicfish simulate -t target.yaml -m camera.yaml --poses photos/true_poses.csv -o again/",
     ),
 )
-@target_option
-@model_option
+@options.target_option
+@options.model_option
 @click.option(
     "--lens",
     metavar="NAME|FILE",
@@ -62,7 +50,7 @@ LENSES = ("moving-pupil", "mirror", "equisolid", "orthographic")
 )
 @click.option(
     "--size",
-    type=SizeType(),
+    type=options.SIZE,
     help="Size of the photos, for --lens NAME (default 960x720) and files that do not say.",
 )
 @click.option(
@@ -72,19 +60,11 @@ LENSES = ("moving-pupil", "mirror", "equisolid", "orthographic")
     metavar="N",
     help="How many photos. [default: 12]",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=FOLDER,
-    default=Path("simulated"),
-    show_default=True,
-    metavar="FOLDER",
-    help="Where the photos and their truth go.",
-)
+@options.output_option("Where the photos and their truth go.", default="simulated", folder=True)
 @click.option(
     "--poses",
     "pose_file",
-    type=FILE,
+    type=options.FILE,
     metavar="FILE",
     help="Take the photos from these poses: a CSV file with the columns image,rx,ry,rz,tx,ty,tz "
     "(camera_from_world), such as the true_poses.csv of earlier photos.",
@@ -134,9 +114,9 @@ LENSES = ("moving-pupil", "mirror", "equisolid", "orthographic")
     show_default=True,
     help="Of the photos; png keeps every grey level.",
 )
-@overwrite_option
-@json_option(json_keys.SIMULATE)
-@common_options
+@options.overwrite_option
+@options.json_option(json_keys.SIMULATE)
+@options.common_options
 def command(
     target: Path | None,
     model: Path | None,
@@ -180,7 +160,7 @@ def command(
     if lens is None and size is not None:
         raise click.UsageError("the camera says the size of its photos: --size goes with --lens")
     with working("Choosing where to take photos from"):
-        source = _chosen_lens(lens, size, thing) if lens else _lens(model_path(model))
+        source = _chosen_lens(lens, size, thing) if lens else _lens(options.model_path(model))
         true, image_size = source.lens, source.image_size
         poses = _poses(thing, true, image_size, pose_file, number or 12, seed, form)
     flat = thing.with_flat_boards()

@@ -10,16 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.options import (
-    FILE,
-    Argument,
-    common_options,
-    examples,
-    json_option,
-    overwrite_option,
-)
 from cubicfish_cli.cli.streams import columns_of, text_width
 from cubicfish_cli.cli.table import Column, Row, print_columns
 from cubicfish_cli.cli.target_words import advice
@@ -35,25 +27,26 @@ _LABEL, _LINE = 12, 96
 @click.command(
     "check",
     short_help="Say what a target is worth, and draw it.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish target check target.yaml",
         "cubicfish target check target.yaml --draw object.svg",
     ),
 )
-@click.argument(
+@options.argument(
     "target",
-    type=FILE,
+    "The target.yaml.",
     metavar="TARGET",
-    cls=Argument,
-    meaning="The target.yaml.",
     missing="name the target: 'cubicfish target check target.yaml'",
 )
 @click.option(
-    "--draw", type=FILE, metavar="FILE.svg", help="Also draw the target: does it look like yours?"
+    "--draw",
+    type=options.FILE,
+    metavar="FILE.svg",
+    help="Also draw the target: does it look like yours?",
 )
-@overwrite_option
-@json_option(json_keys.TARGET_CHECK)
-@common_options
+@options.overwrite_option
+@options.json_option(json_keys.TARGET_CHECK)
+@options.common_options
 def command(target: Path, draw: Path | None, overwrite: bool, as_json: bool) -> None:
     """Check TARGET, a target.yaml, before you take photos.
 

@@ -5,23 +5,19 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.cli.options import target_option
+from cubicfish_cli.cli.options import Parsed, bundle, target_option
 from cubicfish_cli.cli.terminal import say
 from cubicfish_cli.errors import MISSING, CubicfishError
 
 if TYPE_CHECKING:
     from cubicfish_cli.files import Fingerprint
     from cubicfish_cli.target import Target
-
-Decorated = TypeVar("Decorated", bound=Callable[..., Any])
 
 DEFAULT_TARGET = Path("target.yaml")
 NO_TARGET = (
@@ -33,22 +29,16 @@ NO_TARGET = (
 _FIRST_BYTES = 4096
 
 
-class CountsType(click.ParamType):
+def _counts(text: str) -> tuple[int, int]:
     """``9x6`` -> (9, 6)."""
+    match = re.fullmatch(r"\s*([0-9]{1,3})\s*[xX×]\s*([0-9]{1,3})\s*", text)
+    columns, rows = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not (2 <= columns <= 100 and 2 <= rows <= 100):
+        raise ValueError(f"{text!r} is not two numbers from 2 to 100, such as 9x6")
+    return columns, rows
 
-    name = "COLUMNSxROWS"
 
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[int, int]:
-        """Parse, or fail as a usage error."""
-        if isinstance(value, tuple):
-            return value
-        match = re.fullmatch(r"\s*([0-9]{1,3})\s*[xX×]\s*([0-9]{1,3})\s*", str(value))
-        columns, rows = (int(match[1]), int(match[2])) if match else (0, 0)
-        if not (2 <= columns <= 100 and 2 <= rows <= 100):
-            self.fail(f"{value!r} is not two numbers from 2 to 100, such as 9x6", param, ctx)
-        return columns, rows
+COUNTS = Parsed("COLUMNSxROWS", _counts)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,45 +112,37 @@ def recorded_as(text: str, path: Path) -> dict[str, str]:
     return {"file": str(path), "sha256": hashlib.sha256(text.encode()).hexdigest()}
 
 
-def target_options(function: Decorated) -> Decorated:
-    """``--target``, or ``--board`` and ``--square``: one :class:`TargetChoice` as ``target``."""
-
-    @wraps(function)
-    def with_choice(
-        *args: Any, target: Path | None, board: Any, square: str | None, **kwargs: Any
-    ) -> Any:
-        return function(*args, target=_choice(target, board, square), **kwargs)
-
-    for decorator in (
-        click.option(
-            "--square",
-            metavar="LENGTH",
-            help="Side of the squares of --board: 30mm, 3cm, 1.25in.",
-        ),
-        click.option(
-            "--board",
-            type=CountsType(),
-            help="In the place of a target.yaml: one flat checkerboard of so many inner corners "
-            "(squares less one), such as 9x6.",
-        ),
-        target_option,
-    ):
-        with_choice = decorator(with_choice)
-    return with_choice  # type: ignore[return-value]
-
-
-def _choice(path: Path | None, board: tuple[int, int] | None, square: str | None) -> TargetChoice:
+def _choice(target: Path | None, board: tuple[int, int] | None, square: str | None) -> TargetChoice:
     if board is None:
         if square is not None:
             raise click.UsageError("--square is of --board: add --board 9x6 (inner corners)")
-        return TargetChoice(path=target_path(path))
-    if path is not None:
+        return TargetChoice(path=target_path(target))
+    if target is not None:
         raise click.UsageError("--target says what the target is: leave --board out, or --target")
     if square is None:
         raise click.UsageError("--board needs the side of its squares: add --square 25mm")
     from cubicfish_cli.printing.paper import length_mm
 
     return TargetChoice(counts=board, square=length_mm(square))
+
+
+target_options = bundle(
+    "target",
+    _choice,
+    target_option,
+    click.option(
+        "--board",
+        type=COUNTS,
+        help="In the place of a target.yaml: one flat checkerboard of so many inner corners "
+        "(squares less one), such as 9x6.",
+    ),
+    click.option(
+        "--square",
+        metavar="LENGTH",
+        help="Side of the squares of --board: 30mm, 3cm, 1.25in.",
+    ),
+)
+"""``--target``, or ``--board`` and ``--square``: one :class:`TargetChoice` as ``target``."""
 
 
 def target_path(given: Path | None) -> Path | None:

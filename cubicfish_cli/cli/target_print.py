@@ -9,20 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.kept import keep_fonts
 from cubicfish_cli.cli.made_by import made_at
-from cubicfish_cli.cli.options import (
-    FILE,
-    FOLDER,
-    Argument,
-    common_options,
-    examples,
-    json_option,
-    overwrite_option,
-)
-from cubicfish_cli.cli.target_choice import CountsType
+from cubicfish_cli.cli.target_choice import COUNTS
 from cubicfish_cli.cli.terminal import print_json, print_table, result, say, working
 
 if TYPE_CHECKING:
@@ -38,19 +29,17 @@ _TYPES = ("checkerboard", "charuco", "aprilgrid")
 @click.command(
     "print",
     short_help="Boards on paper, at true scale.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish target print --object corner --paper A4 -o my-target/",
         "cubicfish target print --object board --type charuco --square 30mm --paper A3",
         "cubicfish target print target.yaml --paper Letter -o pages/",
     ),
 )
-@click.argument(
+@options.argument(
     "target",
-    type=FILE,
+    "The target.yaml of boards that are there already; leave it out with --object.",
     required=False,
     metavar="[TARGET]",
-    cls=Argument,
-    meaning="The target.yaml of boards that are there already; leave it out with --object.",
 )
 @click.option(
     "--object",
@@ -83,7 +72,7 @@ _TYPES = ("checkerboard", "charuco", "aprilgrid")
     "--corners",
     "--tags",
     "counts",
-    type=CountsType(),
+    type=COUNTS,
     metavar="COLUMNSxROWS",
     help="Inner corners (of an aprilgrid: tags) of a target's largest board. With --square too, "
     "boards may be larger than the paper, and are printed in parts.",
@@ -108,18 +97,12 @@ _TYPES = ("checkerboard", "charuco", "aprilgrid")
     metavar="NAME",
     help="Of TARGET, print this board only. May be given again.",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=FOLDER,
-    default="printed",
-    show_default=True,
-    metavar="FOLDER",
-    help="Where boards.pdf, assembly.pdf and target.yaml go.",
+@options.output_option(
+    "Where boards.pdf, assembly.pdf and target.yaml go.", default="printed", folder=True
 )
-@overwrite_option
-@json_option(json_keys.TARGET_PRINT)
-@common_options
+@options.overwrite_option
+@options.json_option(json_keys.TARGET_PRINT)
+@options.common_options
 def command(
     target: Path | None,
     kind: str | None,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.chosen_views import (
     PlaneOptions,
     PlanesOfPhotos,
@@ -25,18 +25,6 @@ from cubicfish_cli.cli.mask_limit import (
     mask_option,
     trusted_within,
     uncertainty_of,
-)
-from cubicfish_cli.cli.options import (
-    FILE,
-    NAME,
-    Argument,
-    common_options,
-    examples,
-    jobs_option,
-    json_option,
-    model_option,
-    model_path,
-    overwrite_option,
 )
 from cubicfish_cli.cli.rendering_options import (
     RenderingOptions,
@@ -68,7 +56,7 @@ if TYPE_CHECKING:
 @click.command(
     "undistort",
     short_help="Photos and videos to pictures in which straight lines are straight.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish undistort photo.png flat.png",
         "cubicfish undistort photos/ flat/ --hfov 90 --size 1920x1080",
         "cubicfish undistort photo.png left.png --rotate -60,0,0 --hfov 80",
@@ -79,25 +67,20 @@ if TYPE_CHECKING:
         "cubicfish undistort photos/ flat/ --scheduler tcp://node1:8786",
     ),
 )
-@click.argument(
+@options.argument(
     "sources",
-    type=NAME,
+    "Photos or videos: files, folders or globs; '-' reads their names from stdin.",
+    type=options.NAME,
     nargs=-1,
     required=True,
     metavar="IN...",
-    cls=Argument,
-    meaning="Photos or videos: files, folders or globs; '-' reads their names from stdin.",
     missing="IN and OUT are both needed: 'cubicfish undistort in.png out.png', or for a folder "
     "'cubicfish undistort photos/ flat/'",
 )
-@click.argument(
-    "destination",
-    type=FILE,
-    metavar="OUT",
-    cls=Argument,
-    meaning="The picture or video that is made of one; of several, a folder.",
+@options.argument(
+    "destination", "The picture or video that is made of one; of several, a folder.", metavar="OUT"
 )
-@model_option
+@options.model_option
 @view_options
 @plane_options
 @crop_option
@@ -108,18 +91,18 @@ if TYPE_CHECKING:
 @click.option(
     "--camera",
     "camera_out",
-    type=FILE,
+    type=options.FILE,
     metavar="FILE",
     help="Also write the virtual camera of the result: for flat.png, flat.view.yaml and "
     "flat.view.opencv.yaml.",
 )
 @click.option("--skip-existing", is_flag=True, help="Leave out photos whose result exists.")
 @click.option("--dry-run", is_flag=True, help="Say what would be done, and write nothing.")
-@overwrite_option
-@json_option(json_keys.UNDISTORT)
-@jobs_option
+@options.overwrite_option
+@options.json_option(json_keys.UNDISTORT)
+@options.jobs_option
 @scheduler_options
-@common_options
+@options.common_options
 def command(
     sources: tuple[str, ...],
     destination: Path,
@@ -156,7 +139,7 @@ def command(
     planned = plan_of(sources, destination, view, plane)
     if planned.videos and scheduler.address is not None:
         raise click.UsageError("--scheduler is for photos: do videos without it")
-    camera_file = model_path(model)
+    camera_file = options.model_path(model)
     chosen, loaded = _views(camera_file, crop, view, plane)
     trusted: Callable[[tuple[int, int]], Trusted] | None = None
     if mask_limit is not None:

@@ -6,14 +6,7 @@ from pathlib import Path
 
 import click
 
-from cubicfish_cli.cli.options import (
-    FILE,
-    Argument,
-    common_options,
-    examples,
-    model_option,
-    model_path,
-)
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.points import PointsCommand, print_points, read_points
 
 
@@ -21,20 +14,18 @@ from cubicfish_cli.cli.points import PointsCommand, print_points, read_points
     "unproject",
     cls=PointsCommand,
     short_help="Pixels to unit viewing rays in the camera frame.",
-    epilog=examples(
+    epilog=options.examples(
         "cubicfish unproject 640,400",
         "echo 640,400 | cubicfish unproject --model lens_a/",
     ),
 )
-@click.argument(
+@options.argument(
     "pixels",
-    type=FILE,
+    "A CSV file of pixels x,y, or one pixel such as 640,400. [default: stdin]",
     default=Path("-"),
-    cls=Argument,
-    meaning="A CSV file of pixels x,y, or one pixel such as 640,400. [default: stdin]",
 )
-@model_option
-@common_options
+@options.model_option
+@options.common_options
 def command(pixels: Path, model: Path | None) -> None:
     """Turn PIXELS into viewing rays: x,y a line (a CSV file or stdin) in, X,Y,Z a line out.
     One pixel may stand on the command line: 640,400.
@@ -45,6 +36,6 @@ def command(pixels: Path, model: Path | None) -> None:
     """
     from cubicfish_cli.formats.camera_yaml import load_camera
 
-    camera = load_camera(model_path(model)).camera
+    camera = load_camera(options.model_path(model)).camera
     read = read_points(pixels, ("x", "y"))
     print_points(camera.unproject(read.values), ("X", "Y", "Z") if read.has_header else None)

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from cubicfish_cli.cli.numbers import IntRange
-from cubicfish_cli.cli.options import Decorated
+from cubicfish_cli.cli.options import bundle
 from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
 
 if TYPE_CHECKING:
@@ -39,33 +37,19 @@ class EncodingOptions:
         return Encoding(codec=self.codec, crf=crf, preset=self.preset)
 
 
-def encoding_options(function: Decorated) -> Decorated:
-    """The options; the command gets them as one argument, ``encoding``."""
-
-    @functools.wraps(function)
-    def with_encoding(*args: Any, **options: Any) -> Any:
-        names = ("codec", "crf", "preset")
-        encoding = EncodingOptions(**{name: options.pop(name) for name in names})
-        return function(*args, encoding=encoding, **options)
-
-    decorators: tuple[Callable[[Any], Any], ...] = (
-        click.option(
-            "--preset", metavar="NAME", help="Of the video encoder, such as fast or slow."
-        ),
-        click.option(
-            "--crf",
-            type=IntRange(0, 63),
-            metavar="0-63",
-            help="Of videos: lower is better and larger. [default: 18]",
-        ),
-        click.option(
-            "--codec",
-            metavar="NAME",
-            help="Of videos, as FFmpeg calls it: libx265, libvpx-vp9, ffv1. [default: libx264]",
-        ),
-    )
-    decorated: Any = with_encoding
-    for decorator in decorators:
-        decorated = decorator(decorated)
-    result: Decorated = decorated
-    return result
+encoding_options = bundle(
+    "encoding",
+    EncodingOptions,
+    click.option(
+        "--codec",
+        metavar="NAME",
+        help="Of videos, as FFmpeg calls it: libx265, libvpx-vp9, ffv1. [default: libx264]",
+    ),
+    click.option(
+        "--crf",
+        type=IntRange(0, 63),
+        metavar="0-63",
+        help="Of videos: lower is better and larger. [default: 18]",
+    ),
+    click.option("--preset", metavar="NAME", help="Of the video encoder, such as fast or slow."),
+)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import functools
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import Decorated, SizeType
+from cubicfish_cli.cli.options import SIZE, Parsed, bundle
 from cubicfish_cli.wording import either
 
 if TYPE_CHECKING:
@@ -40,47 +39,27 @@ WIDEST: Mapping[str, tuple[tuple[float, bool], tuple[float, bool]]] = {
 _LEAST_UNSEEN_DEG = 0.05  # what is printed is rounded to as much
 
 
-class RotationType(click.ParamType):
-    """``YAW,PITCH,ROLL`` -> three angles in degrees; what is left out is 0."""
-
-    name = "YAW,PITCH,ROLL"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[float, float, float]:
-        """Parse, or fail as a usage error."""
-        if isinstance(value, tuple):
-            return value
-        parts = str(value).split(",")
-        try:
-            angles = [float(part) for part in parts]
-        except ValueError:
-            angles = []
-        if not 1 <= len(angles) <= 3 or not all(-360 <= angle <= 360 for angle in angles):
-            self.fail(f"{value!r} is not yaw,pitch,roll in degrees, such as -60,0,0", param, ctx)
-        yaw, pitch, roll = (*angles, 0.0, 0.0)[:3]
-        return yaw, pitch, roll
+def _rotation(text: str) -> tuple[float, float, float]:
+    """Yaw, pitch and roll in degrees; what is left out is 0."""
+    try:
+        angles = [float(part) for part in text.split(",")]
+    except ValueError:
+        angles = []
+    if not 1 <= len(angles) <= 3 or not all(-360 <= angle <= 360 for angle in angles):
+        raise ValueError(f"{text!r} is not yaw,pitch,roll in degrees, such as -60,0,0")
+    yaw, pitch, roll = (*angles, 0.0, 0.0)[:3]
+    return yaw, pitch, roll
 
 
-class FitType(click.ParamType):
+def _share(text: str) -> float:
     """``inner``, ``outer`` or a share between them -> 0 to 1."""
-
-    name = "inner|outer|SHARE"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        """Parse, or fail as a usage error."""
-        if isinstance(value, float):
-            return value
-        try:
-            share = {"inner": 0.0, "outer": 1.0}.get(value)
-            share = float(value) if share is None else share
-        except ValueError:
-            share = -1.0
-        if not 0 <= share <= 1:
-            self.fail(f"{value!r} is not 'inner', 'outer' or a share from 0 to 1", param, ctx)
-        return share
+    try:
+        share = float({"inner": "0", "outer": "1"}.get(text, text))
+    except ValueError:
+        share = -1.0
+    if not 0 <= share <= 1:
+        raise ValueError(f"{text!r} is not 'inner', 'outer' or a share from 0 to 1")
+    return share
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -282,74 +261,62 @@ def _one(view: View) -> ChosenView:
     return ChosenView(views={"": view})
 
 
-def view_options(function: Decorated) -> Decorated:
-    """The options; the command gets them as one argument, ``view``."""
-
-    @functools.wraps(function)
-    def with_view(*args: Any, **options: Any) -> Any:
-        names = ("kind", "size", "hfov_deg", "vfov_deg", "focal", "fit", "rotate", "layout")
-        view = ViewOptions(**{name: options.pop(name) for name in names})
-        return function(*args, view=view, **options)
-
-    decorators: tuple[Callable[[Any], Any], ...] = (
-        click.option(
-            "--layout",
-            type=click.Choice(["files", "cross"]),
-            help="A cube as six pictures or as one. [default: files]",
-        ),
-        click.option(
-            "--rotate",
-            type=RotationType(),
-            metavar="YAW,PITCH,ROLL",
-            default=(0.0, 0.0, 0.0),
-            help="Look right, then up, then turn the view clockwise: degrees.",
-        ),
-        click.option(
-            "--fit",
-            type=FitType(),
-            metavar="inner|outer|SHARE",
-            help="Field from what the camera sees: no empty pixel, nothing lost, or a share "
-            "between (0 to 1).",
-        ),
-        click.option(
-            "--focal",
-            type=FloatRange(0.01, 1_000_000),
-            metavar="PX",
-            help="Focal length: pixels per radian in the middle.",
-        ),
-        click.option(
-            "--vfov",
-            "vfov_deg",
-            type=FloatRange(0, 360, min_open=True, unit="degrees"),
-            metavar="DEG",
-            help="Field of view down the height; with --hfov it sets the height.",
-        ),
-        click.option(
-            "--hfov",
-            "--fov",
-            "hfov_deg",
-            type=FloatRange(0, 360, min_open=True, unit="degrees"),
-            metavar="DEG",
-            help="Field of view across the width. [default: perspective keeps the photo's scale "
-            "in its middle, up to 120 along the longer side; others take --fit outer]",
-        ),
-        click.option(
-            "--size",
-            type=SizeType(),
-            help="Size of the result. [default: the photo's]",
-        ),
-        click.option(
-            "--view",
-            "kind",
-            type=click.Choice(KINDS),
-            default="perspective",
-            metavar="KIND",
-            help=f"What the result is: {either(KINDS)}. [default: perspective, in which straight "
-            "lines are straight]",
-        ),
-    )
-    decorated: Any = with_view
-    for decorator in decorators:
-        decorated = decorator(decorated)
-    result: Decorated = decorated
-    return result
+view_options = bundle(
+    "view",
+    ViewOptions,
+    click.option(
+        "--view",
+        "kind",
+        type=click.Choice(KINDS),
+        default="perspective",
+        metavar="KIND",
+        help=f"What the result is: {either(KINDS)}. [default: perspective, in which straight "
+        "lines are straight]",
+    ),
+    click.option(
+        "--size",
+        type=SIZE,
+        help="Size of the result. [default: the photo's]",
+    ),
+    click.option(
+        "--hfov",
+        "--fov",
+        "hfov_deg",
+        type=FloatRange(0, 360, min_open=True, unit="degrees"),
+        metavar="DEG",
+        help="Field of view across the width. [default: perspective keeps the photo's scale "
+        "in its middle, up to 120 along the longer side; others take --fit outer]",
+    ),
+    click.option(
+        "--vfov",
+        "vfov_deg",
+        type=FloatRange(0, 360, min_open=True, unit="degrees"),
+        metavar="DEG",
+        help="Field of view down the height; with --hfov it sets the height.",
+    ),
+    click.option(
+        "--focal",
+        type=FloatRange(0.01, 1_000_000),
+        metavar="PX",
+        help="Focal length: pixels per radian in the middle.",
+    ),
+    click.option(
+        "--fit",
+        type=Parsed("inner|outer|SHARE", _share),
+        metavar="inner|outer|SHARE",
+        help="Field from what the camera sees: no empty pixel, nothing lost, or a share "
+        "between (0 to 1).",
+    ),
+    click.option(
+        "--rotate",
+        type=Parsed("YAW,PITCH,ROLL", _rotation),
+        metavar="YAW,PITCH,ROLL",
+        default=(0.0, 0.0, 0.0),
+        help="Look right, then up, then turn the view clockwise: degrees.",
+    ),
+    click.option(
+        "--layout",
+        type=click.Choice(["files", "cross"]),
+        help="A cube as six pictures or as one. [default: files]",
+    ),
+)

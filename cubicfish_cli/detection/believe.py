@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from cubicfish_cli.detection.crossing import Crossings
@@ -17,7 +18,7 @@ LEAST_SQUARES = 4
 # of contrast from corner to corner (natural logarithm). Grids that grow in smooth noise have about
 # 0.06, 0.17 and 0.22; boards on rendered and on real fisheye photos stay under 0.03, 0.13 (squares
 # of 6 px) and 0.17, mostly far under.
-_MISS, _BLUR, _CONTRAST = 0.04, 0.15, 0.25
+MOST_MISS, USUAL_BLUR, _CONTRAST = 0.04, 0.15, 0.25
 # The gaps between dark squares are alike where white bleeds (and by colour where the camera moved),
 # and edges follow the grid: gaps of boards on rendered photos scatter by up to 0.035 sides, edges
 # turn by up to 0.054 radians. In grids of text, lines and dots either is 0.1 to 0.2.
@@ -31,9 +32,31 @@ _MOST_BLUR = 0.2
 
 
 def is_large_enough(lattice: Lattice) -> bool:
-    """Tell whether there are corners and whole squares enough."""
+    """Tell whether there are corners enough, and enough whole squares that hang together.
+
+    Growth can join what chance made in two places, as in random black and white cells.
+    """
     known = lattice.known
-    return bool(known.sum() >= LEAST_CORNERS and _squares(known).sum() >= LEAST_SQUARES)
+    if known.sum() < LEAST_CORNERS:
+        return False
+    pieces = cv2.connectedComponentsWithStats(_squares(known).astype(np.uint8))[2]
+    return bool(pieces[1:, cv2.CC_STAT_AREA].max(initial=0) >= LEAST_SQUARES)
+
+
+def median_miss(lattice: Lattice, cells: IntArray) -> float:
+    """How far corners are from what the others predict, relative to that prediction's own error.
+
+    The median over the corners ``cells`` (N, 2), cells; NaN where nothing can be predicted.
+    """
+    fit = lattice.fit(cells, without_itself=True)
+    pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
+    miss = fit.cells_away(pixel)[fit.sound] / (1 + np.sqrt(fit.leverage[fit.sound]))
+    return float(np.median(miss)) if len(miss) else np.nan
+
+
+def is_regular(lattice: Lattice, cells: IntArray) -> bool:
+    """Tell whether corners lie as those of a board do, whatever the squares look like."""
+    return is_large_enough(lattice) and median_miss(lattice, cells) < MOST_MISS
 
 
 def closes_cell(known: BoolArray) -> BoolArray:
@@ -63,26 +86,21 @@ def is_board(
         contrast_around: (N,) median contrast of the corners around each.
 
     """
-    fit = lattice.fit(cells, without_itself=True)
-    pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
-    miss = fit.cells_away(pixel)[fit.sound] / (1 + np.sqrt(fit.leverage[fit.sound]))
-    if not len(miss):
-        return False
     side = np.maximum(lattice.fit(cells).side, 1.0)
     blur = float(np.median(found.blur.max(1) / side))
     contrast = lattice.contrast[cells[:, 0], cells[:, 1]]
     change = np.abs(np.log(np.maximum(contrast, 1e-6) / np.maximum(contrast_around, 1e-6)))
     score = np.array(
         [
-            np.median(miss) / _MISS,
-            blur / _BLUR,
+            median_miss(lattice, cells) / MOST_MISS,
+            blur / USUAL_BLUR,
             np.median(change) / _CONTRAST,
             np.median(_gap_scatter(found.gap, lattice.sign(cells)) / side) / _GAP,
             np.median(found.turn) / _TURN,
         ]
     )
     limit = 1 + min(1.0, max(0.0, (len(cells) - LEAST_CORNERS) / (_LARGE - LEAST_CORNERS)))
-    return bool((score**2).sum() < limit and blur < _MOST_BLUR)
+    return bool((score**2).sum() < limit and blur < _MOST_BLUR)  # never where a score is NaN
 
 
 def _gap_scatter(gap: FloatArray, sign: IntArray) -> FloatArray:

@@ -12,7 +12,7 @@ from cubicfish_cli.detection.candidates import SCALES, find_saddles
 from cubicfish_cli.detection.grids import Float32Array, FloatArray
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import Pyramid
-from cubicfish_cli.detection.ring import check_rings
+from cubicfish_cli.detection.ring import check_rings, glance
 from cubicfish_cli.detection.saddle import fit_saddles
 
 # A ring's span (largest minus smallest of 48 smoothed samples) reaches about 4 sigma of what
@@ -25,7 +25,7 @@ MOST_CORNERS = 8_000
 # thirty pixels and the corners of boards are among the strongest, and those that look like corners
 # on rings, of which a tenth becomes corners of grids at most.
 _MOST_SADDLES = 100_000
-_MOST_FITTED = 2 * MOST_CORNERS
+_MOST_RINGED, _MOST_FITTED = 3 * MOST_CORNERS, 2 * MOST_CORNERS
 
 # Positions, arm angles, radii, contrasts.
 _Part = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
@@ -92,6 +92,12 @@ def _at_scale(
     pixel, response = pixel[free], saddles.response[free]
     strongest = _first(response, _MOST_SADDLES)
     pixel, response = pixel[strongest], response[strongest]
+    likely = glance(image, pixel)
+    candidates = np.flatnonzero(likely)
+    candidates = candidates[_first(likely[candidates], _MOST_RINGED)]
+    if not len(candidates):
+        return None
+    pixel, response = pixel[candidates], response[candidates]
     rings = check_rings(image, pixel, _NOISE_CONTRAST * noise)
     good = np.flatnonzero(rings.ok)
     good = good[_first((rings.contrast * np.sqrt(rings.radius))[good], _MOST_FITTED)]

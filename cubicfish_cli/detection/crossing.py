@@ -163,20 +163,21 @@ def _fit(
     rows, centre, half = rows[inside], centre[inside], half[inside]
     if not len(rows):
         return
-    frame = _frame(out.pixel[rows], centre, fit.select(rows), half, radius)
-    offset = frame.offset
-    value = image[centre[:, 1:] + offset[:, 1], centre[:, :1] + offset[:, 0]].astype(float)
-    state = _minimise(value, frame, max(noise, 0.3), gap.select(rows))
+    local = fit.select(rows)
+    frame = _frame(image, out.pixel[rows], centre, local, half, radius)
+    state = _minimise(frame, max(noise, 0.3), gap.select(rows))
+    length, height = _sides(local)
+    lean = length[:, 0] / height[:, 0]  # 1 / sine of the angle between the edges
 
     # Where the turned, shifted edges cross.
-    turn = state.shape[:, 2:4] * frame.lean[:, None]
+    turn = state.shape[:, 2:4] * lean[:, None]
     shift = state.shape[:, :2]
     closing = 1 - turn[:, 0] * turn[:, 1]
     distance = (shift + turn * shift[:, ::-1]) / closing[:, None]
-    q = distance / frame.height
+    q = distance / height
     second = np.stack([0.5 * q[:, 0] ** 2, q[:, 0] * q[:, 1], 0.5 * q[:, 1] ** 2], -1)
-    out.pixel[rows] += (fit.step[rows] @ q[..., None])[..., 0]
-    out.pixel[rows] += (fit.bend[rows] @ second[..., None])[..., 0]
+    out.pixel[rows] += (local.step @ q[..., None])[..., 0]
+    out.pixel[rows] += (local.bend @ second[..., None])[..., 0]
     out.ok[rows] = (state.last_move < _STILL_MOVING) & (closing > 0.5)
     out.level[rows] = state.levels
     blur = state.shape[:, 4:6].copy()  # taken out of its array: angles.py says why
@@ -187,58 +188,64 @@ def _fit(
     final = np.maximum(state.misfit, max(noise, 0.3))[:, None, None]
     prior = (1 / _PRIOR_SPREAD) ** 2 * np.eye(_UNKNOWNS)
     covariance = np.linalg.inv(state.data / final**2 + prior)
-    out.spread[rows] = frame.lean * np.sqrt(0.5 * (covariance[:, 0, 0] + covariance[:, 1, 1]))
+    out.spread[rows] = lean * np.sqrt(0.5 * (covariance[:, 0, 0] + covariance[:, 1, 1]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Frame:
     """The windows of n corners, K pixels each, in the grid's own bent coordinates."""
 
-    offset: IntArray  # (K, 2) pixels from the window's middle
-    across: FloatArray  # (n, K, 2) distance from the edge along j and from the edge along i, px
-    along: FloatArray  # (n, K, 2) place along those edges, px
-    root_weight: FloatArray  # (n, K)
-    height: FloatArray  # (n, 2) distance between neighbouring edges, px
-    lean: FloatArray  # (n,) 1 / sine of the angle between the edges
+    value: FloatArray  # (n, K) grey levels, times the weight
+    across: FloatArray  # (n, 2, K) distance from the edge along j and from the edge along i, px
+    along: FloatArray  # (n, 2, K) place along those edges, px
+    weight: FloatArray  # (n, K) root of the weight
 
     def select(self, rows: BoolArray) -> _Frame:
         return _Frame(
-            offset=self.offset,
+            value=self.value[rows],
             across=self.across[rows],
             along=self.along[rows],
-            root_weight=self.root_weight[rows],
-            height=self.height[rows],
-            lean=self.lean[rows],
+            weight=self.weight[rows],
         )
 
 
 def _frame(
-    start: FloatArray, centre: IntArray, fit: LocalFit, half: FloatArray, radius: int
+    image: npt.NDArray[np.generic],
+    start: FloatArray,
+    centre: IntArray,
+    fit: LocalFit,
+    half: FloatArray,
+    radius: int,
 ) -> _Frame:
     side = np.arange(-radius, radius + 1)
-    offset = np.stack(np.meshgrid(side, side), -1).reshape(-1, 2)
+    offset = np.stack(np.meshgrid(side, side)).reshape(2, -1)
     # Corners of the square window lie beyond the round one.
-    offset = offset[(offset**2).sum(1) <= (half.max() + 1) ** 2]
-    apart = offset + (centre - start)[:, None]
-    inverse = np.linalg.inv(fit.step).transpose(0, 2, 1)
-    cell = apart @ inverse
+    offset = offset[:, (offset**2).sum(0) <= (half.max() + 1) ** 2]
+    value = image[centre[:, 1:] + offset[1], centre[:, :1] + offset[0]].astype(float)
+    apart = offset + (centre - start)[:, :, None]
+    inverse = np.linalg.inv(fit.step)
+    cell = inverse @ apart
     for _ in range(2):
-        di, dj = cell[..., 0], cell[..., 1]
-        bent = np.stack([0.5 * di * di, di * dj, 0.5 * dj * dj], -1)
-        cell = (apart - bent @ fit.bend.transpose(0, 2, 1)) @ inverse
+        di, dj = cell[:, 0], cell[:, 1]
+        bent = np.stack([0.5 * di * di, di * dj, 0.5 * dj * dj], 1)
+        cell = inverse @ (apart - fit.bend @ bent)
+    length, height = _sides(fit)
+    weight = np.clip(2 - 2 * (apart**2).sum(1) / (half[:, None] + 0.5) ** 2, 0, 1)
+    weight *= np.clip((_WITHIN - np.abs(cell).max(1)) / _FADE, 0, 1)
+    weight = np.sqrt(weight)
+    return _Frame(
+        value=value * weight,
+        across=cell * height[:, :, None],
+        along=(cell * length[:, :, None])[:, ::-1],
+        weight=weight,
+    )
+
+
+def _sides(fit: LocalFit) -> tuple[FloatArray, FloatArray]:
+    """Lengths (n, 2) of the steps along i and j, and distances of neighbouring edges, px."""
     length = np.hypot(fit.step[:, 0], fit.step[:, 1])
     area = np.abs(np.linalg.det(fit.step))
-    height = area[:, None] / length[:, ::-1]
-    weight = np.clip(2 - 2 * (apart**2).sum(-1) / (half[:, None] + 0.5) ** 2, 0, 1)
-    weight *= np.clip((_WITHIN - np.abs(cell).max(-1)) / _FADE, 0, 1)
-    return _Frame(
-        offset=offset,
-        across=cell * height[:, None],
-        along=(cell * length[:, None])[..., ::-1],
-        root_weight=np.sqrt(weight),
-        height=height,
-        lean=length.prod(1) / area,
-    )
+    return length, area[:, None] / length[:, ::-1]
 
 
 @dataclass(kw_only=True, eq=False)
@@ -257,9 +264,9 @@ class _State:
     last_move: FloatArray  # (n,) px
 
 
-def _minimise(value: FloatArray, frame: _Frame, noise: float, gap: Gaps) -> _State:
+def _minimise(frame: _Frame, noise: float, gap: Gaps) -> _State:
     """Levenberg-Marquardt on all corners at once; those that are done no longer take part."""
-    count = len(value)
+    count = len(frame.value)
     mean, spread = np.tile(_PRIOR_MEAN, (count, 1)), np.tile(_PRIOR_SPREAD, (count, 1))
     mean[:, 6], spread[:, 6] = 0.5 * gap.mean, 0.5 * gap.spread
     state = _State(
@@ -277,11 +284,11 @@ def _minimise(value: FloatArray, frame: _Frame, noise: float, gap: Gaps) -> _Sta
     damping = np.full(count, 1e-3)
     active = np.arange(count)
     trial = state.shape.copy()
-    dark_first = _dark_first(value, frame)
+    dark_first = _dark_first(frame)
+    freedom = np.maximum((frame.weight**2).sum(1) - 11, 1)
     for round_ in range(_ROUNDS):
-        levels, residual, columns = _model(trial[active], dark_first[active], value, frame)
-        squares = (residual**2).sum(1)
-        misfit2 = squares / np.maximum((frame.root_weight**2).sum(1) - 11, 1)
+        levels, squares, data, right = _model(trial[active], dark_first[active], frame)
+        misfit2 = squares / freedom[active]
         if round_ in (1, 4):  # the misfit tells by now how well the model can do
             sigma2[active] = np.maximum(misfit2, noise**2)
             state.cost[active] = np.inf
@@ -289,16 +296,14 @@ def _minimise(value: FloatArray, frame: _Frame, noise: float, gap: Gaps) -> _Sta
         cost = squares / sigma2[active] + (away**2).sum(1)
         better = cost < state.cost[active]
         rows = active[better]
-        columns = columns[better]
-        scaled = residual[better] / sigma2[rows, None]
         state.shape[rows] = trial[rows]
         state.levels[rows] = levels[better]
         state.cost[rows] = cost[better]
         state.misfit[rows] = np.sqrt(misfit2[better])
-        state.data[rows] = columns.transpose(0, 2, 1) @ columns
+        state.data[rows] = data[better]
         state.normal[rows] = state.data[rows] / sigma2[rows, None, None]
         state.normal[rows] += spread[rows, :, None] ** -2.0 * np.eye(_UNKNOWNS)
-        state.right[rows] = (columns.transpose(0, 2, 1) @ scaled[..., None])[..., 0]
+        state.right[rows] = right[better] / sigma2[rows, None]
         state.right[rows] += away[better] / spread[rows]
         now = damping[active]
         damping[active] = np.where(better, np.maximum(0.2 * now, 1e-4), np.maximum(10 * now, 0.3))
@@ -312,23 +317,25 @@ def _minimise(value: FloatArray, frame: _Frame, noise: float, gap: Gaps) -> _Sta
         going = state.last_move[active] > _CONVERGED
         going |= np.abs(move[:, 4:6]).max(1) > _BLUR_CONVERGED
         if not going.all():
-            active, value, frame = active[going], value[going], frame.select(going)
+            active, frame = active[going], frame.select(going)
         if not len(active):
             break
     return state
 
 
-def _dark_first(value: FloatArray, frame: _Frame) -> BoolArray:
+def _dark_first(frame: _Frame) -> BoolArray:
     """Tell where the quadrants (+,+) and (-,-) are darker than the others, on the whole (n,)."""
-    weight = frame.root_weight**2
-    above = value - ((weight * value).sum(1) / np.maximum(weight.sum(1), 1e-9))[:, None]
-    return np.asarray((weight * np.sign(frame.across).prod(-1) * above).sum(1) < 0)
+    weight = frame.weight
+    mean = (weight * frame.value).sum(1) / np.maximum((weight**2).sum(1), 1e-9)
+    above = frame.value - mean[:, None] * weight
+    side = np.sign(frame.across[:, 0] * frame.across[:, 1])
+    return np.asarray((weight * side * above).sum(1) < 0)
 
 
 def _model(
-    shape: FloatArray, dark_first: BoolArray, value: FloatArray, frame: _Frame
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Levels (n, 4) that fit best, weighted residuals (n, K) and derivatives (n, K, 7).
+    shape: FloatArray, dark_first: BoolArray, frame: _Frame
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Levels (n, 4) that fit best, squared residuals (n,), normal equations (n, 7, 7) and (n, 7).
 
     Two opposite quadrants draw back by half the gap from both edges, the dark ones where the gap
     is positive and the bright ones where it is negative. With logistic steps the share of the two
@@ -338,41 +345,54 @@ def _model(
     half_gap = shape[:, 6]
     # The quadrants that draw back lie at (+,+) and (-,-) once the second axis is turned.
     turned = np.where(dark_first == (half_gap >= 0), 1.0, -1.0)
-    own = np.exp(2 * shape[:, None, 4:6])
-    blur = np.sqrt(_SHARPEST**2 + own)
-    steep = 2 * _TANH / blur
-    z = (frame.across - shape[:, None, :2] - shape[:, None, 2:4] * frame.along) * steep
-    z = np.clip(z, -_STEEPEST, _STEEPEST)
-    z[..., 1] *= turned[:, None]
+    own = np.exp(2 * shape[:, 4:6, None])
+    blur2 = _SHARPEST**2 + own
+    steep = 2 * _TANH / np.sqrt(blur2)
+    z = frame.across - shape[:, 2:4, None] * frame.along
+    z -= shape[:, :2, None]
+    z *= steep
+    np.clip(z, -_STEEPEST, _STEEPEST, out=z)
+    z[:, 1] *= turned[:, None]
     back = np.minimum(np.abs(half_gap)[:, None, None] * steep, _STEEPEST)
     away, bar = np.exp(-z), np.exp(back)
     plus, minus = 1 / (1 + away * bar), away / (away + bar)  # steps up to the two quadrants
-    first, third = plus.prod(-1), minus.prod(-1)
+    first, third = plus[:, 0] * plus[:, 1], minus[:, 0] * minus[:, 1]
     rest = 1 - first - third
-    fourth = away[..., 1] / (away[..., 1] + away[..., 0])
-    weight = frame.root_weight
-    basis = np.stack([first, rest * (1 - fourth), third, rest * fourth], -1) * weight[..., None]
-    normal = basis.transpose(0, 2, 1) @ basis + 1e-6 * np.eye(4)
-    target = value * weight
-    levels = np.linalg.solve(normal, basis.transpose(0, 2, 1) @ target[..., None])
-    residual = target - (basis @ levels)[..., 0]
+    fourth = away[:, 1] / (away[:, 1] + away[:, 0])
+    weight = frame.weight
+    basis = np.stack([first, rest * (1 - fourth), third, rest * fourth], 1)
+    basis *= weight[:, None]
+    inverse = np.linalg.inv(_products(basis) + 1e-6 * np.eye(4))
+    levels = inverse @ (basis @ frame.value[..., None])
+    residual = frame.value - (levels.transpose(0, 2, 1) @ basis)[:, 0]
     one, two, three, four = levels.transpose(1, 0, 2)
     between = two + (four - two) * fourth
-    of_plus = ((one - between) * weight)[..., None] * plus[..., ::-1] * plus * (1 - plus)
-    of_minus = ((three - between) * weight)[..., None] * minus[..., ::-1] * minus * (1 - minus)
-    sharing = rest * (four - two) * fourth * (1 - fourth) * weight
-    slope = of_plus - of_minus
-    slope[..., 0] += sharing
-    slope[..., 1] -= sharing
+    of_plus = ((one - between) * weight * first)[:, None] * (1 - plus)
+    of_minus = ((three - between) * weight * third)[:, None] * (1 - minus)
+    sharing = (four - two) * basis[:, 3] * (1 - fourth)
     gap_slope = of_plus + of_minus
-    sign = np.where(half_gap >= 0, 1.0, -1.0)[:, None]
-    by_gap = (gap_slope * steep).sum(-1) * sign
-    by_blur = (slope * z - gap_slope * back) * (own / blur**2)
+    slope = of_plus - of_minus
+    slope[:, 0] += sharing
+    slope[:, 1] -= sharing
+    slopes = np.empty((len(shape), _UNKNOWNS, weight.shape[1]))
+    slopes[:, 4:6] = (slope * z - gap_slope * back) * (own / blur2)
+    gap_slope *= steep
+    slopes[:, 6] = (gap_slope[:, 0] + gap_slope[:, 1]) * np.where(half_gap >= 0, 1, -1)[:, None]
     slope *= steep
-    slope[..., 1] *= turned[:, None]
-    columns = -np.concatenate([slope, slope * frame.along, by_blur, by_gap[..., None]], -1)
-    # Kaufman's variable projection: the levels follow the shape.
-    columns -= basis @ np.linalg.solve(normal, basis.transpose(0, 2, 1) @ columns)
+    slope[:, 1] *= turned[:, None]
+    slopes[:, :2] = slope
+    slopes[:, 2:4] = slope * frame.along
     best = np.asarray(levels[..., 0], np.float64)
     best = np.where(turned[:, None] > 0, best, best[:, ::-1])
-    return best, residual, np.asarray(columns, np.float64)
+    squares = (residual[:, None] @ residual[..., None])[:, 0, 0]
+    # Kaufman's variable projection: the levels follow the shape, and the residuals hold nothing
+    # that other levels would explain.
+    shared = slopes @ basis.transpose(0, 2, 1)
+    data = _products(slopes) - shared @ inverse @ shared.transpose(0, 2, 1)
+    return best, squares, data, -(slopes @ residual[..., None])[..., 0]
+
+
+def _products(rows: FloatArray) -> FloatArray:
+    """Scalar products (n, M, M) of M rows with each other, of (n, M, K)."""
+    # A copy: numpy's own way for a matrix and itself is far slower for small ones.
+    return rows @ rows.copy().transpose(0, 2, 1)

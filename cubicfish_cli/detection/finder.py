@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from cubicfish_cli.detection.believe import closes_cell, is_board, is_large_enough
 from cubicfish_cli.detection.corners import XCorners, find_corners
@@ -64,12 +65,13 @@ def _search(pyramid: Pyramid) -> tuple[list[Lattice], FloatArray]:
     corners = find_corners(pyramid)
     links = keep_squares(find_links(pyramid, corners))
     free = np.ones(len(corners.pixel), bool)
+    candidates = cKDTree(corners.pixel)
     lattices: list[Lattice] = []
     failures = 0
     for patch in find_patches(links, corners.contrast * corners.radius):
         if len(patch.corner) < 4 or not free[patch.corner].all():
             continue
-        lattice = _raise(pyramid, corners, patch, free)
+        lattice = _raise(pyramid, corners, patch, candidates)
         if lattice is None:
             failures += 1
             if failures == _MOST_FAILURES:
@@ -78,17 +80,19 @@ def _search(pyramid: Pyramid) -> tuple[list[Lattice], FloatArray]:
         cells = lattice.cells()
         pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
         free &= ~_taken(corners.pixel, pixel, lattice.fit(cells).side)
+        candidates = cKDTree(corners.pixel[free])
         lattices.append(lattice)
     return lattices, corners.pixel[free]
 
 
-def _raise(pyramid: Pyramid, corners: XCorners, patch: Patch, free: BoolArray) -> Lattice | None:
+def _raise(
+    pyramid: Pyramid, corners: XCorners, patch: Patch, candidates: cKDTree
+) -> Lattice | None:
     """Grow a patch into a grid; None when it turns out not to be a board."""
     lattice = Lattice.from_cells(
         patch.cells, corners.pixel[patch.corner], corners.contrast[patch.corner], patch.parity
     )
     measure_contrast(pyramid, lattice)
-    candidates = corners.pixel[free]
     for _ in range(_PASSES):
         clean(lattice)
         if lattice.known.sum() < 4:
@@ -96,6 +100,8 @@ def _raise(pyramid: Pyramid, corners: XCorners, patch: Patch, free: BoolArray) -
         before = lattice.known.sum()
         grow(pyramid, lattice, candidates)
         clean(lattice)
+        if not is_large_enough(lattice):
+            return None
         grown = lattice.known.sum() > before
         found, dropped = refine_and_verify(pyramid, lattice)
         if not is_large_enough(lattice):
@@ -106,7 +112,8 @@ def _raise(pyramid: Pyramid, corners: XCorners, patch: Patch, free: BoolArray) -
     closing = closes_cell(lattice.known)[cells[:, 0], cells[:, 1]]
     lattice.drop(cells[~closing])
     cells, found = cells[closing], found.select(closing)
-    around = _median_around(lattice.contrast, lattice.known, cells)
+    contrast = lattice.contrast[cells[:, 0], cells[:, 1]]
+    around = _median_around(contrast[:, None], lattice, cells)[:, 0]
     return lattice if is_board(lattice, cells, found, around) else None
 
 
@@ -121,21 +128,18 @@ def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> tuple[Crossings, in
     pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
     found = refine_pixels(pyramid, pixel, fit)
     sign = lattice.sign(cells)
-    lattice.put(cells, found.pixel, found.contrast(sign))
-
-    def around(values: FloatArray) -> FloatArray:
-        every = np.zeros(lattice.known.shape)
-        every[cells[:, 0], cells[:, 1]] = values
-        return _median_around(every, lattice.known, cells)
-
+    contrast = found.contrast(sign)
+    lattice.put(cells, found.pixel, contrast)
+    measures = np.stack([contrast, found.blur.max(1), found.spread], axis=-1)
+    contrast_around, blur_around, spread_around = _median_around(measures, lattice, cells).T
     good = whole_corners(
         found,
         sign,
         fit.side,
         np.hypot(*(found.pixel - pixel).T),
-        around(found.contrast(sign)),
-        around(found.blur.max(1)),
-        around(found.spread),
+        contrast_around,
+        blur_around,
+        spread_around,
         pyramid.noise,
     )
     lattice.drop(cells[~good])
@@ -144,13 +148,16 @@ def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> tuple[Crossings, in
     return found.select(kept), int((~kept).sum())
 
 
-def _median_around(values: FloatArray, known: BoolArray, cells: IntArray) -> FloatArray:
+def _median_around(values: FloatArray, lattice: Lattice, cells: IntArray) -> FloatArray:
+    """Medians (N, K) over the known corners of the 5x5 cells around, of (N, K) values of cells."""
+    every = np.full((*lattice.known.shape, values.shape[1]), np.inf)
+    every[cells[:, 0], cells[:, 1]] = values
     offset = np.stack(np.meshgrid(*[np.arange(-2, 3)] * 2, indexing="ij"), -1).reshape(-1, 2)
     around = cells[:, None] + offset
-    value = np.where(
-        known[around[..., 0], around[..., 1]], values[around[..., 0], around[..., 1]], np.nan
-    )
-    return np.nanmedian(value, axis=1)
+    inorder = np.sort(every[around[..., 0], around[..., 1]], axis=1)
+    count = np.isfinite(inorder[..., :1]).sum(1, keepdims=True)
+    low = np.take_along_axis(inorder, (count - 1) // 2, axis=1)
+    return 0.5 * (low + np.take_along_axis(inorder, count // 2, axis=1))[:, 0]
 
 
 def _taken(points: FloatArray, pixel: FloatArray, side: FloatArray) -> BoolArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
 from cubicfish_cli.detection.lattice import Lattice, LocalFit
@@ -28,9 +29,9 @@ _OUTLIER = 0.15
 
 
 def grow(
-    pyramid: Pyramid, lattice: Lattice, free: FloatArray, most_rounds: int = _MOST_ROUNDS
+    pyramid: Pyramid, lattice: Lattice, free: cKDTree, most_rounds: int = _MOST_ROUNDS
 ) -> None:
-    """Add corners to the lattice until nothing changes; ``free`` (N, 2): candidates to snap to."""
+    """Add corners to the lattice until nothing changes; ``free``: candidates to snap to."""
     for _ in range(most_rounds):
         lattice.make_room()
         cells = _frontier(lattice)
@@ -52,7 +53,7 @@ def _frontier(lattice: Lattice) -> IntArray:
     return np.argwhere(fresh)
 
 
-def _grow_once(pyramid: Pyramid, lattice: Lattice, free: FloatArray, cells: IntArray) -> bool:
+def _grow_once(pyramid: Pyramid, lattice: Lattice, free: cKDTree, cells: IntArray) -> bool:
     fit = lattice.fit(cells)
     usable = fit.sound & pyramid.inside(fit.pixel, 2.0)
     cells, fit = cells[usable], fit.select(usable)
@@ -69,17 +70,18 @@ def _grow_once(pyramid: Pyramid, lattice: Lattice, free: FloatArray, cells: IntA
     return bool(good.any())
 
 
-def _look(pyramid: Pyramid, fit: LocalFit, free: FloatArray) -> tuple[FloatArray, BoolArray]:
+def _look(pyramid: Pyramid, fit: LocalFit, free: cKDTree) -> tuple[FloatArray, BoolArray]:
     """Nearest free candidate, else a saddle at the prediction."""
     pixel = fit.pixel.copy()
     found = np.zeros(len(pixel), bool)
-    if len(free):
+    if free.n:
         _, index = nearest(pixel, free, 4)
-        away = fit.cells_away(free[index])
+        place = np.asarray(free.data)[index]
+        away = fit.cells_away(place)
         best = away.argmin(1)
         rows = np.arange(len(pixel))
         found = away[rows, best] < _SEARCH
-        pixel[found] = free[index[rows, best]][found]
+        pixel[found] = place[rows, best][found]
     rest = ~found
     if rest.any():
         half = np.clip(0.2 * fit.side[rest], 2.0, 6.0)

@@ -184,20 +184,25 @@ class Lattice:
 
     def fit(self, cells: IntArray, *, without_itself: bool = False) -> LocalFit:
         """Fit position against cell around (N, 2) cells at least 3 from the maps' border."""
-        around = cells[:, None] + _WINDOW
-        pixel = self.pixel[around[..., 0], around[..., 1]]
+        columns = self.pixel.shape[1]
+        around = (cells @ (columns, 1))[:, None] + _WINDOW @ (columns, 1)
+        pixel = self.pixel.reshape(-1, 2)[around]
         known = ~np.isnan(pixel[..., 0])
         if without_itself:
             known[:, _CENTRE] = False
         weight = known * _WEIGHT
-        # Relative to the mean, so that the ridge does not act on absolute positions.
-        pixel = np.where(known[..., None], pixel, 0.0)
-        total = np.maximum(weight.sum(1), 1e-12)
-        mean = (weight[..., None] * pixel).sum(1) / total[:, None]
-        pixel = np.where(known[..., None], pixel - mean[:, None], 0.0)
-        normal = (weight @ _PRODUCTS).reshape(-1, 6, 6) + _RIDGE
-        right = (weight[..., None] * pixel).transpose(0, 2, 1) @ _TERMS
-        solution = np.linalg.solve(normal, right.transpose(0, 2, 1)).transpose(0, 2, 1)
+        products = weight @ _PRODUCTS
+        total = np.maximum(products[:, 0], 1e-12)
+        right = np.zeros((len(cells), 6, 3))
+        mean = np.empty((len(cells), 2))
+        for axis in (0, 1):
+            weighted = weight * np.where(known, pixel[..., axis], 0.0)
+            mean[:, axis] = weighted.sum(1) / total
+            # Relative to the mean, so that the ridge does not act on absolute positions.
+            right[..., axis] = weighted @ _TERMS - mean[:, axis, None] * products[:, :6]
+        right[:, 0, 2] = 1
+        answer = np.linalg.solve(products.reshape(-1, 6, 6) + _RIDGE, right)
+        solution = answer[..., :2].transpose(0, 2, 1)
         step = solution[:, :, 1:3]
         length = np.hypot(step[:, 0], step[:, 1])
         area = step[:, 0, 0] * step[:, 1, 1] - step[:, 0, 1] * step[:, 1, 0]
@@ -210,7 +215,7 @@ class Lattice:
             step=step,
             bend=solution[:, :, 3:],
             neighbours=neighbours,
-            leverage=np.linalg.inv(normal)[:, 0, 0] * _WEIGHT[_CENTRE + 1],
+            leverage=answer[:, 0, 2] * _WEIGHT[_CENTRE + 1],
             side=side,
             sound=sound,
         )

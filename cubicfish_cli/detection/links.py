@@ -85,11 +85,15 @@ def find_links(pyramid: Pyramid, corners: XCorners) -> Links:
     cost[rest] *= _BLEEDING
     cost /= np.clip(difference.min(1), EDGE_LEAST, 1.0)  # an edge that is seen all along is one
     p, q, arm_p, arm_q, cost = p[seen], q[seen], arm_p[seen], arm_q[seen], cost[seen]
-    return _mutual(count, p, q, arm_p, arm_q, cost)
+    ends, back = (p, q), (arm_p, arm_q)
+    return _mutual(
+        count,
+        *(np.concatenate(both) for both in (ends, ends[::-1], back, back[::-1], (cost, cost))),
+    )
 
 
 def _neighbours(corners: XCorners) -> tuple[IntArray, IntArray, FloatArray]:
-    """Pairs of near corners whose contrasts are alike, in both orders, and their distances.
+    """Pairs of near corners whose contrasts are alike, each once, and their distances.
 
     Corners look for neighbours among those that are not much weaker, octave by octave of
     contrast, and once more among those whose pattern reaches as far as theirs: otherwise the
@@ -109,8 +113,8 @@ def _neighbours(corners: XCorners) -> tuple[IntArray, IntArray, FloatArray]:
     near = (p != q) & (length > 2.0) & (ratio < _CONTRAST_RATIO) & (ratio > 1 / _CONTRAST_RATIO)
     p, q, length = p[near], q[near], length[near]
     count = len(corners.pixel)
-    both, first = np.unique(np.concatenate([p * count + q, q * count + p]), return_index=True)
-    return both // count, both % count, np.concatenate([length, length])[first]
+    pair, first = np.unique(np.minimum(p, q) * count + np.maximum(p, q), return_index=True)
+    return pair // count, pair % count, length[first]
 
 
 def _nearest(

@@ -70,12 +70,16 @@ def _fit(
     travel: FloatArray,
     radius: int,
 ) -> tuple[FloatArray, BoolArray, FloatArray]:
+    size = 2 * radius + 1
     height, width = image.shape
     offsets = np.arange(-radius, radius + 1)
     pixel = start.copy()
     curvature = np.zeros(len(start))
     ok = np.zeros(len(start), bool)
     active = np.arange(len(start))
+    if min(height, width) < size:
+        return pixel, ok, curvature
+    windows = np.lib.stride_tricks.sliding_window_view(image, (size, size))
     for _ in range(_ITERATIONS):
         centre = np.rint(pixel[active]).astype(int)
         inside = (
@@ -88,12 +92,9 @@ def _fit(
         active, centre = active[inside], centre[inside]
         if not len(active):
             break
-        columns = centre[:, :1] + offsets
-        lines = centre[:, 1:] + offsets
-        patch = image[lines[:, :, None], columns[:, None, :]].astype(float)
-        move, bend = _newton(
-            patch, columns - pixel[active, :1], lines - pixel[active, 1:], half[active]
-        )
+        patch = windows[centre[:, 1] - radius, centre[:, 0] - radius].astype(float)
+        away = offsets + (centre - pixel[active])[..., None]
+        move, bend = _newton(patch, away, half[active])
         saddle = bend > 0
         length = np.hypot(move[:, 0], move[:, 1])
         # A long step means that the quadratic does not describe the window: damp it.
@@ -107,28 +108,30 @@ def _fit(
     return pixel, ok, curvature
 
 
-def _newton(
-    patch: FloatArray, u: FloatArray, v: FloatArray, half: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """One weighted fit: patches (N, n, n), pixel offsets u, v (N, n) -> step (N, 2), rise (N,)."""
-    u, v = u / half[:, None], v / half[:, None]
-    wu, wv = np.maximum(1 - u * u, 0), np.maximum(1 - v * v, 0)
-    pu = np.stack([wu, wu * u, wu * u * u], axis=1)
-    pv = np.stack([wv, wv * v, wv * v * v], axis=1)
-    data = pv @ patch @ pu.transpose(0, 2, 1)  # data[n, j, i] = sum w v^j u^i f
-    su = np.stack([pu[:, 0].sum(-1), pu[:, 1].sum(-1), pu[:, 2].sum(-1)], -1)
-    sv = np.stack([pv[:, 0].sum(-1), pv[:, 1].sum(-1), pv[:, 2].sum(-1)], -1)
-    su = np.concatenate(
-        [su, (pu[:, 2] * u).sum(-1)[:, None], (pu[:, 2] * u * u).sum(-1)[:, None]], -1
-    )
-    sv = np.concatenate(
-        [sv, (pv[:, 2] * v).sum(-1)[:, None], (pv[:, 2] * v * v).sum(-1)[:, None]], -1
-    )
-    power_u = np.array([0, 1, 0, 2, 1, 0])
-    power_v = np.array([0, 0, 1, 0, 1, 2])
-    normal = su[:, power_u[:, None] + power_u[None, :]] * sv[:, power_v[:, None] + power_v[None, :]]
-    right = data[:, power_v, power_u]
-    _, d, e, a, b, c = np.linalg.solve(normal, right[..., None])[..., 0].T
+def _newton(patch: FloatArray, away: FloatArray, half: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """One weighted fit: patches (N, n, n), offsets along x, y (N, 2, n) -> step (N, 2), rise (N,).
+
+    The weight is a product, so products of polynomials that are orthogonal along x and along y
+    are orthogonal in the plane, and each coefficient is a mean of its own.
+    """
+    u = away / half[:, None, None]
+    weight = np.maximum(1 - u * u, 0)
+    total = weight.sum(-1)
+    mean = (weight * u).sum(-1) / total
+    first = u - mean[..., None]
+    weighted = weight * first
+    power = (weighted * first).sum(-1)
+    lean = (weighted * u * u).sum(-1) / power
+    second = u * u - lean[..., None] * first
+    second -= ((weight * second).sum(-1) / total)[..., None]
+    basis = np.stack([weight, weighted, weight * second], axis=2)
+    norm = np.stack([total, power, (basis[:, :, 2] * second).sum(-1)], axis=-1)
+    # factor[n, j, i] belongs to polynomial j along y times polynomial i along x.
+    factor = basis[:, 1] @ patch @ basis[:, 0].transpose(0, 2, 1)
+    factor /= norm[:, 1, :, None] * norm[:, 0, None, :]
+    a, b, c = factor[:, 0, 2], factor[:, 1, 1], factor[:, 2, 0]
+    d = factor[:, 0, 1] - lean[:, 0] * a - mean[:, 1] * b
+    e = factor[:, 1, 0] - lean[:, 1] * c - mean[:, 0] * b
     determinant = 4 * a * c - b * b
     safe = np.where(determinant < 0, determinant, -1.0)
     step = np.stack([(b * e - 2 * c * d) / safe, (b * d - 2 * a * e) / safe], -1)

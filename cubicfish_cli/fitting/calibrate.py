@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any, Literal
 
@@ -104,13 +104,7 @@ class DroppedCorner:
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON and YAML."""
-        return {
-            "image": self.image,
-            "board": self.board,
-            "column": self.column,
-            "row": self.row,
-            "error_px": self.error_px,
-        }
+        return asdict(self)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -103,7 +103,7 @@ class _Rescaled:
         return (self._camera.project(points) + 0.5) * self._scale - 0.5
 
 
-def compare_cameras(first: ComparedCamera, second: ComparedCamera) -> Comparison:
+def compare(first: ComparedCamera, second: ComparedCamera) -> Comparison:
     """Differences of two cameras over their common field, frames aligned.
 
     Raises:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -45,17 +45,11 @@ class Departure:
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON and YAML."""
-        return {
-            "board": self.board,
-            "bend": list(self.bend),
-            "twist": self.twist,
-            "stretch": list(self.stretch),
-            "shift": self.shift,
-            "turn_deg": self.turn_deg,
-            "offset_rms": self.offset_rms,
-            "doubts": [f"{doubt.what}: {doubt.do}" for doubt in self.doubts],
-            **({"doubted": [doubt.as_record() for doubt in self.doubts]} if self.doubts else {}),
-        }
+        texts = [f"{doubt.what}: {doubt.do}" for doubt in self.doubts]
+        told = {"doubted": [doubt.as_record() for doubt in self.doubts]} if self.doubts else {}
+        plain = replace(self, doubts=())  # asdict would take findings apart
+        lists = {"bend": list(self.bend), "stretch": list(self.stretch), "doubts": texts}
+        return asdict(plain) | lists | told
 
 
 def departures(drawn: Target, refined: Target, *, doubted: bool = True) -> list[Departure]:

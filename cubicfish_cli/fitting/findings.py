@@ -10,6 +10,7 @@ import numpy.typing as npt
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.folds import MIN_PHOTOS
 from cubicfish_cli.fitting.robust import noise_px
+from cubicfish_cli.geometry import inside_polygon
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
 
@@ -59,23 +60,12 @@ def field_cells(
     x = np.arange(cell / 2, width, cell)
     y = np.arange(cell / 2, height, cell)
     middle = np.stack(np.meshgrid(x, y), axis=-1)
-    valid = _inside(middle.reshape(-1, 2), outline).reshape(middle.shape[:2])
+    valid = inside_polygon(middle.reshape(-1, 2), outline).reshape(middle.shape[:2])
     column, row = np.floor(pixel / cell).astype(int).T
     kept = (column >= 0) & (row >= 0) & (column < len(x)) & (row < len(y))
     hit = np.zeros_like(valid)
     hit[row[kept], column[kept]] = True
     return cell, valid, hit
-
-
-def _inside(points: FloatArray, polygon: FloatArray) -> BoolArray:
-    """Which points (N, 2) lie in a polygon (K, 2), by crossings of a ray to the right."""
-    ax, ay = polygon.T
-    bx, by = np.roll(polygon, -1, axis=0).T
-    x, y = points[:, 0, None], points[:, 1, None]
-    spans = (ay > y) != (by > y)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        crossing = ax + (y - ay) * (bx - ax) / (by - ay)
-    return np.asarray((spans & (x < crossing)).sum(axis=1) % 2 == 1)
 
 
 def dropped_groups(

@@ -58,9 +58,9 @@ class RadialFit:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FixedLens:
-    """A known lens: only poses are free."""
+    """A known lens, or one that was fitted: only poses are free."""
 
-    camera: CubicCamera | RadialCamera
+    camera: CubicCamera | RadialCamera | FitLens
 
     @property
     def parameters(self) -> FloatArray:
@@ -77,6 +77,9 @@ class FixedLens:
         if isinstance(self.camera, RadialCamera):
             pixel, d_point, _ = project_jacobian(self.camera.parameters, points)
             return pixel, d_point, none
+        if not isinstance(self.camera, CubicCamera):
+            pixel, d_point, _ = self.camera.project_jacobian(points)
+            return pixel, d_point, none
         length = np.linalg.norm(points, axis=-1, keepdims=True)
         pixel, slope = self.camera.pixel_and_slope(points / length)
         return pixel, _through_unit_ray(slope, points / length, length), none
@@ -85,6 +88,8 @@ class FixedLens:
         """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
         if isinstance(self.camera, RadialCamera):
             return project_jacobian(self.camera.parameters, points)[0]
+        if not isinstance(self.camera, CubicCamera):
+            return self.camera.project(points)
         rays = points / np.linalg.norm(points, axis=-1, keepdims=True)
         homogeneous = lift(rays) @ self.camera.P.T
         return homogeneous[:, :2] / homogeneous[:, 2:]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.correspondences import MAX_COORDINATE
 from cubicfish_cli.fitting.poses import Poses
 
 FloatArray = npt.NDArray[np.float64]
@@ -34,13 +35,7 @@ class ErrorStatistics:
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON and YAML."""
-        return {
-            "rms_px": self.rms_px,
-            "median_px": self.median_px,
-            "p95_px": self.p95_px,
-            "max_px": self.max_px,
-            "corners": self.corners,
-        }
+        return asdict(self)
 
 
 def error_statistics(residual: FloatArray) -> ErrorStatistics:
@@ -88,3 +83,39 @@ def photo_records(
             }
         )
     return records
+
+
+def photos_on_record(fit: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """What a camera file says of each photo: :func:`photo_records`, or whatever stands there."""
+    records = fit.get("per_image")
+    return [one for one in records if isinstance(one, Mapping)] if isinstance(records, list) else []
+
+
+def poses_on_record(fit: Mapping[str, Any]) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """camera_from_world by photo, of those whose :func:`photo_records` have one.
+
+    Args:
+        fit: what a camera file says of its fit; what is no pose is passed over.
+
+    Returns:
+        Rotation vectors (3,) in radians and translations (3,).
+
+    """
+    poses = {}
+    for record in photos_on_record(fit):
+        pose = record.get("camera_from_world")
+        if isinstance(pose, Mapping):
+            turn, shift = _three(pose.get("rotation_vector")), _three(pose.get("translation"))
+            if turn is not None and shift is not None:
+                poses[str(record.get("image"))] = turn, shift
+    return poses
+
+
+def _three(value: object) -> FloatArray | None:
+    numbers = value if isinstance(value, list) else []
+    good = [
+        float(x)
+        for x in numbers
+        if isinstance(x, int | float) and not isinstance(x, bool) and abs(x) <= MAX_COORDINATE
+    ]
+    return np.array(good) if len(good) == len(numbers) == 3 else None

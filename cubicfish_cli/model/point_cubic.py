@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.model.lift import SIZE, lift, lift_rotation
+from cubicfish_cli.model.lift import SIZE, lift
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -90,26 +90,6 @@ class PointCamera:
                 "to it, and a pixel there would be made up; use lift 'ray', or boards on four or "
                 "more planes in general position"
             )
-
-    def in_camera_frame(self, rotation: FloatArray, translation: FloatArray) -> PointCamera:
-        """The same for points of a camera frame: Xc = R X + t, (3, 3) and (3,)."""
-        if self.frame == "camera":
-            return self
-        # (X − offset)/scale = Rᵀ (Xc − (t + R offset))/scale, and Φ(Rᵀ x) = L(Rᵀ) Φ(x).
-        turned = lift_rotation(rotation.T)
-        null = self.null @ turned
-        if len(null):
-            null = np.linalg.qr(null.T)[0].T
-        return PointCamera(
-            image_size=self.image_size,
-            P=self.P @ turned,
-            frame="camera",
-            offset=translation + rotation @ self.offset,
-            scale=self.scale,
-            null=null,
-            reach=self.reach,
-            valid=self.valid,
-        )
 
     def _local(self, points: npt.ArrayLike) -> FloatArray:
         return (np.asarray(points, float) - self.offset) / self.scale

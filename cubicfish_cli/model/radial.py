@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.angles import columns, unit_rays
+from cubicfish_cli.geometry import kannala_brandt, kannala_brandt_slope
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -56,16 +57,11 @@ class RadialCamera:
 
     def profile(self, theta: npt.ArrayLike) -> FloatArray:
         """Normalised radius r(θ): (...,) radians -> (...,)."""
-        theta = np.asarray(theta, float)
-        s = theta * theta
-        k1, k2, k3, k4 = self.k
-        return theta * (1 + s * (k1 + s * (k2 + s * (k3 + s * k4))))
+        return kannala_brandt(np.asarray(theta, float), self.k)
 
     def profile_slope(self, theta: npt.ArrayLike) -> FloatArray:
         """dr/dθ: (...,) radians -> (...,)."""
-        s = np.square(np.asarray(theta, float))
-        k1, k2, k3, k4 = self.k
-        return 1 + s * (3 * k1 + s * (5 * k2 + s * (7 * k3 + s * 9 * k4)))
+        return kannala_brandt_slope(np.asarray(theta, float), self.k)
 
     @property
     def max_angle(self) -> float:
@@ -134,15 +130,13 @@ def project_jacobian(
         pixel (N, 2); d pixel / d point (N, 2, 3); d pixel / d parameters (N, 2, 8).
 
     """
-    fx, fy, cx, cy, k1, k2, k3, k4 = parameters
+    (fx, fy, cx, cy), k = parameters[:4], parameters[4:]
     x, y, z = columns(points)
     rho_squared = x * x + y * y
     rho = np.sqrt(rho_squared)
     norm_squared = rho_squared + z * z
     theta = np.arctan2(rho, z)
-    s = theta * theta
-    radius = theta * (1 + s * (k1 + s * (k2 + s * (k3 + s * k4))))
-    slope = 1 + s * (3 * k1 + s * (5 * k2 + s * (7 * k3 + s * 9 * k4)))
+    radius, slope = kannala_brandt(theta, k), kannala_brandt_slope(theta, k)
     axis = rho_squared < _NEAR_AXIS**2 * norm_squared
     safe_rho = np.where(axis, 1, rho)
     safe_z = np.where(axis, np.where(z == 0, 1, z), 1)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.geometry import mean_rotation
 from cubicfish_cli.naming.places import Sides
 
 FloatArray = npt.NDArray[np.float64]
@@ -74,8 +75,7 @@ def _placed(sides: Sides, own: Sequence[Sighting]) -> tuple[FloatArray, FloatArr
         seen = sides.square[one.side] * one.camera_middle
         points.append(rotation.T @ (seen - translation))
         cells.append(sides.matrix[one.side] @ one.middle + one.offset)
-    left, _, right = np.linalg.svd(np.einsum("k,kij->ij", weight, np.stack(turns)))
-    turned = left @ right
+    turned = mean_rotation(np.stack(turns), weight)
     square = sides.square[own[0].side]
     corner = np.stack(points) - square * np.stack(cells) @ turned[:, :2].T
     return turned, np.average(corner, axis=0, weights=weight)

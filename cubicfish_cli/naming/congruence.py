@@ -9,11 +9,10 @@ is the same object. The others are slides along something that shows no end.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.geometry import Similarity
 from cubicfish_cli.naming.places import Sides
 
 FloatArray = npt.NDArray[np.float64]
@@ -22,39 +21,6 @@ IntArray = npt.NDArray[np.intp]
 # Places that agree this well, in squares, are the same place.
 SAME = 0.01
 _SAME_SCALE = 1e-3
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Similarity:
-    """x -> scale · rotation · x + shift.
-
-    Attributes:
-        scale, rotation, shift: the map; (3, 3) and (3,).
-        error: the largest distance that it leaves, in units of the points it maps to.
-
-    """
-
-    scale: float
-    rotation: FloatArray
-    shift: FloatArray
-    error: float
-
-
-def similarity(first: FloatArray, second: FloatArray) -> Similarity:
-    """The similarity that carries points (N, 3) onto points (N, 3) best (Umeyama 1991)."""
-    middle, target = first.mean(axis=0), second.mean(axis=0)
-    a, b = first - middle, second - target
-    left, size, right = np.linalg.svd(b.T @ a)
-    sign = np.array([1.0, 1.0, -1.0 if np.linalg.det(left @ right) < 0 else 1.0])
-    rotation = (left * sign) @ right
-    scale = float((size * sign).sum() / np.sum(a * a))
-    rest = b - scale * a @ rotation.T
-    return Similarity(
-        scale=scale,
-        rotation=rotation,
-        shift=target - scale * rotation @ middle,
-        error=float(np.sqrt(np.square(rest).sum(axis=1).max())),
-    )
 
 
 def is_symmetry(motion: Similarity, sides: Sides) -> bool:

@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.detection.grids import Grid
-from cubicfish_cli.naming.congruence import SAME, is_symmetry, similarity
+from cubicfish_cli.geometry import similarity
+from cubicfish_cli.naming.congruence import SAME, is_symmetry
 from cubicfish_cli.naming.ends import Ends, clearly_more
 from cubicfish_cli.naming.places import Reach, Sides
 from cubicfish_cli.naming.search import Labelings

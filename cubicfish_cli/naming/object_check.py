@@ -18,8 +18,9 @@ import numpy.typing as npt
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.fitting.point_fit import RANK_TOLERANCE
 from cubicfish_cli.fitting.subset import flatness
+from cubicfish_cli.geometry import Similarity, similarity
 from cubicfish_cli.model.lift import lift
-from cubicfish_cli.naming.congruence import Similarity, is_symmetry, similarity
+from cubicfish_cli.naming.congruence import is_symmetry
 from cubicfish_cli.naming.marked import has_markers
 from cubicfish_cli.naming.places import Sides, reach_of, sides_of
 from cubicfish_cli.target import AXES_TOLERANCE, Board, Target

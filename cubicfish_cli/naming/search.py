@@ -15,6 +15,7 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.geometry import nearest_rotation
 from cubicfish_cli.naming.moments import form_cost, gauss_newton, moved, normal_equations
 from cubicfish_cli.naming.places import Reach, Sides
 
@@ -258,7 +259,7 @@ def _pairs_of_poses(
     between = np.zeros((*agree.shape, 3, 3))
     pair = np.nonzero(agree)
     share = a.corners / (a.corners + b.corners)
-    between[pair] = _nearest_rotation(
+    between[pair] = nearest_rotation(
         share * rotation_a[pair[0]] + (1 - share) * rotation_b[pair[1]]
     )
     rotation = between[side_a, side_b]
@@ -341,12 +342,6 @@ def _within(first: FloatArray, second: FloatArray, degrees: float) -> BoolArray:
     trace = first.reshape(-1, 9) @ second.reshape(-1, 9).T
     close: BoolArray = trace >= 1 + 2 * np.cos(np.deg2rad(degrees))
     return close
-
-
-def _nearest_rotation(matrix: FloatArray) -> FloatArray:
-    left, _, right = np.linalg.svd(matrix)
-    rotation: FloatArray = left @ right
-    return rotation
 
 
 def _distinct(beam: Labelings) -> Labelings:

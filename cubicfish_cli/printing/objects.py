@@ -7,7 +7,7 @@ frame follows from that alone: z is up, and the sheets' printed faces meet in th
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import floor
 from typing import Literal
 
@@ -78,7 +78,7 @@ class Wanted:
     dictionary: str | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class _Face:
     """One sheet of an object whose sheets have sides a, b or c.
 
@@ -87,8 +87,8 @@ class _Face:
         size: which lengths its width and its height are.
         corner: the world point of its top left corner, as multiples of a, b and c for x, y, z.
         x_axis, y_axis: of the board.
-        meets: for each side that is cut, the board and side that it meets.
         strip: the side with the ruler and the words.
+        meets: for each side that is cut, the board and side that it meets.
 
     """
 
@@ -97,107 +97,63 @@ class _Face:
     corner: Vector
     x_axis: Vector
     y_axis: Vector
-    meets: Mapping[Side, tuple[str, Side]]
     strip: Side
+    meets: Mapping[Side, tuple[str, Side]] = field(default_factory=dict)
+
+    def edges(self) -> dict[Side, frozenset[tuple[float, ...]]]:
+        """The end points of each side, where a, b and c are 1."""
+        corner, x, y = (np.array(part, float) for part in (self.corner, self.x_axis, self.y_axis))
+        a, b, c, d = map(tuple, np.stack([corner, corner + x, corner + x + y, corner + y]).tolist())
+        return {
+            "left": frozenset((a, d)),
+            "top": frozenset((a, b)),
+            "right": frozenset((b, c)),
+            "bottom": frozenset((c, d)),
+        }
 
 
-_LEFT, _UP_TO_DOWN = (-1.0, 0.0, 0.0), (0.0, 0.0, -1.0)
+def _joined(*faces: _Face) -> tuple[_Face, ...]:
+    """The sheets of an object, each with what its sides meet."""
+    sides = [(one.name, side, ends) for one in faces for side, ends in one.edges().items()]
+    return tuple(
+        replace(
+            one,
+            meets={
+                side: (board, other)
+                for side, ends in one.edges().items()
+                for board, other, far in sides
+                if far == ends and board != one.name
+            },
+        )
+        for one in faces
+    )
+
+
+_LEFT, _DOWN = (-1.0, 0.0, 0.0), (0.0, 0.0, -1.0)
 _RIGHT, _DEEP, _NEAR = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)
 # Width and height of a sheet are sides 0, 1, 2 of the object: along x, along y and along z.
 _FACES: dict[Kind, tuple[_Face, ...]] = {
-    "corner": (
-        _Face(
-            name="left", size=(0, 2), corner=(1, 0, 1), x_axis=_LEFT, y_axis=_UP_TO_DOWN,
-            meets={"right": ("right", "left"), "bottom": ("floor", "top")}, strip="top",
-        ),
-        _Face(
-            name="right", size=(0, 2), corner=(0, 0, 1), x_axis=_DEEP, y_axis=_UP_TO_DOWN,
-            meets={"left": ("left", "right"), "bottom": ("floor", "right")}, strip="top",
-        ),
-        _Face(
-            name="floor", size=(0, 2), corner=(1, 0, 0), x_axis=_LEFT, y_axis=_DEEP,
-            meets={"top": ("left", "bottom"), "right": ("right", "bottom")}, strip="bottom",
-        ),
+    "corner": _joined(
+        _Face("left", (0, 2), (1, 0, 1), _LEFT, _DOWN, "top"),
+        _Face("right", (0, 2), (0, 0, 1), _DEEP, _DOWN, "top"),
+        _Face("floor", (0, 2), (1, 0, 0), _LEFT, _DEEP, "bottom"),
     ),
-    "box": (
-        _Face(
-            name="bottom", size=(0, 1), corner=(0, 1, 0), x_axis=_RIGHT, y_axis=_NEAR,
-            meets={
-                "left": ("left", "bottom"), "top": ("back", "bottom"),
-                "right": ("right", "bottom"), "bottom": ("front", "bottom"),
-            },
-            strip="bottom",
-        ),
-        _Face(
-            name="back", size=(0, 2), corner=(0, 1, 1), x_axis=_RIGHT, y_axis=_UP_TO_DOWN,
-            meets={
-                "left": ("left", "right"), "right": ("right", "left"), "bottom": ("bottom", "top"),
-            },
-            strip="top",
-        ),
-        _Face(
-            name="front", size=(0, 2), corner=(1, 0, 1), x_axis=_LEFT, y_axis=_UP_TO_DOWN,
-            meets={
-                "left": ("right", "right"), "right": ("left", "left"),
-                "bottom": ("bottom", "bottom"),
-            },
-            strip="top",
-        ),
-        _Face(
-            name="left", size=(1, 2), corner=(0, 0, 1), x_axis=_DEEP, y_axis=_UP_TO_DOWN,
-            meets={
-                "left": ("front", "right"), "right": ("back", "left"), "bottom": ("bottom", "left"),
-            },
-            strip="top",
-        ),
-        _Face(
-            name="right", size=(1, 2), corner=(1, 1, 1), x_axis=_NEAR, y_axis=_UP_TO_DOWN,
-            meets={
-                "left": ("back", "right"), "right": ("front", "left"),
-                "bottom": ("bottom", "right"),
-            },
-            strip="top",
-        ),
+    "box": _joined(
+        _Face("bottom", (0, 1), (0, 1, 0), _RIGHT, _NEAR, "bottom"),
+        _Face("back", (0, 2), (0, 1, 1), _RIGHT, _DOWN, "top"),
+        _Face("front", (0, 2), (1, 0, 1), _LEFT, _DOWN, "top"),
+        _Face("left", (1, 2), (0, 0, 1), _DEEP, _DOWN, "top"),
+        _Face("right", (1, 2), (1, 1, 1), _NEAR, _DOWN, "top"),
     ),
-    "block": (
-        _Face(
-            name="top", size=(0, 1), corner=(0, 1, 1), x_axis=_RIGHT, y_axis=_NEAR,
-            meets={
-                "left": ("left", "top"), "top": ("back", "top"), "right": ("right", "top"),
-                "bottom": ("front", "top"),
-            },
-            strip="bottom",
-        ),
-        _Face(
-            name="front", size=(0, 2), corner=(0, 0, 1), x_axis=_RIGHT, y_axis=_UP_TO_DOWN,
-            meets={
-                "left": ("left", "right"), "right": ("right", "left"), "top": ("top", "bottom"),
-            },
-            strip="bottom",
-        ),
-        _Face(
-            name="back", size=(0, 2), corner=(1, 1, 1), x_axis=_LEFT, y_axis=_UP_TO_DOWN,
-            meets={"left": ("right", "right"), "right": ("left", "left"), "top": ("top", "top")},
-            strip="bottom",
-        ),
-        _Face(
-            name="left", size=(1, 2), corner=(0, 1, 1), x_axis=_NEAR, y_axis=_UP_TO_DOWN,
-            meets={"left": ("back", "right"), "right": ("front", "left"), "top": ("top", "left")},
-            strip="bottom",
-        ),
-        _Face(
-            name="right", size=(1, 2), corner=(1, 0, 1), x_axis=_DEEP, y_axis=_UP_TO_DOWN,
-            meets={"left": ("front", "right"), "right": ("back", "left"), "top": ("top", "right")},
-            strip="bottom",
-        ),
+    "block": _joined(
+        _Face("top", (0, 1), (0, 1, 1), _RIGHT, _NEAR, "bottom"),
+        _Face("front", (0, 2), (0, 0, 1), _RIGHT, _DOWN, "bottom"),
+        _Face("back", (0, 2), (1, 1, 1), _LEFT, _DOWN, "bottom"),
+        _Face("left", (1, 2), (0, 1, 1), _NEAR, _DOWN, "bottom"),
+        _Face("right", (1, 2), (1, 0, 1), _DEEP, _DOWN, "bottom"),
     ),
-    "board": (
-        _Face(
-            name="board", size=(0, 2), corner=(0, 0, 0), x_axis=_RIGHT, y_axis=_DEEP, meets={},
-            strip="bottom",
-        ),
-    ),
-}  # fmt: skip
+    "board": _joined(_Face("board", (0, 2), (0, 0, 0), _RIGHT, _DEEP, "bottom")),
+}
 
 
 def design(wanted: Wanted, paper: Paper, *, margin: float) -> tuple[Target, list[Sheet]]:

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.angles import columns
+from cubicfish_cli.geometry import kannala_brandt, kannala_brandt_slope
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -114,14 +115,10 @@ class TrueLens:
         return rays.reshape(*shape, 3)
 
     def _radius(self, angle: FloatArray) -> FloatArray:
-        k1, k2, k3, k4 = self.k
-        square = angle * angle
-        return angle * (1 + square * (k1 + square * (k2 + square * (k3 + square * k4))))
+        return kannala_brandt(angle, self.k)
 
     def _radius_slope(self, angle: FloatArray) -> FloatArray:
-        k1, k2, k3, k4 = self.k
-        square = angle * angle
-        return 1 + square * (3 * k1 + square * (5 * k2 + square * (7 * k3 + square * 9 * k4)))
+        return kannala_brandt_slope(angle, self.k)
 
     def _angle(self, radius: FloatArray) -> FloatArray:
         table = np.linspace(0.0, radians(self.max_angle_deg), _TABLE_STEPS)

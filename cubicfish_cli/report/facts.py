@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from cubicfish_cli.advice.summary import summary
 from cubicfish_cli.angles import angle_from_axis
-from cubicfish_cli.correspondences import MAX_COORDINATE, Correspondences
+from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
-from cubicfish_cli.fitting.statistics import rms_px
+from cubicfish_cli.fitting.statistics import poses_on_record, rms_px
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.fitting.verdict import Verdict, photo_verdicts, verdict
 from cubicfish_cli.model.cubic import CubicCamera
@@ -244,16 +244,15 @@ def mappings(value: object) -> list[Mapping[str, Any]]:
 
 
 def _photos(fit: Mapping[str, Any], size: tuple[int, int]) -> tuple[PhotoFacts, ...]:
-    photos = []
-    for record, told in zip(mappings(fit.get("per_image")), photo_verdicts(fit, size), strict=True):
-        pose = record.get("camera_from_world")
-        pose = pose if isinstance(pose, Mapping) else {}
-        vector, translation = _three(pose.get("rotation_vector")), _three(pose.get("translation"))
-        if vector is None or translation is None:
-            vector = translation = None
+    photos, poses = [], poses_on_record(fit)
+    for record, told in zip(
+        mappings(fit.get("per_image")), photo_verdicts(fit, size), strict=True
+    ):
+        name = str(record.get("image"))
+        vector, translation = poses.get(name, (None, None))
         photos.append(
             PhotoFacts(
-                name=str(record.get("image")),
+                name=name,
                 corners=int(finite(record.get("corners")) or 0),
                 rms_px=finite(record.get("rms_px")),
                 median_px=finite(record.get("median_px")),
@@ -265,12 +264,6 @@ def _photos(fit: Mapping[str, Any], size: tuple[int, int]) -> tuple[PhotoFacts, 
             )
         )
     return tuple(photos)
-
-
-def _three(value: object) -> FloatArray | None:
-    numbers = [finite(item) for item in value] if isinstance(value, list) else []
-    known = [number for number in numbers if number is not None and abs(number) <= MAX_COORDINATE]
-    return np.array(known) if len(known) == len(numbers) == 3 else None
 
 
 def _dropped(fit: Mapping[str, Any]) -> tuple[DroppedFacts, ...]:

@@ -24,6 +24,7 @@ def work(
         yield scenario, folder, run_undisturbed(scenario, folder)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", SIGNALS, ids=lambda number: number.name)
 def test_a_run_that_is_ended_can_be_finished(
     work: tuple[Scenario, Path, Undisturbed], number: signal.Signals
@@ -31,6 +32,7 @@ def test_a_run_that_is_ended_can_be_finished(
     assert kill_once(*work, number, random.Random(number.name)) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["full disk", "read-only folder"])
 def test_places_that_take_no_results(work: tuple[Scenario, Path, Undisturbed], what: str) -> None:
     wrong = PROBLEMS[what](*work)
@@ -39,6 +41,7 @@ def test_places_that_take_no_results(work: tuple[Scenario, Path, Undisturbed], w
     assert wrong == []
 
 
+@pytest.mark.slow
 def test_a_parent_that_is_killed_takes_its_workers_along(tmp_path: Path) -> None:
     scenario = SCENARIOS["calibrate photos"]
     usual = Undisturbed(files={}, inputs={}, seconds=1.0)
@@ -47,6 +50,7 @@ def test_a_parent_that_is_killed_takes_its_workers_along(tmp_path: Path) -> None
     assert [line for line in wrong if "processes stay" in line] == []
 
 
+@pytest.mark.slow
 def test_ctrl_c_is_heard_wherever_the_tests_were_started(tmp_path: Path) -> None:
     """A shell's background job is deaf to it, and so is what it starts."""
     scenario = SCENARIOS["calibrate photos"]

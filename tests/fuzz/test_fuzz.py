@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 QUICKLY = settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", READERS)
 def test_the_seeds_are_read(name, tmp_path):
     reader = READERS[name]
@@ -20,6 +21,7 @@ def test_the_seeds_are_read(name, tmp_path):
         reader.read(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", READERS)
 @QUICKLY
 @given(number=st.integers(0, 2**32))
@@ -30,6 +32,7 @@ def test_damaged_files_are_read_or_refused_in_a_line(name, tmp_path, number):
     assert problem_with(reader, path) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", READERS)
 @QUICKLY
 @given(data=st.binary(max_size=300) | st.text(max_size=300).map(lambda text: text.encode()))

@@ -65,9 +65,9 @@ MUTATIONS = tuple(
             "model_cameras numerical_truth",
         ),
         (
-            "model/radial.py",
-            "return 1 + s * (3 * k1 + s * (5",
-            "return 1 + s * (3 * k1 + s * (4",
+            "geometry.py",
+            "= 1 + s * (3 * k1 + s * (5",
+            "= 1 + s * (3 * k1 + s * (4",
             "model_cameras",
         ),
         (

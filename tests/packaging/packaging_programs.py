@@ -81,9 +81,9 @@ class Program:
 _VERSIONS = """
 import sys
 from importlib.metadata import PackageNotFoundError, version
-names = "opencv-python-headless numpy scipy click PyYAML rich av OpenEXR matplotlib jinja2 dask "
+names = "opencv-python-headless numpy scipy click PyYAML rich platformdirs av OpenEXR matplotlib "
 print(f"Python {sys.version.split()[0]}", end="")
-for name in (names + "distributed").split():
+for name in (names + "jinja2 dask distributed").split():
     try:
         print(f", {name} {version(name)}", end="")
     except PackageNotFoundError:

@@ -56,6 +56,7 @@ def run_chain(folder: Path, *lines: str, **more: str) -> Chain:
     )
 
 
+@pytest.mark.slow
 def test_the_usual_commands(tmp_path: Path) -> None:
     """One test, so that parallel runs of the suite run the chain once."""
     chain = run_chain(tmp_path)
@@ -127,6 +128,7 @@ def test_what_would_be_loaded_is_seen(tmp_path: Path, text: str) -> None:
     assert len(loaded_by(tmp_path / "page.html")) == 1
 
 
+@pytest.mark.slow
 def test_a_home_that_cannot_be_made_costs_nothing_but_time(tmp_path: Path) -> None:
     lost = run_chain(
         tmp_path,
@@ -139,6 +141,7 @@ def test_a_home_that_cannot_be_made_costs_nothing_but_time(tmp_path: Path) -> No
     assert below(lost, "home") == below(lost, "tmp") == []
 
 
+@pytest.mark.slow
 def test_nothing_is_kept_where_nothing_may_be(tmp_path: Path) -> None:
     kept = run_chain(
         tmp_path,
@@ -167,6 +170,7 @@ def test_what_is_written_unasked_is_seen() -> None:
     assert wrongly_written(step, before, kept, cache=False) != []
 
 
+@pytest.mark.slow
 def test_a_network_would_be_seen(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": str(GUARD), "GUARD_RECORD": str(tmp_path / "record")}
     for attempt in (
@@ -198,6 +202,7 @@ def test_a_source_distribution_holds_every_file() -> None:
     assert [name for name in rest if name not in words and name.split("/")[0] not in words] == []
 
 
+@pytest.mark.slow
 def test_what_the_metadata_promise() -> None:
     project = load_project(PROJECT)
     assert project["version"] == package_version(PROJECT)

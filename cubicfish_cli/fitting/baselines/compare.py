@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ from cubicfish_cli.fitting.companion import Companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.folds import folds_of
 from cubicfish_cli.fitting.hold import choose_hold
-from cubicfish_cli.fitting.lenses import RadialFit
+from cubicfish_cli.fitting.lenses import FixedLens, RadialFit
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import rms_px
@@ -80,14 +80,7 @@ class ModelFigures:
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON."""
-        return {
-            "model": self.model,
-            "parameters": self.parameters,
-            "rms_px": self.rms_px,
-            "held_out_rms_px": self.held_out_rms_px,
-            "largest_angle_deg": self.largest_angle_deg,
-            "seconds": self.seconds,
-        }
+        return asdict(self)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -226,7 +219,7 @@ def _held_out(fit: _Fit, folds: Sequence[_Fold]) -> float | None:
     for fold in folds:
         try:
             lens, _ = fit(fold.companion)
-            frozen = FrozenLens(lens=lens)
+            frozen = FixedLens(camera=lens)
             judged = adjust(frozen, fold.poses, fold.left_out, huber_px=10.0)
             judged = _adjusted(frozen, judged.poses, fold.left_out, huber_px(judged.residual))
         except FitError:
@@ -329,32 +322,3 @@ def usable_angle_deg(lens: FitLens) -> float:
     bad = np.flatnonzero(~good.reshape(len(theta), -1).all(axis=1))
     last = len(theta) if not bad.size else int(bad[0])
     return float(np.rad2deg(theta[last - 1])) if last else 0.0
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class FrozenLens:
-    """A fitted lens of which nothing is free any more: only poses are."""
-
-    lens: FitLens
-
-    @property
-    def parameters(self) -> FloatArray:
-        """(0,)."""
-        return np.zeros(0)
-
-    def with_parameters(self, parameters: FloatArray) -> FrozenLens:
-        """Itself."""
-        return self
-
-    def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
-        pixel, d_point, _ = self.lens.project_jacobian(points)
-        return pixel, d_point, np.zeros((len(points), 2, 0))
-
-    def project(self, points: FloatArray) -> FloatArray:
-        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
-        return self.lens.project(points)
-
-    def prior(self) -> tuple[FloatArray, FloatArray]:
-        """None."""
-        return np.zeros(0), np.zeros((0, 0))

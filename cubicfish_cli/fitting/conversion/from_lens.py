@@ -12,10 +12,10 @@ from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.conversion.lens_model import FloatArray
 from cubicfish_cli.fitting.conversion.models import MODELS
-from cubicfish_cli.fitting.conversion.outline import within
 from cubicfish_cli.fitting.conversion.to_lens import ConversionError, conversion_error
 from cubicfish_cli.fitting.lenses import CubicFit, FixedLens, RadialFit, RayPrior
 from cubicfish_cli.fitting.linear import linear_coefficients
+from cubicfish_cli.geometry import inside_polygon
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lens_record import LensRecord
 from cubicfish_cli.model.lift import lift, sphere_basis
@@ -140,7 +140,7 @@ def _field(record: LensRecord) -> tuple[float, EndedBy, float | None]:
     region = np.asarray(record.values.get("region", np.zeros((0, 2))), float)
     if len(region):  # where the file says that the lens is valid
         ended_by = "region"
-        inside &= within(pixel.reshape(-1, 2), region).reshape(inside.shape)
+        inside &= inside_polygon(pixel.reshape(-1, 2), region).reshape(inside.shape)
     if not np.isfinite(middle).all() or not inside[:, 1:].any():
         raise FitError("the lens sees nothing of its photo: check its focal length and centre")
     radius = np.hypot(*(pixel - middle).transpose(2, 0, 1))

@@ -17,6 +17,7 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.companion import Companion, fit_companion
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.subset import select
+from cubicfish_cli.geometry import mean_rotation
 from cubicfish_cli.target import Board, Target
 
 FloatArray = npt.NDArray[np.float64]
@@ -149,8 +150,7 @@ def _relative(
     weight = np.ones(len(one))
     rotation = turns[0]
     for _ in range(_ROUNDS):
-        left, _, right = np.linalg.svd(np.einsum("k,kij->ij", weight, turns))
-        rotation = left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
+        rotation = mean_rotation(turns, weight)
         weight = 1 / np.maximum(np.linalg.norm(turns - rotation, axis=(1, 2)), 1e-6)
     weight = np.ones(len(one))
     system = np.zeros((len(one), 3, 4))

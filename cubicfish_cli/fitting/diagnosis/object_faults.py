@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
+from cubicfish_cli.geometry import similarity
 from cubicfish_cli.target import Board, Target
 
 FloatArray = npt.NDArray[np.float64]
@@ -147,25 +148,12 @@ def flat_points(board: Board, column: npt.NDArray[Any], row: npt.NDArray[Any]) -
     return np.asarray(board.origin + plane[:, :1] * board.x_axis + plane[:, 1:] * board.y_axis)
 
 
-def similarity(
-    source: FloatArray, goal: FloatArray, *, scaled: bool = True
-) -> tuple[FloatArray, FloatArray]:
-    """The similarity (3, 3), (3,) that takes points (N, 3) nearest to others (Umeyama, 1991)."""
-    middle, other = source.mean(axis=0), goal.mean(axis=0)
-    cross = (goal - other).T @ (source - middle)
-    left, size, right = np.linalg.svd(cross)
-    sign = np.array([1, 1, np.sign(np.linalg.det(left @ right))])
-    scale = (size @ sign) / np.sum((source - middle) ** 2) if scaled else 1.0
-    linear = scale * (left * sign) @ right
-    return linear, other - linear @ middle
-
-
 def _difference(drawn: list[FloatArray], grids: list[_Grid], *, mirror: bool = False) -> float:
     """RMS distance of the measured corners from drawn ones, in the drawing's units."""
     goal = np.concatenate(drawn)
     source = np.concatenate([grid.measured for grid in grids]) * ([1, 1, -1] if mirror else 1)
-    linear, shift = similarity(source, goal)
-    return float(np.sqrt(np.mean(np.sum((source @ linear.T + shift - goal) ** 2, axis=1))))
+    miss = similarity(source, goal)(source) - goal
+    return float(np.sqrt(np.mean(np.sum(miss**2, axis=1))))
 
 
 def _fault(
@@ -262,21 +250,19 @@ def _elsewhere(search: _Search, *, scaled: bool) -> Iterator[Fault]:
     for number, grid in enumerate(grids):
         others = [*grids[:number], *grids[number + 1 :]]
         goal = np.concatenate([other.drawn() for other in others])
-        linear, offset = similarity(np.concatenate([other.measured for other in others]), goal)
-        seen = grid.measured @ linear.T + offset
+        seen = similarity(np.concatenate([other.measured for other in others]), goal)(grid.measured)
         drawn = grid.drawn()
-        turn, shift = similarity(drawn, seen, scaled=scaled)
-        moved = drawn @ turn.T + shift
-        ratio = float(np.cbrt(np.linalg.det(turn)))
+        motion = similarity(drawn, seen, scaled=scaled)
+        moved = motion(drawn)
         middle = drawn.mean(axis=0)
-        cosine = (np.trace(turn) / ratio - 1) / 2
+        cosine = (np.trace(motion.rotation) - 1) / 2
         changed = [moved if one is grid else one.drawn() for one in grids]
         yield _fault(
             search,
             "square_and_place" if scaled else "place",
             changed,
             (grid.index,),
-            ratio=ratio,
-            shift=float(np.linalg.norm(middle @ turn.T + shift - middle)),
+            ratio=motion.scale,
+            shift=float(np.linalg.norm(motion(middle) - middle)),
             turn_deg=float(np.rad2deg(np.arccos(np.clip(cosine, -1, 1)))),
         )

@@ -3,12 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import synthetic
+from simulated import CornerErrors, simulated_corners
 
 from cubicfish_cli.correspondences import pair
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.rendering.pose import camera_points
-from cubicfish_cli.rendering.simulated import CornerErrors, simulated_corners
 
 EXACT = CornerErrors(noise=0, shared=0, spread=0)
 TARGET = synthetic.flat_board()
@@ -20,6 +20,7 @@ def exact():
     return simulated_corners(LENS, TARGET, 6, errors=EXACT)
 
 
+@pytest.mark.slow
 def test_without_errors_corners_are_where_the_lens_sees_them(exact):
     corners, truth = exact
     assert len(truth.poses) == len(corners.images) == 6
@@ -70,6 +71,7 @@ def test_the_same_seed_gives_the_same_corners_and_another_others(exact):
     assert np.abs(first - third).max() > 0.01
 
 
+@pytest.mark.slow
 def test_any_lens_serves_and_one_that_is_not_central_is_made_so(exact):
     _, truth = exact
     plain, same = simulated_corners(synthetic.TRUE_LENS, TARGET, 6, errors=EXACT)
@@ -81,6 +83,7 @@ def test_any_lens_serves_and_one_that_is_not_central_is_made_so(exact):
     assert 50 < other.lens.distance < 800
 
 
+@pytest.mark.slow
 def test_a_fit_of_them_is_near_the_truth():
     target = synthetic.corner_of_three()
     corners, _ = simulated_corners(LENS, target, 8, errors=replace(EXACT, noise=0.05))

@@ -3,7 +3,7 @@
 Rendering and finding corners takes a second a photo; this takes milliseconds::
 
     from cubicfish_cli.rendering.outside import OUTSIDE_LENSES, outside_lens
-    from cubicfish_cli.rendering.simulated import CornerErrors, simulated_corners
+    from simulated import CornerErrors, simulated_corners
 
     lens = outside_lens("moving-pupil")                 # or any lens with project and unproject
     corners, truth = simulated_corners(lens, target, 15, seed=3)

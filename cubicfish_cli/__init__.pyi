@@ -1,0 +1,35 @@
+"""The public names, for type checkers: each is loaded when it is first used."""
+
+from cubicfish_cli.correspondences import Corners as Corners
+from cubicfish_cli.correspondences import Correspondences as Correspondences
+from cubicfish_cli.correspondences import load_corners as load_corners
+from cubicfish_cli.correspondences import save_corners as save_corners
+from cubicfish_cli.errors import CubicfishError as CubicfishError
+from cubicfish_cli.fitting.calibrate import Calibration as Calibration
+from cubicfish_cli.fitting.comparison import Comparison as Comparison
+from cubicfish_cli.fitting.comparison import compare as compare
+from cubicfish_cli.fitting.evaluate import Evaluation as Evaluation
+from cubicfish_cli.fitting.verdict import Verdict as Verdict
+from cubicfish_cli.formats.camera_yaml import CameraFile as CameraFile
+from cubicfish_cli.formats.camera_yaml import load_camera as load_camera
+from cubicfish_cli.library.calibration import calibrate as calibrate
+from cubicfish_cli.library.calibration import evaluate as evaluate
+from cubicfish_cli.library.calibration import judge as judge
+from cubicfish_cli.library.calibration import uncertainty as uncertainty
+from cubicfish_cli.library.cameras import save_camera as save_camera
+from cubicfish_cli.library.cameras import save_target as save_target
+from cubicfish_cli.library.detection import detect as detect
+from cubicfish_cli.library.pictures import undistort as undistort
+from cubicfish_cli.model.cubic import CubicCamera as CubicCamera
+from cubicfish_cli.naming.detect import Detection as Detection
+from cubicfish_cli.photos import read_picture as read_picture
+from cubicfish_cli.target import Target as Target
+from cubicfish_cli.undistortion.choose import build_view as build_view
+from cubicfish_cli.undistortion.maps import UndistortMap as UndistortMap
+from cubicfish_cli.undistortion.maps import build_map as build_map
+from cubicfish_cli.undistortion.maps import load_map as load_map
+from cubicfish_cli.undistortion.maps import save_map as save_map
+from cubicfish_cli.undistortion.view import View as View
+
+__version__: str
+__all__: list[str]

@@ -1,0 +1,108 @@
+"""Maths that several parts share: similarities, mean rotations, the Kannala–Brandt profile."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+# Points at a time, against all edges of a polygon at once.
+_BLOCK = 4096
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Similarity:
+    """x -> scale · rotation · x + shift.
+
+    Attributes:
+        scale, rotation, shift: the map; (3, 3) and (3,).
+        error: the largest distance that it leaves, in units of the points it maps to.
+
+    """
+
+    scale: float
+    rotation: FloatArray
+    shift: FloatArray
+    error: float
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Points (N, 3) where the map takes them (N, 3)."""
+        moved: FloatArray = self.scale * points @ self.rotation.T + self.shift
+        return moved
+
+
+def similarity(source: FloatArray, goal: FloatArray, *, scaled: bool = True) -> Similarity:
+    """The similarity that carries points (N, 3) onto points (N, 3) best (Umeyama 1991).
+
+    Args:
+        source: points.
+        goal: where they should go.
+        scaled: whether the scale is free; else it is 1.
+
+    """
+    middle, target = source.mean(axis=0), goal.mean(axis=0)
+    a, b = source - middle, goal - target
+    left, size, right = np.linalg.svd(b.T @ a)
+    sign = np.array([1.0, 1.0, -1.0 if np.linalg.det(left @ right) < 0 else 1.0])
+    rotation = (left * sign) @ right
+    scale = float((size * sign).sum() / np.sum(a * a)) if scaled else 1.0
+    rest = b - scale * a @ rotation.T
+    return Similarity(
+        scale=scale,
+        rotation=rotation,
+        shift=target - scale * rotation @ middle,
+        error=float(np.sqrt(np.square(rest).sum(axis=1).max())),
+    )
+
+
+def nearest_rotation(matrix: FloatArray) -> FloatArray:
+    """The rotations nearest to matrices (..., 3, 3)."""
+    left, _, right = np.linalg.svd(matrix)
+    sign = np.ones(matrix.shape[:-1])
+    sign[..., 2] = np.where(np.linalg.det(left @ right) < 0, -1.0, 1.0)
+    rotation: FloatArray = (left * sign[..., None, :]) @ right
+    return rotation
+
+
+def mean_rotation(rotations: FloatArray, weight: FloatArray) -> FloatArray:
+    """The weighted mean of rotations (N, 3, 3) by weights (N,): (3, 3)."""
+    return nearest_rotation(np.einsum("k,kij->ij", weight, rotations))
+
+
+def inside_polygon(points: FloatArray, polygon: FloatArray) -> npt.NDArray[np.bool_]:
+    """Which points (N, 2) lie in a polygon (K, 2), by crossings of a ray to the right; NaN not."""
+    ax, ay = polygon.T
+    bx, by = np.roll(polygon, -1, axis=0).T
+    inside = np.zeros(len(points), bool)
+    for begin in range(0, len(points), _BLOCK):
+        x, y = points[begin : begin + _BLOCK].T[:, :, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossing = ax + (y - ay) * (bx - ax) / (by - ay)
+        spans = (ay > y) != (by > y)
+        inside[begin : begin + _BLOCK] = (spans & (x < crossing)).sum(axis=1) % 2 == 1
+    return inside & np.isfinite(points).all(axis=1)
+
+
+def kannala_brandt(theta: FloatArray, k: npt.ArrayLike) -> FloatArray:
+    """r(θ) = θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸): radians (...,) -> (...,).
+
+    Args:
+        theta: angles from the axis.
+        k: (4,) k1..k4.
+
+    """
+    s = theta * theta
+    k1, k2, k3, k4 = np.asarray(k, float)
+    radius: FloatArray = theta * (1 + s * (k1 + s * (k2 + s * (k3 + s * k4))))
+    return radius
+
+
+def kannala_brandt_slope(theta: FloatArray, k: npt.ArrayLike) -> FloatArray:
+    """dr/dθ of :func:`kannala_brandt`: radians (...,) -> (...,)."""
+    s = theta * theta
+    k1, k2, k3, k4 = np.asarray(k, float)
+    slope: FloatArray = 1 + s * (3 * k1 + s * (5 * k2 + s * (7 * k3 + s * 9 * k4)))
+    return slope
