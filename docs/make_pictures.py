@@ -7,6 +7,7 @@ system's (Linux or macOS), and Chromium for the report's picture, which stays as
 from __future__ import annotations
 
 import fcntl
+import io
 import os
 import pty
 import re
@@ -43,7 +44,10 @@ _THEME = TerminalTheme(
 
 
 def cubicfish(*args: object, folder: Path, columns: int | None = None) -> str:
-    """Run the command in a folder; with ``columns`` on a terminal, and what it shows in the end."""
+    """Run the command in a folder; with ``columns``, and what it prints as on a terminal.
+
+    Talk and progress go to stderr, and are not in it.
+    """
     line = [sys.executable, "-m", "cubicfish_cli", *map(str, args)]
     environ = {**os.environ, "CUBICFISH_CACHE": str(folder / "cache"), "TERM": "xterm-256color"}
     environ["PYTHONPATH"] = str(HERE.parent)
@@ -54,7 +58,9 @@ def cubicfish(*args: object, folder: Path, columns: int | None = None) -> str:
         return done.stdout
     own, other = pty.openpty()
     fcntl.ioctl(other, termios.TIOCSWINSZ, struct.pack("HHHH", 60, columns, 0, 0))
-    program = subprocess.Popen(line, cwd=folder, env=environ, stdout=other, stderr=other)
+    program = subprocess.Popen(
+        line, cwd=folder, env=environ, stdout=other, stderr=subprocess.DEVNULL
+    )
     os.close(other)
     shown = b""
     while True:
@@ -68,18 +74,12 @@ def cubicfish(*args: object, folder: Path, columns: int | None = None) -> str:
     os.close(own)
     if program.wait():
         raise SystemExit(shown.decode())
-    # Progress is drawn over and over: a line is what stands after its last return or erasure.
-    lines = []
-    for text in shown.decode().replace("\r\n", "\n").split("\n"):
-        left = re.split(r"\r|\x1b\[[0-9;]*[AK]|\x1b\[\?25[lh]", text)[-1]
-        if left or not text:
-            lines.append(left)
-    return "\n".join(lines).strip("\n")
+    return shown.decode().replace("\r\n", "\n").strip("\n")
 
 
 def terminal(name: str, command: str, said: str, columns: int) -> None:
     """A terminal as SVG, with nothing that is loaded from elsewhere."""
-    console = Console(record=True, width=columns, file=open(os.devnull, "w"), force_terminal=True)
+    console = Console(record=True, width=columns, file=io.StringIO(), force_terminal=True)
     console.print(Text.from_ansi(f"\x1b[1m$ {command}\x1b[0m\n{said}"))
     text = console.export_svg(title="", theme=_THEME, font_aspect_ratio=0.61)
     text = re.sub(r"@font-face \{.*?\}\s*", "", text, flags=re.DOTALL)
@@ -108,9 +108,7 @@ def beside(*pictures: Picture) -> Picture:
 def hero(folder: Path) -> None:
     """A photo, and the same with straight lines."""
     photo = SAMPLE / "photos" / HERO
-    cubicfish(
-        "undistort", photo, "flat.png", "--hfov", 118, "--size", "960x720", folder=folder
-    )
+    cubicfish("undistort", photo, "flat.png", "--hfov", 118, "--size", "960x720", folder=folder)
     before, after = cv2.imread(str(photo)), cv2.imread(str(folder / "flat.png"))
     jpeg("hero.jpg", beside(scaled(before, 620), scaled(after, 620)))
 
@@ -165,9 +163,7 @@ def report(folder: Path) -> None:
         return
     shown = cv2.imread(str(picture))
     last = int(np.flatnonzero((shown != shown[-1, 0]).any(axis=(1, 2)))[-1])
-    cv2.imwrite(
-        str(PICTURES / "report.png"), shown[: last + 24], [cv2.IMWRITE_PNG_COMPRESSION, 9]
-    )
+    cv2.imwrite(str(PICTURES / "report.png"), shown[: last + 24], [cv2.IMWRITE_PNG_COMPRESSION, 9])
 
 
 def main() -> None:

@@ -62,6 +62,11 @@ def picture(texture: npt.NDArray[np.float32], mm: float) -> Paint:
     return paint
 
 
+def tinted(colour: tuple[float, ...], shade: FloatArray) -> npt.NDArray[np.float32]:
+    """A tile (rows, columns, 3) of a colour that is lighter by shares (rows, columns)."""
+    return (np.array(colour) * (1 + shade[..., None])).astype(np.float32)
+
+
 def cloud(random: np.random.Generator, shape: tuple[int, int], *grains: float) -> FloatArray:
     """Noise that wraps around, the sum of some grain sizes in pixels, about 0 and up to 1."""
     total = np.zeros(shape)
@@ -172,6 +177,13 @@ class Block:
         return distance, normal, place
 
 
+def block(
+    lower: tuple[float, ...], upper: tuple[float, ...], paint: Paint, turn: float = 0.0
+) -> Block:
+    """A box of such corners."""
+    return Block(lower=np.array(lower), upper=np.array(upper), paint=paint, turn=turn)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ball:
     """A sphere."""
@@ -263,9 +275,12 @@ class Room:
         )
         plaster = plaster.astype(np.float32)
         paper, books = picture(wallpaper(random), 420), picture(shelves(random), 1200)
-        cover = cloud(random, (256, 256), 2, 20)[..., None]
-        red = picture((np.array([0.42, 0.06, 0.05]) * (1 + 0.25 * cover)).astype(np.float32), 150)
-        blue = picture((np.array([0.06, 0.14, 0.36]) * (1 + 0.25 * cover)).astype(np.float32), 150)
+        cover = cloud(random, (256, 256), 2, 20)
+        red, blue = (
+            tinted((0.42, 0.06, 0.05), 0.25 * cover),
+            tinted((0.06, 0.14, 0.36), 0.25 * cover),
+        )
+        orange = tinted((0.62, 0.30, 0.05), 0.2 * cover)
         glaze = np.full((64, 256, 3), (0.62, 0.60, 0.52), np.float32)
         glaze[22:42] = (0.10, 0.30, 0.34)
         self.walls = Block(lower=WALLS[0], upper=WALLS[1], paint=even(0, 0, 0), inside=True)
@@ -273,38 +288,23 @@ class Room:
             (0, 1): paper, (0, -1): paper, (1, 1): paper, (1, -1): books,
             (2, 1): picture(walnut, 900), (2, -1): picture(plaster, 1500),
         }  # fmt: skip
+        leaves = tinted((0.09, 0.25, 0.06), 0.9 * cloud(random, (256, 256), 3, 8))
         on = DESK[1][2]
         self.things: list[Block | Ball | Drum] = [
             Block(lower=DESK[0], upper=DESK[1], paint=picture(oak, 700)),
-            Block(
-                lower=np.array([330, -60, on]), upper=np.array([520, 85, on + 34]),
-                paint=red, turn=0.35,
-            ),
-            Block(
-                lower=np.array([345, -50, on + 34]), upper=np.array([505, 70, on + 58]),
-                paint=blue, turn=0.1,
-            ),
+            # Two books, a mug, a ball, a box and a plant.
+            block((330, -60, on), (520, 85, on + 34), picture(red, 150), turn=0.35),
+            block((345, -50, on + 34), (505, 70, on + 58), picture(blue, 150), turn=0.1),
             Drum(foot=np.array([395.0, 240, on]), radius=41, height=96, paint=picture(glaze, 257)),
-            Ball(
-                middle=np.array([250.0, 330, on + 36]), radius=36,
-                paint=picture((np.array([0.62, 0.30, 0.05]) * (1 + 0.2 * cover)).astype(np.float32), 60),
-            ),
-            Block(
-                lower=np.array([60, 300, on]), upper=np.array([130, 370, on + 70]),
-                paint=even(0.10, 0.36, 0.16), turn=0.6,
-            ),
-            Drum(foot=np.array([-120.0, 420, on]), radius=55, height=150, paint=even(0.50, 0.16, 0.10)),
-            Ball(middle=np.array([-120.0, 420, on + 225]), radius=105, paint=picture(
-                (np.array([0.09, 0.25, 0.06]) * (1 + 0.9 * cloud(random, (256, 256), 3, 8))[..., None])
-                .astype(np.float32), 160)),
-            Block(lower=np.array([-900, 1700, -760]), upper=np.array([-350, 2100, 300]),
-                  paint=picture(oak, 500)),
-            Block(lower=np.array([1500, 900, -760]), upper=np.array([2000, 1500, -320]),
-                  paint=red),
-            Block(lower=np.array([-1400, 150, 500]), upper=np.array([-1380, 850, 1050]),
-                  paint=picture(_painting(random), 700)),
-            Block(lower=np.array([300, -1100, 420]), upper=np.array([1000, -1080, 1000]),
-                  paint=picture(_painting(random), 700)),
+            Ball(middle=np.array([250.0, 330, on + 36]), radius=36, paint=picture(orange, 60)),
+            block((60, 300, on), (130, 370, on + 70), even(0.10, 0.36, 0.16), turn=0.6),
+            Drum(foot=np.array([-120.0, 420, on]), radius=55, height=150, paint=even(0.5, 0.16, 0.1)),
+            Ball(middle=np.array([-120.0, 420, on + 225]), radius=105, paint=picture(leaves, 160)),
+            # A cupboard, a stool and two pictures on the walls.
+            block((-900, 1700, -760), (-350, 2100, 300), picture(oak, 500)),
+            block((1500, 900, -760), (2000, 1500, -320), picture(red, 150)),
+            block((-1400, 150, 500), (-1380, 850, 1050), picture(_painting(random), 700)),
+            block((300, -1100, 420), (1000, -1080, 1000), picture(_painting(random), 700)),
         ]  # fmt: skip
         self._random = random
 
@@ -382,8 +382,10 @@ def _painting(random: np.random.Generator) -> FloatArray:
         (110, (0.22, 0.34, 0.20)),
         (60, (0.40, 0.34, 0.10)),
     ):
-        waves = sum(random.uniform(4, 16) * np.sin(x / random.uniform(14, 50) + random.uniform(0, 6))
-                    for _ in range(3))  # fmt: skip
+        waves = np.zeros(x.shape)
+        for _ in range(3):
+            tall, long, start = random.uniform((4, 14, 0), (16, 50, 6))
+            waves += tall * np.sin(x / long + start)
         canvas[y < level + waves] = tint
     edge = np.minimum(np.minimum(x, side - 1 - x), np.minimum(y, side - 1 - y))
     canvas[edge < 14] = (0.12, 0.08, 0.05)
