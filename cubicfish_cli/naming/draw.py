@@ -29,7 +29,7 @@ BOARD_COLOURS: tuple[Colour, ...] = (
     (167, 121, 204),  # reddish purple
 )
 LEFT_OUT: Colour = (60, 60, 255)  # red
-REFUSED: Colour = (190, 190, 190)
+REFUSED: Colour = (105, 105, 105)
 _WHY = {
     Verdict.AMBIGUOUS: "several places fit",
     Verdict.SLIDE: "no end of a board in view",

@@ -104,7 +104,9 @@ def key(kind: str, colour: str, text: str) -> Key:
 
 def readout(axes: Axes, x: str, y: str, digits: tuple[int, int] = (0, 0)) -> str:
     """Where axes are in their drawing, and what they count: units behind x and y, and digits."""
-    at, height = axes.get_position(), axes.figure.get_figheight() * 72
+    figure = axes.figure
+    assert isinstance(figure, Figure)
+    at, height = axes.get_position(), figure.get_figheight() * 72
     box = (WIDTH * at.x0, height * (1 - at.y1), WIDTH * at.width, height * at.height)
     numbers = (*box, *axes.get_xlim(), *axes.get_ylim(), *digits)
     return "|".join((" ".join(f"{float(number):.6g}" for number in numbers), x, y))
