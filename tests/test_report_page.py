@@ -138,7 +138,7 @@ def test_dropped_corners_and_unfit_photos_take_no_part(
     ((name, place),) = facts.dropped_pixels
     assert (name, place.tolist()) == (pairs.images[0], pairs.pixel[0].tolist())
     said = Page(report_html(facts)).text
-    assert "1 corner dropped as an outlier" in said
+    assert "1 corner left out as an outlier" in said
     assert "1 photo gave no corners that took part: corner_05.jpg" in said
 
 
