@@ -56,7 +56,8 @@ def test_the_recipe_makes_the_same_program() -> None:
 def test_every_promised_python_is_tested() -> None:
     promised = [line.rsplit(" ", 1)[1] for line in PROJECT["classifiers"] if ":: 3." in line]
     suite = yaml.safe_load(text(".github/workflows/tests.yml"))["jobs"]["suite"]
-    assert suite["strategy"]["matrix"]["python"] == promised
+    # One more is tried there and not promised: no run has seen it yet.
+    assert suite["strategy"]["matrix"]["python"][: len(promised)] == promised
     systems = suite["strategy"]["matrix"]["os"]
     assert [name.split("-")[0] for name in systems] == ["ubuntu", "macos", "windows"]
 
