@@ -289,7 +289,7 @@ class Room:
             (2, 1): picture(walnut, 900), (2, -1): picture(plaster, 1500),
         }  # fmt: skip
         leaves = tinted((0.09, 0.25, 0.06), 0.9 * cloud(random, (256, 256), 3, 8))
-        on = DESK[1][2]
+        clay, on = even(0.5, 0.16, 0.1), DESK[1][2]
         self.things: list[Block | Ball | Drum] = [
             Block(lower=DESK[0], upper=DESK[1], paint=picture(oak, 700)),
             # Two books, a mug, a ball, a box and a plant.
@@ -298,7 +298,7 @@ class Room:
             Drum(foot=np.array([395.0, 240, on]), radius=41, height=96, paint=picture(glaze, 257)),
             Ball(middle=np.array([250.0, 330, on + 36]), radius=36, paint=picture(orange, 60)),
             block((60, 300, on), (130, 370, on + 70), even(0.10, 0.36, 0.16), turn=0.6),
-            Drum(foot=np.array([-120.0, 420, on]), radius=55, height=150, paint=even(0.5, 0.16, 0.1)),
+            Drum(foot=np.array([-120.0, 420, on]), radius=55, height=150, paint=clay),
             Ball(middle=np.array([-120.0, 420, on + 225]), radius=105, paint=picture(leaves, 160)),
             # A cupboard, a stool and two pictures on the walls.
             block((-900, 1700, -760), (-350, 2100, 300), picture(oak, 500)),
