@@ -41,8 +41,8 @@ def test_the_calibration_is_written_whole(calibrated: Path) -> None:
     names = sorted(path.name for path in calibrated.iterdir())
     assert names == ["camera.yaml", "corners.csv", "undistort_map.npz"]
     read = load_camera(calibrated / "camera.yaml")
-    assert read.fit["corners"] == 1120
-    assert read.fit["rms_px"] < 0.01
+    assert read.fit["corners"] == 1139
+    assert read.fit["rms_px"] < 0.03
     made_by = read.made_by
     assert made_by["version"] == __version__
     assert made_by["target"] == {"file": str(TARGET), "sha256": sha256_of(TARGET)}
@@ -61,19 +61,19 @@ def test_json_is_one_object_and_nothing_else(run: Run, tmp_path: Path) -> None:
     assert record["rank"] == 16
     assert record["dropped"] == 0
     assert record["model"] == str(tmp_path / "c" / "camera.yaml")
-    assert 0 < record["rms_px"] < record["held_out_rms_px"] < 0.01
+    assert 0 < record["rms_px"] < record["held_out_rms_px"] < 0.03
     assert set(record["per_image"][0]) >= STATISTICS | {"image", "camera_from_world"}
     assert "Fitting" in result.stderr
 
 
 def test_the_text_says_what_the_rms_is(run: Run, tmp_path: Path, quick_fit: None) -> None:
     result = run("calibrate", CORNERS, "-t", TARGET, "-o", tmp_path / "c", "--no-hold-out", "-q")
-    assert "10 photos, 1,120 corners used, 0 outliers" in result.stdout
+    assert "10 photos, 1,139 corners used, 0 outliers" in result.stdout
     assert "sqrt(mean(dx² + dy²)) over all corners used" in result.stdout
     assert "Kannala–Brandt" in result.stdout
     rows = [line.split() for line in result.stdout.splitlines() if line.startswith("corner_")]
     assert len(rows) == 10
-    assert sum(int(row[1]) for row in rows) == 1120
+    assert sum(int(row[1]) for row in rows) == 1139
     assert "Next:" not in result.stdout
     assert result.stderr == ""
 
@@ -86,7 +86,7 @@ def test_a_gross_corner_is_dropped_and_listed(run: Run, tmp_path: Path) -> None:
     (tmp_path / "c.csv").write_text("\n".join(lines))
     args = ["calibrate", tmp_path / "c.csv", "-t", TARGET, "--no-hold-out", "-o", tmp_path / "c"]
     result = run(*args, "-v")
-    assert "1,119 corners used, 1 outlier" in result.stdout
+    assert "1,138 corners used, 1 outlier" in result.stdout
     assert f"dropped: {image} {board} column {column} row {row}: 30." in result.stderr
     dropped = load_camera(tmp_path / "c" / "camera.yaml").fit["dropped_corners"]
     assert [(d["image"], d["board"], d["column"]) for d in dropped] == [(image, board, int(column))]
@@ -141,7 +141,7 @@ def test_a_failed_gate_exits_with_3_and_the_work_is_done(
         more = ["-m", calibrated / "camera.yaml"]
     result = run(command, CORNERS, "-t", TARGET, "--max-rms", 1e-6, "--json", *more, code=3)
     assert "is above --max-rms 1e-06" in result.stderr
-    assert json.loads(result.stdout)["corners"] == 1120
+    assert json.loads(result.stdout)["corners"] == 1139
     if command == "calibrate":
         assert (tmp_path / "c" / "camera.yaml").exists()
         run(command, CORNERS, "-t", TARGET, "--max-rms", 0.1, "--overwrite", *more)
@@ -236,7 +236,7 @@ def test_evaluate_measures_a_camera_on_corners(run: Run, calibrated: Path) -> No
     assert record["corners"] == fit["corners"]
     assert record["rms_px"] == pytest.approx(fit["rms_px"], rel=0.01)
     said = run(*args).stdout
-    assert "10 photos, 1,120 corners" in said
+    assert "10 photos, 1,139 corners" in said
     assert "sqrt(mean(dx² + dy²)) over all corners used" in said
     assert said.count("corner_") == 10
 

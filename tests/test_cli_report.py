@@ -234,7 +234,7 @@ def test_a_refined_object_is_told(run: Run, tmp_path: Path) -> None:
     args = ["--no-hold-out", "--refine-target", "shape"]
     run("calibrate", CORNERS, "-t", TARGET, "-o", folder, *args)
     page = (folder / "report.html").read_text(encoding="utf-8")
-    assert "The object as fitted beside target.yaml" in page
+    assert "The target as fitted beside target.yaml" in page
     assert "as paper and plates are" in page
     run("report", folder, "-o", tmp_path / "again.html")
     assert (tmp_path / "again.html").read_text(encoding="utf-8") == page
@@ -287,7 +287,7 @@ def test_the_templates_go_along_with_the_package() -> None:
     package = ROOT / "cubicfish_cli"
     covered = {path for pattern in data for path in package.glob(pattern)}
     templates = {path for path in (package / "report" / "templates").iterdir() if path.is_file()}
-    assert len(templates) == 2
+    assert len(templates) == 3
     assert templates <= covered
 
 

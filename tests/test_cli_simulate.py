@@ -18,7 +18,7 @@ from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.formats.foreign import read_foreign
 from cubicfish_cli.rendering import simulate as library
-from cubicfish_cli.rendering.lens_file import load_lens
+from cubicfish_cli.rendering.lens_file import lens_text, load_lens
 from cubicfish_cli.rendering.outside import OUTSIDE_LENSES, outside_lens
 from cubicfish_cli.rendering.pose import camera_points
 from cubicfish_cli.rendering.pose_table import load_poses
@@ -29,9 +29,9 @@ TARGET = SAMPLE / "target.yaml"
 
 @pytest.fixture(scope="module")
 def small_lens(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The sample's lens on a sensor of half its size: quick to render."""
+    """A lens on a sensor of half the size: quick to render."""
     path = tmp_path_factory.mktemp("lens") / "lens.yaml"
-    values = yaml.safe_load((SAMPLE / "true_camera.yaml").read_text())
+    values = yaml.safe_load(lens_text(TRUE_LENS))
     values.update(image_size=[480, 360], fx=131, fy=131.3, cx=242.4, cy=176.2)
     path.write_text(yaml.safe_dump(values))
     return path
@@ -253,7 +253,8 @@ def test_what_goes_wrong_is_said_before_anything_is_written(
     assert [path.name for path in (tmp_path / "taken").iterdir()] == ["true_poses.csv"]
 
 
-def test_the_formats_are_those_of_the_library() -> None:
+def test_the_formats_are_those_of_the_library(tmp_path: Path) -> None:
     assert simulate.FORMATS == library.FORMATS
     assert simulate.LENSES == OUTSIDE_LENSES
-    assert load_lens(SAMPLE / "true_camera.yaml") == TRUE_LENS
+    (tmp_path / "lens.yaml").write_text(lens_text(TRUE_LENS))
+    assert load_lens(tmp_path / "lens.yaml") == TRUE_LENS

@@ -88,7 +88,7 @@ def test_a_terminal_gets_colours_and_lines_that_fit(calibrated: Path) -> None:
     assert widest(ended.screen) <= 60
     rows = [line.split() for line in unstyled(ended.screen).splitlines()]
     assert sum(row[0].startswith("corner_") for row in rows if row) == 10
-    assert ["all", "10", "1120"] in [row[:3] for row in rows]
+    assert ["all", "10", "1139"] in [row[:3] for row in rows]
 
 
 @pytest.mark.slow
@@ -112,7 +112,7 @@ def test_progress_names_the_stage_and_leaves_nothing_behind(tmp_path: Path) -> N
     assert "Held-out photos (" in ended.screen or "held-out photos (" in ended.screen
     assert "%" in ended.screen
     assert ended.screen.rindex("\x1b[?25h") > ended.screen.rindex("\x1b[?25l")  # the cursor
-    assert visible(ended.screen) == ["Fitting to 1,120 corners."]
+    assert visible(ended.screen) == ["Fitting to 1,139 corners."]
     # The other stream is a pipe: no escape, no cut, no wrap, nothing left out.
     assert "\x1b" not in ended.stdout
     assert max(map(len, ended.stdout.splitlines())) > 100
@@ -120,7 +120,7 @@ def test_progress_names_the_stage_and_leaves_nothing_behind(tmp_path: Path) -> N
     assert " ".join(header.split()) == (
         "photo corners floor left right rms px median 95 % largest verdict"
     )
-    assert re.search(r"^advice: enough photos: .* 98 % of the field", ended.stdout, re.MULTILINE)
+    assert re.search(r"^advice: enough photos: .* 100 % of the field", ended.stdout, re.MULTILINE)
 
 
 @pytest.mark.slow
@@ -133,7 +133,7 @@ def test_no_progress_where_none_is_wanted(tmp_path: Path, how: str) -> None:
     else:
         ended = on_terminal(*args, "--no-hold-out", TERM="dumb")
         assert "\x1b" not in ended.screen
-        assert "Fitting to 1,120 corners." in ended.screen
+        assert "Fitting to 1,139 corners." in ended.screen
     assert ended.code == 0
 
 
@@ -144,7 +144,7 @@ def test_ctrl_c_leaves_a_clean_terminal(tmp_path: Path) -> None:
         interrupt_at="photos (",
     )
     assert ended.code == 130
-    assert visible(ended.screen) == ["Fitting to 1,120 corners.", "Interrupted."]
+    assert visible(ended.screen) == ["Fitting to 1,139 corners.", "Interrupted."]
     assert ended.screen.rindex("\x1b[?25h") > ended.screen.rindex("\x1b[?25l")
     assert not (tmp_path / "c" / "camera.yaml").exists()
 

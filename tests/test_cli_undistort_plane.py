@@ -33,6 +33,7 @@ def drawn(name: str) -> np.ndarray:
 
 def likeness(picture: np.ndarray, board: np.ndarray) -> float:
     """Correlation of a picture with the drawing, where the picture is not empty."""
+    picture = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
     assert picture.shape == board.shape
     seen = picture > 0
     assert seen.mean() > 0.6
@@ -56,7 +57,7 @@ def test_the_margin_and_the_scale_set_the_size(run: Run, model: Path, tmp_path: 
     args = ["-m", model, "--plane", "floor", "-t", TARGET]
     run("undistort", PHOTO, tmp_path / "o.png", *args, "--pixels-per-unit", 2, "--margin", 0)
     # 9x6 inner corners of 25 mm.
-    assert read_picture(tmp_path / "o.png").shape == (5 * 50, 8 * 50)
+    assert read_picture(tmp_path / "o.png").shape == (5 * 50, 8 * 50, 3)
 
 
 @pytest.mark.slow

@@ -67,7 +67,7 @@ def corners(target: Target) -> Corners:
 
 @pytest.fixture(scope="module")
 def picture() -> np.ndarray:
-    return read_picture(PHOTOS[0])
+    return np.ascontiguousarray(read_picture(PHOTOS[0])[..., 1])  # grey
 
 
 def as_arrays(corners: Corners, target: Target) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -221,7 +221,7 @@ def test_a_world_counted_from_far_away_gives_the_same_camera(
     seen = far.camera.project(far.poses.apply(far.pairs.image, far.pairs.world))
     np.testing.assert_allclose(seen - far.pairs.pixel, far.residual, atol=1e-5)
     evaluation = evaluate(fitted.camera, moved)
-    assert evaluation.errors.rms_px < 0.01
+    assert evaluation.errors.rms_px < 0.03
     seen = fitted.camera.project(evaluation.poses.apply(moved.image, moved.world))
     np.testing.assert_allclose(seen - moved.pixel, evaluation.residual, atol=1e-5)
 
@@ -234,7 +234,7 @@ def test_photos_in_memory_give_the_corners_of_their_files(tmp_path: Path, target
     )  # fmt: skip
     of_files = load_corners(tmp_path / "corners.csv", target)
     steps: list[tuple[str, float]] = []
-    colours = [np.dstack([grey] * 3)[:, :, ::-1] for grey in map(read_picture, PHOTOS)]
+    colours = [np.asfortranarray(read_picture(path)) for path in PHOTOS]
     detection = detect(
         dict(zip([path.name for path in PHOTOS], colours, strict=True)),
         target,
@@ -248,7 +248,7 @@ def test_photos_in_memory_give_the_corners_of_their_files(tmp_path: Path, target
             getattr(detection.corners, field), getattr(of_files, field), err_msg=field
         )
     np.testing.assert_allclose(detection.corners.pixel, of_files.pixel, atol=2e-3)
-    assert [photo.corners for photo in detection.photos] == [144, 126]
+    assert [photo.corners for photo in detection.photos] == [145, 131]
     # The corners as they are found go straight into the fit, with what detection knows.
     steps.clear()
     calibration = calibrate(
@@ -277,9 +277,7 @@ def test_what_a_photo_was_placed_by_says_nothing_of_the_object(
     assert asked[0]["target"] is target
 
 
-def test_a_picture_is_that_of_the_command_line(
-    calibrated: Path, tmp_path: Path, picture: np.ndarray
-) -> None:
+def test_a_picture_is_that_of_the_command_line(calibrated: Path, tmp_path: Path) -> None:
     model = calibrated / "camera.yaml"
     run_cli(
         "undistort", PHOTOS[0], tmp_path / "flat.png", "-m", model, "--view", "cylindrical",
@@ -289,11 +287,11 @@ def test_a_picture_is_that_of_the_command_line(
     view = build_view(
         camera, "cylindrical", hfov_deg=170, size=(300, 200), rotate_deg=np.array([-20, 10, 5])
     )
-    flat = undistort(picture, camera, view, interpolation="cubic")
+    flat = undistort(read_picture(PHOTOS[0]), camera, view, interpolation="cubic")
     of_file = read_picture(tmp_path / "flat.png").astype(int)
     np.testing.assert_allclose(flat, of_file, atol=1)
     assert np.mean(flat != of_file) < 1e-3
-    by_map = undistort(picture, build_map(camera, view), interpolation="cubic")
+    by_map = undistort(read_picture(PHOTOS[0]), build_map(camera, view), interpolation="cubic")
     np.testing.assert_allclose(by_map.astype(int), flat, atol=1)
 
 

@@ -1,6 +1,7 @@
 """docs/library.md is one session: its code runs as it stands there, and prints what is shown."""
 
 import contextlib
+import importlib
 import io
 import math
 import re
@@ -69,6 +70,15 @@ def test_every_public_name_is_in_the_table_and_no_other() -> None:
     results = re.findall(r"(?:→|gives a) `(\w+)`", table)
     named = [*re.findall(r"`(\w+)`", " ".join(cells)), *results]
     assert sorted(named) == sorted(cubicfish_cli.__all__)
+
+
+def test_every_public_name_is_on_the_page_of_functions() -> None:
+    page = (Path(__file__).parents[1] / "docs" / "api.md").read_text(encoding="utf-8")
+    shown = [place.rpartition(".") for place in re.findall(r"^::: (\S+)$", page, re.MULTILINE)]
+    described = [getattr(importlib.import_module(module), name) for module, _, name in shown]
+    public = [getattr(cubicfish_cli, name) for name in cubicfish_cli.__all__]
+    assert {id(thing) for thing in described} == {id(thing) for thing in public}
+    assert len(described) == len(public)
 
 
 def test_every_function_is_used_in_the_guide() -> None:

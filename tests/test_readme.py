@@ -1,4 +1,4 @@
-"""What README.md says works: its commands parse, its Python runs, its files exist."""
+"""What README.md and the pages of docs/ say works: commands parse, Python runs, files exist."""
 
 import re
 import shlex
@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from conftest import SAMPLE
+from conftest import SAMPLE, run_cli
 
 from cubicfish_cli.cli.main import COMMANDS, cli
 from cubicfish_cli.formats.camera_yaml import load_camera
@@ -19,21 +19,24 @@ from cubicfish_cli.undistortion.maps import load_map
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", TEXT, re.DOTALL | re.MULTILINE)
+# cli.md is made from the commands, and has a test of its own.
+PAGES = sorted(path for path in (ROOT / "docs").rglob("*.md") if path.name != "cli.md")
+ALL = {path: path.read_text(encoding="utf-8") for path in (ROOT / "README.md", *PAGES)}
 
 
-def blocks(language: str) -> list[str]:
-    return [text for kind, text in BLOCKS if kind == language]
+def blocks(language: str, text: str) -> list[str]:
+    found = re.findall(r"^```(\w*)\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+    return [block for kind, block in found if kind == language]
 
 
-def python_block(word: str) -> str:
-    return next(text for text in blocks("python") if word in text)
+def python_block(page: str, word: str) -> str:
+    return next(text for text in blocks("python", ALL[ROOT / "docs" / page]) if word in text)
 
 
-def command_lines() -> list[list[str]]:
+def command_lines(text: str) -> list[list[str]]:
     """Every use of cubicfish in the shell blocks, as its arguments."""
     lines = []
-    for line in "\n".join(blocks("sh")).splitlines():
+    for line in "\n".join(blocks("sh", text)).splitlines():
         for part in re.split(r"&&|\|", line):
             words = shlex.split(part)
             if words and Path(words[0]).name == "cubicfish":
@@ -41,7 +44,7 @@ def command_lines() -> list[list[str]]:
     return lines
 
 
-@pytest.mark.parametrize("args", command_lines(), ids=" ".join)
+@pytest.mark.parametrize("args", command_lines(TEXT), ids=" ".join)
 def test_a_command_of_the_readme_parses(args: list[str]) -> None:
     group = click.Context(cli, info_name="cubicfish", **cli.context_settings)
     command = cli.get_command(group, args[0])
@@ -49,8 +52,32 @@ def test_a_command_of_the_readme_parses(args: list[str]) -> None:
     command.make_context(args[0], args[1:], parent=group)
 
 
-def test_every_command_is_in_the_readme() -> None:
-    assert {args[0] for args in command_lines()} == set(COMMANDS)
+def test_every_command_is_shown_on_some_page() -> None:
+    shown = {args[0] for text in ALL.values() for args in command_lines(text)}
+    assert shown == set(COMMANDS)
+
+
+def test_the_readme_is_short() -> None:
+    assert len(TEXT.splitlines()) <= 170
+
+
+def test_every_page_is_on_the_site_and_can_be_reached() -> None:
+    site = yaml.safe_load(re.sub(r"!!\S+", "", (ROOT / "mkdocs.yml").read_text(encoding="utf-8")))
+    named = re.findall(r"[\w/-]+\.md", str(site["nav"]))
+    assert sorted(ROOT / "docs" / name for name in named) == sorted([*PAGES, ROOT / "docs/cli.md"])
+
+
+def test_the_quick_start_works_as_pasted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "sample_data").symlink_to(SAMPLE)
+    monkeypatch.chdir(tmp_path)
+    quick = TEXT.split("## Quick start")[1].split("\n## ")[0]
+    commands = command_lines(quick)
+    assert [args[0] for args in commands] == ["calibrate", "undistort"]
+    for args in commands:
+        run_cli(*args)
+    flat = cv2.imread("flat.jpg")
+    assert flat.shape == (720, 960, 3)
+    assert 60 < flat.mean() < 200
 
 
 def test_the_setup_is_two_commands_on_files_that_exist() -> None:
@@ -62,14 +89,16 @@ def test_the_setup_is_two_commands_on_files_that_exist() -> None:
     assert all((ROOT / name).exists() for name in named)
 
 
-def test_local_links_lead_somewhere() -> None:
-    links = [link for link in re.findall(r"\]\(([^)#]+)\)", TEXT) if "://" not in link]
-    assert len(links) >= 4
-    assert [link for link in links if not (ROOT / link).exists()] == []
+@pytest.mark.parametrize("page", ALL, ids=lambda path: path.name)
+def test_local_links_lead_somewhere(page: Path) -> None:
+    links = re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", ALL[page])
+    local = [link.replace("\n", " ") for link in links if "://" not in link]
+    assert len(local) >= (20 if page == ROOT / "README.md" else 0)
+    assert [link for link in local if not (page.parent / link).exists()] == []
 
 
 def test_the_target_is_one_that_is_read(tmp_path: Path) -> None:
-    (text,) = blocks("yaml")
+    (text,) = blocks("yaml", ALL[ROOT / "docs" / "targets.md"])
     path = tmp_path / "target.yaml"
     path.write_text(text)
     target = load_target(path)
@@ -82,7 +111,7 @@ def test_the_target_is_one_that_is_read(tmp_path: Path) -> None:
 def test_the_reader_of_camera_yaml_projects_as_the_library_does(
     calibrated: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    text = python_block("def project")
+    text = python_block("points.md", "def project")
     code = [line for line in text.splitlines() if line.strip()]
     assert len(code) <= 10
     monkeypatch.chdir(calibrated.parent)
@@ -106,7 +135,7 @@ def test_the_map_is_all_that_opencv_needs(
     names: dict[str, object] = {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ResourceWarning)
-        exec(python_block("cv2.remap"), names)
+        exec(python_block("undistort.md", "cv2.remap"), names)
     flat = names["flat"]
     assert isinstance(flat, np.ndarray)
     valid = load_map(calibrated / "undistort_map.npz").valid

@@ -169,6 +169,6 @@ def test_longitude_and_latitude_are_as_large_as_what_is_seen(calibrated: Path) -
     assert view.vfov_deg - seen[1] < 6
     assert view.size[0] % 2 == view.size[1] % 2 == 0
     up = build_view(camera, "equirectangular", rotate_deg=(0, 90, 0))
-    assert kept_share(camera, up) == 1
+    assert kept_share(camera, up) > 0.999  # a pole is at the edge
     assert up.hfov_deg == pytest.approx(360, abs=0.5)
     assert build_view(camera, "equirectangular", size=(400, 200)).size == (400, 200)

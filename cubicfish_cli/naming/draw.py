@@ -31,7 +31,7 @@ BOARD_COLOURS: tuple[Colour, ...] = (
     (167, 121, 204),  # reddish purple
 )
 LEFT_OUT: Colour = (60, 60, 255)  # red
-REFUSED: Colour = (190, 190, 190)
+REFUSED: Colour = (105, 105, 105)
 _TURN = np.arange(24) * (np.pi / 12)
 _RING = np.stack([np.cos(_TURN), np.sin(_TURN)], axis=-1)
 _SQUARE = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])

@@ -245,9 +245,7 @@ def mappings(value: object) -> list[Mapping[str, Any]]:
 
 def _photos(fit: Mapping[str, Any], size: tuple[int, int]) -> tuple[PhotoFacts, ...]:
     photos, poses = [], poses_on_record(fit)
-    for record, told in zip(
-        mappings(fit.get("per_image")), photo_verdicts(fit, size), strict=True
-    ):
+    for record, told in zip(mappings(fit.get("per_image")), photo_verdicts(fit, size), strict=True):
         name = str(record.get("image"))
         vector, translation = poses.get(name, (None, None))
         photos.append(

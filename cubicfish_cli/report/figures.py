@@ -84,6 +84,7 @@ class Drawn:
         svg: the drawing.
         caption: what it tells.
         keys: its legend.
+        axes: what the page's script needs to tell values under the pointer; empty for none.
 
     """
 
@@ -92,12 +93,23 @@ class Drawn:
     svg: str
     caption: str
     keys: tuple[Key, ...] = ()
+    axes: str = ""
 
 
 def key(kind: str, colour: str, text: str) -> Key:
     """An entry of a legend, by a stand-in colour or by one that stays as it is."""
     variable = VARIABLES.get(colour)
     return Key(kind=kind, colour=f"var({variable})" if variable else colour, text=text)
+
+
+def readout(axes: Axes, x: str, y: str, digits: tuple[int, int] = (0, 0)) -> str:
+    """Where axes are in their drawing, and what they count: units behind x and y, and digits."""
+    figure = axes.figure
+    assert isinstance(figure, Figure)
+    at, height = axes.get_position(), figure.get_figheight() * 72
+    box = (WIDTH * at.x0, height * (1 - at.y1), WIDTH * at.width, height * at.height)
+    numbers = (*box, *axes.get_xlim(), *axes.get_ylim(), *digits)
+    return "|".join((" ".join(f"{float(number):.6g}" for number in numbers), x, y))
 
 
 def all_figures(facts: Facts) -> dict[str, Drawn]:
@@ -161,6 +173,7 @@ def coverage_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
         caption += " What a camera says of places without corners nobody has checked."
     return Drawn(
         name="coverage",
+        axes=readout(axes, " px", " px"),
         title="Where the corners are",
         svg=svg_text(
             figure,
@@ -198,6 +211,7 @@ def vectors_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
     figure.text(left + drawn + 6 / WIDTH, y, f"{sample:g} px", va="center", color=INK)
     return Drawn(
         name="vectors",
+        axes=readout(axes, " px", " px"),
         title="Errors as arrows",
         svg=svg_text(
             figure,
@@ -207,7 +221,7 @@ def vectors_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
         ),
         caption=f"From each detected corner towards where the camera puts it, {zoom:g} times as "
         "long. Noise points every way; neighbours that point one way are an error of the camera, "
-        "of the object or of the corner finder." + thinned(len(length), _MOST_STROKES, "errors"),
+        "of the target or of the corner finder." + thinned(len(length), _MOST_STROKES, "errors"),
         keys=(key("dot", INK, "detected corner"), key("line", BLUE, f"its error, {zoom:g} ×")),
     )
 
@@ -239,6 +253,7 @@ def places_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
     _scale_bar(figure, colours, edges, "px RMS")
     return Drawn(
         name="places",
+        axes=readout(axes, " px", " px"),
         title="Errors over the picture",
         svg=svg_text(
             figure,
@@ -278,6 +293,7 @@ def angle_figure(errors: ErrorFacts) -> Drawn | None:
     few = int(number.min())
     return Drawn(
         name="angle",
+        axes=readout(axes, "°", " px", (1, 3)),
         title="Errors by angle from the axis",
         svg=svg_text(
             figure,
@@ -335,6 +351,7 @@ def histogram_figure(errors: ErrorFacts) -> Drawn:
     heavy = beyond > _HEAVY_TAIL
     return Drawn(
         name="histogram",
+        axes=readout(axes, " px", " %", (3, 1)),
         title="How errors are spread",
         svg=svg_text(
             figure,
@@ -444,6 +461,7 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
     told = recorded(facts.fit)
     return Drawn(
         name="uncertainty",
+        axes=readout(axes, " px", " px"),
         title="How certain the camera is",
         svg=svg_text(
             figure,
@@ -451,10 +469,10 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
             f"Uncertainty of a distant point's pixel over the photo, from {np.nanmin(sigma):.3f} "
             f"to {np.nanmax(sigma):.3f} px",
         ),
-        caption="How far the pixel of a distant point would move, were the same photos taken again "
-        "with other noise"
+        caption="How far the pixel of a distant point would be elsewhere, had you taken other "
+        "photos"
         + (f": {told.words}" if told else "")
-        + ". Errors of the object or of the model are not in it.",
+        + ". Errors of the target or of the model are not in it.",
     )
 
 

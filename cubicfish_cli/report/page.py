@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from jinja2 import Environment, StrictUndefined
 
-from cubicfish_cli.fitting.camera_facts import camera_facts
+from cubicfish_cli.fitting.camera_facts import CameraFacts, camera_facts
 from cubicfish_cli.fitting.field_uncertainty import recorded
 from cubicfish_cli.fitting.findings import COVERED
+from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.verdict import WORDS
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.report.facts import Facts, finite, mappings
@@ -23,6 +27,12 @@ from cubicfish_cli.report.scene import scene_figures
 _MOST_DROPPED = 200
 _MOST_ROWS = 5000
 _LONGEST_TEXT = 1000
+_MOST_BARS = 40
+_BAND_DEG = 30.0
+_FEWEST_IN_A_BAND = 10
+# Two halves of n photos have √2 times the uncertainty of all of them, and differ by √2 times that.
+_BETWEEN_HALVES = 2.0
+_FEWEST_TO_HALVE = 6
 _POINT_ABSENT = (
     "A point-lift camera has no rays: errors by angle, the lens's profile, uncertainty, coverage "
     "and an undistorted example do not exist for it."
@@ -41,10 +51,15 @@ def report_html(facts: Facts) -> str:
     if not isinstance(facts.camera, CubicCamera):
         absent.append(_POINT_ABSENT)
     names = [photo.name for photo in facts.photos]
+    known = camera_facts(facts.camera, facts.fit, facts.made_by)
     date = _text(facts.made_by.get("date"))
     return _template().render(
         facts=facts,
-        known=camera_facts(facts.camera, facts.fit, facts.made_by),
+        known=known,
+        lens=_lens(known),
+        by_angle=_by_angle(facts),
+        halves=_halves(facts),
+        bars=_bars(facts),
         fit=facts.fit,
         verdict=facts.verdict,
         words=WORDS,
@@ -54,6 +69,7 @@ def report_html(facts: Facts) -> str:
             name: {
                 "title": drawn.title,
                 "svg": drawn.svg,
+                "axes": drawn.axes,
                 "caption": drawn.caption,
                 "keys": drawn.keys,
             }
@@ -91,6 +107,12 @@ def _template() -> Any:
     environment.filters["px"] = _px
     environment.filters["count"] = _count
     environment.globals["style"] = (folder / "report.css").read_text(encoding="utf-8")
+    script = (folder / "report.js").read_text(encoding="utf-8")
+    environment.globals["script"] = script
+    # The page's own program runs, and no other.
+    environment.globals["script_hash"] = base64.b64encode(
+        hashlib.sha256(f"\n{script}".encode()).digest()
+    ).decode()
     return environment.from_string((folder / "report.html").read_text(encoding="utf-8"))
 
 
@@ -141,6 +163,77 @@ def _tiles(facts: Facts) -> list[tuple[str, str, str]]:
     if rank is not None and not isinstance(facts.camera, CubicCamera):
         tiles.append(("Rank", f"{rank:.0f} of 20", "what the corners determine of P"))
     return tiles
+
+
+def _lens(known: CameraFacts) -> list[tuple[str, str]]:
+    """Focal length, principal point and field of view in figures, as far as they are known."""
+    rows = []
+    for name, value, sigma in (
+        ("Focal length, px a radian", known.focal_px, known.focal_sigma_px),
+        ("Principal point, px", known.principal_point, known.principal_point_sigma_px),
+    ):
+        if value is not None:
+            spread = [f" ± {one:.2f}" for one in sigma] if sigma is not None else ["", ""]
+            rows.append((name, f"x {value[0]:.2f}{spread[0]}, y {value[1]:.2f}{spread[1]}"))
+    if known.field is not None:
+        field = known.field
+        rows.append(
+            (
+                "Field of view",
+                f"{field.horizontal:.1f}° horizontal, {field.vertical:.1f}° vertical, "
+                f"{field.diagonal:.1f}° diagonal",
+            )
+        )
+    return rows
+
+
+def _by_angle(facts: Facts) -> str | None:
+    """The RMS in steps of the angle from the axis, in words; None where it is not known."""
+    errors = facts.errors
+    if errors is None or errors.angle_deg is None:
+        return None
+    band = np.floor(errors.angle_deg / _BAND_DEG).astype(int)
+    told = [
+        f"{rms_px(errors.residual[band == index]):.3f} px from {_BAND_DEG * index:.0f}° "
+        f"to {min(_BAND_DEG * (index + 1), float(errors.angle_deg.max())):.0f}°"
+        for index in np.unique(band)
+        if (band == index).sum() >= _FEWEST_IN_A_BAND
+    ]
+    return ", ".join(told) or None
+
+
+def _halves(facts: Facts) -> str | None:
+    """How far apart two halves of the photos would be, foretold; None where it is not known."""
+    uncertainty = recorded(facts.fit)
+    ray = isinstance(facts.camera, CubicCamera)
+    if uncertainty is None or not ray or len(facts.photos) < _FEWEST_TO_HALVE:
+        return None
+    return f"{_BETWEEN_HALVES * uncertainty.median_px:.3f} px"
+
+
+def _bars(facts: Facts) -> dict[str, Any]:
+    """The photos' errors, worst first, as shares of the largest."""
+    known = [(photo.rms_px, photo) for photo in facts.photos if photo.rms_px is not None]
+    if not known:
+        return {}
+    known.sort(key=lambda pair: -pair[0])
+    top = max(known[0][0], 1e-12)
+    usual = float(np.median([rms for rms, _ in known]))
+    return {
+        "usual": usual,
+        "usual_share": 100 * usual / top,
+        "rows": [
+            {
+                "name": photo.name,
+                "rms": rms,
+                "share": 100 * rms / top,
+                "good": photo.words == "good",
+                "words": photo.words,
+            }
+            for rms, photo in known[:_MOST_BARS]
+        ],
+        "more": len(known) - _MOST_BARS,
+    }
 
 
 def _boards(facts: Facts) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""The object and where the photos were taken from, in two parallel views."""
+"""The target and where the photos were taken from, in two parallel views."""
 
 from __future__ import annotations
 
@@ -138,8 +138,8 @@ def _view(
     scale.set_ylim(0, 1)
     strokes(scale, np.array([[[0.0, 0.5], [1.0, 0.5]]]), INK, 1.6)
     figure.text((14 + length / unit) / WIDTH, place + 0.012, f"{length:g}", va="center")
-    keys.append(key("line", INK, "a photo: the open side looks at the object"))
-    units = f" {facts.units}" if facts.units else " in the units of the object"
+    keys.append(key("line", INK, "a photo: the open side looks at the target"))
+    units = f" {facts.units}" if facts.units else " in the units of the target"
     return Drawn(
         name=name,
         title=title,

@@ -119,7 +119,7 @@ def lower_bounds(project: Mapping[str, Any]) -> list[str]:
     extras = project["optional-dependencies"]
     wanted = [*project["dependencies"]]
     for name, libraries in extras.items():
-        if name not in ("all", "test", "dev"):
+        if name not in ("all", "test", "dev", "docs"):
             wanted += libraries
     pins = []
     for line in wanted:

@@ -15,6 +15,7 @@ Their records hold fx, fy, cx, cy and
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -97,6 +98,12 @@ def _shape_fitter(model: str, kind: type[BaselineLens], names: tuple[str, ...]) 
     def fit(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> LensRecord:
         lenses = kind.starts(camera.radial, float(angle_from_axis(rays).max()))
         values = _nearest(lenses, rays, pixel)
+        place = len(CORE) + names.index("alpha")
+        alpha = float(np.clip(values[place], 0.0, _MOST_ALPHA))
+        if alpha != values[place]:  # of no lens that others read: the nearest that is
+            held = values.copy()
+            held[place] = alpha
+            values = _nearest([replace(lenses[0], values=held)], rays, pixel, fixed=(place,))
         record = dict(zip((*CORE, *names), values.tolist(), strict=True))
         return LensRecord(model=model, values=record, image_size=camera.image_size)
 
@@ -170,6 +177,8 @@ def _nearest(
     return best[1]
 
 
+# Other programs read an α from 0 on and below 1.
+_MOST_ALPHA = 0.9999
 # What a ray that a lens does not see counts for.
 _BLIND_PX = 1e4
 
