@@ -22,7 +22,7 @@ from cubicfish_cli.fitting.verdict import Verdict, photo_verdicts, verdict
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.point_cubic import PointCamera
 from cubicfish_cli.target import Target
-from cubicfish_cli.words.finding import joined
+from cubicfish_cli.words.finding import Finding, joined
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -48,7 +48,7 @@ class PhotoFacts:
         corners: how many were used.
         rms_px, median_px, p95_px, max_px: of its reprojection errors; None where not known.
         rotation, translation: (3, 3) and (3,) camera_from_world; None where not known.
-        words: how it stands beside the others.
+        told: how it stands beside the others; empty where it is good.
 
     """
 
@@ -60,7 +60,12 @@ class PhotoFacts:
     max_px: float | None
     rotation: FloatArray | None
     translation: FloatArray | None
-    words: str
+    told: tuple[Finding, ...]
+
+    @property
+    def words(self) -> str:
+        """What is told, in a few words."""
+        return joined(self.told)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -258,7 +263,7 @@ def _photos(fit: Mapping[str, Any], size: tuple[int, int]) -> tuple[PhotoFacts, 
                 max_px=finite(record.get("max_px")),
                 rotation=None if vector is None else rotation_from_vector(vector[None])[0],
                 translation=translation,
-                words=joined(told),
+                told=told,
             )
         )
     return tuple(photos)

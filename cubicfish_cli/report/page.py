@@ -227,7 +227,7 @@ def _bars(facts: Facts) -> dict[str, Any]:
                 "name": photo.name,
                 "rms": rms,
                 "share": 100 * rms / top,
-                "good": photo.words == "good",
+                "good": not photo.told,
                 "words": photo.words,
             }
             for rms, photo in known[:_MOST_BARS]
