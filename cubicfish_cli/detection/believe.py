@@ -9,8 +9,8 @@ from cubicfish_cli.detection.crossing import Crossings
 from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
 from cubicfish_cli.detection.lattice import Lattice
 
-# Chance closes single squares now and then: random black and white cells make a run of four whole
-# squares once in some ten thousand places.
+# Chance closes single squares now and then: random black and white cells make four whole squares
+# that hang together once in some ten thousand places.
 LEAST_CORNERS = 8
 LEAST_SQUARES = 4
 # What a printed board keeps low, as medians over its corners: the distance from what the other
@@ -26,6 +26,9 @@ _GAP, _TURN = 0.1, 0.15
 # The sum of squares may be 1 for the smallest grids, and more for large ones, which chance cannot
 # make.
 _LARGE = 40
+# Share of its own extent, in cells, that a grid fills at least: boards that hands hide or borders
+# cut fill most of it, what grows along a lattice of dots less than a twentieth.
+_FILLED = 0.1
 # A sum or product of sines is a grid of perfect saddles, with the edges of a blur of a quarter of
 # a side: nothing that a lens in use does to a print.
 _MOST_BLUR = 0.2
@@ -86,6 +89,8 @@ def is_board(
         contrast_around: (N,) median contrast of the corners around each.
 
     """
+    if len(cells) < _FILLED * np.prod(np.ptp(cells, axis=0) + 1):
+        return False
     side = np.maximum(lattice.fit(cells).side, 1.0)
     blur = float(np.median(found.blur.max(1) / side))
     contrast = lattice.contrast[cells[:, 0], cells[:, 1]]
