@@ -51,6 +51,7 @@ FLAWS = [
     {"contrast_change": 0.6},
     {"turn": 0.2},
     {"gap_scatter": 5.0},
+    {"gap": -7.0},
 ]
 
 

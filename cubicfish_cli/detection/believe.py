@@ -23,6 +23,8 @@ MOST_MISS, USUAL_BLUR, _CONTRAST = 0.04, 0.15, 0.25
 # and edges follow the grid: gaps of boards on rendered photos scatter by up to 0.035 sides, edges
 # turn by up to 0.054 radians. In grids of text, lines and dots either is 0.1 to 0.2.
 _GAP, _TURN = 0.1, 0.15
+# Light spills over dark, and hardly ever the other way: bright squares that draw back are dots.
+_DRAWN_BACK = 0.25  # of the side
 # The sum of squares may be 1 for the smallest grids, and more for large ones, which chance cannot
 # make.
 _LARGE = 40
@@ -102,10 +104,17 @@ def is_board(
             np.median(change) / _CONTRAST,
             np.median(_gap_scatter(found.gap, lattice.sign(cells)) / side) / _GAP,
             np.median(found.turn) / _TURN,
+            max(0.0, -_middle_gap(found.gap, lattice.sign(cells)) / np.median(side)) / _DRAWN_BACK,
         ]
     )
     limit = 1 + min(1.0, max(0.0, (len(cells) - LEAST_CORNERS) / (_LARGE - LEAST_CORNERS)))
     return bool((score**2).sum() < limit and blur < _MOST_BLUR)  # never where a score is NaN
+
+
+def _middle_gap(gap: FloatArray, sign: IntArray) -> float:
+    """The gap that corners of both colours have: a moved camera parts one and joins the other."""
+    of_colour = [np.median(gap[sign == colour]) for colour in (-1, 1) if (sign == colour).any()]
+    return float(np.mean(of_colour))
 
 
 def _gap_scatter(gap: FloatArray, sign: IntArray) -> FloatArray:
