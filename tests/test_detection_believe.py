@@ -51,7 +51,26 @@ FLAWS = [
     {"contrast_change": 0.6},
     {"turn": 0.2},
     {"gap_scatter": 5.0},
+    {"gap": -7.0},
 ]
+
+
+def test_a_few_strands_across_a_wide_extent_are_no_board():
+    cells = np.array([(k, k + j) for k in range(0, 60, 2) for j in (0, 1)])
+    lattice = Lattice.from_cells(cells, 20.0 * cells, np.ones(len(cells)), 1)
+    measures = {name: np.zeros(60) for name in ("turn", "gap", "misfit", "spread")}
+    found = Crossings(
+        pixel=20.0 * cells,
+        ok=np.ones(60, bool),
+        level=np.zeros((60, 4)),
+        blur=np.ones((60, 2)),
+        **measures,
+    )
+    assert not is_board(lattice, lattice.cells(), found, np.ones(60))
+    # The same corners, side by side.
+    cells = np.argwhere(np.ones((6, 10)))
+    beside = Lattice.from_cells(cells, 20.0 * cells, np.ones(len(cells)), 1)
+    assert is_board(beside, beside.cells(), found, np.ones(60))
 
 
 def test_gaps_that_are_alike_or_alike_by_colour_are_a_board_s():

@@ -9,8 +9,8 @@ from cubicfish_cli.detection.crossing import Crossings
 from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
 from cubicfish_cli.detection.lattice import Lattice
 
-# Chance closes single squares now and then: random black and white cells make a run of four whole
-# squares once in some ten thousand places.
+# Chance closes single squares now and then: random black and white cells make four whole squares
+# that hang together once in some ten thousand places.
 LEAST_CORNERS = 8
 LEAST_SQUARES = 4
 # What a printed board keeps low, as medians over its corners: the distance from what the other
@@ -23,9 +23,14 @@ MOST_MISS, USUAL_BLUR, _CONTRAST = 0.04, 0.15, 0.25
 # and edges follow the grid: gaps of boards on rendered photos scatter by up to 0.035 sides, edges
 # turn by up to 0.054 radians. In grids of text, lines and dots either is 0.1 to 0.2.
 _GAP, _TURN = 0.1, 0.15
+# Light spills over dark, and hardly ever the other way: bright squares that draw back are dots.
+_DRAWN_BACK = 0.25  # of the side
 # The sum of squares may be 1 for the smallest grids, and more for large ones, which chance cannot
 # make.
 _LARGE = 40
+# Share of its own extent, in cells, that a grid fills at least: boards that hands hide or borders
+# cut fill most of it, what grows along a lattice of dots less than a twentieth.
+_FILLED = 0.1
 # A sum or product of sines is a grid of perfect saddles, with the edges of a blur of a quarter of
 # a side: nothing that a lens in use does to a print.
 _MOST_BLUR = 0.2
@@ -86,6 +91,8 @@ def is_board(
         contrast_around: (N,) median contrast of the corners around each.
 
     """
+    if len(cells) < _FILLED * np.prod(np.ptp(cells, axis=0) + 1):
+        return False
     side = np.maximum(lattice.fit(cells).side, 1.0)
     blur = float(np.median(found.blur.max(1) / side))
     contrast = lattice.contrast[cells[:, 0], cells[:, 1]]
@@ -97,10 +104,17 @@ def is_board(
             np.median(change) / _CONTRAST,
             np.median(_gap_scatter(found.gap, lattice.sign(cells)) / side) / _GAP,
             np.median(found.turn) / _TURN,
+            max(0.0, -_middle_gap(found.gap, lattice.sign(cells)) / np.median(side)) / _DRAWN_BACK,
         ]
     )
     limit = 1 + min(1.0, max(0.0, (len(cells) - LEAST_CORNERS) / (_LARGE - LEAST_CORNERS)))
     return bool((score**2).sum() < limit and blur < _MOST_BLUR)  # never where a score is NaN
+
+
+def _middle_gap(gap: FloatArray, sign: IntArray) -> float:
+    """The gap that corners of both colours have: a moved camera parts one and joins the other."""
+    of_colour = [np.median(gap[sign == colour]) for colour in (-1, 1) if (sign == colour).any()]
+    return float(np.mean(of_colour))
 
 
 def _gap_scatter(gap: FloatArray, sign: IntArray) -> FloatArray:
