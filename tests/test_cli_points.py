@@ -90,7 +90,7 @@ def test_nothing_to_read_is_said(run: Run, model: Path, tmp_path: Path) -> None:
 
 def test_unreadable_files_are_named(run: Run, model: Path, tmp_path: Path) -> None:
     said = run("project", tmp_path / "no.csv", "-m", model, code=1).stderr
-    assert "no.csv cannot be read: No such file or directory" in said
+    assert "no.csv does not exist: check the name" in said
     (tmp_path / "a.png").write_bytes(b"\x89PNG\xff")
     said = run("project", tmp_path / "a.png", "-m", model, code=1).stderr
     assert "a.png is not UTF-8 text" in said

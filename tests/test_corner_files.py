@@ -343,7 +343,7 @@ def test_files_of_several_kinds_of_trouble(tmp_path: Path) -> None:
         read_corner_files([one], FLAT, only="b*")
     with pytest.raises(CorrespondenceError, match="holds no"):
         read_corner_files([Path(__file__).parent], FLAT)
-    with pytest.raises(CorrespondenceError, match="cannot be read"):
+    with pytest.raises(CorrespondenceError, match="does not exist"):
         read_corner_files([tmp_path / "no.orpc"], FLAT)
     (tmp_path / "a.vnl").write_text(VNL + "a - - -\n")
     with pytest.raises(CorrespondenceError, match="it is about one board, and which"):

@@ -307,7 +307,7 @@ def test_malformed_correspondences_are_refused_with_file_and_line(
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(CorrespondenceError, match=r"no\.csv cannot be read: No such file"):
+    with pytest.raises(CorrespondenceError, match=r"no\.csv does not exist"):
         load_corners(tmp_path / "no.csv", TARGET)
 
 
