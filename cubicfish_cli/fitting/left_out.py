@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.fitting.adjustment import Adjustment, FitLens, huber_weight, linearised
+from cubicfish_cli.fitting.adjustment import Adjustment, camera_stops, huber_weight, linearised
+from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.normal_equations import Eliminated, NormalEquations
 
 FloatArray = npt.NDArray[np.float64]

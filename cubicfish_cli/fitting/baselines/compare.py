@@ -14,7 +14,8 @@ from scipy.optimize import least_squares
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.adjustment import Adjustment, FitLens, adjust
+from cubicfish_cli.fitting.adjustment import Adjustment, adjust
+from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.baselines.base import BaselineLens
 from cubicfish_cli.fitting.baselines.division import DivisionLens
 from cubicfish_cli.fitting.baselines.double_sphere import DoubleSphereLens
