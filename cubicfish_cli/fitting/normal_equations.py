@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -370,7 +371,7 @@ class NormalSums:
         jacobian[:, :, count + 6] = terms.residual
         jacobian *= root[:, None, None]
         bounds = np.searchsorted(image, np.arange(photos.start, photos.stop + 1))
-        for start, stop in zip(bounds[:-1], bounds[1:], strict=True):
+        for start, stop in pairwise(bounds):
             if start == stop:
                 continue
             # One Gram matrix a photo holds every block, the gradient in its last column.

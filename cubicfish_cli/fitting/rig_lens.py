@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -70,7 +71,7 @@ class RigLens:
             for number, lens in enumerate(self.lenses)
         ]
         ends = np.cumsum([0, *sizes])
-        return tuple(slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True))
+        return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
 
     def place_columns(self, camera: int) -> slice:
         """Where the turn and the shift of a camera that is not the first stand."""
