@@ -48,7 +48,7 @@ def simulated_rig(
     distances: tuple[float, float],
     middle: npt.ArrayLike | None = None,
     seed: int = 0,
-    errors: CornerErrors = CornerErrors(),
+    errors: CornerErrors | None = None,
 ) -> tuple[list[Corners], RigTruth]:
     """Corners of the shots of a rig, called ``shot_001`` and so on in each camera.
 
@@ -93,7 +93,7 @@ def simulated_rig(
             target,
             len(seeing),
             seed=1000 * seed + number,
-            errors=errors,
+            errors=errors or CornerErrors(),
             poses=tuple(poses[shot] for shot in seeing),
         )
         names = tuple(f"shot_{shot + 1:03d}" for shot in seeing)
@@ -107,7 +107,7 @@ def simulated_rig(
 
 
 def combined(first: Pose, second: Pose) -> Pose:
-    """first ∘ second."""
+    """One transform after another: first ∘ second."""
     turn = rotation_matrix(first[0])
     rotation = turn @ rotation_matrix(second[0])
     vector, _ = pose_of_matrix(rotation, np.zeros(3))

@@ -1,7 +1,7 @@
 """Photos of several cameras on one body -> the rig: lenses, and where each camera stands.
 
 Each camera is calibrated alone first, without any guess. What the shots that two cameras share
-say of their places is a start; then one adjustment has lenses, places, shots and the target at once.
+say of their places is a start; one adjustment then has lenses, places, shots and target at once.
 """
 
 from __future__ import annotations
