@@ -182,7 +182,9 @@ def _place_shots(lens: RigLens, views: Poses, pairs: Correspondences) -> tuple[P
         best = np.inf
         for view in own.tolist():
             pose = proposed[np.array([view])]
-            errors = np.array([_view_error(lens, pose, other, bounds, pairs) for other in own.tolist()])
+            errors = np.array(
+                [_view_error(lens, pose, other, bounds, pairs) for other in own.tolist()]
+            )
             # A capped sum: one view that is of another shot must not choose.
             total = float(np.minimum(errors, _LOST_SHARE * max(pairs.image_size)).sum())
             if total < best:
