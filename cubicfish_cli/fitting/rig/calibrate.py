@@ -488,6 +488,7 @@ def _calibration(
     poses = composed(_repeated(zero, len(fit.poses)), fit.poses)
     poses = Poses(rotation=poses.rotation, translation=poses.translation * scale).of_world(origin)
     places = composed(places, _repeated(inverse(zero), len(names)))
+    places.rotation[0], places.translation[0] = np.eye(3), 0.0
     places = Poses(rotation=places.rotation, translation=places.translation * scale)
     views = composed(places[lens.camera], poses[lens.shot])
     camera_of = lens.camera[pairs.image]

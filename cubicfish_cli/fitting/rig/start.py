@@ -109,17 +109,21 @@ def start_rig(
                 continue
             of_a, of_b = _together(lens, a, b)
             relative[a, b] = median_pose(composed(views[of_b], inverse(views[of_a])))
-    places = _placed(names, common, relative)
+    places, edges = _placed(names, common, relative)
     lens = lens_at(lens, places)
-    shots, misfit = _place_shots(lens, views, pairs)
     size = max(pairs.image_size)
+    typical = 0.0
+    for a, b in edges:
+        error = float(np.median(_transferred(lens, views, pairs, a, b)))
+        if error > _LOST_SHARE * size:
+            raise FitError(
+                f"the shots of {names[a]} and {names[b]} do not fit one rig (they disagree by "
+                f"{min(error, size):.0f} px in the median): check that photos of one shot were "
+                "taken at the same moment and are matched rightly, and that no camera moved"
+            )
+        typical = max(typical, error)
+    shots, misfit = _place_shots(lens, views, pairs)
     several = np.bincount(lens.shot, minlength=len(shots))[lens.shot] > 1
-    typical = float(np.median(misfit[several])) if several.any() else 0.0
-    if typical > _LOST_SHARE * size:
-        raise FitError(
-            f"the shots do not fit one rig (cameras disagree by {typical:.0f} px in the median): "
-            "check that photos of one shot were taken at the same moment and are matched rightly"
-        )
     apart = several & (misfit > np.maximum(_GROSS_TIMES * typical, _GROSS_SHARE * size))
     return RigStart(places=places, shots=shots, misfit=misfit, apart=apart)
 
@@ -145,8 +149,12 @@ def _together(lens: RigLens, a: int, b: int) -> tuple[IntArray, IntArray]:
 
 def _placed(
     names: Sequence[str], common: IntArray, relative: dict[tuple[int, int], Poses]
-) -> Poses:
-    """camera_from_rig along the pairs with most shots in common, from the first camera on."""
+) -> tuple[Poses, list[tuple[int, int]]]:
+    """camera_from_rig along the pairs with most shots in common, from the first camera on.
+
+    And these pairs.
+    """
+    edges: list[tuple[int, int]] = []
     found = {0: Poses(rotation=np.eye(3)[None], translation=np.zeros((1, 3)))}
     while len(found) < len(names):
         shared = [(common[a, b], -a, -b) for a, b in relative if a in found and b not in found]
@@ -154,9 +162,24 @@ def _placed(
             raise FitError(_unconnected(names, found))
         _, a, b = max(shared)
         found[-b] = composed(relative[-a, -b], found[-a])
-    return Poses(
+        edges.append((-a, -b))
+    places = Poses(
         rotation=np.concatenate([found[camera].rotation for camera in range(len(names))]),
         translation=np.concatenate([found[camera].translation for camera in range(len(names))]),
+    )
+    return places, edges
+
+
+def _transferred(lens: RigLens, views: Poses, pairs: Correspondences, a: int, b: int) -> FloatArray:
+    """Errors of one camera's views where another's say that the rig was, pixels."""
+    bounds = np.searchsorted(pairs.image, np.arange(len(views) + 1))
+    of_a, of_b = _together(lens, a, b)
+    rigs = composed(inverse(lens.places[lens.camera[of_a]]), views[of_a])
+    return np.array(
+        [
+            _view_error(lens, rigs[np.array([row])], view, bounds, pairs)
+            for row, view in enumerate(of_b.tolist())
+        ]
     )
 
 
