@@ -16,6 +16,7 @@ from cubicfish_cli.fitting.rig.calibrate import RigCalibration, RigCamera, calib
 from cubicfish_cli.fitting.rig.shots import Shots, shots_by_name, shots_by_order, shots_of_table
 from cubicfish_cli.fitting.rig.start import median_pose
 from cubicfish_cli.fitting.rig_lens import RigLens
+from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.fitting.world import DrawnWorld
 from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
@@ -47,12 +48,14 @@ def target() -> Target:
 
 
 @functools.cache
-def simulated(seed: int = 0) -> tuple[tuple[Correspondences, ...], RigTruth]:
+def simulated(
+    seed: int = 0, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> tuple[tuple[Correspondences, ...], RigTruth]:
     lenses = [outside_lens("equisolid", (800, 600)), outside_lens("equisolid", (640, 640))]
     nothing = (np.zeros(3), np.zeros(3))
     corners, truth = simulated_rig(
         lenses,
-        [nothing, APART],
+        [nothing, (APART[0], APART[1] + shift)],
         target(),
         10,
         distances=(50, 300),
@@ -135,6 +138,42 @@ def test_a_photo_of_another_shot_is_named_and_harms_nothing() -> None:
     assert named == {pairs[1].images[2], pairs[1].images[5]}
     assert np.allclose(rig.cameras[1].translation, plain().cameras[1].translation, atol=0.5)
     assert rig.errors.rms_px < 1.1 * plain().errors.rms_px
+
+
+def joined(first: Correspondences, second: Correspondences, half: str) -> Correspondences:
+    """The photos of the first up to ``half``, and those of the second after it."""
+    one, _ = select(first, np.array([name <= half for name in first.images])[first.image])
+    two, _ = select(second, np.array([name > half for name in second.images])[second.image])
+    names = ("world", "pixel", "weight", "board", "column", "row", "certain")
+    return replace(
+        one,
+        images=one.images + two.images,
+        image=np.concatenate([one.image, two.image + len(one.images)]),
+        **{name: np.concatenate([getattr(one, name), getattr(two, name)]) for name in names},
+    )
+
+
+def test_a_camera_that_moved_half_way_is_found() -> None:
+    before, after = simulated()[0], simulated(0, (2.0, 0.0, 0.0))[0]
+    rig = fitted([joined(a, b, "shot_005") for a, b in zip(before, after, strict=True)])
+    (found,) = rig.findings
+    assert found.code == "camera_moved"
+    assert set(found.cameras) == set(NAMES)
+    assert found.shots == ("shot_006",)
+    assert found.figures["shift"] == pytest.approx(2.0, rel=0.3)
+
+
+def test_a_lens_that_is_known_stays_as_it_is() -> None:
+    pairs, _ = simulated()
+    known = plain().cameras[1]
+    cameras = [
+        RigCamera(name="left", pairs=pairs[0]),
+        RigCamera(name="right", pairs=pairs[1], camera=known.camera, fit=known.fit),
+    ]
+    rig = calibrate_rig(cameras, matched(pairs), target=target(), refine_target="off")
+    assert (rig.cameras[1].camera.P == known.camera.P).all()
+    assert np.allclose(rig.cameras[1].translation, known.translation, atol=0.3)
+    assert not rig.held_lenses
 
 
 def test_cameras_without_a_common_shot_are_refused() -> None:

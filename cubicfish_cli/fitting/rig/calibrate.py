@@ -64,6 +64,7 @@ _FINE_DECREASE = 1e-9
 _FOLDS = 5
 _RAYS = 300
 _FIRST_OFFSET = 1e-4
+_LOST_PX = 10.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,7 +74,8 @@ class RigCamera:
     Attributes:
         name: of the camera.
         pairs: its 2D-3D pairs, in the target's units.
-        camera: its lens, where it is calibrated already; None to calibrate it from its pairs.
+        camera: its lens, where it is calibrated already, and is left as it is; None to calibrate
+            it from its pairs.
         fit: the record of that calibration; empty where there is none.
 
     """
@@ -181,10 +183,13 @@ class RigCalibration:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Alone:
-    """One camera calibrated alone, in the common scale of all."""
+    """One camera calibrated alone, in the common scale of all.
+
+    Its lens is free, or fixed where it is held.
+    """
 
     camera: CubicCamera
-    result: CubicResult
+    lens: FitLens
     record: Mapping[str, Any]
     level: Level
     pairs: Correspondences
@@ -224,19 +229,17 @@ def calibrate_rig(
     for number, camera in enumerate(cameras):
         if progress is not None:
             progress(f"camera {camera.name} alone", 0.8 * number / len(cameras))
-        alone.append(_alone(camera, target, refine_target, origin, scale))
+        alone.append(_alone(camera, target, refine_target, origin, scale, hold_lenses))
     if progress is not None:
         progress("all cameras together", 0.8)
     names = [camera.name for camera in cameras]
     lens, views, pairs, seen = _gathered(alone, shots)
     start = start_rig(names, lens, views, pairs)
     lens, poses, seen = _without_strays(lens, start, views, seen)
-    fit, level = _fitted(alone, lens, poses, pairs, start, target, scale, origin, hold_lenses)
+    fit, level = _fitted(alone, lens, poses, pairs, target, scale, origin)
     if progress is not None:
         progress("how certain it is", 0.95)
-    return _calibration(
-        names, alone, shots, fit, pairs, start, seen, level, target, scale, origin, hold_lenses
-    )
+    return _calibration(names, alone, fit, pairs, start, seen, level, target, scale, origin)
 
 
 def _alone(
@@ -245,6 +248,7 @@ def _alone(
     refine_target: RefineTarget,
     origin: FloatArray,
     scale: float,
+    hold: bool,
 ) -> _Alone:
     """Calibrate a camera, or take it as it was calibrated; then its fit in the common scale."""
     if camera.camera is None:
@@ -253,51 +257,46 @@ def _alone(
         except FitError as error:
             raise FitError(f"camera {camera.name}: {error}") from error
         lens, record, pairs, poses = found.camera, found.as_record(), found.pairs, found.poses
-        hold, level = found.hold, found.refined
+        level, held_by = found.refined, found.hold
     else:
-        lens, record, pairs = camera.camera, dict(camera.fit or {}), camera.pairs
-        placed, pairs, _ = fit_poses(lens.radial, pairs)
+        lens, record, hold = camera.camera, dict(camera.fit or {}), True
+        placed, pairs, _ = fit_poses(lens.radial, camera.pairs)
         if placed is None:
             raise FitError(
                 f"camera {camera.name}: none of its photos can be placed with its lens: check "
                 "that they are of this camera and of this target"
             )
-        poses = placed.poses
-        hold, level = _recorded_hold(record), _recorded_level(record)
+        poses, level, held_by = placed.poses, "off", UNTOLD
     pairs = with_mean_weight_one(replace(pairs, world=(pairs.world - origin) / scale))
     poses = poses.of_world(-origin)
     poses = replace(poses, translation=poses.translation / scale)
+    free: FitLens
+    if hold:
+        free = FixedLens(camera=lens)
+        fit = adjust(free, poses, pairs, huber_px=_WIDE_HUBER_PX, relative_decrease=_ROUGH_DECREASE)
+        poses = adjust(free, fit.poses, pairs, huber_px=huber_px(fit.residual)).poses
+    else:
+        result = _cubic_fit(lens, pairs, poses, held_by)
+        free, poses = result.lens, result.poses
+    return _Alone(camera=lens, lens=free, record=record, level=level, pairs=pairs, poses=poses)
+
+
+def _cubic_fit(
+    camera: CubicCamera, pairs: Correspondences, poses: Poses, hold: Hold
+) -> CubicResult:
+    """A calibration's fit again, in this scale, as firmly held as it was."""
+    miss = camera.radial.project(poses.apply(pairs.image, pairs.world)) - pairs.pixel
     near = Companion(
-        camera=lens.radial,
+        camera=camera.radial,
         poses=poses,
         pairs=pairs,
-        residual=lens.radial.project(poses.apply(pairs.image, pairs.world)) - pairs.pixel,
+        residual=np.nan_to_num(miss, nan=_LOST_PX),
         unfit={},
         terms=4,
         focal_uncertainty=0.0,
     )
-    near = replace(near, residual=np.nan_to_num(near.residual, nan=10.0))
     companion = refit_companion(near, pairs, poses)
-    result = fit_cubic(companion, hold, relative_decrease=_ROUGH_DECREASE)
-    return _Alone(
-        camera=replace(lens, radial=companion.camera),
-        result=result,
-        record=record,
-        level=level,
-        pairs=pairs,
-        poses=result.poses,
-    )
-
-
-def _recorded_hold(record: Mapping[str, Any]) -> Hold:
-    spread, weight = record.get("prior_spread"), record.get("prior_weight")
-    if isinstance(spread, int | float) and isinstance(weight, int | float) and weight > 0:
-        return Hold(spread=float(spread), weight=float(weight))
-    return UNTOLD
-
-
-def _recorded_level(record: Mapping[str, Any]) -> Level:
-    return next((level for level in LEVELS if level == record.get("refine_target")), "off")
+    return fit_cubic(companion, hold, relative_decrease=_ROUGH_DECREASE)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -327,7 +326,7 @@ def _gathered(
         translation.append(one.poses.translation[kept])
     used, index = np.unique(shot, return_inverse=True)
     lens = RigLens(
-        lenses=tuple(one.result.lens for one in alone),
+        lenses=tuple(one.lens for one in alone),
         places=Poses(
             rotation=np.repeat(np.eye(3)[None], len(alone), axis=0),
             translation=np.zeros((len(alone), 3)),
@@ -381,11 +380,9 @@ def _fitted(
     lens: RigLens,
     poses: Poses,
     pairs: Correspondences,
-    start: RigStart,
     target: Target | None,
     scale: float,
     origin: FloatArray,
-    hold_lenses: bool,
 ) -> tuple[Adjustment, Level]:
     """Places and shots first, the lenses held; then all at once."""
     level: Level = "off"
@@ -394,7 +391,7 @@ def _fitted(
         board, column, row = pairs.board, pairs.column, pairs.row
         drawn = (target.world_points(board, column, row) - origin) / scale
         pairs = replace(pairs, world=drawn)
-    held = [FixedLens(camera=_as_camera(one.result.lens, one)) for one in alone]
+    held = [FixedLens(camera=_as_camera(one.lens, one)) for one in alone]
     fit = adjust(
         lens.with_lenses(held),
         poses,
@@ -408,9 +405,8 @@ def _fitted(
         world = _free_world(fit, pairs, target.moved(-origin), level, scale)
         fit = _further(fit, pairs, fit.lens, world, 1e-3)
         fit, _ = settled_spread(fit, pairs, _FIRST_OFFSET if level == "points" else None)
-    if not hold_lenses:
-        rig = _rig_of(fit)
-        free = rig.with_lenses([one.result.lens for one in alone])
+    if any(isinstance(one.lens, CubicFit) for one in alone):
+        free = _rig_of(fit).with_lenses([one.lens for one in alone])
         joint = _further(fit, pairs, free, fit.world, _ROUGH_DECREASE)
         joint = _further(joint, pairs, joint.lens, joint.world, _FINE_DECREASE)
         if all(_sound(own, one) for own, one in zip(_rig_of(joint).lenses, alone, strict=True)):
@@ -446,8 +442,11 @@ def _free_world(
 
 def _as_camera(lens: FitLens, alone: _Alone) -> CubicCamera:
     """The camera of a lens of the adjustment, in the adjustment's frame."""
-    P = lens.P if isinstance(lens, CubicFit) else alone.result.lens.P
-    return replace(alone.camera, P=P)
+    if isinstance(lens, CubicFit):
+        return replace(alone.camera, P=lens.P)
+    if isinstance(lens, FixedLens) and isinstance(lens.camera, CubicCamera):
+        return lens.camera
+    return alone.camera
 
 
 def _sound(lens: FitLens, alone: _Alone) -> bool:
@@ -464,7 +463,6 @@ def _rig_of(fit: Adjustment) -> RigLens:
 def _calibration(
     names: Sequence[str],
     alone: Sequence[_Alone],
-    shots: Shots,
     fit: Adjustment,
     pairs: Correspondences,
     start: RigStart,
@@ -473,7 +471,6 @@ def _calibration(
     target: Target | None,
     scale: float,
     origin: FloatArray,
-    hold_lenses: bool,
 ) -> RigCalibration:
     lens = _rig_of(fit)
     limit = huber_px(fit.residual)
@@ -541,7 +538,7 @@ def _calibration(
         refined=level,
         target=refined,
         held_lenses=not any(isinstance(own, CubicFit) for own in lens.lenses),
-        findings=tuple(find_rig_faults(names, lens, fit, drawn, start, seen.photo, seen.shot)),
+        findings=tuple(find_rig_faults(names, fit, drawn, start, seen.photo, seen.shot, scale)),
     )
 
 
@@ -564,7 +561,8 @@ def _in_companions_frames(
     for number, (own, one) in enumerate(zip(lens.lenses, alone, strict=True)):
         camera = _as_camera(own, one)
         place = lens.places[np.array([number])]
-        camera, place = in_companions_frame(camera, place, np.deg2rad(_covered_deg(one)))
+        if isinstance(own, CubicFit):  # one that is held stays as it is, its frame too
+            camera, place = in_companions_frame(camera, place, np.deg2rad(_covered_deg(one)))
         cameras.append(camera)
         rotation.append(place.rotation)
         translation.append(place.translation)
