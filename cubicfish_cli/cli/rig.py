@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ import click
 
 from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.figures import count, hold_gate, print_errors, px
-from cubicfish_cli.cli.inputs import load_pairs, photo_problems, say_photo_problems
+from cubicfish_cli.cli.inputs import load_pairs, say_photo_problems
 from cubicfish_cli.cli.made_by import made_at, made_by_record
 from cubicfish_cli.cli.options import (
     FILE,
@@ -45,7 +46,7 @@ _FILMS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v", ".360", ".insv")
     epilog=examples(
         "cubicfish rig left/ right/ --target target.yaml",
         "cubicfish rig left.csv right.csv rear.csv --target target.yaml -o rig",
-        "cubicfish rig left_calibration/ right_calibration/ --target target.yaml --hold-lenses",
+        "cubicfish rig left/ right/ --model left=left_calibration --model right=right_calibration",
     ),
 )
 @click.argument(
@@ -55,7 +56,8 @@ _FILMS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v", ".360", ".insv")
     metavar="CAMERA CAMERA...",
     cls=Argument,
     meaning="For each camera a folder of photos, a corners.csv, or the folder that calibrate "
-    "wrote, with camera.yaml and corners.csv. The first camera's frame is the rig's.",
+    "wrote (camera.yaml and corners.csv), whose lens stays as it is. The first camera's frame is "
+    "the rig's.",
 )
 @target_options
 @click.option(
@@ -71,6 +73,16 @@ _FILMS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v", ".360", ".insv")
     "--names",
     metavar="NAME,NAME...",
     help="Names of the cameras. [default: those of their folders or files]",
+)
+@click.option(
+    "-m",
+    "--model",
+    "models",
+    type=FILE,
+    multiple=True,
+    metavar="NAME=FILE",
+    help="A camera that is calibrated already: its name and its file or folder. Its lens stays as "
+    "it is. Once for each such camera.",
 )
 @click.option("--by-order", is_flag=True, help="The first photos of all cameras are one shot.")
 @click.option(
@@ -103,6 +115,7 @@ def command(
     target: TargetChoice,
     output: Path,
     names: str | None,
+    models: tuple[Path, ...],
     by_order: bool,
     shots: Path | None,
     hold_lenses: bool,
@@ -139,12 +152,12 @@ def command(
     made_at()  # said before the work if it cannot be
     for path in (output / "rig.yaml", *(output / name / "camera.yaml" for name in called)):
         refuse_existing(path, overwrite=overwrite)
-    loaded, known = {}, {}
+    loaded, known = {}, _models(models, called)
     for name, path in zip(called, inputs, strict=True):
         say(f"Camera {name}: {path}.")
         loaded[name], camera = _loaded(path, target, jobs, no_cache)
         if camera is not None:
-            known[name] = camera
+            known.setdefault(name, camera)
     matching: Any = "order" if by_order else "name" if shots is None else _table(shots)
     one = loaded[called[0]]
     with stages("Fitting") as progress:
@@ -203,6 +216,23 @@ def _names(inputs: Sequence[Path], given: str | None) -> list[str]:
     return names
 
 
+def _models(given: Sequence[Path], names: Sequence[str]) -> dict[str, CameraFile]:
+    """Cameras that are calibrated already, by name."""
+    from cubicfish_cli.cli.options import in_folder
+    from cubicfish_cli.formats.camera_yaml import load_camera
+
+    known = {}
+    for one in given:
+        name, separator, path = str(one).partition("=")
+        if not separator or name not in names:
+            raise click.UsageError(
+                f"--model {quoted(str(one))} names no camera: write NAME=FILE with one of "
+                + ", ".join(names)
+            )
+        known[name] = load_camera(in_folder(Path(path)))
+    return known
+
+
 def _loaded(
     path: Path, target: TargetChoice, jobs: int | None, no_cache: bool
 ) -> tuple[Pairs, CameraFile | None]:
@@ -224,11 +254,8 @@ def _loaded(
         (source,), correspondences=None, target=target, size=None, jobs=jobs, no_cache=no_cache
     )
     if loaded.detection is not None:
-        photo_problems(loaded.detection)
         say_photo_problems(loaded.detection)
     if camera is not None:
-        from dataclasses import replace
-
         loaded = replace(loaded, files=(*loaded.files, fingerprint(model)))
     return loaded, camera
 

@@ -60,8 +60,9 @@ def calibrate_rig(
         target: the object; pairs need none.
         shots: which photos are of one shot: those of the same ``name`` (without folder and
             ending), those at the same place in ``order``, or rows (shot, camera, photo).
-        known: cameras that are calibrated already; they are not calibrated again.
-        hold_lenses: leave the lenses as they are; only places and shots are fitted together.
+        known: cameras that are calibrated already; their lenses stay as they are.
+        hold_lenses: leave all lenses as each camera alone has them; only places and shots are
+            fitted together.
         refine_target: as in :func:`calibrate`.
         progress: called with what is done now, in words, and the share done, 0 to 1.
 

@@ -28,6 +28,7 @@ from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.refinement import LEVELS, Level, settled_spread
+from cubicfish_cli.fitting.rig.exchanged import refuse_exchanged
 from cubicfish_cli.fitting.rig.findings import RigFinding, find_rig_faults
 from cubicfish_cli.fitting.rig.shots import Shots
 from cubicfish_cli.fitting.rig.spread import place_covariances
@@ -222,6 +223,7 @@ def calibrate_rig(
     """
     if len(cameras) < 2:
         raise FitError("a rig has two cameras or more: calibrate a single one with 'calibrate'")
+    refuse_exchanged(cameras)
     everything = np.concatenate([camera.pairs.world for camera in cameras])
     origin = everything.mean(axis=0)
     scale = world_scale(replace(cameras[0].pairs, world=everything))
