@@ -105,14 +105,14 @@ def test_known_lenses_stay_and_exchanged_ones_are_named(
 ) -> None:
     rig, _ = made
     args = ["rig", folder / "left.csv", folder / "right.csv", "-t", folder / "target.yaml"]
-    models = ["--model", f"left={rig / 'left'}", "--model", f"right={rig / 'right'}"]
+    models = ["--lens", f"left={rig / 'left'}", "--lens", f"right={rig / 'right'}"]
     run(*args, *models, "-o", tmp_path / "held", "-q")
     for name in ("left", "right"):
         before, after = (
             load_camera(place / name / "camera.yaml") for place in (rig, tmp_path / "held")
         )
         assert (before.camera.P == after.camera.P).all()
-    wrong = ["--model", f"left={rig / 'right'}", "--model", f"right={rig / 'left'}"]
+    wrong = ["--lens", f"left={rig / 'right'}", "--lens", f"right={rig / 'left'}"]
     said = run(*args, *wrong, "-o", tmp_path / "wrong", code=1).stderr
     assert "cameras left and right are exchanged" in said
     assert not (tmp_path / "wrong").exists()
@@ -125,7 +125,7 @@ def test_shots_may_be_listed(
     rows = [f"s{n},{camera},shot_00{n}" for n in range(1, 6) for camera in ("left", "right")]
     (tmp_path / "shots.csv").write_text("shot,camera,image\n" + "\n".join(rows) + "\n")
     args = ["rig", folder / "left.csv", folder / "right.csv", "-t", folder / "target.yaml"]
-    models = ["--model", f"left={rig / 'left'}", "--model", f"right={rig / 'right'}"]
+    models = ["--lens", f"left={rig / 'left'}", "--lens", f"right={rig / 'right'}"]
     args += [*models, "--shots", tmp_path / "shots.csv", "-o", tmp_path / "rig", "--json"]
     record = json.loads(run(*args).stdout)
     assert [one["shot"] for one in record["fit"]["per_shot"]] == ["s1", "s2", "s3", "s4", "s5"]
@@ -138,7 +138,7 @@ def test_shots_may_be_listed(
         (["left.csv", "left.csv"], 2, "give each a name of its own with --names"),
         (["left.csv", "right.csv", "--names", "a"], 2, "--names has 1 names for 2 cameras"),
         (["left.csv", "right.csv", "--by-order", "--shots", "s.csv"], 2, "leave --by-order out"),
-        (["left.csv", "right.csv", "--model", "rear=x.yaml"], 2, "names no camera"),
+        (["left.csv", "right.csv", "--lens", "rear=x.yaml"], 2, "names no camera"),
         (["left.csv", "film.mp4"], 2, "is a film"),
         (["left.csv", "nothing.csv"], 1, "does not exist"),
     ],

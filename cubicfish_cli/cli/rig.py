@@ -46,7 +46,7 @@ _FILMS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v", ".360", ".insv")
     epilog=examples(
         "cubicfish rig left/ right/ --target target.yaml",
         "cubicfish rig left.csv right.csv rear.csv --target target.yaml -o rig",
-        "cubicfish rig left/ right/ --model left=left_calibration --model right=right_calibration",
+        "cubicfish rig left/ right/ --lens left=left_calibration --lens right=right_calibration",
     ),
 )
 @click.argument(
@@ -75,9 +75,8 @@ _FILMS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v", ".360", ".insv")
     help="Names of the cameras. [default: those of their folders or files]",
 )
 @click.option(
-    "-m",
-    "--model",
-    "models",
+    "--lens",
+    "lenses",
     type=FILE,
     multiple=True,
     metavar="NAME=FILE",
@@ -115,7 +114,7 @@ def command(
     target: TargetChoice,
     output: Path,
     names: str | None,
-    models: tuple[Path, ...],
+    lenses: tuple[Path, ...],
     by_order: bool,
     shots: Path | None,
     hold_lenses: bool,
@@ -152,7 +151,7 @@ def command(
     made_at()  # said before the work if it cannot be
     for path in (output / "rig.yaml", *(output / name / "camera.yaml" for name in called)):
         refuse_existing(path, overwrite=overwrite)
-    loaded, known = {}, _models(models, called)
+    loaded, known = {}, _lenses(lenses, called)
     for name, path in zip(called, inputs, strict=True):
         say(f"Camera {name}: {path}.")
         loaded[name], camera = _loaded(path, target, jobs, no_cache)
@@ -216,7 +215,7 @@ def _names(inputs: Sequence[Path], given: str | None) -> list[str]:
     return names
 
 
-def _models(given: Sequence[Path], names: Sequence[str]) -> dict[str, CameraFile]:
+def _lenses(given: Sequence[Path], names: Sequence[str]) -> dict[str, CameraFile]:
     """Cameras that are calibrated already, by name."""
     from cubicfish_cli.cli.options import in_folder
     from cubicfish_cli.formats.camera_yaml import load_camera
@@ -226,7 +225,7 @@ def _models(given: Sequence[Path], names: Sequence[str]) -> dict[str, CameraFile
         name, separator, path = str(one).partition("=")
         if not separator or name not in names:
             raise click.UsageError(
-                f"--model {quoted(str(one))} names no camera: write NAME=FILE with one of "
+                f"--lens {quoted(str(one))} names no camera: write NAME=FILE with one of "
                 + ", ".join(names)
             )
         known[name] = load_camera(in_folder(Path(path)))
