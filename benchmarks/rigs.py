@@ -15,8 +15,13 @@ import argparse
 import sys
 import time
 from dataclasses import dataclass, replace
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 import numpy as np
+from simulated import CornerErrors
+from simulated_rig import RigTruth, combined, simulated_rig
 
 from cubicfish_cli.correspondences import Correspondences, pair
 from cubicfish_cli.errors import CubicfishError
@@ -26,8 +31,6 @@ from cubicfish_cli.fitting.rig.shots import shots_by_name
 from cubicfish_cli.model.soundness import cone_rays
 from cubicfish_cli.rendering.outside import OutsideLens, outside_lens
 from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
-from cubicfish_cli.rendering.simulated import CornerErrors
-from cubicfish_cli.rendering.simulated_rig import RigTruth, combined, simulated_rig
 from cubicfish_cli.target import Target
 
 NOISE = CornerErrors(noise=0.1, shared=0.0, spread=0.0)

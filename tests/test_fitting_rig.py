@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from simulated import CornerErrors
+from simulated_rig import RigTruth, simulated_rig
 
 from cubicfish_cli.correspondences import Correspondences, pair
 from cubicfish_cli.errors import FitError
@@ -20,8 +22,6 @@ from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.fitting.world import DrawnWorld
 from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
-from cubicfish_cli.rendering.simulated import CornerErrors
-from cubicfish_cli.rendering.simulated_rig import RigTruth, simulated_rig
 from cubicfish_cli.target import Target
 
 NAMES = ("left", "right")

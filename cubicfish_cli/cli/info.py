@@ -63,8 +63,8 @@ def rig_path(given: Path | None) -> Path | None:
     if given is None:
         return None
     if given.is_dir():
-        inside = given / "rig.yaml"
-        return inside if inside.is_file() and not (given / options.DEFAULT_MODEL.name).exists() else None
+        inside, camera = given / "rig.yaml", given / options.DEFAULT_MODEL.name
+        return inside if inside.is_file() and not camera.exists() else None
     return given if is_rig(given) else None
 
 

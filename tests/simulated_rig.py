@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from simulated import CornerErrors, Truth, simulated_corners
 
 from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.rendering.outside import OutsideLens
 from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
-from cubicfish_cli.rendering.simulated import CornerErrors, Truth, simulated_corners
 from cubicfish_cli.rendering.truth import project_corners
 from cubicfish_cli.target import Target
 
@@ -115,8 +115,6 @@ def combined(first: Pose, second: Pose) -> Pose:
 
 
 def _renamed(corners: Corners, names: tuple[str, ...]) -> Corners:
-    from dataclasses import replace
-
     return replace(corners, images=names)
 
 
