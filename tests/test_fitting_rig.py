@@ -189,6 +189,17 @@ def test_cameras_without_a_common_shot_are_refused() -> None:
         fitted(pairs, apart)
 
 
+def test_few_common_shots_are_told_once_for_two_cameras() -> None:
+    pairs, _ = simulated()
+    shots = matched(pairs)
+    few = {name: shot + 20 * (shot > 3) for name, shot in shots.photos[1].items()}
+    names = tuple(f"{number:02d}" for number in range(40))
+    rig = fitted(pairs, Shots(names=names, photos=(shots.photos[0], few)))
+    (found,) = rig.findings
+    assert (found.code, set(found.cameras)) == ("few_common_shots", set(NAMES))
+    assert found.figures["shots"] == rig.pairs[0].shots < 5
+
+
 def test_shots_that_fit_no_rig_are_refused() -> None:
     pairs, _ = simulated()
     names = pairs[1].images

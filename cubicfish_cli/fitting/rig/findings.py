@@ -257,12 +257,13 @@ def _mismatched(
 def _few(names: Sequence[str], lens: RigLens) -> list[RigFinding]:
     """Cameras whose strongest connection to the others is weak."""
     common = common_shots(lens, len(names))
-    found = []
+    found: list[RigFinding] = []
     for camera, name in enumerate(names):
         others = np.delete(np.arange(len(names)), camera)
         best = int(others[np.argmax(common[camera, others])])
         shared = int(common[camera, others].sum())
-        if shared < _FEW:
+        said = any({name, names[best]} == set(one.cameras) for one in found)
+        if shared < _FEW and not said:
             found.append(
                 RigFinding(
                     code="few_common_shots",
