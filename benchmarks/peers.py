@@ -28,10 +28,11 @@ import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences, load_corners, pair
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.adjustment import FitLens, adjust
+from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.baselines.compare import compare_baselines
 from cubicfish_cli.fitting.baselines.unified import UnifiedLens
 from cubicfish_cli.fitting.calibrate import Calibration, calibrate
+from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import FOLDS
 from cubicfish_cli.fitting.lenses import FixedLens, RadialFit
 from cubicfish_cli.fitting.poses import Poses

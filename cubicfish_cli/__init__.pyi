@@ -9,9 +9,12 @@ from cubicfish_cli.fitting.calibrate import Calibration as Calibration
 from cubicfish_cli.fitting.comparison import Comparison as Comparison
 from cubicfish_cli.fitting.comparison import compare as compare
 from cubicfish_cli.fitting.evaluate import Evaluation as Evaluation
+from cubicfish_cli.fitting.rig.calibrate import RigCalibration as RigCalibration
 from cubicfish_cli.fitting.verdict import Verdict as Verdict
 from cubicfish_cli.formats.camera_yaml import CameraFile as CameraFile
 from cubicfish_cli.formats.camera_yaml import load_camera as load_camera
+from cubicfish_cli.formats.rig_yaml import RigFile as RigFile
+from cubicfish_cli.formats.rig_yaml import load_rig as load_rig
 from cubicfish_cli.library.calibration import calibrate as calibrate
 from cubicfish_cli.library.calibration import evaluate as evaluate
 from cubicfish_cli.library.calibration import judge as judge
@@ -20,6 +23,8 @@ from cubicfish_cli.library.cameras import save_camera as save_camera
 from cubicfish_cli.library.cameras import save_target as save_target
 from cubicfish_cli.library.detection import detect as detect
 from cubicfish_cli.library.pictures import undistort as undistort
+from cubicfish_cli.library.rigs import calibrate_rig as calibrate_rig
+from cubicfish_cli.library.rigs import save_rig as save_rig
 from cubicfish_cli.model.cubic import CubicCamera as CubicCamera
 from cubicfish_cli.naming.detect import Detection as Detection
 from cubicfish_cli.photos import read_picture as read_picture

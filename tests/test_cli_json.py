@@ -34,8 +34,8 @@ KEYS: dict[str, Mapping[str, str]] = {
 }
 
 
-# Keys that only cameras have which are tested elsewhere.
-RARE = {"export": {"beyond"}, "import": {"fold_deg"}}
+# Keys that only cameras and rigs have which are tested elsewhere.
+RARE = {"export": {"beyond"}, "import": {"fold_deg"}, "info": {"rig"}}
 
 
 def records(run: Run, *lines: tuple[object, ...]) -> list[dict[str, Any]]:
@@ -325,6 +325,7 @@ def test_an_error_leaves_stdout_empty(run: Run, tmp_path: Path, name: str) -> No
         "target check": (missing,),
         "target print": (missing,),
         "calibrate": (missing, "-t", TARGET),
+        "rig": (missing, missing, "--names", "a,b", "-t", TARGET),
         "frames": (missing, "-o", out),
         "detect": (missing, "-t", TARGET),
         "corners": (missing, "-t", TARGET),

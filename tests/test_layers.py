@@ -35,6 +35,7 @@ ALLOWED: dict[str, set[str]] = {
     "fitting": {
         "errors",
         "angles",
+        "wording",
         "geometry",
         "target",
         "correspondences",

@@ -101,6 +101,7 @@ CALIBRATE = {
     "files": "every file that was written, by its kind",
 }
 INFO = {
+    "rig": "of a rig.yaml, and then nothing else but model: units, cameras, pairs, fit, made_by",
     "title": "what its owner called it with 'cubicfish calibrate --title'",
     "summary": "the camera in one line",
     "image_size": "[width, height]",
@@ -150,6 +151,15 @@ CORNERS = {
     "corners": "how many corners were taken over",
     "left_out": "how many the files say were not found",
     "empty_images": "photos without corners",
+}
+RIG = {
+    "units": "of lengths: the target's; null for pairs that came without one",
+    "cameras": "a record a camera: name, camera (its file), camera_from_rig, position, covariance, "
+    "turn_sigma_deg, shift_sigma, fit (its errors in pixels)",
+    "pairs": "a record for every two cameras: cameras, shots (in common), rms_px",
+    "fit": "of all: errors in pixels, held_out_rms_px, shots, refine_target, held_lenses, "
+    "findings, per_shot",
+    "model": "the rig's file",
 }
 EVALUATE = {
     **_ERRORS,

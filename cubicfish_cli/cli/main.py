@@ -31,6 +31,7 @@ EXIT_BROKEN_PIPE = 141  # what a shell reports for a program that SIGPIPE ended
 COMMANDS = (
     "target",
     "calibrate",
+    "rig",
     "frames",
     "detect",
     "corners",

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.normal_equations import (
     Linearised,
     NormalEquations,
@@ -17,9 +17,11 @@ from cubicfish_cli.fitting.normal_equations import (
     runs_of_photos,
 )
 from cubicfish_cli.fitting.poses import Poses, cross_matrix
+from cubicfish_cli.fitting.rig_lens import RigLens, Through
 from cubicfish_cli.fitting.world import DrawnWorld, World
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
 
 _MAX_ITERATIONS = 100
 _RELATIVE_DECREASE = 1e-10
@@ -28,33 +30,13 @@ WARM_DAMPING = 1e-8
 """For a start at the optimum of nearly the same pairs."""
 
 
-class FitLens(Protocol):
-    """A lens that least squares can adjust."""
-
-    @property
-    def parameters(self) -> FloatArray:
-        """(K,) the free parameters; K may be 0."""
-
-    def with_parameters(self, parameters: FloatArray) -> FitLens:
-        """The same lens with other parameters."""
-
-    def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Camera-frame points (N, 3) -> pixel (N, 2), d/d point (N, 2, 3), d/d param (N, 2, K)."""
-
-    def project(self, points: FloatArray) -> FloatArray:
-        """Camera-frame points (N, 3) -> pixel (N, 2), without derivatives."""
-
-    def prior(self) -> tuple[FloatArray, FloatArray]:
-        """Pseudo-observations: residuals (M,) in pixels and d/d parameters (M, K)."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Adjustment:
     """Where Levenberg–Marquardt stopped.
 
     Attributes:
         lens: the adjusted lens.
-        poses: camera_from_world of every photo.
+        poses: camera_from_world of every photo; of a rig, rig_from_world of every shot.
         world: the adjusted object.
         residual: (N, 2) projection less pixel, unweighted, pixels.
         cost: robust cost at the end, priors included.
@@ -112,7 +94,7 @@ def adjust(
 
     Args:
         lens: the start; its prior is part of the cost.
-        poses: the start, one for each of ``pairs.images``.
+        poses: the start, one for each of ``pairs.images``, or of a rig one for each shot.
         pairs: 2D-3D pairs, sorted by photo.
         huber_px: distance in pixels from which a pair's pull stops growing.
         world: the object's points and what of them is free; by default ``pairs.world``, fixed.
@@ -181,8 +163,9 @@ def _evaluated(state: _State, pairs: Correspondences, huber_px: float) -> _Evalu
     residual = np.empty_like(pairs.pixel)
     # A step may lead anywhere: what overflows there has an infinite cost and is turned down.
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        for photos, run in runs_of_photos(pairs.image, len(state.poses)):
-            terms = linearised(lens, state.poses, world, pairs, run)
+        views = views_of(lens, state.poses)
+        for photos, run in runs_of_photos(pairs.image, len(views), camera_stops(lens)):
+            terms = linearised(lens, state.poses, world, pairs, run, views)
             residual[run] = terms.residual
             length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
             if not np.isfinite(length).all():
@@ -207,25 +190,62 @@ def _cost(
     )
 
 
+def views_of(lens: FitLens, poses: Poses) -> Poses:
+    """camera_from_world of every photo: of a rig, what each camera saw of each shot."""
+    return lens.views(poses) if isinstance(lens, RigLens) else poses
+
+
+def camera_stops(lens: FitLens) -> IntArray:
+    """Photos at which another camera's begin."""
+    return lens.stops if isinstance(lens, RigLens) else np.zeros(0, np.intp)
+
+
 def linearised(
-    lens: FitLens, poses: Poses, world: World, pairs: Correspondences, run: slice
+    lens: FitLens,
+    poses: Poses,
+    world: World,
+    pairs: Correspondences,
+    run: slice,
+    views: Poses | None = None,
 ) -> Linearised:
-    """Residuals of a run of pairs and their derivatives by everything that is free."""
-    rotation = poses.rotation[pairs.image[run]]
+    """Residuals of a run of one camera's pairs and their derivatives by everything that is free.
+
+    Args:
+        lens: the lens, or those of a rig.
+        poses: one a photo, or a shot of a rig.
+        world: the object.
+        pairs: all pairs.
+        run: which of them.
+        views: of all photos, where they are known already.
+
+    """
+    views = views_of(lens, poses) if views is None else views
+    image = pairs.image[run]
+    rotation = views.rotation[image]
     rotated = (rotation @ world.points[run, :, None])[:, :, 0]
-    points = rotated + poses.translation[pairs.image[run]]
-    pixel, d_point, d_lens = lens.project_jacobian(points)
+    points = rotated + views.translation[image]
+    through = lens.through(int(image[0])) if isinstance(lens, RigLens) else Through.only(lens)
+    pixel, d_point, d_lens = through.lens.project_jacobian(points)
     d_board, d_corner = None, None
     if len(world.parameters) or len(world.offsets):
         d_corner = d_point @ rotation
         d_board = world.chain(d_corner, run)
+    d_turn, d_shift = -d_point @ cross_matrix(rotated), d_point
+    if through.place is not None:
+        turned, shift = through.place
+        # A turn of the camera on the body swings the whole way from the body's origin with it.
+        arm = cross_matrix(views.translation[image] - shift)
+        d_lens = np.concatenate([d_lens, d_turn - d_shift @ arm, d_shift], axis=2)
+        d_turn, d_shift = d_turn @ turned, d_shift @ turned
     return Linearised(
         residual=pixel - pairs.pixel[run],
         d_lens=d_lens,
+        columns=through.columns,
         d_board=d_board,
-        d_turn=-d_point @ cross_matrix(rotated),
-        d_shift=d_point,
+        d_turn=d_turn,
+        d_shift=d_shift,
         d_corner=d_corner,
+        pose=lens.shot[image] if isinstance(lens, RigLens) else image,
     )
 
 

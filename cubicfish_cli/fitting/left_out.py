@@ -8,15 +8,18 @@ the price of a small linear system, where a fit anew costs tens of iterations.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_array
 
 from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.fitting.adjustment import Adjustment, FitLens, huber_weight, linearised
+from cubicfish_cli.fitting.adjustment import Adjustment, huber_weight, linearised
+from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.normal_equations import Eliminated, NormalEquations
+from cubicfish_cli.fitting.rig_lens import RigLens
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
@@ -89,16 +92,10 @@ class Leaving:
             groups: photos to be left out together.
 
         """
-        bounds = np.searchsorted(pairs.image, np.arange(len(fit.poses) + 1))
+        runs = _runs(fit, pairs)
         self._fit = fit
         self._groups = [
-            (
-                photos,
-                [
-                    _part(fit, pairs, huber_px, slice(int(bounds[photo]), int(bounds[photo + 1])))
-                    for photo in photos
-                ],
-            )
+            (photos, [_part(fit, pairs, huber_px, runs[photo]) for photo in photos])
             for photos in groups
         ]
         self._equations = [
@@ -165,12 +162,37 @@ class Leaving:
         return steps
 
 
-def _part(fit: Adjustment, pairs: Correspondences, limit: float, run: slice) -> _Part:
+def _runs(fit: Adjustment, pairs: Correspondences) -> list[list[slice]]:
+    """Where the pairs of each pose are: in one place, or one for each camera that saw the shot."""
+    views = np.arange(len(fit.poses))
+    if isinstance(fit.lens, RigLens):
+        views = fit.lens.shot
+    bounds = np.searchsorted(pairs.image, np.arange(len(views) + 1))
+    runs: list[list[slice]] = [[] for _ in range(len(fit.poses))]
+    for view, pose in enumerate(views):
+        runs[pose].append(slice(int(bounds[view]), int(bounds[view + 1])))
+    return runs
+
+
+def _part(fit: Adjustment, pairs: Correspondences, limit: float, runs: Sequence[slice]) -> _Part:
+    found = [_view(fit, pairs, limit, run) for run in runs]
+    if len(found) == 1:
+        return found[0]
+    names = [one.name for one in fields(_Part)]
+    return _Part(**{name: np.concatenate([getattr(one, name) for one in found]) for name in names})
+
+
+def _view(fit: Adjustment, pairs: Correspondences, limit: float, run: slice) -> _Part:
     terms = linearised(fit.lens, fit.poses, fit.world, pairs, run)
     length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
     root = np.sqrt(np.maximum(pairs.weight[run], _SMALLEST_WEIGHT) * huber_weight(length, limit))
-    blocks = [terms.d_lens] if terms.d_board is None else [terms.d_lens, terms.d_board]
-    shared = np.concatenate(blocks, axis=2) * root[:, None, None]
+    lens = len(fit.lens.parameters)
+    boards = 0 if terms.d_board is None else terms.d_board.shape[2]
+    shared = np.zeros((len(root), 2, lens + boards))
+    shared[:, :, terms.columns] = terms.d_lens
+    if terms.d_board is not None:
+        shared[:, :, lens:] = terms.d_board
+    shared *= root[:, None, None]
     pose = np.concatenate([terms.d_turn, terms.d_shift], axis=2) * root[:, None, None]
     free = len(fit.world.offsets) and terms.d_corner is not None
     return _Part(
@@ -205,8 +227,13 @@ def _without(normal: NormalEquations, photos: IntArray, parts: Sequence[_Part]) 
         np.subtract.at(corner_gradient, part.corner, part.pull())
         by_shared = across @ part.shared.reshape(-1, 2, count)  # (n, 3, K)
         places = 3 * part.corner[:, None] + np.arange(3)
-        # A photo sees each corner once, so no place comes twice.
-        shared_corner[:, places.reshape(-1)] -= by_shared.reshape(-1, count).T
+        # Several cameras may see a corner in one shot.
+        places = places.reshape(-1)
+        rows = np.arange(len(places) + 1)
+        summed = csr_array(
+            (np.ones(len(places)), places, rows), shape=(len(places), shared_corner.shape[1])
+        )
+        shared_corner -= (summed.T @ by_shared.reshape(-1, count)).T
     return replace(
         normal,
         shared=shared,

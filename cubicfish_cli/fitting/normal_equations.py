@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +22,7 @@ IntArray = npt.NDArray[np.intp]
 
 # Derivatives of so many pairs fit into a core's cache; larger arrays wait for memory.
 _RUN_PAIRS = 1000
+_NO_STOPS: IntArray = np.zeros(0, np.intp)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -264,12 +266,15 @@ def _damped(matrix: FloatArray, damping: float) -> FloatArray:
     return damped
 
 
-def runs_of_photos(image: IntArray, photos: int) -> Iterator[tuple[slice, slice]]:
+def runs_of_photos(
+    image: IntArray, photos: int, stops: IntArray = _NO_STOPS
+) -> Iterator[tuple[slice, slice]]:
     """Whole photos in runs whose derivatives stay in the processor's cache.
 
     Args:
         image: (N,) photo of each pair, non-decreasing.
         photos: M.
+        stops: photos with which a run has to begin, increasing.
 
     Returns:
         The photos of each run and their pairs.
@@ -279,7 +284,7 @@ def runs_of_photos(image: IntArray, photos: int) -> Iterator[tuple[slice, slice]
     first = 0
     while first < photos:
         stop = int(np.searchsorted(bounds, bounds[first] + _RUN_PAIRS, side="right")) - 1
-        stop = min(max(stop, first + 1), photos)
+        stop = min([max(stop, first + 1), photos, *stops[stops > first]])
         yield slice(first, stop), slice(int(bounds[first]), int(bounds[stop]))
         first = stop
 
@@ -290,41 +295,54 @@ class Linearised:
 
     Attributes:
         residual: (n, 2) pixels.
-        d_lens: (n, 2, L) by the lens's parameters.
+        d_lens: (n, 2, l) by those parameters of the lens that these pairs depend on.
+        columns: where the l stand among all the lens's.
         d_board: (n, 2, S) by the boards' shapes and places; None where S is 0.
-        d_turn: (n, 2, 3) by the rotation of the pair's photo.
+        d_turn: (n, 2, 3) by the rotation of the pair's pose.
         d_shift: (n, 2, 3) by its translation.
         d_corner: (n, 2, 3) by the pair's world point; None where the object is not free.
+        pose: (n,) which pose that is.
 
     """
 
     residual: FloatArray
     d_lens: FloatArray
+    columns: slice
     d_board: FloatArray | None
     d_turn: FloatArray
     d_shift: FloatArray
     d_corner: FloatArray | None
+    pose: IntArray
 
 
 class NormalSums:
     """The blocks of the normal equations, summed up over runs of photos.
 
-    Shared unknowns are the lens's, then the boards'.
+    Shared unknowns are the lens's, then the boards'. Of several lenses, a photo touches one's own
+    unknowns only, so the work does not grow with how many there are.
     """
 
-    def __init__(self, lens: int, boards: int, photos: int, world: World) -> None:
-        """Zeros for so many parameters of lens and boards and so many photos."""
+    def __init__(self, lens: int, boards: int, poses: int, world: World) -> None:
+        """Zeros for so many parameters of lens and boards and so many poses."""
         self._world = world
         self._lens = lens
+        self._boards = boards
         count = self._shared = lens + boards
         self._corners = len(world.offsets)
-        self._total = np.zeros((count, count + 7))
-        self._pose = np.empty((photos, 6, 6))
-        self._shared_pose = np.empty((count, photos, 6))
-        self._pose_gradient = np.empty((photos, 6))
+        # By the columns of the lens that photos touch: what these photos' Gram matrices add up to.
+        self._total: dict[tuple[int, int], FloatArray] = {}
+        self._pose = np.zeros((poses, 6, 6))
+        self._shared_pose = np.zeros((count, poses, 6))
+        self._pose_gradient = np.zeros((poses, 6))
         # By each corner's coordinates: what is shared, its own place, the residual.
         self._by_corner = np.zeros((3 * self._corners, count + 4))
-        self._pose_corner = np.zeros((photos, 6, self._corners, 3))
+        self._pose_corner = np.zeros((poses, 6, self._corners, 3))
+
+    def _own(self, columns: slice) -> IntArray | slice:
+        """Which of the shared unknowns photos touch."""
+        if columns == slice(0, self._lens):
+            return slice(None)
+        return np.r_[columns, self._lens : self._shared]
 
     def add(
         self, terms: Linearised, root: FloatArray, photos: slice, image: IntArray, pairs: slice
@@ -339,58 +357,75 @@ class NormalSums:
             pairs: the run's place among all pairs.
 
         """
-        count = self._shared
+        lens = terms.d_lens.shape[2]
+        count = lens + self._boards
+        own = self._own(terms.columns)
+        key = terms.columns.start, terms.columns.stop
+        total = self._total.setdefault(key, np.zeros((count, count + 7)))
         jacobian = np.empty((len(root), 2, count + 7))
-        jacobian[:, :, : self._lens] = terms.d_lens
+        jacobian[:, :, :lens] = terms.d_lens
         if terms.d_board is not None:
-            jacobian[:, :, self._lens : count] = terms.d_board
+            jacobian[:, :, lens:count] = terms.d_board
         jacobian[:, :, count : count + 3] = terms.d_turn
         jacobian[:, :, count + 3 : count + 6] = terms.d_shift
         jacobian[:, :, count + 6] = terms.residual
         jacobian *= root[:, None, None]
         bounds = np.searchsorted(image, np.arange(photos.start, photos.stop + 1))
-        for photo, start, stop in zip(
-            range(photos.start, photos.stop), bounds[:-1], bounds[1:], strict=True
-        ):
+        for start, stop in pairwise(bounds):
+            if start == stop:
+                continue
             # One Gram matrix a photo holds every block, the gradient in its last column.
             rows = jacobian[start:stop].reshape(-1, count + 7)
-            gram = rows.T @ rows
-            self._total += gram[:count]
-            self._pose[photo] = gram[count:-1, count:-1]
-            self._shared_pose[:, photo] = gram[:count, count:-1]
-            self._pose_gradient[photo] = gram[count:-1, -1]
+            gram, pose = rows.T @ rows, terms.pose[start]
+            total += gram[:count]
+            self._pose[pose] += gram[count:-1, count:-1]
+            self._shared_pose[own, pose] += gram[:count, count:-1]
+            self._pose_gradient[pose] += gram[count:-1, -1]
         if self._corners and terms.d_corner is not None:
             d_corner = terms.d_corner * root[:, None, None]
-            self._add_corners(jacobian, d_corner, image, self._world.corner[pairs])
+            self._add_corners(jacobian, d_corner, own, terms.pose, self._world.corner[pairs])
 
     def _add_corners(
         self,
         jacobian: FloatArray,
         d_corner: FloatArray,
-        image: IntArray,
+        own: IntArray | slice,
+        pose: IntArray,
         corner: IntArray,
     ) -> None:
-        """The blocks of free corners: jacobian (n, 2, K + 7), d_corner (n, 2, 3), weighted."""
-        count = self._shared
+        """The blocks of free corners: jacobian (n, 2, k + 7), d_corner (n, 2, 3), weighted."""
+        count = jacobian.shape[2] - 7
         by_corner = _by_own_block(d_corner, corner, self._corners)
         rows = np.concatenate([jacobian[:, :, :count], d_corner, jacobian[:, :, -1:]], axis=2)
-        self._by_corner += by_corner.T @ rows.reshape(-1, count + 4)
+        product = by_corner.T @ rows.reshape(-1, count + 4)
+        self._by_corner[:, : self._shared][:, own] += product[:, :count]
+        self._by_corner[:, self._shared :] += product[:, count:]
         # A photo sees each corner once, so no place comes twice.
         across = jacobian[:, :, count:-1].transpose(0, 2, 1) @ d_corner
-        self._pose_corner[image, :, corner] = across
+        self._pose_corner[pose, :, corner] += across
+
+    def _totals(self) -> tuple[FloatArray, FloatArray]:
+        """Hessian (K, K) and gradient (K,) of the shared unknowns."""
+        hessian, gradient = np.zeros((self._shared,) * 2), np.zeros(self._shared)
+        for (first, stop), total in self._total.items():
+            own = np.arange(self._shared)[self._own(slice(first, stop))]
+            hessian[np.ix_(own, own)] += total[:, : len(own)]
+            gradient[own] += total[:, -1]
+        return hessian, gradient
 
     def equations(self, priors: tuple[FloatArray, FloatArray]) -> NormalEquations:
         """The sums with the priors: residuals (L,) and derivatives (L, K), and offsets' pull."""
         count = self._shared
+        hessian, gradient = self._totals()
         residual, d_prior = priors
         offsets = self._world.offsets
         pull = self._world.offset_weight**2
         corner = self._by_corner[:, count:-1].reshape(-1, 3, 3)
         return NormalEquations(
-            shared=self._total[:, :count] + d_prior.T @ d_prior,
+            shared=hessian + d_prior.T @ d_prior,
             pose=self._pose,
             shared_pose=self._shared_pose.reshape(count, 6 * len(self._pose)),
-            shared_gradient=self._total[:, -1] + d_prior.T @ residual,
+            shared_gradient=gradient + d_prior.T @ residual,
             pose_gradient=self._pose_gradient,
             corner=corner + pull * np.eye(3),
             shared_corner=self._by_corner[:, :count].T,

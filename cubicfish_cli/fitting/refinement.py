@@ -109,7 +109,7 @@ def refine_object(
         free = replace(free, parameters=previous.parameters, spread=previous.spread)
     adjusted = _adjusted(fit.cubic.lens, fit.cubic.poses, drawing.pairs, free)
     adjusted = _continued(adjusted, drawing.pairs)
-    adjusted, spread = _settled_spread(adjusted, drawing.pairs, spread)
+    adjusted, spread = settled_spread(adjusted, drawing.pairs, spread)
     return _joint(fit, drawing, level, adjusted, spread, groups)
 
 
@@ -154,7 +154,7 @@ def _continued(
     )
 
 
-def _settled_spread(
+def settled_spread(
     fit: Adjustment, pairs: Correspondences, spread: float | None
 ) -> tuple[Adjustment, float | None]:
     """Let the spreads of shapes, places and offsets follow the data: the pulls to the drawing.

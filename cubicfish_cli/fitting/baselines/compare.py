@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.adjustment import Adjustment, FitLens, adjust
+from cubicfish_cli.fitting.adjustment import Adjustment, adjust
 from cubicfish_cli.fitting.baselines.base import BaselineLens
 from cubicfish_cli.fitting.baselines.division import DivisionLens
 from cubicfish_cli.fitting.baselines.double_sphere import DoubleSphereLens
@@ -25,6 +25,7 @@ from cubicfish_cli.fitting.baselines.unified import UnifiedLens
 from cubicfish_cli.fitting.calibrate import Calibration
 from cubicfish_cli.fitting.companion import Companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
+from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import folds_of
 from cubicfish_cli.fitting.hold import choose_hold
 from cubicfish_cli.fitting.lenses import FixedLens, RadialFit

@@ -17,7 +17,8 @@ import numpy.typing as npt
 from scipy.special import fdtrc
 
 from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.fitting.adjustment import FitLens, huber_weight
+from cubicfish_cli.fitting.adjustment import huber_weight
+from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.normal_equations import runs_of_photos
 from cubicfish_cli.fitting.poses import Poses, cross_matrix
 from cubicfish_cli.fitting.robust import huber_px

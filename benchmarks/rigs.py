@@ -1,0 +1,228 @@
+"""Simulated rigs: do they converge without a guess, how far off are they, and do they know it?
+
+    python benchmarks/rigs.py                    # all set-ups, three seeds each
+    python benchmarks/rigs.py --only six --seeds 1
+    python benchmarks/rigs.py --time             # minutes for more shots and more cameras
+
+Lenses are of no family that is fitted (equisolid of 190 to 220 degrees, with a bump and a turned
+rear group); noise is 0.1 px on each coordinate. A pose's error is that of the rays of a camera's
+pixels on the body: what the lens turns, its place turns back.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+
+import numpy as np
+from simulated import CornerErrors
+from simulated_rig import RigTruth, combined, simulated_rig
+
+from cubicfish_cli.correspondences import Correspondences, pair
+from cubicfish_cli.errors import CubicfishError
+from cubicfish_cli.fitting.alignment import aligned_difference
+from cubicfish_cli.fitting.rig.calibrate import RigCalibration, RigCamera, calibrate_rig
+from cubicfish_cli.fitting.rig.shots import shots_by_name
+from cubicfish_cli.model.soundness import cone_rays
+from cubicfish_cli.rendering.outside import OutsideLens, outside_lens
+from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
+from cubicfish_cli.target import Target
+
+NOISE = CornerErrors(noise=0.1, shared=0.0, spread=0.0)
+
+
+def board(name: str, counts: tuple[int, int], square: float, origin, x_axis, y_axis) -> dict:
+    return {
+        "name": name,
+        "type": "checkerboard",
+        "corners": list(counts),
+        "square": square,
+        "origin": list(origin),
+        "x_axis": list(x_axis),
+        "y_axis": list(y_axis),
+    }
+
+
+def corner_target() -> Target:
+    """Three boards in a corner, seen from where x, y and z are positive."""
+    boards = [
+        board("floor", (9, 6), 60, (90, 390, 0), (1, 0, 0), (0, -1, 0)),
+        board("left", (8, 7), 60, (0, 90, 450), (0, 1, 0), (0, 0, -1)),
+        board("right", (7, 5), 60, (450, 0, 330), (-1, 0, 0), (0, 0, -1)),
+    ]
+    return Target.from_data({"units": "mm", "boards": boards})
+
+
+def box_target() -> Target:
+    """Four walls about a rig, and a floor, 1.6 m wide, boards facing inwards."""
+    boards = []
+    for number, angle in enumerate(np.deg2rad([0, 90, 180, 270])):
+        outward = np.array([np.cos(angle), np.sin(angle), 0.0])  # as seen from the middle
+        down = np.array([0.0, 0.0, -1.0])
+        right = np.cross(down, outward)
+        counts = (9 + number % 2, 6)
+        middle = 800 * outward + np.array([0, 0, 50.0 * (number - 1)])
+        first = middle - right * 100 * (counts[0] - 1) / 2 - down * 100 * (counts[1] - 1) / 2
+        boards.append(board(f"wall{number}", counts, 100.0, first, right, down))
+    boards.append(board("floor", (7, 7), 100.0, (-300, 300, -600), (1, 0, 0), (0, -1, 0)))
+    return Target.from_data({"units": "mm", "boards": boards})
+
+
+def placed(yaw_deg: float, radius: float = 100.0) -> Pose:
+    """camera_from_body of a camera that looks out from a ring about the body's y axis."""
+    yaw = np.deg2rad(yaw_deg)
+    forward = np.array([np.sin(yaw), 0.0, np.cos(yaw)])
+    right = np.array([np.cos(yaw), 0.0, -np.sin(yaw)])
+    return pose_of_matrix(np.stack([right, [0.0, 1.0, 0.0], forward]), radius * forward)
+
+
+def ring(yaws: list[float], radius: float = 100.0) -> list[Pose]:
+    """camera_from_rig: the first camera's frame is the rig's."""
+    bodies = [placed(yaw, radius) for yaw in yaws]
+    turn = rotation_matrix(bodies[0][0])
+    back = pose_of_matrix(turn.T, np.zeros(3))[0], -turn.T @ bodies[0][1]
+    return [combined(one, back) for one in bodies]
+
+
+def stereo() -> list[Pose]:
+    return [(np.zeros(3), np.zeros(3)), (np.array([0.01, 0.03, -0.02]), np.array([-120.0, 1, 2]))]
+
+
+@dataclass(frozen=True)
+class Setup:
+    places: list[Pose]
+    fields: list[float]
+    target: Target
+    distances: tuple[float, float]
+    middle: tuple[float, float, float]
+    shots: int
+
+
+CORNER_MIDDLE = (330.0, 330.0, 300.0)
+BOX_MIDDLE = (0.0, 0.0, 0.0)
+SETUPS = {
+    "stereo": Setup(stereo(), [190, 200], corner_target(), (50, 350), CORNER_MIDDLE, 15),
+    "barely": Setup(ring([0, 160]), [200, 190], box_target(), (0, 250), BOX_MIDDLE, 15),
+    "back": Setup(ring([0, 180]), [190, 190], box_target(), (0, 250), BOX_MIDDLE, 12),
+    "four": Setup(ring([0, 90, 180, 270]), [190, 200, 210, 220], box_target(), (0, 250),
+                  BOX_MIDDLE, 20),
+    "four-corner": Setup(ring([0, 90, 180, 270]), [190, 200, 210, 220], corner_target(),
+                         (50, 350), CORNER_MIDDLE, 30),
+    "six": Setup(ring([0, 60, 120, 180, 240, 300]), [190, 200, 195, 210, 190, 220], box_target(),
+                 (0, 250), BOX_MIDDLE, 20),
+}  # fmt: skip
+
+
+def lens_of(field_deg: float, number: int) -> OutsideLens:
+    lens = outside_lens("equisolid", (1280, 960) if number % 2 else (1200, 1000))
+    half = field_deg / 2
+    focal = 0.49 * min(lens.image_size) / (2 * np.sin(np.deg2rad(half) / 2))
+    return replace(lens, focal=(focal, 0.999 * focal), max_angle_deg=half)
+
+
+def simulated(setup: Setup, seed: int) -> tuple[list[Correspondences], RigTruth, list[OutsideLens]]:
+    lenses = [lens_of(field, number) for number, field in enumerate(setup.fields)]
+    corners, truth = simulated_rig(
+        lenses,
+        setup.places,
+        setup.target,
+        setup.shots,
+        distances=setup.distances,
+        middle=setup.middle,
+        seed=seed,
+        errors=NOISE,
+    )
+    return [pair(one, setup.target) for one in corners], truth, lenses
+
+
+def fitted(pairs: list[Correspondences], target: Target, **options: object) -> RigCalibration:
+    names = [f"camera{number}" for number in range(len(pairs))]
+    shots = shots_by_name(names, [one.images for one in pairs])
+    cameras = [RigCamera(name=name, pairs=one) for name, one in zip(names, pairs, strict=True)]
+    return calibrate_rig(cameras, shots, target=target, **options)  # type: ignore[arg-type]
+
+
+def place_errors(rig: RigCalibration, truth: RigTruth) -> list[np.ndarray]:
+    """(6,) of each camera but the first: turn in radians, shift in the target's unit."""
+    turns = []
+    for one, true in zip(rig.cameras, truth.cameras, strict=True):
+        covered = np.deg2rad(float(one.fit["covered_deg"]))
+        rays = cone_rays(covered, 2000)
+        # What the fitted camera sees along d, the true one sees along turn d.
+        turns.append(aligned_difference(true.lens, one.camera, rays)[1])
+    errors = []
+    for number in range(1, len(turns)):
+        one, (vector, shift) = rig.cameras[number], truth.camera_from_rig[number]
+        rotation = turns[number] @ one.rotation @ turns[0].T
+        off = rotation @ rotation_matrix(vector).T
+        turn = np.array([off[2, 1] - off[1, 2], off[0, 2] - off[2, 0], off[1, 0] - off[0, 1]]) / 2
+        errors.append(np.concatenate([turn, turns[number] @ one.translation - shift]))
+    return errors
+
+
+def measure(name: str, seeds: range) -> None:
+    setup = SETUPS[name]
+    over, turns, shifts, failed, seconds = [], [], [], 0, []
+    for seed in seeds:
+        pairs, truth, _ = simulated(setup, seed)
+        began = time.process_time()
+        try:
+            rig = fitted(pairs, setup.target)
+        except CubicfishError as error:
+            print(f"  {name} seed {seed}: {error}")
+            failed += 1
+            continue
+        seconds.append(time.process_time() - began)
+        for one, error in zip(rig.cameras[1:], place_errors(rig, truth), strict=True):
+            over.append(error / np.sqrt(np.diagonal(one.covariance)))
+            turns.append(np.rad2deg(np.linalg.norm(error[:3])))
+            shifts.append(np.linalg.norm(error[3:]))
+    if not over:
+        return
+    ratio = np.array(over)
+    print(
+        f"{name:<12} {len(seeds) - failed}/{len(seeds)} converged; turn "
+        f"{np.median(turns):.4f}° (max {max(turns):.4f}), shift {np.median(shifts):.3f} mm "
+        f"(max {max(shifts):.3f}); error/sigma turn {np.sqrt(np.mean(ratio[:, :3] ** 2)):.2f}, "
+        f"shift {np.sqrt(np.mean(ratio[:, 3:] ** 2)):.2f}; RMS {rig.errors.rms_px:.3f} px, "
+        f"held out {rig.held_out_rms_px:.3f}; {np.mean(seconds):.0f} s CPU",
+        flush=True,
+    )
+
+
+def measure_time() -> None:
+    for name, shots in (("four", 25), ("four", 50), ("four", 100), ("six", 100)):
+        setup = replace(SETUPS[name], shots=shots)
+        pairs, _, _ = simulated(setup, 0)
+        began, wall = time.process_time(), time.perf_counter()
+        fitted(pairs, setup.target)
+        print(
+            f"{name}: {len(pairs)} cameras x {shots} shots, "
+            f"{sum(len(one.pixel) for one in pairs):,} corners: "
+            f"{time.process_time() - began:.0f} s CPU, {time.perf_counter() - wall:.0f} s",
+            flush=True,
+        )
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", choices=SETUPS, action="append")
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--time", action="store_true")
+    given = parser.parse_args()
+    if given.time:
+        measure_time()
+        return 0
+    for name in given.only or SETUPS:
+        measure(name, range(given.first, given.first + given.seeds))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,316 @@
+"""``cubicfish rig``: photos of several cameras on one body to where each of them stands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli.figures import count, hold_gate, print_errors, px
+from cubicfish_cli.cli.inputs import load_pairs, say_photo_problems
+from cubicfish_cli.cli.made_by import made_at, made_by_record
+from cubicfish_cli.cli.options import (
+    FILE,
+    FOLDER,
+    Argument,
+    common_options,
+    examples,
+    jobs_option,
+    json_option,
+    max_rms_option,
+    no_cache_option,
+    overwrite_option,
+)
+from cubicfish_cli.cli.target_choice import TargetChoice, target_options
+from cubicfish_cli.cli.terminal import apart, print_json, print_table, result, say, stages, working
+from cubicfish_cli.errors import CorrespondenceError
+from cubicfish_cli.wording import quoted
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from cubicfish_cli.cli.inputs import Pairs
+    from cubicfish_cli.fitting.calibrate import RefineTarget
+    from cubicfish_cli.formats.camera_yaml import CameraFile
+
+_FILMS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v", ".360", ".insv")
+
+
+@click.command(
+    "rig",
+    short_help="Photos of several cameras on one body to where each camera stands.",
+    epilog=examples(
+        "cubicfish rig left/ right/ --target target.yaml",
+        "cubicfish rig left.csv right.csv rear.csv --target target.yaml -o rig",
+        "cubicfish rig left/ right/ --lens left=left_calibration --lens right=right_calibration",
+    ),
+)
+@click.argument(
+    "inputs",
+    type=FILE,
+    nargs=-1,
+    metavar="CAMERA CAMERA...",
+    cls=Argument,
+    meaning="For each camera a folder of photos, a corners.csv, or the folder that calibrate "
+    "wrote (camera.yaml and corners.csv), whose lens stays as it is. The first camera's frame is "
+    "the rig's.",
+)
+@target_options
+@click.option(
+    "-o",
+    "--output",
+    type=FOLDER,
+    default=Path("rig"),
+    show_default=True,
+    metavar="FOLDER",
+    help="Where rig.yaml goes, and each camera's camera.yaml in a folder of its name.",
+)
+@click.option(
+    "--names",
+    metavar="NAME,NAME...",
+    help="Names of the cameras. [default: those of their folders or files]",
+)
+@click.option(
+    "--lens",
+    "lenses",
+    type=FILE,
+    multiple=True,
+    metavar="NAME=FILE",
+    help="A camera that is calibrated already: its name and its file or folder. Its lens stays as "
+    "it is. Once for each such camera.",
+)
+@click.option("--by-order", is_flag=True, help="The first photos of all cameras are one shot.")
+@click.option(
+    "--shots",
+    type=FILE,
+    metavar="FILE",
+    help="Which photos are of one shot: a CSV file with the columns shot,camera,image. "
+    "[default: photos of the same name]",
+)
+@click.option(
+    "--hold-lenses",
+    is_flag=True,
+    help="Leave the lenses as each camera alone has them, and fit their places only.",
+)
+@click.option(
+    "--refine-target",
+    type=click.Choice(["off", "shape", "points", "auto"]),
+    default="auto",
+    show_default=True,
+    help="Fit the object too, as 'cubicfish calibrate' does.",
+)
+@max_rms_option
+@overwrite_option
+@json_option(json_keys.RIG)
+@jobs_option
+@no_cache_option
+@common_options
+def command(
+    inputs: tuple[Path, ...],
+    target: TargetChoice,
+    output: Path,
+    names: str | None,
+    lenses: tuple[Path, ...],
+    by_order: bool,
+    shots: Path | None,
+    hold_lenses: bool,
+    refine_target: RefineTarget,
+    max_rms: float | None,
+    overwrite: bool,
+    as_json: bool,
+    jobs: int | None,
+    no_cache: bool,
+) -> None:
+    """Calibrate several cameras on one body: their lenses, and where each stands.
+
+    Move the rig about the target, or the target about the rig. Photos of one shot have the same
+    name in each camera's folder. The cameras' fields need not overlap: two cameras are connected
+    where each sees some board of the target in the same shot.
+    """
+    if len(inputs) < 2:
+        raise click.UsageError(
+            "name two cameras or more: a folder of photos each, or a corners.csv"
+        )
+    if by_order and shots is not None:
+        raise click.UsageError("--shots lists the shots: leave --by-order out")
+    target.check()
+    called = _names(inputs, names)
+    for path in inputs:
+        if path.suffix.lower() in _FILMS:
+            raise click.UsageError(
+                f"{quoted(str(path))} is a film, and films are not matched in time: make photos of "
+                "the same moments with the same names in a folder for each camera"
+            )
+    from cubicfish_cli.files import refuse_existing
+    from cubicfish_cli.library.rigs import calibrate_rig, rig_record, save_rig
+
+    made_at()  # said before the work if it cannot be
+    for path in (output / "rig.yaml", *(output / name / "camera.yaml" for name in called)):
+        refuse_existing(path, overwrite=overwrite)
+    loaded, known = {}, _lenses(lenses, called)
+    for name, path in zip(called, inputs, strict=True):
+        say(f"Camera {name}: {path}.")
+        loaded[name], camera = _loaded(path, target, jobs, no_cache)
+        if camera is not None:
+            known.setdefault(name, camera)
+    matching: Any = "order" if by_order else "name" if shots is None else _table(shots)
+    one = loaded[called[0]]
+    with stages("Fitting") as progress:
+        rig = calibrate_rig(
+            {
+                name: own.pairs if own.detection is None else own.detection
+                for name, own in loaded.items()
+            },
+            one.target,
+            shots=matching,
+            known=known,
+            hold_lenses=hold_lenses,
+            refine_target=refine_target,
+            progress=progress,
+        )
+    files = [file for own in loaded.values() for file in own.files]
+    options = {
+        "hold_lenses": hold_lenses,
+        "refine_target": refine_target,
+        "shots": "order" if by_order else "name" if shots is None else str(shots),
+    }
+    made_by = made_by_record(options, one.target_file, files)
+    with working("Writing"):
+        written = save_rig(output, rig, made_by=made_by, overwrite=overwrite)
+    record = rig_record(rig)
+    if as_json:
+        print_json({**record, "model": str(written[0])})
+    for finding in rig.findings:
+        say(f"{'note' if finding.level == 'note' else 'warning'}: {finding.line}")
+    if not as_json:
+        apart()
+        print_rig(record)
+        result()
+        for path in written:
+            result(f"wrote {path}")
+    hold_gate(rig.errors.rms_px, max_rms)
+
+
+def _names(inputs: Sequence[Path], given: str | None) -> list[str]:
+    """What the cameras are called."""
+    if given is not None:
+        names = [name.strip() for name in given.split(",")]
+        if len(names) != len(inputs):
+            raise click.UsageError(f"--names has {len(names)} names for {len(inputs)} cameras")
+    else:
+        names = []
+        for path in inputs:
+            own = path.absolute()
+            own = own.parent if own.name in ("corners.csv", "camera.yaml") else own
+            names.append(own.stem if own.suffix.lower() == ".csv" else own.name)
+    if len(set(names)) < len(names) or not all(names):
+        raise click.UsageError(
+            f"the cameras would be called {', '.join(names)}: give each a name of its own with "
+            "--names"
+        )
+    return names
+
+
+def _lenses(given: Sequence[Path], names: Sequence[str]) -> dict[str, CameraFile]:
+    """Cameras that are calibrated already, by name."""
+    from cubicfish_cli.cli.options import in_folder
+    from cubicfish_cli.formats.camera_yaml import load_camera
+
+    known = {}
+    for one in given:
+        name, separator, path = str(one).partition("=")
+        if not separator or name not in names:
+            raise click.UsageError(
+                f"--lens {quoted(str(one))} names no camera: write NAME=FILE with one of "
+                + ", ".join(names)
+            )
+        known[name] = load_camera(in_folder(Path(path)))
+    return known
+
+
+def _loaded(
+    path: Path, target: TargetChoice, jobs: int | None, no_cache: bool
+) -> tuple[Pairs, CameraFile | None]:
+    """One camera's pairs, and its lens where it is calibrated already."""
+    from cubicfish_cli.files import fingerprint
+    from cubicfish_cli.formats.camera_yaml import load_camera
+
+    camera, source = None, path
+    model = path / "camera.yaml" if path.is_dir() else path
+    if model.name.endswith((".yaml", ".yml")) and model.is_file():
+        camera = load_camera(model)
+        source = model.parent / "corners.csv"
+        if not source.is_file():
+            raise CorrespondenceError(
+                f"{model.parent} has a camera.yaml and no corners.csv: calibrate it again, or name "
+                "the camera's photos or its corners.csv"
+            )
+    loaded = load_pairs(
+        (source,), correspondences=None, target=target, size=None, jobs=jobs, no_cache=no_cache
+    )
+    if loaded.detection is not None:
+        say_photo_problems(loaded.detection)
+    if camera is not None:
+        loaded = replace(loaded, files=(*loaded.files, fingerprint(model)))
+    return loaded, camera
+
+
+def _table(path: Path) -> list[tuple[str, str, str]]:
+    from cubicfish_cli.tables import read_table
+
+    table = read_table(
+        path, required=("shot", "camera", "image"), optional=(), error=CorrespondenceError
+    )
+    columns = (table.columns[name] for name in ("shot", "camera", "image"))
+    return list(zip(*columns, strict=True))
+
+
+def print_rig(record: Mapping[str, Any]) -> None:
+    """Print where the cameras stand, and how well it fits."""
+    units, fit = record["units"] or "", record["fit"]
+    result(
+        f"{count(len(record['cameras']), 'camera')}, {count(fit['shots'], 'shot')}, "
+        f"{count(fit['corners'], 'corner')} used\n"
+    )
+    out = fit["held_out_rms_px"]
+    print_errors(
+        fit, [("held-out RMS", out, "shots judged by rigs that never saw them" if out else "")]
+    )
+    result()
+    print_table(
+        ("camera", f"x {units}".strip(), "y", "z", "± shift", "turned °", "± turn °", "photos",
+         "RMS px", "alone px"),
+        [
+            (
+                one["name"],
+                *(f"{value:.2f}" for value in one["position"]),
+                f"{one['shift_sigma']:.3f}",
+                f"{_turn_deg(one['camera_from_rig']['rotation']):.3f}",
+                f"{one['turn_sigma_deg']:.4f}",
+                str(one["fit"]["images"]),
+                px(one["fit"]["rms_px"]),
+                px(one["fit"]["alone_rms_px"]),
+            )
+            for one in record["cameras"]
+        ],
+    )  # fmt: skip
+    result()
+    print_table(
+        ("cameras", "shots in common", "RMS px"),
+        [
+            (" + ".join(one["cameras"]), str(one["shots"]), px(one["rms_px"]))
+            for one in record["pairs"]
+        ],
+    )
+
+
+def _turn_deg(rotation: Sequence[Sequence[float]]) -> float:
+    """By how much a camera is turned against the first, degrees."""
+    from math import acos, degrees
+
+    trace = sum(rotation[axis][axis] for axis in range(3))
+    return degrees(acos(max(-1.0, min(1.0, (trace - 1) / 2))))

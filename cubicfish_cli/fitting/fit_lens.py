@@ -1,0 +1,30 @@
+"""What least squares asks of a lens."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class FitLens(Protocol):
+    """A lens that least squares can adjust."""
+
+    @property
+    def parameters(self) -> FloatArray:
+        """(K,) the free parameters; K may be 0."""
+
+    def with_parameters(self, parameters: FloatArray) -> FitLens:
+        """The same lens with other parameters."""
+
+    def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Camera-frame points (N, 3) -> pixel (N, 2), d/d point (N, 2, 3), d/d param (N, 2, K)."""
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """Camera-frame points (N, 3) -> pixel (N, 2), without derivatives."""
+
+    def prior(self) -> tuple[FloatArray, FloatArray]:
+        """Pseudo-observations: residuals (M,) in pixels and d/d parameters (M, K)."""

@@ -1,0 +1,643 @@
+"""Photos of several cameras on one body -> the rig: lenses, and where each camera stands.
+
+Each camera is calibrated alone first, without any guess. What the shots that two cameras share
+say of their places is a start; one adjustment then has lenses, places, shots and target at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
+from cubicfish_cli.fitting.calibrate import RefineTarget, calibrate
+from cubicfish_cli.fitting.companion import Companion, refit_companion
+from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
+from cubicfish_cli.fitting.fit_lens import FitLens
+from cubicfish_cli.fitting.frame import in_companions_frame
+from cubicfish_cli.fitting.hold import UNTOLD
+from cubicfish_cli.fitting.known_lens import fit_poses
+from cubicfish_cli.fitting.left_out import Leaving
+from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
+from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.refined_world import RefinedWorld
+from cubicfish_cli.fitting.refinement import LEVELS, Level, settled_spread
+from cubicfish_cli.fitting.rig.exchanged import refuse_exchanged
+from cubicfish_cli.fitting.rig.findings import RigFinding, find_rig_faults
+from cubicfish_cli.fitting.rig.shots import Shots
+from cubicfish_cli.fitting.rig.spread import place_covariances
+from cubicfish_cli.fitting.rig.start import (
+    RigStart,
+    common_shots,
+    composed,
+    inverse,
+    start_rig,
+)
+from cubicfish_cli.fitting.rig_lens import RigLens
+from cubicfish_cli.fitting.robust import huber_px, noise_px
+from cubicfish_cli.fitting.stages import Progress
+from cubicfish_cli.fitting.statistics import (
+    ErrorStatistics,
+    error_statistics,
+    photo_records,
+    rms_px,
+)
+from cubicfish_cli.fitting.subset import select, with_mean_weight_one, world_scale
+from cubicfish_cli.fitting.world import DrawnWorld, World
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.model.soundness import check_soundness, cone_rays
+from cubicfish_cli.target import Target
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+
+# While cameras and shots are far off, the loss must still feel every corner.
+_WIDE_HUBER_PX = 50.0
+_ROUGH_DECREASE = 1e-5
+_FINE_DECREASE = 1e-9
+# More folds than these say little more.
+_FOLDS = 5
+_RAYS = 300
+_FIRST_OFFSET = 1e-4
+_LOST_PX = 10.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RigCamera:
+    """What is known of one camera before the rig is fitted.
+
+    Attributes:
+        name: of the camera.
+        pairs: its 2D-3D pairs, in the target's units.
+        camera: its lens, where it is calibrated already, and is left as it is; None to calibrate
+            it from its pairs.
+        fit: the record of that calibration; empty where there is none.
+
+    """
+
+    name: str
+    pairs: Correspondences
+    camera: CubicCamera | None = None
+    fit: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlacedCamera:
+    """One camera of a calibrated rig.
+
+    Attributes:
+        name: of the camera.
+        camera: its lens.
+        rotation: (3, 3) of camera_from_rig.
+        translation: (3,) of camera_from_rig, in the target's units.
+        covariance: (6, 6) of camera_from_rig: a turn in the camera's frame (radians), then the
+            translation; zero for the first camera, whose frame is the rig's.
+        errors: its reprojection errors in the rig's fit, pixels.
+        alone_rms_px: RMS of the same corners with each photo's pose free, the lens as it is.
+        held_out_rms_px: RMS on shots that were left out; None where there are too few.
+        fit: the record of its lens, for its camera.yaml.
+
+    """
+
+    name: str
+    camera: CubicCamera
+    rotation: FloatArray
+    translation: FloatArray
+    covariance: FloatArray
+    errors: ErrorStatistics
+    alone_rms_px: float
+    held_out_rms_px: float | None
+    fit: Mapping[str, Any]
+
+    @property
+    def position(self) -> FloatArray:
+        """(3,) the camera's centre in the rig's frame, in the target's units."""
+        return np.asarray(-self.rotation.T @ self.translation)
+
+    @property
+    def turn_sigma_deg(self) -> float:
+        """Standard deviation of the turn: root of the sum over its three axes, degrees."""
+        return float(np.rad2deg(np.sqrt(np.trace(self.covariance[:3, :3]))))
+
+    @property
+    def shift_sigma(self) -> float:
+        """Standard deviation of the translation, likewise, in the target's units."""
+        return float(np.sqrt(np.trace(self.covariance[3:, 3:])))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraPair:
+    """Two cameras and what connects them.
+
+    Attributes:
+        first, second: names of the cameras.
+        shots: in how many shots both see the target.
+        rms_px: RMS of the corners of both in these shots, pixels; None without any.
+
+    """
+
+    first: str
+    second: str
+    shots: int
+    rms_px: float | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RigCalibration:
+    """A fitted rig and how well it fits.
+
+    Attributes:
+        units: of lengths: the target's; None for pairs that came without one.
+        cameras: the cameras; the first one's frame is the rig's.
+        shots: names of the shots that took part.
+        poses: rig_from_world of each, in the target's units.
+        errors: reprojection errors over all corners, pixels.
+        held_out_rms_px: RMS on shots left out of the fit; None with fewer than three.
+        pairs: every two cameras.
+        per_shot: of each shot its RMS in pixels, its corners and cameras.
+        refined: what of the target was fitted: ``off``, ``shape`` or ``points``.
+        target: the target as fitted; None for pairs that came without one.
+        held_lenses: whether the lenses stayed as they were.
+        findings: what is likely wrong with the set-up.
+
+    """
+
+    units: str | None
+    cameras: tuple[PlacedCamera, ...]
+    shots: tuple[str, ...]
+    poses: Poses
+    errors: ErrorStatistics
+    held_out_rms_px: float | None
+    pairs: tuple[CameraPair, ...]
+    per_shot: tuple[Mapping[str, Any], ...]
+    refined: Level
+    target: Target | None
+    held_lenses: bool
+    findings: tuple[RigFinding, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Alone:
+    """One camera calibrated alone, in the common scale of all.
+
+    Its lens is free, or fixed where it is held.
+    """
+
+    camera: CubicCamera
+    lens: FitLens
+    record: Mapping[str, Any]
+    level: Level
+    pairs: Correspondences
+    poses: Poses
+
+
+def calibrate_rig(
+    cameras: Sequence[RigCamera],
+    shots: Shots,
+    *,
+    target: Target | None = None,
+    refine_target: RefineTarget = "auto",
+    hold_lenses: bool = False,
+    progress: Progress | None = None,
+) -> RigCalibration:
+    """Fit the lenses of several cameras and how they stand to each other.
+
+    Args:
+        cameras: two or more; the first one's frame becomes the rig's.
+        shots: which photos are of one shot.
+        target: the object; without it it stays as it is.
+        refine_target: what of the object is fitted, as for one camera.
+        hold_lenses: leave the lenses as each camera alone has them.
+        progress: called with what is done now, in words, and the share done, 0 to 1.
+
+    Raises:
+        FitError: a camera cannot be calibrated alone, the cameras are not connected, or the
+            shots do not fit one rig.
+
+    """
+    if len(cameras) < 2:
+        raise FitError("a rig has two cameras or more: calibrate a single one with 'calibrate'")
+    refuse_exchanged(cameras)
+    everything = np.concatenate([camera.pairs.world for camera in cameras])
+    origin = everything.mean(axis=0)
+    scale = world_scale(replace(cameras[0].pairs, world=everything))
+    alone = []
+    for number, camera in enumerate(cameras):
+        if progress is not None:
+            progress(f"camera {camera.name} alone", 0.8 * number / len(cameras))
+        alone.append(_alone(camera, target, refine_target, origin, scale, hold_lenses))
+    if progress is not None:
+        progress("all cameras together", 0.8)
+    names = [camera.name for camera in cameras]
+    lens, views, pairs, seen = _gathered(alone, shots)
+    start = start_rig(names, lens, views, pairs)
+    lens, poses, seen = _without_strays(lens, start, views, seen)
+    fit, level = _fitted(alone, lens, poses, pairs, target, scale, origin)
+    if progress is not None:
+        progress("how certain it is", 0.95)
+    return _calibration(names, alone, fit, pairs, start, seen, level, target, scale, origin)
+
+
+def _alone(
+    camera: RigCamera,
+    target: Target | None,
+    refine_target: RefineTarget,
+    origin: FloatArray,
+    scale: float,
+    hold: bool,
+) -> _Alone:
+    """Calibrate a camera, or take it as it was calibrated; then its fit in the common scale."""
+    if camera.camera is None:
+        try:
+            found = calibrate(camera.pairs, target=target, refine_target=refine_target)
+        except FitError as error:
+            raise FitError(f"camera {camera.name}: {error}") from error
+        lens, record, pairs, poses = found.camera, found.as_record(), found.pairs, found.poses
+        level, held_by = found.refined, found.hold
+    else:
+        lens, record, hold = camera.camera, dict(camera.fit or {}), True
+        placed, pairs, _ = fit_poses(lens.radial, camera.pairs)
+        if placed is None:
+            raise FitError(
+                f"camera {camera.name}: none of its photos can be placed with its lens: check "
+                "that they are of this camera and of this target"
+            )
+        poses, level, held_by = placed.poses, "off", UNTOLD
+    pairs = with_mean_weight_one(replace(pairs, world=(pairs.world - origin) / scale))
+    poses = poses.of_world(-origin)
+    poses = replace(poses, translation=poses.translation / scale)
+    free: FitLens
+    if hold:
+        free = FixedLens(camera=lens)
+        fit = adjust(free, poses, pairs, huber_px=_WIDE_HUBER_PX, relative_decrease=_ROUGH_DECREASE)
+        poses = adjust(free, fit.poses, pairs, huber_px=huber_px(fit.residual)).poses
+    else:
+        result = _cubic_fit(lens, pairs, poses, held_by)
+        free, poses = result.lens, result.poses
+    return _Alone(camera=lens, lens=free, record=record, level=level, pairs=pairs, poses=poses)
+
+
+def _cubic_fit(
+    camera: CubicCamera, pairs: Correspondences, poses: Poses, hold: Hold
+) -> CubicResult:
+    """A calibration's fit again, in this scale, as firmly held as it was."""
+    miss = camera.radial.project(poses.apply(pairs.image, pairs.world)) - pairs.pixel
+    near = Companion(
+        camera=camera.radial,
+        poses=poses,
+        pairs=pairs,
+        residual=np.nan_to_num(miss, nan=_LOST_PX),
+        unfit={},
+        terms=4,
+        focal_uncertainty=0.0,
+    )
+    companion = refit_companion(near, pairs, poses)
+    return fit_cubic(companion, hold, relative_decrease=_ROUGH_DECREASE)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Seen:
+    """Which photo each view is: its camera's photo, and the shot's name."""
+
+    photo: tuple[str, ...]
+    shot: tuple[str, ...]
+
+
+def _gathered(
+    alone: Sequence[_Alone], shots: Shots
+) -> tuple[RigLens, Poses, Correspondences, _Seen]:
+    """All cameras' photos as the views of one rig, sorted by camera."""
+    parts, rotation, translation = [], [], []
+    camera: list[int] = []
+    shot: list[int] = []
+    photo: list[str] = []
+    for number, (one, of_shot) in enumerate(zip(alone, shots.photos, strict=True)):
+        listed = np.array([name in of_shot for name in one.pairs.images])
+        own, kept = select(one.pairs, listed[one.pairs.image])
+        parts.append(replace(own, image=own.image + len(camera)))
+        camera += [number] * len(kept)
+        shot += [of_shot[name] for name in own.images]
+        photo += own.images
+        rotation.append(one.poses.rotation[kept])
+        translation.append(one.poses.translation[kept])
+    used, index = np.unique(shot, return_inverse=True)
+    lens = RigLens(
+        lenses=tuple(one.lens for one in alone),
+        places=Poses(
+            rotation=np.repeat(np.eye(3)[None], len(alone), axis=0),
+            translation=np.zeros((len(alone), 3)),
+        ),
+        camera=np.array(camera, np.intp),
+        shot=index.astype(np.intp),
+    )
+    width, height = np.max([part.image_size for part in parts], axis=0).tolist()
+    pairs = Correspondences(
+        image_size=(width, height),
+        images=tuple(photo),
+        boards=parts[0].boards,
+        image=np.concatenate([part.image for part in parts]),
+        world=np.concatenate([part.world for part in parts]),
+        pixel=np.concatenate([part.pixel for part in parts]),
+        weight=np.concatenate([part.weight for part in parts]),
+        board=np.concatenate([part.board for part in parts]),
+        column=np.concatenate([part.column for part in parts]),
+        row=np.concatenate([part.row for part in parts]),
+        certain=np.concatenate([part.certain for part in parts]),
+    )
+    names = tuple(shots.names[number] for number in used)
+    views = Poses(rotation=np.concatenate(rotation), translation=np.concatenate(translation))
+    return lens, views, pairs, _Seen(photo=tuple(photo), shot=names)
+
+
+def _without_strays(
+    lens: RigLens, start: RigStart, views: Poses, seen: _Seen
+) -> tuple[RigLens, Poses, _Seen]:
+    """Views that are of another shot than they are said to be get a shot of their own."""
+    lens = replace(lens, places=start.places)
+    stray = np.flatnonzero(start.apart)
+    if not stray.size:
+        return lens, start.shots, seen
+    shot = lens.shot.copy()
+    shot[stray] = len(start.shots) + np.arange(len(stray))
+    own = composed(inverse(start.places[lens.camera[stray]]), views[stray])
+    poses = Poses(
+        rotation=np.concatenate([start.shots.rotation, own.rotation]),
+        translation=np.concatenate([start.shots.translation, own.translation]),
+    )
+    names = (*seen.shot, *(f"{seen.shot[lens.shot[view]]} ({seen.photo[view]})" for view in stray))
+    # A shot may be left without any view.
+    used, shot = np.unique(shot, return_inverse=True)
+    lens = replace(lens, shot=shot.astype(np.intp))
+    return lens, poses[used], replace(seen, shot=tuple(names[number] for number in used))
+
+
+def _fitted(
+    alone: Sequence[_Alone],
+    lens: RigLens,
+    poses: Poses,
+    pairs: Correspondences,
+    target: Target | None,
+    scale: float,
+    origin: FloatArray,
+) -> tuple[Adjustment, Level]:
+    """Places and shots first, the lenses held; then all at once."""
+    level: Level = "off"
+    if target is not None:
+        level = max((one.level for one in alone), key=LEVELS.index)
+        board, column, row = pairs.board, pairs.column, pairs.row
+        drawn = (target.world_points(board, column, row) - origin) / scale
+        pairs = replace(pairs, world=drawn)
+    held = [FixedLens(camera=_as_camera(one.lens, one)) for one in alone]
+    fit = adjust(
+        lens.with_lenses(held),
+        poses,
+        pairs,
+        huber_px=_WIDE_HUBER_PX,
+        relative_decrease=_ROUGH_DECREASE,
+    )
+    fit = _further(fit, pairs, fit.lens, DrawnWorld(pairs.world), _ROUGH_DECREASE)
+    world: World = DrawnWorld(pairs.world)
+    if level != "off" and target is not None:
+        world = _free_world(fit, pairs, target.moved(-origin), level, scale)
+        fit = _further(fit, pairs, fit.lens, world, 1e-3)
+        fit, _ = settled_spread(fit, pairs, _FIRST_OFFSET if level == "points" else None)
+    if any(isinstance(one.lens, CubicFit) for one in alone):
+        free = _rig_of(fit).with_lenses([one.lens for one in alone])
+        joint = _further(fit, pairs, free, fit.world, _ROUGH_DECREASE)
+        joint = _further(joint, pairs, joint.lens, joint.world, _FINE_DECREASE)
+        if all(_sound(own, one) for own, one in zip(_rig_of(joint).lenses, alone, strict=True)):
+            return joint, level
+    return _further(fit, pairs, fit.lens, fit.world, _FINE_DECREASE), level
+
+
+def _further(
+    fit: Adjustment, pairs: Correspondences, lens: FitLens, world: World, decrease: float
+) -> Adjustment:
+    return adjust(
+        lens,
+        fit.poses,
+        pairs,
+        huber_px=huber_px(fit.residual),
+        world=world,
+        relative_decrease=decrease,
+        damping=WARM_DAMPING if decrease < _ROUGH_DECREASE else 1e-4,
+    )
+
+
+def _free_world(
+    fit: Adjustment, pairs: Correspondences, target: Target, level: Level, scale: float
+) -> RefinedWorld:
+    return RefinedWorld.drawn(
+        pairs,
+        target,
+        noise=noise_px(fit.residual),
+        offset_spread=_FIRST_OFFSET if level == "points" else None,
+        scale=scale,
+    )
+
+
+def _as_camera(lens: FitLens, alone: _Alone) -> CubicCamera:
+    """The camera of a lens of the adjustment, in the adjustment's frame."""
+    if isinstance(lens, CubicFit):
+        return replace(alone.camera, P=lens.P)
+    if isinstance(lens, FixedLens) and isinstance(lens.camera, CubicCamera):
+        return lens.camera
+    return alone.camera
+
+
+def _sound(lens: FitLens, alone: _Alone) -> bool:
+    camera = _as_camera(lens, alone)
+    return check_soundness(camera.P, camera.max_angle_deg).sound
+
+
+def _rig_of(fit: Adjustment) -> RigLens:
+    if not isinstance(fit.lens, RigLens):
+        raise TypeError("the adjustment must be of a rig")
+    return fit.lens
+
+
+def _calibration(
+    names: Sequence[str],
+    alone: Sequence[_Alone],
+    fit: Adjustment,
+    pairs: Correspondences,
+    start: RigStart,
+    seen: _Seen,
+    level: Level,
+    target: Target | None,
+    scale: float,
+    origin: FloatArray,
+) -> RigCalibration:
+    lens = _rig_of(fit)
+    limit = huber_px(fit.residual)
+    drawn = replace(pairs, world=fit.world.points)
+    rays = [cone_rays(np.deg2rad(_covered_deg(one)), _RAYS) for one in alone]
+    covariance = place_covariances(fit, drawn, limit, rays)
+    covariance[:, 3:] *= scale
+    covariance[:, :, 3:] *= scale
+    held_out = _held_out(fit, drawn, limit)
+    turned, places = _in_companions_frames(lens, alone)
+    zero = Poses(rotation=places.rotation[:1], translation=places.translation[:1])
+    poses = composed(_repeated(zero, len(fit.poses)), fit.poses)
+    poses = Poses(rotation=poses.rotation, translation=poses.translation * scale).of_world(origin)
+    places = composed(places, _repeated(inverse(zero), len(names)))
+    places.rotation[0], places.translation[0] = np.eye(3), 0.0
+    places = Poses(rotation=places.rotation, translation=places.translation * scale)
+    views = composed(places[lens.camera], poses[lens.shot])
+    camera_of = lens.camera[pairs.image]
+    alone_px = _alone_residual(fit, drawn, alone, limit)
+    placed = []
+    for number, (name, one) in enumerate(zip(names, alone, strict=True)):
+        own = camera_of == number
+        of_camera = np.flatnonzero(lens.camera == number)
+        errors = error_statistics(fit.residual[own])
+        records = photo_records(
+            [seen.photo[view] for view in of_camera],
+            np.searchsorted(of_camera, pairs.image[own]),
+            fit.residual[own],
+            views[of_camera],
+        )
+        out = None if held_out is None else rms_px(held_out[own])
+        record = {
+            **one.record,
+            **errors.as_record(),
+            "images": len(of_camera),
+            "held_out_rms_px": out,
+            "refine_target": level,
+            "per_image": records,
+        }
+        placed.append(
+            PlacedCamera(
+                name=name,
+                camera=turned[number],
+                rotation=places.rotation[number],
+                translation=places.translation[number],
+                covariance=covariance[number],
+                errors=errors,
+                alone_rms_px=rms_px(alone_px[own]),
+                held_out_rms_px=out,
+                fit=record,
+            )
+        )
+    refined = target
+    if target is not None and isinstance(fit.world, RefinedWorld):
+        refined = fit.world.refined_target(target.moved(-origin), pairs, scale=scale).moved(origin)
+    return RigCalibration(
+        units=None if target is None else target.units,
+        cameras=tuple(placed),
+        shots=seen.shot,
+        poses=poses,
+        errors=error_statistics(fit.residual),
+        held_out_rms_px=None if held_out is None else rms_px(held_out),
+        pairs=tuple(_pairs(names, lens, pairs, fit.residual)),
+        per_shot=tuple(_per_shot(seen, lens, pairs, fit.residual, names)),
+        refined=level,
+        target=refined,
+        held_lenses=not any(isinstance(own, CubicFit) for own in lens.lenses),
+        findings=tuple(find_rig_faults(names, fit, drawn, start, seen.photo, seen.shot, scale)),
+    )
+
+
+def _repeated(pose: Poses, count: int) -> Poses:
+    return pose[np.zeros(count, np.intp)]
+
+
+def _covered_deg(one: _Alone) -> float:
+    covered = one.record.get("covered_deg")
+    if isinstance(covered, int | float) and 0 < covered < 180:
+        return float(covered)
+    return one.camera.max_angle_deg
+
+
+def _in_companions_frames(
+    lens: RigLens, alone: Sequence[_Alone]
+) -> tuple[list[CubicCamera], Poses]:
+    """Each camera in its companion's frame, and camera_from_rig with it."""
+    cameras, rotation, translation = [], [], []
+    for number, (own, one) in enumerate(zip(lens.lenses, alone, strict=True)):
+        camera = _as_camera(own, one)
+        place = lens.places[np.array([number])]
+        if isinstance(own, CubicFit):  # one that is held stays as it is, its frame too
+            camera, place = in_companions_frame(camera, place, np.deg2rad(_covered_deg(one)))
+        cameras.append(camera)
+        rotation.append(place.rotation)
+        translation.append(place.translation)
+    return cameras, Poses(
+        rotation=np.concatenate(rotation), translation=np.concatenate(translation)
+    )
+
+
+def _held_out(fit: Adjustment, pairs: Correspondences, limit: float) -> FloatArray | None:
+    """(N, 2) residuals of each corner under a fit without its shot, to first order."""
+    count = len(fit.poses)
+    folds = min(_FOLDS, count)
+    if count < 3:
+        return None
+    groups = [np.flatnonzero(np.arange(count) % folds == fold) for fold in range(folds)]
+    shot = _rig_of(fit).shot[pairs.image]
+    found = np.empty_like(fit.residual)
+    for one in Leaving(fit, pairs, limit, groups).left_out():
+        done = 0
+        for photo in one.photos:
+            own = np.flatnonzero(shot == photo)  # by view, as they are left out
+            found[own] = one.residual[done : done + len(own)]
+            done += len(own)
+    return found
+
+
+def _alone_residual(
+    fit: Adjustment, pairs: Correspondences, alone: Sequence[_Alone], limit: float
+) -> FloatArray:
+    """(N, 2) residuals with every view's pose free, lenses as they are."""
+    lens = _rig_of(fit)
+    views = lens.views(fit.poses)
+    found = np.empty_like(fit.residual)
+    for camera, own in enumerate(lens.lenses):
+        mine = lens.camera[pairs.image] == camera
+        part, kept = select(pairs, mine)
+        if len(part.pixel):
+            held = FixedLens(camera=_as_camera(own, alone[camera]))
+            found[mine] = adjust(held, views[kept], part, huber_px=limit).residual
+    return found
+
+
+def _pairs(
+    names: Sequence[str], lens: RigLens, pairs: Correspondences, residual: FloatArray
+) -> list[CameraPair]:
+    common = common_shots(lens, len(names))
+    camera, shot = lens.camera[pairs.image], lens.shot[pairs.image]
+    found = []
+    for a in range(len(names)):
+        for b in range(a + 1, len(names)):
+            both = np.intersect1d(lens.shot[lens.camera == a], lens.shot[lens.camera == b])
+            own = np.isin(shot, both) & ((camera == a) | (camera == b))
+            found.append(
+                CameraPair(
+                    first=names[a],
+                    second=names[b],
+                    shots=int(common[a, b]),
+                    rms_px=rms_px(residual[own]) if own.any() else None,
+                )
+            )
+    return found
+
+
+def _per_shot(
+    seen: _Seen, lens: RigLens, pairs: Correspondences, residual: FloatArray, names: Sequence[str]
+) -> list[dict[str, Any]]:
+    shot = lens.shot[pairs.image]
+    return [
+        {
+            "shot": name,
+            "rms_px": rms_px(residual[shot == number]),
+            "corners": int(np.sum(shot == number)),
+            "cameras": [names[camera] for camera in lens.camera[lens.shot == number]],
+        }
+        for number, name in enumerate(seen.shot)
+    ]

@@ -1,0 +1,155 @@
+"""Which photos of several cameras are of one shot: taken at the same moment."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.wording import quoted
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shots:
+    """The shots of a rig.
+
+    Attributes:
+        names: of the shots, in order.
+        photos: for each camera, which shot each of its photos is of: photo's name -> index.
+
+    """
+
+    names: tuple[str, ...]
+    photos: tuple[Mapping[str, int], ...]
+
+
+def shots_by_name(cameras: Sequence[str], photos: Sequence[Sequence[str]]) -> Shots:
+    """Photos of the same name, whatever their folder and kind of file, are one shot.
+
+    Where no name comes twice, what all photos of a camera begin and end with is left out:
+    ``left01.png`` and ``right01.png`` are then one shot.
+
+    Args:
+        cameras: names of the cameras.
+        photos: for each camera the names of its photos.
+
+    Raises:
+        FitError: two photos of a camera have one name, or no two cameras share one.
+
+    """
+    stems = [[_stem(name) for name in names] for names in photos]
+    if not _shared(stems):
+        stems = [_without_common_ends(names) for names in stems]
+    for camera, names, own in zip(cameras, photos, stems, strict=True):
+        seen: dict[str, str] = {}
+        for name, stem in zip(names, own, strict=True):
+            if stem in seen:
+                raise FitError(
+                    f"camera {camera}: {quoted(seen[stem])} and {quoted(name)} would be of one "
+                    "shot: give each photo of a camera a name of its own, or list the shots with "
+                    "--shots"
+                )
+            seen[stem] = name
+    if not _shared(stems):
+        raise FitError(
+            f"no photo of {cameras[0]} is called as one of another camera, so no two cameras share "
+            "a shot: call the photos of a shot alike, or use --by-order, or list them with --shots"
+        )
+    return _shots(photos, stems)
+
+
+def shots_by_order(cameras: Sequence[str], photos: Sequence[Sequence[str]]) -> Shots:
+    """The first photos of all cameras are a shot, and so on.
+
+    Raises:
+        FitError: the cameras have different numbers of photos.
+
+    """
+    counts = [len(names) for names in photos]
+    if len(set(counts)) > 1:
+        told = ", ".join(f"{camera} {n}" for camera, n in zip(cameras, counts, strict=True))
+        raise FitError(
+            f"the cameras have different numbers of photos ({told}): matched by order they must "
+            "have as many each; call the photos of a shot alike, or list them with --shots"
+        )
+    return _shots(photos, [[f"{number:04d}" for number in range(1, counts[0] + 1)]] * len(photos))
+
+
+def shots_of_table(
+    cameras: Sequence[str], photos: Sequence[Sequence[str]], rows: Sequence[tuple[str, str, str]]
+) -> Shots:
+    """Shots as a table lists them: (shot, camera, photo).
+
+    Photos that are not listed take no part.
+
+    Raises:
+        FitError: a row names a camera or a photo that is not there, or a photo twice.
+
+    """
+    listed: list[dict[str, str]] = [{} for _ in cameras]
+    for shot, camera, photo in rows:
+        if camera not in cameras:
+            raise FitError(
+                f"shot {quoted(shot)}: there is no camera {quoted(camera)}: the cameras are "
+                + ", ".join(cameras)
+            )
+        own = listed[cameras.index(camera)]
+        known = {os.path.basename(name): name for name in photos[cameras.index(camera)]}
+        name = photo if photo in photos[cameras.index(camera)] else known.get(photo, "")
+        if not name:
+            continue  # a photo in which nothing was found
+        if name in own or shot in own.values():
+            raise FitError(
+                f"shot {quoted(shot)}: camera {camera} has two photos of a shot, or one of two"
+            )
+        own[name] = shot
+    kept = [
+        [name for name in names if name in own] for names, own in zip(photos, listed, strict=True)
+    ]
+    return _shots(
+        kept, [[own[name] for name in names] for names, own in zip(kept, listed, strict=True)]
+    )
+
+
+def _shots(photos: Sequence[Sequence[str]], keys: Sequence[Sequence[str]]) -> Shots:
+    names = sorted({key for own in keys for key in own})
+    index = {name: number for number, name in enumerate(names)}
+    return Shots(
+        names=tuple(names),
+        photos=tuple(
+            {name: index[key] for name, key in zip(own, key_of, strict=True)}
+            for own, key_of in zip(photos, keys, strict=True)
+        ),
+    )
+
+
+def _stem(name: str) -> str:
+    return os.path.splitext(os.path.basename(name))[0]
+
+
+def _shared(stems: Sequence[Sequence[str]]) -> bool:
+    names = [name for own in stems for name in set(own)]
+    return len(set(names)) < len(names)
+
+
+def _without_common_ends(names: Sequence[str]) -> list[str]:
+    """What sets names apart: from the first to the last digit or letter in which they differ.
+
+    Digits stay whole, since a digit that all begin with is part of their numbers.
+    """
+    first = re.sub(r"\d.*$", "", _common_start(names), flags=re.DOTALL)
+    rest = [name[len(first) :] for name in names]
+    last = _common_start([name[::-1] for name in rest])[::-1]
+    last = re.sub(r"^.*\d", "", last, flags=re.DOTALL)
+    return [name[: len(name) - len(last)] for name in rest]
+
+
+def _common_start(names: Sequence[str]) -> str:
+    start = 0
+    for letters in zip(*names, strict=False):
+        if len(set(letters)) > 1:
+            break
+        start += 1
+    return names[0][:start] if names else ""

@@ -1,0 +1,127 @@
+"""How far the cameras' places on the body may be off.
+
+A lens may turn its rays a little and its camera turn back: what counts is where the rays of a
+camera's pixels go on the body. So the turn that is judged is that of the place and of the lens
+together, beside that of the first camera, whose frame is the rig's.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.fitting.adjustment import Adjustment
+from cubicfish_cli.fitting.left_out import Leaving
+from cubicfish_cli.fitting.poses import cross_matrix
+from cubicfish_cli.fitting.rig_lens import RigLens
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+
+# More clusters than that say little more, and each costs a linear system.
+_MOST_CLUSTERS = 24
+# Student's t with fewer degrees of freedom has no spread.
+_LEAST_FREEDOM = 2.5
+
+
+def place_covariances(
+    fit: Adjustment, pairs: Correspondences, limit: float, rays: list[FloatArray]
+) -> FloatArray:
+    """Covariance (C, 6, 6) of camera_from_rig: turn (radians, camera frame), then shift.
+
+    The corners' own noise carried through the fit is a lower bound; what shots' shared errors add
+    shows when shots are left out (see ``photo_spread.py``).
+
+    Args:
+        fit: the adjustment, at its optimum.
+        pairs: its pairs.
+        limit: where its loss turns linear, pixels.
+        rays: for each camera (M, 3) unit rays over its field.
+
+    """
+    lens = fit.lens
+    if not isinstance(lens, RigLens):
+        raise TypeError("the adjustment must be of a rig")
+    by_shared = _by_shared(lens, rays)
+    noise = _noise_covariance(fit)
+    count = len(fit.lens.parameters)
+    found = [by @ noise[:count, :count] @ by.T for by in by_shared]
+    clusters = _clusters(len(fit.poses))
+    if clusters:
+        leaving = Leaving(fit, pairs, limit, clusters)
+        left_out = np.array([one.shared[:count] for one in leaving.left_out()])
+        influence = np.array([step[:count] for step in leaving.influence()])
+        found = [
+            _larger(one, _of_shots(left_out @ by.T, influence @ by.T))
+            for one, by in zip(found, by_shared, strict=True)
+        ]
+    return np.array(found)
+
+
+def _by_shared(lens: RigLens, rays: list[FloatArray]) -> list[FloatArray]:
+    """For each camera (6, K): its place by the shared unknowns, lens and place together."""
+    count = len(lens.parameters)
+    turns = []
+    for own, one, columns in zip(lens.lenses, rays, lens.columns, strict=True):
+        turn = np.zeros((3, count))
+        _, by_ray, by_lens = own.project_jacobian(one)
+        free = by_lens.shape[2]
+        if free:
+            turned = (-by_ray @ cross_matrix(one)).reshape(-1, 3)
+            moved = by_lens.reshape(-1, free)
+            turn[:, columns.start : columns.start + free] = np.linalg.lstsq(
+                turned, moved, rcond=None
+            )[0]
+        turns.append(turn)
+    found = [np.zeros((6, count))]
+    for camera in range(1, len(lens.lenses)):
+        by = np.zeros((6, count))
+        by[:, lens.place_columns(camera)] = np.eye(6)
+        by[:3] += turns[camera] - lens.places.rotation[camera] @ turns[0]
+        by[3:] -= cross_matrix(lens.places.translation[camera]) @ turns[camera]
+        found.append(by)
+    return found
+
+
+def _noise_covariance(fit: Adjustment) -> FloatArray:
+    """(K, K) of the shared unknowns, from the corners' noise."""
+    hessian = fit.normal.reduced_shared()
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(hessian), 1e-300))
+    inverse = (
+        scale
+        * scale[:, None]
+        * np.linalg.pinv(hessian * scale * scale[:, None], hermitian=True, rcond=1e-14)
+    )
+    unknowns = len(hessian) + 6 * len(fit.poses) + fit.normal.corner.size // 3
+    freedom = max(fit.residual.size - unknowns, fit.residual.size // 2)
+    return np.asarray(inverse * np.sum(fit.residual**2) / freedom)
+
+
+def _clusters(shots: int) -> list[IntArray]:
+    clusters = min(shots, _MOST_CLUSTERS)
+    if clusters < 3:
+        return []
+    return [np.flatnonzero(np.arange(shots) % clusters == cluster) for cluster in range(clusters)]
+
+
+def _of_shots(left_out: FloatArray, influence: FloatArray) -> FloatArray:
+    """Covariance (6, 6) of what changes so, (G, 6), without each cluster of shots.
+
+    The geometric mean of the two, as ``PhotoSpread`` takes it and for its reasons.
+    """
+    clusters = len(left_out)
+    freedom = max(clusters - 1, _LEAST_FREEDOM)
+    factor = (clusters - 1) / clusters * freedom / (freedom - 2)
+    first, second = (
+        (change - change.mean(axis=0)).T @ (change - change.mean(axis=0))
+        for change in (left_out, influence)
+    )
+    scale = (np.diagonal(second) / np.maximum(np.diagonal(first), 1e-300)) ** 0.25
+    return np.asarray(first * factor * scale * scale[:, None])
+
+
+def _larger(noise: FloatArray, of_shots: FloatArray) -> FloatArray:
+    """The shots' covariance with no unknown surer than the corners' noise leaves it."""
+    short = np.maximum(np.diagonal(noise) - np.diagonal(of_shots), 0)
+    return np.asarray(of_shots + np.diag(short))

@@ -1,0 +1,231 @@
+"""Where the cameras of a rig stand, from the poses that each found alone. No guess is needed.
+
+Two cameras that see the target in one shot say how they stand to each other, whether they see the
+same of it or not. The strongest of these pairs connect all cameras; then every shot is placed by
+the camera with which the others agree best.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.rig_lens import RigLens
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+BoolArray = npt.NDArray[np.bool_]
+
+_ROUNDS = 30
+# A view whose corners are off by more than both under the pose of its shot is of another shot.
+_GROSS_TIMES = 10.0
+_GROSS_SHARE = 0.01
+# Cameras of which the typical shot is off by more of the photo's longer side stand nowhere.
+_LOST_SHARE = 0.03
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RigStart:
+    """A first rig.
+
+    Attributes:
+        places: camera_from_rig of each camera, the first one's the identity.
+        shots: rig_from_world of each shot; NaN where no camera sees it.
+        misfit: (V,) median error of each view under its shot's pose, pixels.
+        apart: (V,) views that do not go with the other views of their shot.
+
+    """
+
+    places: Poses
+    shots: Poses
+    misfit: FloatArray
+    apart: BoolArray
+
+
+def inverse(poses: Poses) -> Poses:
+    """The poses the other way round."""
+    turned = poses.rotation.transpose(0, 2, 1)
+    return Poses(rotation=turned, translation=-(turned @ poses.translation[:, :, None])[:, :, 0])
+
+
+def composed(first: Poses, second: Poses) -> Poses:
+    """First ∘ second, one by one."""
+    return Poses(
+        rotation=first.rotation @ second.rotation,
+        translation=(first.rotation @ second.translation[:, :, None])[:, :, 0] + first.translation,
+    )
+
+
+def median_pose(poses: Poses) -> Poses:
+    """One pose (1,) amid many, which a few that are wrong do not move.
+
+    The turn is the one with the smallest sum of angles to all others (the geodesic L1 median,
+    Hartley et al. 2011), the shift that with the smallest sum of distances.
+    """
+    turn = Rotation.from_matrix(poses.rotation)
+    angles = [(turn * one.inv()).magnitude().sum() for one in turn]
+    middle = turn[int(np.argmin(angles))]
+    for _ in range(_ROUNDS):
+        away = (turn * middle.inv()).as_rotvec()
+        weight = 1 / np.maximum(np.linalg.norm(away, axis=1), 1e-9)
+        middle = Rotation.from_rotvec((weight @ away) / weight.sum()) * middle
+    shift = np.median(poses.translation, axis=0)
+    floor = 1e-9 * max(1e-300, float(np.abs(poses.translation).max()))
+    for _ in range(_ROUNDS):
+        away = poses.translation - shift
+        weight = 1 / np.maximum(np.linalg.norm(away, axis=1), floor)
+        shift = shift + (weight @ away) / weight.sum()
+    return Poses(rotation=middle.as_matrix()[None], translation=shift[None])
+
+
+def start_rig(
+    names: Sequence[str], lens: RigLens, views: Poses, pairs: Correspondences
+) -> RigStart:
+    """Place the cameras and the shots.
+
+    Args:
+        names: of the cameras, for words.
+        lens: the cameras' lenses, and which view is whose; its places are not looked at.
+        views: camera_from_world of each view, as its camera found it alone.
+        pairs: pairs of all views, sorted by view.
+
+    Raises:
+        FitError: the cameras are not connected, or no one body has them.
+
+    """
+    count = len(names)
+    common = common_shots(lens, count)
+    relative: dict[tuple[int, int], Poses] = {}
+    for a in range(count):
+        for b in range(count):
+            if a == b or not common[a, b]:
+                continue
+            of_a, of_b = _together(lens, a, b)
+            relative[a, b] = median_pose(composed(views[of_b], inverse(views[of_a])))
+    places, edges = _placed(names, common, relative)
+    lens = lens_at(lens, places)
+    size = max(pairs.image_size)
+    typical = 0.0
+    for a, b in edges:
+        error = float(np.median(_transferred(lens, views, pairs, a, b)))
+        if error > _LOST_SHARE * size:
+            raise FitError(
+                f"the shots of {names[a]} and {names[b]} do not fit one rig (they disagree by "
+                f"{min(error, size):.0f} px in the median): check that photos of one shot were "
+                "taken at the same moment and are matched rightly, and that no camera moved"
+            )
+        typical = max(typical, error)
+    shots, misfit = _place_shots(lens, views, pairs)
+    several = np.bincount(lens.shot, minlength=len(shots))[lens.shot] > 1
+    apart = several & (misfit > np.maximum(_GROSS_TIMES * typical, _GROSS_SHARE * size))
+    return RigStart(places=places, shots=shots, misfit=misfit, apart=apart)
+
+
+def lens_at(lens: RigLens, places: Poses) -> RigLens:
+    """The same lenses at other places."""
+    return RigLens(lenses=lens.lenses, places=places, camera=lens.camera, shot=lens.shot)
+
+
+def common_shots(lens: RigLens, cameras: int) -> IntArray:
+    """(C, C) in how many shots two cameras both see the target."""
+    seen = np.zeros((cameras, int(lens.shot.max()) + 1), np.intp)
+    seen[lens.camera, lens.shot] = 1
+    return np.asarray(seen @ seen.T)
+
+
+def _together(lens: RigLens, a: int, b: int) -> tuple[IntArray, IntArray]:
+    """Views of two cameras of the shots that both saw."""
+    of_a, of_b = np.flatnonzero(lens.camera == a), np.flatnonzero(lens.camera == b)
+    _, first, second = np.intersect1d(lens.shot[of_a], lens.shot[of_b], return_indices=True)
+    return of_a[first], of_b[second]
+
+
+def _placed(
+    names: Sequence[str], common: IntArray, relative: dict[tuple[int, int], Poses]
+) -> tuple[Poses, list[tuple[int, int]]]:
+    """camera_from_rig along the pairs with most shots in common, from the first camera on.
+
+    And these pairs.
+    """
+    edges: list[tuple[int, int]] = []
+    found = {0: Poses(rotation=np.eye(3)[None], translation=np.zeros((1, 3)))}
+    while len(found) < len(names):
+        shared = [(common[a, b], -a, -b) for a, b in relative if a in found and b not in found]
+        if not shared:
+            raise FitError(_unconnected(names, found))
+        _, a, b = max(shared)
+        found[-b] = composed(relative[-a, -b], found[-a])
+        edges.append((-a, -b))
+    places = Poses(
+        rotation=np.concatenate([found[camera].rotation for camera in range(len(names))]),
+        translation=np.concatenate([found[camera].translation for camera in range(len(names))]),
+    )
+    return places, edges
+
+
+def _transferred(lens: RigLens, views: Poses, pairs: Correspondences, a: int, b: int) -> FloatArray:
+    """Errors of one camera's views where another's say that the rig was, pixels."""
+    bounds = np.searchsorted(pairs.image, np.arange(len(views) + 1))
+    of_a, of_b = _together(lens, a, b)
+    rigs = composed(inverse(lens.places[lens.camera[of_a]]), views[of_a])
+    return np.array(
+        [
+            _view_error(lens, rigs[np.array([row])], view, bounds, pairs)
+            for row, view in enumerate(of_b.tolist())
+        ]
+    )
+
+
+def _unconnected(names: Sequence[str], found: dict[int, Poses]) -> str:
+    near = " and ".join(names[camera] for camera in sorted(found))
+    far = [name for camera, name in enumerate(names) if camera not in found]
+    return (
+        f"no shot shows the target to {far[0]} and to {near} at once, so nothing connects them: "
+        f"take five or more shots in which {far[0]} and one of the others each see a board of "
+        "the target (not necessarily the same board), or check that shots are matched rightly"
+    )
+
+
+def _place_shots(lens: RigLens, views: Poses, pairs: Correspondences) -> tuple[Poses, FloatArray]:
+    """rig_from_world of each shot, by the view with which the shot's others agree best."""
+    proposed = composed(inverse(lens.places[lens.camera]), views)
+    count = int(lens.shot.max()) + 1
+    rotation, translation = np.full((count, 3, 3), np.nan), np.full((count, 3), np.nan)
+    misfit = np.zeros(len(views))
+    bounds = np.searchsorted(pairs.image, np.arange(len(views) + 1))
+    for shot in range(count):
+        own = np.flatnonzero(lens.shot == shot)
+        best = np.inf
+        for view in own.tolist():
+            pose = proposed[np.array([view])]
+            errors = np.array(
+                [_view_error(lens, pose, other, bounds, pairs) for other in own.tolist()]
+            )
+            # A capped sum: one view that is of another shot must not choose.
+            total = float(np.minimum(errors, _LOST_SHARE * max(pairs.image_size)).sum())
+            if total < best:
+                best = total
+                rotation[shot], translation[shot] = pose.rotation[0], pose.translation[0]
+                misfit[own] = errors
+    return Poses(rotation=rotation, translation=translation), misfit
+
+
+def _view_error(
+    lens: RigLens, rig_from_world: Poses, view: int, bounds: IntArray, pairs: Correspondences
+) -> float:
+    """Median error of a view's corners under a pose of the rig, pixels."""
+    run = slice(int(bounds[view]), int(bounds[view + 1]))
+    camera = int(lens.camera[view])
+    pose = composed(lens.places[np.array([camera])], rig_from_world)
+    points = pairs.world[run] @ pose.rotation[0].T + pose.translation[0]
+    with np.errstate(all="ignore"):
+        miss = lens.lenses[camera].project(points) - pairs.pixel[run]
+        length = np.hypot(miss[:, 0], miss[:, 1])
+    return float(np.median(np.where(np.isfinite(length), length, np.inf)))

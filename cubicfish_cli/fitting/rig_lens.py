@@ -1,0 +1,146 @@
+"""Several cameras on one body, as least squares sees them: a lens and a place for each.
+
+A photo of a rig is a view: what one camera saw of one shot. The adjustment knows one pose a shot
+and looks at the views camera by camera; one camera alone is a rig of one, whose views are shots.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.fitting.fit_lens import FitLens
+from cubicfish_cli.fitting.poses import Poses
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+
+_PLACE = 6  # a turn and a shift of camera_from_rig
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Through:
+    """The lens that some photos were taken through, and how its camera stands on the body.
+
+    Attributes:
+        lens: of one camera: points in its frame -> pixels.
+        columns: where its parameters stand among all lenses'; those of its place come last.
+        place: camera_from_rig, (3, 3) and (3,); None where the camera's frame is the rig's.
+
+    """
+
+    lens: FitLens
+    columns: slice
+    place: tuple[FloatArray, FloatArray] | None = None
+
+    @classmethod
+    def only(cls, lens: FitLens) -> Through:
+        """The only lens there is."""
+        return cls(lens=lens, columns=slice(0, len(lens.parameters)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RigLens:
+    """The lenses of a rig and camera_from_rig of each: all that its shots have in common.
+
+    Views are sorted by camera. The first camera's frame is the rig's.
+
+    Attributes:
+        lenses: one a camera.
+        places: camera_from_rig of each camera; the first is the identity.
+        camera: (V,) camera of each view, non-decreasing.
+        shot: (V,) shot of each view.
+
+    """
+
+    lenses: tuple[FitLens, ...]
+    places: Poses
+    camera: IntArray
+    shot: IntArray
+
+    @cached_property
+    def columns(self) -> tuple[slice, ...]:
+        """Where each camera's parameters stand: its lens's, then the six of its place."""
+        sizes = [
+            len(lens.parameters) + (_PLACE if number else 0)
+            for number, lens in enumerate(self.lenses)
+        ]
+        ends = np.cumsum([0, *sizes])
+        return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
+
+    def place_columns(self, camera: int) -> slice:
+        """Where the turn and the shift of a camera that is not the first stand."""
+        return slice(self.columns[camera].stop - _PLACE, self.columns[camera].stop)
+
+    @property
+    def parameters(self) -> FloatArray:
+        """(K,); turns are counted from where the cameras stand, and so are 0."""
+        parts = []
+        for number, lens in enumerate(self.lenses):
+            parts.append(lens.parameters)
+            if number:
+                parts += [np.zeros(3), self.places.translation[number]]
+        return np.concatenate(parts)
+
+    def with_parameters(self, parameters: FloatArray) -> RigLens:
+        """The same rig with other lenses and places."""
+        lenses, step = [], np.zeros((len(self.lenses), _PLACE))
+        for number, (lens, columns) in enumerate(zip(self.lenses, self.columns, strict=True)):
+            own = parameters[columns]
+            if number:
+                step[number] = own[-_PLACE:]
+                step[number, 3:] -= self.places.translation[number]
+                own = own[:-_PLACE]
+            lenses.append(lens.with_parameters(own))
+        return replace(self, lenses=tuple(lenses), places=self.places.moved(step))
+
+    def with_lenses(self, lenses: Sequence[FitLens]) -> RigLens:
+        """The same rig with other lenses."""
+        return replace(self, lenses=tuple(lenses))
+
+    def views(self, shots: Poses) -> Poses:
+        """camera_from_world of every view, from rig_from_world of every shot."""
+        turn, shift = self.places.rotation[self.camera], self.places.translation[self.camera]
+        own = shots[self.shot]
+        return Poses(
+            rotation=turn @ own.rotation,
+            translation=(turn @ own.translation[:, :, None])[:, :, 0] + shift,
+        )
+
+    @property
+    def stops(self) -> IntArray:
+        """Views at which another camera's begin."""
+        return np.flatnonzero(np.diff(self.camera)) + 1
+
+    def through(self, view: int) -> Through:
+        """The lens of a view, and of all others of its camera."""
+        camera = int(self.camera[view])
+        own = self.places.rotation[camera], self.places.translation[camera]
+        return Through(
+            lens=self.lenses[camera],
+            columns=self.columns[camera],
+            place=own if camera else None,
+        )
+
+    def prior(self) -> tuple[FloatArray, FloatArray]:
+        """The lenses' priors as one block-diagonal set of pseudo-observations."""
+        residuals, blocks = zip(*(lens.prior() for lens in self.lenses), strict=True)
+        jacobian = np.zeros((sum(map(len, residuals)), self.columns[-1].stop))
+        row = 0
+        for block, columns in zip(blocks, self.columns, strict=True):
+            jacobian[row : row + len(block), columns.start : columns.start + block.shape[1]] = block
+            row += len(block)
+        return np.concatenate(residuals), jacobian
+
+    def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Not of a rig: which camera sees the points is a matter of the view."""
+        raise TypeError("a rig projects through the lens of a view")
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """Not of a rig: which camera sees the points is a matter of the view."""
+        raise TypeError("a rig projects through the lens of a view")

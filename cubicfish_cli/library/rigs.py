@@ -1,0 +1,234 @@
+"""Corners of several cameras on one body -> the rig, and its files."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from cubicfish_cli import __version__
+from cubicfish_cli.correspondences import Corners, Correspondences
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.files import whole_files, write_text
+from cubicfish_cli.fitting.calibrate import RefineTarget
+from cubicfish_cli.fitting.rig import calibrate as fitting
+from cubicfish_cli.fitting.rig.calibrate import RigCalibration, RigCamera
+from cubicfish_cli.fitting.rig.shots import Shots, shots_by_name, shots_by_order, shots_of_table
+from cubicfish_cli.fitting.stages import Progress
+from cubicfish_cli.formats.camera_yaml import CameraFile, camera_text
+from cubicfish_cli.formats.rig_yaml import RigFile, rig_text
+from cubicfish_cli.formats.target_yaml import target_text
+from cubicfish_cli.library.pairs import pairs_of
+from cubicfish_cli.naming.detect import Detection
+from cubicfish_cli.target import Target
+from cubicfish_cli.wording import quoted
+
+Matching = Literal["name", "order"]
+_NO_ERRORS: Mapping[str, Any] = {
+    "rms_px": None,
+    "median_px": None,
+    "p95_px": None,
+    "max_px": None,
+    "corners": 0,
+    "held_out_rms_px": None,
+}
+_NAME = re.compile(r"[\w.+-][\w .+-]{0,63}")
+
+
+def calibrate_rig(
+    cameras: Mapping[str, Correspondences | Corners | Detection],
+    target: Target | None = None,
+    *,
+    shots: Matching | Sequence[tuple[str, str, str]] = "name",
+    known: Mapping[str, CameraFile] | None = None,
+    hold_lenses: bool = False,
+    refine_target: RefineTarget = "auto",
+    progress: Progress | None = None,
+) -> RigCalibration:
+    """Fit the lenses of several cameras on one body, and how the cameras stand to each other.
+
+    Each camera is calibrated alone first, without any guess; the fields of view need not overlap
+    as long as two cameras each see some board of the rigid target in a shot.
+
+    Args:
+        cameras: by name, what :func:`detect` found in each one's photos, named corners, or pairs.
+            The first camera's frame is the rig's.
+        target: the object; pairs need none.
+        shots: which photos are of one shot: those of the same ``name`` (without folder and
+            ending), those at the same place in ``order``, or rows (shot, camera, photo).
+        known: cameras that are calibrated already; their lenses stay as they are.
+        hold_lenses: leave all lenses as each camera alone has them; only places and shots are
+            fitted together.
+        refine_target: as in :func:`calibrate`.
+        progress: called with what is done now, in words, and the share done, 0 to 1.
+
+    Returns:
+        Cameras with camera_from_rig (target's units) and its covariance, errors in pixels, and
+        findings.
+
+    Raises:
+        CorrespondenceError: corners come without their target, or do not fit it.
+        FitError: a camera cannot be calibrated, no shot connects the cameras, or the shots do
+            not fit one rig; one line that says which and what to do.
+
+    """
+    names = list(cameras)
+    for name in names:
+        if not _NAME.fullmatch(name):
+            raise FitError(
+                f"camera {quoted(name)}: a name may hold letters, digits, spaces and . + - _ (it "
+                "becomes a folder's)"
+            )
+    known = known or {}
+    given = [
+        RigCamera(
+            name=name,
+            pairs=pairs_of(own, target),
+            camera=known[name].camera if name in known else None,
+            fit=known[name].fit if name in known else None,
+        )
+        for name, own in cameras.items()
+    ]
+    return fitting.calibrate_rig(
+        given,
+        _matched(names, [one.pairs.images for one in given], shots),
+        target=target,
+        refine_target=refine_target,
+        hold_lenses=hold_lenses,
+        progress=progress,
+    )
+
+
+def _matched(
+    names: Sequence[str],
+    photos: Sequence[Sequence[str]],
+    shots: Matching | Sequence[tuple[str, str, str]],
+) -> Shots:
+    if shots == "name":
+        return shots_by_name(names, photos)
+    if shots == "order":
+        return shots_by_order(names, photos)
+    if isinstance(shots, str):
+        raise FitError(f"shots {quoted(shots)} is not known: use 'name', 'order', or rows")
+    return shots_of_table(names, photos, shots)
+
+
+def rig_record(rig: RigCalibration) -> dict[str, Any]:
+    """Plain data of a rig: what rig.yaml holds but for version and provenance."""
+    return {
+        "units": rig.units,
+        "cameras": [
+            {
+                "name": one.name,
+                "camera": f"{one.name}/camera.yaml",
+                "camera_from_rig": {
+                    "rotation": one.rotation.tolist(),
+                    "translation": one.translation.tolist(),
+                },
+                "position": one.position.tolist(),
+                "covariance": one.covariance.tolist(),
+                "turn_sigma_deg": one.turn_sigma_deg,
+                "shift_sigma": one.shift_sigma,
+                "fit": {
+                    **one.errors.as_record(),
+                    "images": int(one.fit["images"]),
+                    "held_out_rms_px": one.held_out_rms_px,
+                    "alone_rms_px": one.alone_rms_px,
+                },
+            }
+            for one in rig.cameras
+        ],
+        "pairs": [
+            {"cameras": [one.first, one.second], "shots": one.shots, "rms_px": one.rms_px}
+            for one in rig.pairs
+        ],
+        "fit": {
+            **rig.errors.as_record(),
+            "held_out_rms_px": rig.held_out_rms_px,
+            "shots": len(rig.shots),
+            "refine_target": rig.refined,
+            "held_lenses": rig.held_lenses,
+            "findings": [one.as_record() for one in rig.findings],
+            "per_shot": [
+                {
+                    **record,
+                    "rig_from_world": {
+                        "rotation_vector": vector.tolist(),
+                        "translation": shift.tolist(),
+                    },
+                }
+                for record, vector, shift in zip(
+                    rig.per_shot, rig.poses.rotation_vector, rig.poses.translation, strict=True
+                )
+            ],
+        },
+    }
+
+
+def save_rig(
+    folder: str | os.PathLike[str],
+    rig: RigCalibration,
+    *,
+    made_by: Mapping[str, Any] | None = None,
+    overwrite: bool = False,
+) -> list[Path]:
+    """Write ``rig.yaml``, each camera's ``camera.yaml`` in a folder of its name, and the target.
+
+    Args:
+        folder: where.
+        rig: the rig.
+        made_by: plain data on where it comes from; the version is added.
+        overwrite: whether existing files may be replaced.
+
+    Returns:
+        The files, all written together or none; ``target.refined.yaml`` where it was fitted.
+
+    Raises:
+        OutputError: a file exists and ``overwrite`` is false, or it cannot be written.
+
+    """
+    origin = {"version": __version__, **(made_by or {})}
+    texts = {Path(folder) / "rig.yaml": rig_text({**rig_record(rig), "made_by": origin})}
+    for one in rig.cameras:
+        texts[Path(folder) / one.name / "camera.yaml"] = camera_text(
+            one.camera, fit=one.fit, made_by={"title": one.name, **origin}
+        )
+    if rig.target is not None and rig.refined != "off":
+        texts[Path(folder) / "target.refined.yaml"] = target_text(rig.target)
+    with whole_files(list(texts), overwrite=overwrite) as temporary:
+        for path, text in zip(temporary, texts.values(), strict=True):
+            write_text(path, text, overwrite=False)
+    return list(texts)
+
+
+def loaded_record(rig: RigFile) -> dict[str, Any]:
+    """The same plain data of a rig that was read from its file, whatever the file left out."""
+    cameras = []
+    for one in rig.cameras:
+        covariance = np.zeros((6, 6)) if one.covariance is None else one.covariance
+        turn, shift = np.trace(covariance[:3, :3]), np.trace(covariance[3:, 3:])
+        cameras.append(
+            {
+                "name": one.name,
+                "camera": one.path,
+                "camera_from_rig": {
+                    "rotation": one.rotation.tolist(),
+                    "translation": one.translation.tolist(),
+                },
+                "position": (-one.rotation.T @ one.translation).tolist(),
+                "covariance": None if one.covariance is None else covariance.tolist(),
+                "turn_sigma_deg": float(np.rad2deg(np.sqrt(max(turn, 0.0)))),
+                "shift_sigma": float(np.sqrt(max(shift, 0.0))),
+                "fit": {**_NO_ERRORS, "images": 0, "alone_rms_px": None, **one.fit},
+            }
+        )
+    return {
+        "units": rig.units,
+        "cameras": cameras,
+        "pairs": [{"cameras": [], "shots": 0, "rms_px": None, **one} for one in rig.pairs],
+        "fit": {**_NO_ERRORS, "shots": 0, **rig.fit},
+    }

@@ -1,0 +1,197 @@
+"""``cubicfish rig``: corners of several cameras to rig.yaml, and reading it again."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from conftest import Run, run_cli
+from simulated import CornerErrors
+from simulated_rig import simulated_rig
+
+from cubicfish_cli import load_rig, save_corners, save_target
+from cubicfish_cli.cli import json_keys
+from cubicfish_cli.errors import CameraFileError
+from cubicfish_cli.formats.camera_yaml import load_camera
+from cubicfish_cli.rendering.outside import outside_lens
+from cubicfish_cli.target import Target
+
+BOARDS = [
+    ("floor", [8, 6], [90, 390, 0], [1, 0, 0], [0, -1, 0]),
+    ("left", [7, 6], [0, 90, 450], [0, 1, 0], [0, 0, -1]),
+    ("right", [6, 5], [450, 0, 330], [-1, 0, 0], [0, 0, -1]),
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Corners of two cameras and their target."""
+    folder = tmp_path_factory.mktemp("rig")
+    target = Target.from_data(
+        {
+            "units": "mm",
+            "boards": [
+                {"name": name, "type": "checkerboard", "corners": corners, "square": 60.0,
+                 "origin": origin, "x_axis": x_axis, "y_axis": y_axis}
+                for name, corners, origin, x_axis, y_axis in BOARDS
+            ],
+        }
+    )  # fmt: skip
+    lenses = [outside_lens("equisolid", (640, 480)), outside_lens("orthographic", (640, 480))]
+    corners, _ = simulated_rig(
+        lenses,
+        [(np.zeros(3), np.zeros(3)), (np.array([0, 0.6, 0]), np.array([-100.0, 0, 0]))],
+        target,
+        8,
+        distances=(50, 300),
+        middle=(330, 330, 300),
+        errors=CornerErrors(noise=0.1, shared=0, spread=0),
+    )
+    save_target(folder / "target.yaml", target)
+    for name, own in zip(("left", "right"), corners, strict=True):
+        save_corners(folder / f"{name}.csv", own)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def made(folder: Path) -> tuple[Path, dict[str, Any]]:
+    said = run_cli(
+        "rig", folder / "left.csv", folder / "right.csv", "-t", folder / "target.yaml",
+        "-o", folder / "rig", "--refine-target", "off", "--json",
+    )  # fmt: skip
+    return folder / "rig", json.loads(said.stdout)
+
+
+def test_it_says_in_json_what_it_writes(made: tuple[Path, dict[str, Any]]) -> None:
+    rig, record = made
+    assert set(record) == set(json_keys.RIG)
+    held = yaml.safe_load((rig / "rig.yaml").read_text())
+    assert held["cubicfish_rig"] == 1
+    assert held["cameras"] == record["cameras"]
+    assert [one["name"] for one in record["cameras"]] == ["left", "right"]
+    assert record["pairs"][0]["shots"] == 8
+    assert np.linalg.norm(record["cameras"][1]["position"]) == pytest.approx(100, abs=3)
+    assert record["fit"]["rms_px"] == pytest.approx(0.1414, rel=0.15)
+    assert len(record["fit"]["per_shot"]) == 8
+    inputs = held["made_by"]["inputs"]
+    assert [Path(one["file"]).name for one in inputs] == ["left.csv", "right.csv"]
+
+
+def test_what_is_written_reads_back(made: tuple[Path, dict[str, Any]]) -> None:
+    rig, record = made
+    read = load_rig(rig)
+    for one, own in zip(read.cameras, record["cameras"], strict=True):
+        assert one.rotation.tolist() == own["camera_from_rig"]["rotation"]
+        assert one.covariance is not None
+        assert one.covariance.tolist() == own["covariance"]
+        assert (one.file.camera.P == load_camera(rig / one.name / "camera.yaml").camera.P).all()
+    assert read.units == "mm"
+
+
+def test_info_knows_rigs(run: Run, made: tuple[Path, dict[str, Any]]) -> None:
+    rig, record = made
+    found = json.loads(run("info", rig / "rig.yaml", "--json").stdout)
+    assert set(found) <= set(json_keys.INFO)
+    assert found["rig"]["cameras"] == record["cameras"]
+    said = run("info", rig).stdout
+    assert "2 cameras, 8 shots" in said
+    assert "left + right" in said
+
+
+def test_known_lenses_stay_and_exchanged_ones_are_named(
+    run: Run, folder: Path, made: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    rig, _ = made
+    args = ["rig", folder / "left.csv", folder / "right.csv", "-t", folder / "target.yaml"]
+    models = ["--lens", f"left={rig / 'left'}", "--lens", f"right={rig / 'right'}"]
+    run(*args, *models, "-o", tmp_path / "held", "-q")
+    for name in ("left", "right"):
+        before, after = (
+            load_camera(place / name / "camera.yaml") for place in (rig, tmp_path / "held")
+        )
+        assert (before.camera.P == after.camera.P).all()
+    wrong = ["--lens", f"left={rig / 'right'}", "--lens", f"right={rig / 'left'}"]
+    said = run(*args, *wrong, "-o", tmp_path / "wrong", code=1).stderr
+    assert "cameras left and right are exchanged" in said
+    assert not (tmp_path / "wrong").exists()
+
+
+def test_shots_may_be_listed(
+    run: Run, folder: Path, made: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    rig, _ = made
+    rows = [f"s{n},{camera},shot_00{n}" for n in range(1, 6) for camera in ("left", "right")]
+    (tmp_path / "shots.csv").write_text("shot,camera,image\n" + "\n".join(rows) + "\n")
+    args = ["rig", folder / "left.csv", folder / "right.csv", "-t", folder / "target.yaml"]
+    models = ["--lens", f"left={rig / 'left'}", "--lens", f"right={rig / 'right'}"]
+    args += [*models, "--shots", tmp_path / "shots.csv", "-o", tmp_path / "rig", "--json"]
+    record = json.loads(run(*args).stdout)
+    assert [one["shot"] for one in record["fit"]["per_shot"]] == ["s1", "s2", "s3", "s4", "s5"]
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "words"),
+    [
+        (["left.csv"], 2, "name two cameras or more"),
+        (["left.csv", "left.csv"], 2, "give each a name of its own with --names"),
+        (["left.csv", "right.csv", "--names", "a"], 2, "--names has 1 names for 2 cameras"),
+        (["left.csv", "right.csv", "--by-order", "--shots", "s.csv"], 2, "leave --by-order out"),
+        (["left.csv", "right.csv", "--lens", "rear=x.yaml"], 2, "names no camera"),
+        (["left.csv", "film.mp4"], 2, "is a film"),
+        (["left.csv", "nothing.csv"], 1, "does not exist"),
+    ],
+)
+def test_what_cannot_be_is_said_in_a_line(
+    run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch, args: list[str], code: int, words: str
+) -> None:
+    monkeypatch.chdir(folder)
+    said = run("rig", *args, "-t", "target.yaml", "-o", "never", code=code).stderr
+    assert words in " ".join(said.split())
+    assert not (folder / "never").exists()
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("cubicfish_rig", 2, "format version 2 is not 1"),
+        ("cameras", [], "cameras must be a list of 1 to 100"),
+        ("units", 3, "units must be text"),
+        ("extra", 1, "unknown key 'extra'"),
+    ],
+)
+def test_a_spoilt_rig_is_refused(
+    made: tuple[Path, dict[str, Any]], tmp_path: Path, key: str, value: object, words: str
+) -> None:
+    record = yaml.safe_load((made[0] / "rig.yaml").read_text())
+    record[key] = value
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(record, sort_keys=False))
+    with pytest.raises(CameraFileError, match=words):
+        load_rig(tmp_path / "rig.yaml")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"camera": "../elsewhere.yaml"}, "in the rig's folder or below"),
+        ({"name": ""}, "must be text"),
+        ({"covariance": [[1, 2], [3, 4]]}, "covariance must hold 6 rows"),
+        ({"camera_from_rig": {"rotation": [[1, 0, 0], [0, 1, 0], [0, 1, 1]],
+                              "translation": [0, 0, 0]}}, "must be a rotation"),
+        ({"camera_from_rig": {"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+                              "translation": [0, 0]}}, "must hold 3 finite numbers"),
+    ],
+)  # fmt: skip
+def test_a_spoilt_camera_of_a_rig_is_refused(
+    made: tuple[Path, dict[str, Any]], tmp_path: Path, change: dict[str, Any], words: str
+) -> None:
+    record = yaml.safe_load((made[0] / "rig.yaml").read_text())
+    record["cameras"][1].update(change)
+    for name in ("left", "right"):
+        (tmp_path / name).mkdir()
+        text = (made[0] / name / "camera.yaml").read_text()
+        (tmp_path / name / "camera.yaml").write_text(text)
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(record, sort_keys=False))
+    with pytest.raises(CameraFileError, match=words):
+        load_rig(tmp_path)

@@ -1,0 +1,338 @@
+"""Rigs: several cameras on one body, from corners that each camera found."""
+
+import functools
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulated import CornerErrors
+from simulated_rig import RigTruth, simulated_rig
+
+from cubicfish_cli.correspondences import Correspondences, pair
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.adjustment import adjust, linearised, views_of
+from cubicfish_cli.fitting.lenses import RadialFit
+from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
+from cubicfish_cli.fitting.rig.calibrate import RigCalibration, RigCamera, calibrate_rig
+from cubicfish_cli.fitting.rig.shots import Shots, shots_by_name, shots_by_order, shots_of_table
+from cubicfish_cli.fitting.rig.start import median_pose
+from cubicfish_cli.fitting.rig_lens import RigLens
+from cubicfish_cli.fitting.subset import select
+from cubicfish_cli.fitting.world import DrawnWorld
+from cubicfish_cli.rendering.outside import outside_lens
+from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
+from cubicfish_cli.target import Target
+
+NAMES = ("left", "right")
+APART = (np.array([0.01, 0.9, -0.02]), np.array([-120.0, 10.0, 5.0]))
+
+
+def target() -> Target:
+    """Three boards in a corner."""
+    boards = [
+        ("floor", [8, 6], [90, 390, 0], [1, 0, 0], [0, -1, 0]),
+        ("left", [7, 6], [0, 90, 450], [0, 1, 0], [0, 0, -1]),
+        ("right", [6, 5], [450, 0, 330], [-1, 0, 0], [0, 0, -1]),
+    ]
+    return Target.from_data(
+        {
+            "units": "mm",
+            "boards": [
+                {"name": name, "type": "checkerboard", "corners": corners, "square": 60.0,
+                 "origin": origin, "x_axis": x_axis, "y_axis": y_axis}
+                for name, corners, origin, x_axis, y_axis in boards
+            ],
+        }
+    )  # fmt: skip
+
+
+@functools.cache
+def simulated(
+    seed: int = 0, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> tuple[tuple[Correspondences, ...], RigTruth]:
+    lenses = [outside_lens("equisolid", (800, 600)), outside_lens("equisolid", (640, 640))]
+    nothing = (np.zeros(3), np.zeros(3))
+    corners, truth = simulated_rig(
+        lenses,
+        [nothing, (APART[0], APART[1] + shift)],
+        target(),
+        10,
+        distances=(50, 300),
+        middle=(330, 330, 300),
+        seed=seed,
+        errors=CornerErrors(noise=0.1, shared=0, spread=0),
+    )
+    return tuple(pair(one, target()) for one in corners), truth
+
+
+def matched(pairs: Sequence[Correspondences]) -> Shots:
+    return shots_by_name(NAMES, [one.images for one in pairs])
+
+
+def fitted(
+    pairs: Sequence[Correspondences], shots: Shots | None = None, *, hold_lenses: bool = False
+) -> RigCalibration:
+    cameras = [RigCamera(name=name, pairs=one) for name, one in zip(NAMES, pairs, strict=True)]
+    return calibrate_rig(
+        cameras,
+        shots or matched(pairs),
+        target=target(),
+        refine_target="off",
+        hold_lenses=hold_lenses,
+    )
+
+
+@functools.cache
+def plain() -> RigCalibration:
+    return fitted(simulated()[0])
+
+
+def test_cameras_stand_where_they_do_and_it_is_known_how_surely() -> None:
+    rig, (vector, shift) = plain(), APART
+    right = rig.cameras[1]
+    # The axes of these lenses are turned against their formula's: 0.5° of freedom for the turn.
+    off = right.rotation @ rotation_matrix(vector).T
+    assert np.degrees(np.arccos((np.trace(off) - 1) / 2)) < 0.5
+    assert np.linalg.norm(right.position - -rotation_matrix(vector).T @ shift) < 2.0
+    length = np.linalg.norm(right.translation) - np.linalg.norm(shift)
+    assert abs(length) < 4 * right.shift_sigma < 1.0
+    assert 0 < right.turn_sigma_deg < 0.05
+    assert rig.errors.rms_px == pytest.approx(0.1 * np.sqrt(2), rel=0.1)
+    assert rig.held_out_rms_px == pytest.approx(rig.errors.rms_px, rel=0.15)
+    assert rig.held_out_rms_px > rig.errors.rms_px
+    assert [finding.code for finding in rig.findings] == []
+    first = rig.cameras[0]
+    assert (first.rotation == np.eye(3)).all()
+    assert not first.translation.any()
+    assert not first.covariance.any()
+
+
+def test_lenses_can_be_held() -> None:
+    free, held = plain(), fitted(simulated()[0], hold_lenses=True)
+    assert held.held_lenses
+    assert not free.held_lenses
+    assert free.errors.rms_px < held.errors.rms_px < 1.05 * free.errors.rms_px
+
+
+def test_a_photo_of_another_shot_is_named_and_harms_nothing() -> None:
+    pairs, _ = simulated()
+    names = list(pairs[1].images)
+    names[2], names[5] = names[5], names[2]
+    order = np.argsort(names)
+    place = np.argsort(order)
+    wrong = replace(pairs[1], images=tuple(names))
+    rows = np.argsort(place[wrong.image], kind="stable")
+    wrong = replace(
+        wrong,
+        images=tuple(sorted(names)),
+        **{
+            name: getattr(wrong, name)[rows]
+            for name in ("world", "pixel", "weight", "board", "column", "row", "certain")
+        },
+        image=np.sort(place[wrong.image]),
+    )
+    rig = fitted((pairs[0], wrong))
+    assert {one.code for one in rig.findings} == {"shot_mismatched"}
+    named = {shot for one in rig.findings for shot in one.shots}
+    assert named == {pairs[1].images[2], pairs[1].images[5]}
+    assert np.allclose(rig.cameras[1].translation, plain().cameras[1].translation, atol=0.5)
+    assert rig.errors.rms_px < 1.1 * plain().errors.rms_px
+
+
+def joined(first: Correspondences, second: Correspondences, half: str) -> Correspondences:
+    """The photos of the first up to ``half``, and those of the second after it."""
+    one, _ = select(first, np.array([name <= half for name in first.images])[first.image])
+    two, _ = select(second, np.array([name > half for name in second.images])[second.image])
+    names = ("world", "pixel", "weight", "board", "column", "row", "certain")
+    return replace(
+        one,
+        images=one.images + two.images,
+        image=np.concatenate([one.image, two.image + len(one.images)]),
+        **{name: np.concatenate([getattr(one, name), getattr(two, name)]) for name in names},
+    )
+
+
+def test_a_camera_that_moved_half_way_is_found() -> None:
+    before, after = simulated()[0], simulated(0, (2.0, 0.0, 0.0))[0]
+    rig = fitted([joined(a, b, "shot_005") for a, b in zip(before, after, strict=True)])
+    (found,) = rig.findings
+    assert found.code == "camera_moved"
+    assert set(found.cameras) == set(NAMES)
+    assert found.shots == ("shot_006",)
+    assert found.figures["shift"] == pytest.approx(2.0, rel=0.3)
+
+
+def test_a_lens_that_is_known_stays_as_it_is() -> None:
+    pairs, _ = simulated()
+    known = plain().cameras[1]
+    cameras = [
+        RigCamera(name="left", pairs=pairs[0]),
+        RigCamera(name="right", pairs=pairs[1], camera=known.camera, fit=known.fit),
+    ]
+    rig = calibrate_rig(cameras, matched(pairs), target=target(), refine_target="off")
+    assert (rig.cameras[1].camera.P == known.camera.P).all()
+    assert np.allclose(rig.cameras[1].translation, known.translation, atol=0.3)
+    assert not rig.held_lenses
+
+
+def test_cameras_without_a_common_shot_are_refused() -> None:
+    pairs, _ = simulated()
+    apart = Shots(
+        names=tuple(f"{number}" for number in range(40)),
+        photos=(
+            {name: number for number, name in enumerate(pairs[0].images)},
+            {name: 20 + number for number, name in enumerate(pairs[1].images)},
+        ),
+    )
+    with pytest.raises(FitError, match="no shot shows the target to right and to left at once"):
+        fitted(pairs, apart)
+
+
+def test_few_common_shots_are_told_once_for_two_cameras() -> None:
+    pairs, _ = simulated()
+    shots = matched(pairs)
+    few = {name: shot + 20 * (shot > 3) for name, shot in shots.photos[1].items()}
+    names = tuple(f"{number:02d}" for number in range(40))
+    rig = fitted(pairs, Shots(names=names, photos=(shots.photos[0], few)))
+    (found,) = rig.findings
+    assert (found.code, set(found.cameras)) == ("few_common_shots", set(NAMES))
+    assert found.figures["shots"] == rig.pairs[0].shots < 5
+
+
+def test_shots_that_fit_no_rig_are_refused() -> None:
+    pairs, _ = simulated()
+    names = pairs[1].images
+    shuffled = dict(zip(names, np.roll(np.arange(len(names)), 3).tolist(), strict=True))
+    shots = matched(pairs)
+    wrong = Shots(names=shots.names, photos=(shots.photos[0], shuffled))
+    with pytest.raises(FitError, match="do not fit one rig"):
+        fitted(pairs, wrong)
+
+
+def small_rig() -> tuple[RigLens, Poses, Correspondences]:
+    """Two radial lenses and three shots, one of which only the second camera sees."""
+    rng = np.random.default_rng(1)
+    camera, shot = np.array([0, 0, 1, 1, 1]), np.array([0, 2, 0, 1, 2])
+    values = np.array([200.0, 205, 320, 240, 0.01, 0.002, 0, 0])
+    turns = rotation_from_vector([[0, 0, 0], [0.1, 0.5, -0.2]])
+    lens = RigLens(
+        lenses=(RadialFit(values=values), RadialFit(values=values + 3.0 * (np.arange(8) < 4))),
+        places=Poses(rotation=turns, translation=np.array([[0, 0, 0], [0.3, -0.1, 0.2]])),
+        camera=camera,
+        shot=shot,
+    )
+    poses = Poses(
+        rotation=rotation_from_vector(0.3 * rng.standard_normal((3, 3))),
+        translation=np.array([0, 0, 3.0]) + 0.3 * rng.standard_normal((3, 3)),
+    )
+    image = np.repeat(np.arange(5), 12)
+    world = rng.uniform(-1, 1, (60, 3))
+    pairs = Correspondences.from_arrays(
+        [world[image == view] for view in range(5)],
+        [rng.uniform(0, 400, (12, 2)) for _ in range(5)],
+        (640, 480),
+    )
+    return lens, poses, pairs
+
+
+def test_derivatives_of_a_rig_are_those_of_differences() -> None:
+    lens, poses, pairs = small_rig()
+    world = DrawnWorld(pairs.world)
+    run = slice(24, 60)  # of the second camera
+    terms = linearised(lens, poses, world, pairs, run)
+    step = 1e-6
+
+    def pixel(lens: RigLens, poses: Poses) -> np.ndarray:
+        views = views_of(lens, poses)
+        points = views.apply(pairs.image[run], pairs.world[run])
+        return lens.lenses[1].project(points)
+
+    for column in range(terms.columns.start, terms.columns.stop):
+        moved = np.zeros(len(lens.parameters))
+        moved[column] = step
+        there, back = (lens.with_parameters(lens.parameters + s * moved) for s in (1, -1))
+        found = (pixel(there, poses) - pixel(back, poses)) / (2 * step)
+        own = terms.d_lens[:, :, column - terms.columns.start]
+        assert np.allclose(own, found, atol=1e-4), column
+    d_pose = np.concatenate([terms.d_turn, terms.d_shift], axis=2)
+    for column in range(6):
+        for shot in range(3):
+            moved = np.zeros((3, 6))
+            moved[shot, column] = step
+            found = (pixel(lens, poses.moved(moved)) - pixel(lens, poses.moved(-moved))) / 2 / step
+            own = np.where((terms.pose == shot)[:, None], d_pose[:, :, column], 0)
+            assert np.allclose(own, found, atol=1e-4), (column, shot)
+
+
+def test_one_camera_is_a_rig_of_one() -> None:
+    pairs, truth = simulated()
+    one = pairs[0]
+    size = np.array(one.image_size)
+    values = np.array([200.0, 200, *((size - 1) / 2), 0, 0, 0, 0])
+    poses = Poses(
+        rotation=np.stack([rotation_matrix(pose[0]) for pose in truth.cameras[0].poses]),
+        translation=np.stack([pose[1] for pose in truth.cameras[0].poses]),
+    )
+    count = np.arange(len(poses))
+    alone = RadialFit(values=values)
+    rig = RigLens(
+        lenses=(alone,),
+        places=Poses(rotation=np.eye(3)[None], translation=np.zeros((1, 3))),
+        camera=np.zeros(len(poses), np.intp),
+        shot=count,
+    )
+    plainly = adjust(alone, poses, one, huber_px=5.0)
+    as_rig = adjust(rig, poses, one, huber_px=5.0)
+    assert as_rig.iterations == plainly.iterations
+    assert as_rig.cost == pytest.approx(plainly.cost, rel=1e-12)
+    assert np.allclose(as_rig.lens.parameters, plainly.lens.parameters, rtol=1e-9)
+
+
+def test_the_median_of_poses_forgets_a_few_that_are_wrong() -> None:
+    rng = np.random.default_rng(0)
+    vectors = np.array([0.2, -0.4, 1.0]) + 1e-3 * rng.standard_normal((20, 3))
+    shifts = np.array([5.0, 0, -2]) + 1e-2 * rng.standard_normal((20, 3))
+    vectors[:6], shifts[:6] = rng.standard_normal((6, 3)), 50 * rng.standard_normal((6, 3))
+    found = median_pose(Poses(rotation=rotation_from_vector(vectors), translation=shifts))
+    assert np.allclose(found.rotation_vector[0], [0.2, -0.4, 1.0], atol=2e-3)
+    assert np.allclose(found.translation[0], [5, 0, -2], atol=2e-2)
+
+
+@pytest.mark.parametrize(
+    ("left", "right"),
+    [
+        (["a/01.png", "a/02.png"], ["b/02.jpg", "b/01.jpg"]),
+        (["left01.png", "left02.png"], ["right02.png", "right01.png"]),
+        (["01_l.png", "02_l.png"], ["02_right.png", "01_right.png"]),
+    ],
+)
+def test_photos_of_one_name_are_one_shot(left: list[str], right: list[str]) -> None:
+    shots = shots_by_name(NAMES, [left, right])
+    assert shots.photos == ({left[0]: 0, left[1]: 1}, {right[0]: 1, right[1]: 0})
+
+
+def test_names_that_tell_no_shot_are_refused() -> None:
+    with pytest.raises(FitError, match="no photo of left is called as one of another camera"):
+        shots_by_name(NAMES, [["x1.png", "x2.png"], ["y3.png", "y4.png"]])
+    with pytest.raises(FitError, match="would be of one shot"):
+        shots_by_name(NAMES, [["a/1.png", "b/1.png"], ["1.png", "2.png"]])
+    with pytest.raises(FitError, match=r"different numbers of photos \(left 1, right 2\)"):
+        shots_by_order(NAMES, [["1.png"], ["1.png", "2.png"]])
+
+
+def test_a_table_says_which_photos_are_of_one_shot() -> None:
+    photos = [["p.png", "q.png"], ["x.png", "y.png"]]
+    rows = [("one", "left", "q.png"), ("one", "right", "x.png"), ("two", "left", "p.png")]
+    shots = shots_of_table(NAMES, photos, rows)
+    assert shots.names == ("one", "two")
+    assert shots.photos == ({"p.png": 1, "q.png": 0}, {"x.png": 0})
+    with pytest.raises(FitError, match="there is no camera 'rear'"):
+        shots_of_table(NAMES, photos, [("one", "rear", "x.png")])
+
+
+def test_poses_of_matrices_are_what_the_tests_think() -> None:
+    turn = rotation_matrix(APART[0])
+    pose: Pose = pose_of_matrix(turn, -turn.T @ APART[1])
+    assert np.allclose(pose[0], APART[0])
+    assert np.allclose(pose[1], APART[1])
