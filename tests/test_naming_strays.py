@@ -12,7 +12,7 @@ from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.name_grids import name_grids
 from cubicfish_cli.naming.refusals import nothing_named
-from cubicfish_cli.naming.strays import solid_size, without_strays
+from cubicfish_cli.naming.strays import doubtful_rims, solid_size, without_strays
 from cubicfish_cli.target import Target
 
 BOARD = np.array([[9, 6], [6, 9]])
@@ -173,3 +173,108 @@ def test_a_photo_of_a_larger_board_says_so_without_counting_strays():
     assert naming.grids[0][0].size == (12, 8)
     told = nothing_named(naming, target)
     assert (told.figures["columns"], told.figures["rows"]) == (12, 8)
+
+
+def shifted_by_a_line(own: Grid) -> tuple[Grid, np.ndarray, tuple[int, int]] | None:
+    """A board of 10x7 and a line before it, its last line behind the border; None if it is not.
+
+    Args:
+        own: a whole grid of 11x7.
+
+    Returns:
+        The grid, which corners are on the line before the board, and the picture's size.
+
+    """
+    axis = int(np.argmax(own.cells.max(axis=0)))
+    for side in (0, 1):
+        for end in (0, 10):
+            border = float(own.pixel[own.cells[:, axis] == end, side].min()) - 1
+            keep = own.pixel[:, side] < border
+            if keep.sum() < 70 - 3 or len(np.unique(own.cells[keep, axis])) != 10:
+                continue
+            part = _part_of(own, keep)
+            first = part.cells[:, axis] == (0 if end == 10 else 9)
+            size = (int(border), IMAGE_SIZE[1]) if side == 0 else (IMAGE_SIZE[0], int(border))
+            return part, first, size
+    return None
+
+
+def _part_of(own: Grid, keep: np.ndarray) -> Grid:
+    first = own.cells[keep].min(axis=0)
+    return replace(
+        own,
+        cells=own.cells[keep] - first,
+        pixel=own.pixel[keep],
+        parity=own.parity * (-1) ** int(first.sum()),
+        contrast=own.contrast[keep],
+    )
+
+
+def shifted_boards(rows: int) -> list[tuple[Grid, np.ndarray, tuple[int, int]]]:
+    larger = Target(units="mm", boards=(checkerboard("b", 11, rows, 30.0),))
+    corners = seen(larger, photos=30, distance=(0.9, 1.4))
+    grids = [own[0] for own in anonymous_photos(corners, larger)[0] if len(own[0]) == 11 * rows]
+    made = [one for own in grids if (one := shifted_by_a_line(own)) is not None]
+    assert len(made) >= 3
+    return made
+
+
+@pytest.mark.parametrize("why", ["few", "faint"])
+def test_a_line_that_may_be_none_of_a_cut_boards_is_not_certain(why):
+    target = Target(units="mm", boards=(checkerboard("b", 10, 7, 30.0),))
+    for whole, first, size in shifted_boards(7):
+        if why == "few":
+            axis = int(np.ptp(whole.cells[first], axis=0).argmax())
+            across = whole.cells[:, axis]
+            part = _part_of(whole, ~first | (across == 3) | (across == 4))
+        else:
+            part = replace(whole, contrast=np.where(first, 30.0, whole.contrast))
+        naming = name_grids([[part]], target, size, names(1))
+        assert naming.grids[0][0].verdict is Verdict.CONVENTION
+        assert len(naming.corners.pixel) == len(part)
+        assert not naming.exact.any()
+        # With nothing against that line the board is whole.
+        assert name_grids([[whole]], target, size, names(1)).exact.all()
+
+
+def test_colours_tell_whether_a_weak_line_is_the_boards():
+    """A board of 10x8 begins with one colour only, whichever way it is turned."""
+    target = Target(units="mm", boards=(checkerboard("b", 10, 8, 30.0),))
+    for whole, first, size in shifted_boards(8):
+        part = replace(whole, contrast=np.where(first, 30.0, whole.contrast))
+        assert name_grids([[part]], target, size, names(1)).exact.all()
+
+
+def test_a_line_askew_to_the_others_is_doubtful():
+    own = grid(9, 6)
+    own = replace(own, contrast=np.full(54, 100.0))
+    assert doubtful_rims(own) == []
+    last = own.cells[:, 0] == 8
+    askew = replace(own, pixel=own.pixel + 12.0 * np.outer(last, [1.0, 0.0]))
+    assert [rim.tolist() for rim in doubtful_rims(askew)] == [last.tolist()]
+
+
+def test_a_truly_weak_line_is_certain_where_the_board_ends_on_the_other_side():
+    """A hand leaves two of the last column's corners; behind the first one the board ends."""
+    target = flat_board()
+    corners = seen(target, photos=6, distance=(0.9, 1.4))
+    grids = []
+    for own in (one[0] for one in anonymous_photos(corners, target)[0] if len(one[0]) == 88):
+        axis = int(np.argmax(own.cells.max(axis=0)))
+        last = own.cells[:, axis] == 10
+        grids.append([_part_of(own, ~last | (own.cells[:, 1 - axis] < 2))])
+    naming = name_grids(grids, target, IMAGE_SIZE, names(len(grids)))
+    assert len(grids) >= 3
+    assert [photo[0].verdict for photo in naming.grids] == [Verdict.NAMED] * len(grids)
+    assert naming.exact.all()
+
+
+def test_a_full_line_beside_the_border_stays_certain():
+    """The board fills the picture to its borders: nothing speaks against its outermost lines."""
+    target = flat_board()
+    corners = seen(target, photos=6, distance=(0.9, 1.4))
+    grids = [own[0] for own in anonymous_photos(corners, target)[0] if len(own[0]) == 88]
+    for own in grids:
+        size = tuple(int(side) for side in own.pixel.max(axis=0) + 2)
+        naming = name_grids([[own]], target, size, names(1))
+        assert naming.grids[0][0].verdict is Verdict.NAMED

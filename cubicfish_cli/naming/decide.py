@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -13,8 +13,9 @@ from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.geometry import similarity
 from cubicfish_cli.naming.congruence import SAME, is_symmetry
 from cubicfish_cli.naming.ends import Ends, clearly_more
-from cubicfish_cli.naming.places import Reach, Sides
+from cubicfish_cli.naming.places import Reach, Sides, reach_of
 from cubicfish_cli.naming.search import Labelings
+from cubicfish_cli.naming.strays import doubtful_rims
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
@@ -314,6 +315,23 @@ def decide_alone(grid: Grid, sides: Sides, reach: Reach, ends: Ends | None) -> D
     chosen = photo.most_upright(places, same)
     verdict = Verdict.NAMED if settled else _unsettled(photo, places[np.array(same)])
     return _alone(verdict, int(side[chosen]), offset[chosen])
+
+
+def rim_in_doubt(grid: Grid, sides: Sides, board: int, ends: Ends | None) -> bool:
+    """Whether a grid may lie a line further along its board, one of its lines being a stray.
+
+    Few corners speak for that line, and the board may go on at the other side: there it is cut.
+    """
+    reach = reach_of(grid, sides)
+    for rim in doubtful_rims(grid):
+        side, offset = reach_of(replace(grid, cells=grid.cells[~rim]), sides).places()
+        rival = (sides.board[side] == board) & ~reach.allows(side, offset)
+        if ends is not None:
+            gaps = int(ends.table[0, 0, 0, 0])  # within the grid, wherever it lies
+            rival &= ~clearly_more(ends.missing(sides, side, offset) - gaps, 0)
+        if rival.any():
+            return True
+    return False
 
 
 def _unsettled(photo: _Photo, left: Labelings) -> Verdict:

@@ -15,7 +15,7 @@ from cubicfish_cli.fitting.companion import Companion, fit_companion, refit_comp
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.naming.as_built import Sighting, built_sides
-from cubicfish_cli.naming.decide import Decision, Verdict, decide, decide_alone
+from cubicfish_cli.naming.decide import Decision, Verdict, decide, decide_alone, rim_in_doubt
 from cubicfish_cli.naming.ends import Ends, ends_of, farthest_radius
 from cubicfish_cli.naming.places import Reach, Sides, reach_of, sides_of
 from cubicfish_cli.naming.search import search
@@ -266,7 +266,8 @@ def _decide_all(
         sides, decisions = _with_built(task, companion.camera, poses, decisions)
         _cut_unnamed(task, sides, companion.camera, poses, decisions)
         decisions = _without_misfits(task, sides, companion.camera, poses, decisions)
-    return decisions, companion.camera if companion else None
+    camera = companion.camera if companion else None
+    return _with_doubts(task, camera, poses, decisions), camera
 
 
 def _with_built(
@@ -426,6 +427,30 @@ def _without_misfits(
         again = [_decide_without(task, sides, own, trial, camera, poses) for trial in trials]
         sound = [one for one in again if not (one.rms_px > limit).any()]
         checked[photo] = max(sound or again[-1:], key=lambda one: _named_corners(task, own, one))
+    return checked
+
+
+def _with_doubts(
+    task: _Task,
+    camera: RadialCamera | None,
+    poses: list[GridPose | None],
+    decisions: list[Decision | None],
+) -> list[Decision | None]:
+    """Take a grid that may hold a stray line for placed by convention.
+
+    Only where it is alone: other boards of the object would not fit if it lay elsewhere.
+    """
+    checked = list(decisions)
+    for photo, (own, decision) in enumerate(zip(task.photos, decisions, strict=True)):
+        if decision is None or decision.verdict.count(Verdict.NAMED) != 1:
+            continue
+        n = decision.verdict.index(Verdict.NAMED)
+        ends = _ends(task, camera, own, own[n], poses) if camera else None
+        board = int(task.sides.board[decision.side[n]])
+        if rim_in_doubt(task.grids[own[n]], task.sides, board, ends):
+            verdict = list(decision.verdict)
+            verdict[n] = Verdict.CONVENTION
+            checked[photo] = replace(decision, verdict=tuple(verdict))
     return checked
 
 

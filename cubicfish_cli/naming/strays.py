@@ -4,6 +4,8 @@ Behind a board's margin something dark may look like one more corner or like a w
 them. Such strays make lines at the grid's rim that hold hardly any corner. They must not hide the
 board, so they are cut off, at a cost: only as many lines as must go, the weakest first, and never
 one that may be part of a larger board.
+
+A line that need not go may be a stray as well, of a board that is cut on its other side.
 """
 
 from __future__ import annotations
@@ -13,7 +15,9 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.detection.believe import MOST_MISS
 from cubicfish_cli.detection.grids import Grid
+from cubicfish_cli.detection.lattice import Lattice
 
 IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
@@ -23,6 +27,10 @@ BoolArray = npt.NDArray[np.bool_]
 _WEAK, _WEAK_SHARE, _STRONG_SHARE = 2, 0.25, 0.5
 # Corners that may be cut off: a few in any case, else a share of all; and never too many.
 _FEW, _FEW_SHARE, _MOST_SHARE = 4, 0.125, 0.25
+# A corner vouches for its line at the rim where it lies as near to what the rest of the grid
+# predicts as corners of boards do, and where its squares differ by no smaller share of what those
+# of the corners around do: light falls off by less from one line to the next.
+_SAME_CONTRAST = 0.4
 
 
 def without_strays(grid: Grid, sizes: IntArray) -> Grid | None:
@@ -46,6 +54,29 @@ def solid_size(grid: Grid) -> tuple[int, int]:
     """Columns and rows of the grid's box, lines of hardly any corners left out."""
     columns, rows = (np.ptp(solid(grid).cells, axis=0) + 1).tolist()
     return columns, rows
+
+
+def doubtful_rims(grid: Grid) -> list[BoolArray]:
+    """The lines at the rim for which hardly any corner vouches: for each, its cells (N,)."""
+    lattice = Lattice.from_cells(grid.cells, grid.pixel, grid.contrast, grid.parity)
+    place = grid.cells + (lattice.cells().min(axis=0) - grid.cells.min(axis=0))
+    found = []
+    for axis in (0, 1):
+        along = grid.cells[:, axis]
+        fullest = int(np.bincount(along).max())
+        for rim in (along == along.min(), along == along.max()):
+            lattice.drop(place[rim])
+            fit = lattice.fit(place[rim])
+            row, column = place[rim].T
+            known = lattice.neighbour_sum(lattice.known.astype(float))[row, column]
+            around = lattice.neighbour_sum(lattice.contrast)[row, column] / np.maximum(known, 1)
+            away = fit.cells_away(grid.pixel[rim]) / (1 + np.sqrt(fit.leverage))
+            vouched = (away < MOST_MISS) | ~fit.sound  # where nothing is predicted nothing speaks
+            vouched &= grid.contrast[rim] >= _SAME_CONTRAST * around
+            if vouched.sum() <= max(_WEAK, _WEAK_SHARE * fullest):
+                found.append(rim)
+            lattice.put(place[rim], grid.pixel[rim], grid.contrast[rim])
+    return found
 
 
 def _cut(grid: Grid, sizes: IntArray | None) -> Grid | None:
