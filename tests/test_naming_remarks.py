@@ -8,7 +8,9 @@ from cubicfish_cli.naming.remarks import remark_lines, remark_of
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
 
-PART = ": part of the board, placed in its middle; a lens does not depend on where, measuring "
+PART = (
+    ": perhaps part of the board, placed in its middle; a lens does not depend on where, measuring "
+)
 PART += "the board would"
 
 
