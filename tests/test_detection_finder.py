@@ -226,6 +226,26 @@ def test_texture_is_not_a_board(name):
     assert len(explain_no_grids(image, found).what) < 110
 
 
+def test_growth_over_dots_ends_early(monkeypatch):
+    """A lattice of small dots is full of saddles: each piece would grow over the whole photo."""
+    j, i = np.meshgrid(np.arange(0, 480, 6), np.arange(0, 640, 6))
+    photo = np.full((480, 640), 230, np.uint8)
+    for x, y in np.column_stack([i.ravel(), j.ravel()])[(i + j).ravel() // 6 % 2 == 0].tolist():
+        cv2.circle(photo, (x, y), 2, 30, -1, cv2.LINE_AA)
+    photo = cv2.warpAffine(photo, cv2.getRotationMatrix2D((320, 240), 6, 1.3), (640, 480))
+    corners = []
+    refine = finder.refine_and_verify
+
+    def counted(pyramid, lattice):
+        corners.append(int(lattice.known.sum()))
+        return refine(pyramid, lattice)
+
+    monkeypatch.setattr(finder, "refine_and_verify", counted)
+    assert find_grids(photo).grids == ()
+    assert len(corners) > 5
+    assert sum(corners) < 10_000
+
+
 @pytest.mark.parametrize("shape", [(1, 1), (1, 300), (300, 1), (24, 24), (25, 60), (50, 49)])
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
 def test_tiny_photos_do_no_harm(shape, kind):

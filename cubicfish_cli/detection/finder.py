@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
@@ -32,6 +34,9 @@ MOST_PIXELS = 16_000_000
 _MOST_FAILURES = 40
 # Growing again after wrong corners went: they may have stood in the way.
 _PASSES = 2
+# A grid that has grown to so many times the corners it had, and these at least, goes on growing
+# only if it would be a board and keep this share of its corners: nearly all stay of a board's.
+_GROWN, _GROWN_LEAST, _HELD = 2, 64, 0.25
 
 
 def find_grids(image: npt.NDArray[np.generic]) -> FoundGrids:
@@ -98,7 +103,9 @@ def _raise(
         if lattice.known.sum() < 4:
             return None
         before = lattice.known.sum()
-        grow(pyramid, lattice, candidates)
+        while grow(pyramid, lattice, candidates, max(_GROWN_LEAST, _GROWN * lattice.known.sum())):
+            if not _is_board_so_far(pyramid, lattice):
+                return None
         clean(lattice)
         if not is_large_enough(lattice):
             return None
@@ -108,13 +115,27 @@ def _raise(
             return None
         if not (grown and dropped):
             break
+    return lattice if _is_board_at_last(lattice, found) else None
+
+
+def _is_board_so_far(pyramid: Pyramid, lattice: Lattice) -> bool:
+    """Judge what still grows: over dots it would grow on and on."""
+    trial = copy.deepcopy(lattice)
+    clean(trial)
+    found, _ = refine_and_verify(pyramid, trial)
+    held = trial.known.sum() >= _HELD * lattice.known.sum()
+    return bool(held) and is_large_enough(trial) and _is_board_at_last(trial, found)
+
+
+def _is_board_at_last(lattice: Lattice, found: Crossings) -> bool:
+    """Drop corners that hang on a single link, and judge the rest."""
     cells = lattice.cells()
     closing = closes_cell(lattice.known)[cells[:, 0], cells[:, 1]]
     lattice.drop(cells[~closing])
     cells, found = cells[closing], found.select(closing)
     contrast = lattice.contrast[cells[:, 0], cells[:, 1]]
     around = _median_around(contrast[:, None], lattice, cells)[:, 0]
-    return lattice if is_board(lattice, cells, found, around) else None
+    return is_board(lattice, cells, found, around)
 
 
 def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> tuple[Crossings, int]:

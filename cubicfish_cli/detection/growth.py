@@ -28,15 +28,27 @@ _SEARCH = 0.5
 _OUTLIER = 0.15
 
 
-def grow(
-    pyramid: Pyramid, lattice: Lattice, free: cKDTree, most_rounds: int = _MOST_ROUNDS
-) -> None:
-    """Add corners to the lattice until nothing changes; ``free``: candidates to snap to."""
-    for _ in range(most_rounds):
+def grow(pyramid: Pyramid, lattice: Lattice, free: cKDTree, most: int) -> bool:
+    """Add corners to the lattice until nothing changes, or it has more than ``most`` corners.
+
+    Args:
+        pyramid: the photo.
+        lattice: what grows.
+        free: candidates to snap to.
+        most: corners.
+
+    Returns:
+        Whether it may grow on.
+
+    """
+    for _ in range(_MOST_ROUNDS):
+        if lattice.known.sum() > most:
+            return True
         lattice.make_room()
         cells = _frontier(lattice)
         if not len(cells) or not _grow_once(pyramid, lattice, free, cells):
-            return
+            return False
+    return False
 
 
 def _frontier(lattice: Lattice) -> IntArray:
