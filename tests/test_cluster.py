@@ -427,3 +427,23 @@ def test_a_photo_that_ends_its_workers_is_that_photos_failure() -> None:
     assert "ended from outside, as happens when memory runs out" in str(problem)
     with pytest.raises(ZeroDivisionError):
         cluster._explained(ZeroDivisionError(), "")
+
+
+@pytest.mark.slow
+def test_a_worker_that_stands_still_is_named(
+    processes: Processes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workers, "_ANSWER_S", 4.0)
+    address = processes.have(2)
+    stopped = processes._workers[0]
+    stopped.send_signal(signal.SIGSTOP)
+    try:
+        with (
+            pytest.raises(ClusterError, match=r"^tcp://[0-9.:]+ has not answered for 4 s: let it"),
+            connect(address),
+        ):
+            pass
+    finally:
+        stopped.send_signal(signal.SIGCONT)
+    with connect(address) as machines:
+        assert machines.workers == 2

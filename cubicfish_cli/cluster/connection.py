@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import logging
-import threading
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from queue import Empty, SimpleQueue
 from typing import Any
 
+from cubicfish_cli.cluster.patience import within
 from cubicfish_cli.cluster.workers import CANCELLED, Cluster
 from cubicfish_cli.errors import ClusterError
 from cubicfish_cli.photos import shown
@@ -68,7 +67,7 @@ def _client(kind: Any, address: str) -> Any:
         return Client(address, timeout=_CONNECT_S, set_as_default=False, name="cubicfish")
 
     try:
-        return _within(_CONNECT_S + _SLACK_S, start)
+        return within(_CONNECT_S + _SLACK_S, start)
     except ValueError as problem:
         raise ClusterError(
             f"{shown(address)} is no address of a scheduler ({problem}): "
@@ -90,31 +89,6 @@ def _client(kind: Any, address: str) -> Any:
             f"{shown(address)} does not understand distributed {distributed.__version__} ({said}): "
             "run the same version there"
         ) from problem
-
-
-def _within(limit_s: float, start: Callable[[], Any]) -> Any:
-    """Call a function that may never return, as a client does where something else listens.
-
-    Raises:
-        TimeoutError: it did not return in time.
-
-    """
-    outcome: SimpleQueue[tuple[Any, Exception | None]] = SimpleQueue()
-
-    def run() -> None:
-        try:
-            outcome.put((start(), None))
-        except Exception as problem:
-            outcome.put((None, problem))
-
-    threading.Thread(target=run, daemon=True).start()
-    try:
-        result, problem = outcome.get(timeout=limit_s)
-    except Empty:
-        raise TimeoutError(f"no answer in {limit_s:g} s") from None
-    if problem is not None:
-        raise problem
-    return result
 
 
 def _close(client: Any) -> None:

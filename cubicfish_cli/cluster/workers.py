@@ -9,11 +9,13 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
+from cubicfish_cli.cluster.patience import within
 from cubicfish_cli.cluster.tasks import order, task
 from cubicfish_cli.cluster.versions import DECISIVE, asker, compare, versions_here
 from cubicfish_cli.errors import ClusterError, CubicfishError
@@ -82,9 +84,21 @@ class Cluster:
 
     def _asked_all(self, ask: Callable[..., Any], *args: Any, **options: Any) -> Any:
         try:
-            return ask(*args, **options)
+            return within(_ANSWER_S, partial(ask, *args, **options))
+        except TimeoutError as problem:
+            raise self._silent() from problem
         except (OSError, RuntimeError, *CANCELLED) as problem:
             raise self._lost() from problem
+
+    def _silent(self) -> ClusterError:
+        """Name the workers that the scheduler has not heard of for long: stopped processes."""
+        known = self._client.scheduler_info(n_workers=-1)["workers"]
+        last = max((worker["last_seen"] for worker in known.values()), default=0.0)
+        names = [name for name, one in known.items() if one["last_seen"] < last - _ANSWER_S / 2]
+        return ClusterError(
+            f"{', '.join(names) or 'a worker'} has not answered for {_ANSWER_S:g} s: let it go on, "
+            "or end it, and run this again"
+        )
 
     def each(
         self,
