@@ -14,7 +14,7 @@ from functools import cache
 from itertools import islice
 from pathlib import Path
 
-from cubicfish_cli.errors import CubicfishError, OutputError
+from cubicfish_cli.errors import MISSING, CubicfishError, OutputError
 from cubicfish_cli.machines import on_host
 
 MAX_BYTES = 2_000_000_000
@@ -320,6 +320,8 @@ def fingerprint(path: Path) -> Fingerprint:
             raise CubicfishError(f"{path} is larger than {MAX_BYTES / 1e9:g} GB: is it right?")
         stamp = _stamp(path)
         return Fingerprint(path=path, sha256=sha256_of(path), stamp=stamp)
+    except FileNotFoundError as error:
+        raise CubicfishError(f"{path} {MISSING}") from error
     except OSError as error:
         raise CubicfishError(
             f"{path} cannot be read ({error.strerror or error}): check its name and permissions"

@@ -30,7 +30,10 @@ def test_one_photo_gives_a_camera_of_its_boards(run: Run, one_photo: Path, tmp_p
     assert (record["frame"], record["rank"], record["dropped"]) == ("world", 19, 0)
     assert record["held_out_rms_px"] is None
     assert record["rms_px"] < 1
+    assert record["summary"].startswith("960x720 px, error ")
     said = run(*args, "-o", tmp_path / "b").stdout
+    assert said.startswith(record["summary"] + "\n")
+    assert (tmp_path / "b" / "camera.yaml").read_text().startswith(f"# {record['summary']}\n")
     assert "19     of 20: P means something on the boards only" in said
     assert sorted(path.name for path in (tmp_path / "b").iterdir()) == [
         "camera.yaml",

@@ -46,15 +46,17 @@ def run(
     """
     from cubicfish_cli.correspondences import save_corners
     from cubicfish_cli.files import whole_files, write_text
+    from cubicfish_cli.fitting.camera_facts import camera_facts
     from cubicfish_cli.fitting.point_fit import calibrate_points
     from cubicfish_cli.fitting.verdict import verdict
-    from cubicfish_cli.formats.camera_yaml import save_camera
+    from cubicfish_cli.formats.camera_yaml import camera_text
     from cubicfish_cli.formats.target_yaml import target_text
 
     with working("Fitting"):
         calibration = calibrate_points(loaded.pairs, hold_out=hold_out)
     record = calibration.as_record()
     camera = calibration.camera
+    facts = camera_facts(camera, record, made_by)
     page = report_step.make_page(outputs, camera, record, made_by, loaded, loaded.target)
     names = [name for name in ("camera", "drawn", "corners", "report") if name in outputs]
     written: dict[str, Path] = {name: outputs[name] for name in names}
@@ -62,7 +64,8 @@ def run(
     earlier = of_earlier(written, given) if overwrite else []
     with whole_files(paths, overwrite=overwrite, obsolete=earlier) as temporary:
         places = dict(zip(names, temporary, strict=True))
-        save_camera(places["camera"], camera, fit=record, made_by=made_by, overwrite=False)
+        text = camera_text(camera, fit=record, made_by=made_by, comment=facts.line)
+        write_text(places["camera"], text, overwrite=False)
         if "corners" in places and loaded.corners is not None:
             save_corners(places["corners"], loaded.corners, overwrite=False)
         if "drawn" in places and loaded.target is not None:
@@ -73,8 +76,10 @@ def run(
     if as_json:
         files = report_step.as_record(judged, {name: outputs[name] for name in names})
         photos = photo_remarks(loaded.detection, calibration.remarks)
-        print_json({**record, **photos, **files, "model": str(outputs["camera"])})
+        model = str(outputs["camera"])
+        print_json({"summary": facts.line, **record, **photos, **files, "model": model})
     else:
+        result(facts.line)
         _print(calibration, record, judged)
         result()
         for name in names:

@@ -95,7 +95,7 @@ CALIBRATE = {
     "reweighted_rms_px": "of the reweighted linear solution",
     "verdict": _VERDICT,
     "advice": "whether more photos are needed, and of what, in a line; not with --lift point",
-    "summary": "the camera in one line; not with --lift point",
+    "summary": "the camera in one line",
     "report": "the page; null where none was written",
     "model": "the camera's file",
     "files": "every file that was written, by its kind",
