@@ -97,7 +97,12 @@ MUTATIONS = tuple(
             "fitting_linear",
         ),
         # The adjustment and its priors.
-        ("fitting/adjustment.py", "d_turn=-d_point @", "d_turn=d_point @", "fitting_adjustment"),
+        (
+            "fitting/adjustment.py",
+            "d_turn, d_shift = -d_point @",
+            "d_turn, d_shift = d_point @",
+            "fitting_adjustment",
+        ),
         (
             "fitting/adjustment.py",
             "scale * (distance - 0.5 * scale)",
@@ -106,8 +111,8 @@ MUTATIONS = tuple(
         ),
         (
             "fitting/normal_equations.py",
-            "self._total[:, -1] + d_prior.T @ residual",
-            "self._total[:, -1]",
+            "gradient + d_prior.T @ residual",
+            "gradient",
             "fitting_adjustment",
         ),
         ("fitting/lenses.py", "slope - radial * rays[:, None, :]", "slope", "model_cameras"),
