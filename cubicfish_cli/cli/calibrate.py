@@ -423,8 +423,8 @@ def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
         ]
     print_errors(record, more)
     result(
-        f"{'field':<24}{calibration.camera.max_angle_deg:>7.1f} °   from the axis, where the camera "
-        f"may be trusted; corners reach {calibration.covered_deg:.1f}°"
+        f"{'field':<24}{calibration.camera.max_angle_deg:>7.1f} °   from the axis, where the "
+        f"camera may be trusted; corners reach {calibration.covered_deg:.1f}°"
     )
     result(f"{'coverage':<24}{100 * calibration.coverage:>7.0f} %   {COVERED}")
     uncertainty = recorded(record)

@@ -117,10 +117,12 @@ def adjust(
             "rightly and that the camera belongs to these photos"
         )
     normal = now.normal
-    iterations = 0
+    near, iterations = damping < COLD_DAMPING, 0
     while iterations < max_iterations:
         step = normal.solve(damping)
-        if normal.expected_decrease(step) < relative_decrease * now.cost:
+        # Far from the optimum, or damped, a step says too little of what is left to gain.
+        gains = normal.expected_decrease(step) >= relative_decrease * now.cost
+        if near and not gains and damping < COLD_DAMPING:
             break
         iterations += 1
         candidate = state.moved(*step)
