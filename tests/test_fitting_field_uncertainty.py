@@ -56,4 +56,4 @@ def test_one_statistic_in_the_same_words_everywhere(run: Run, tmp_path: Path) ->
         assert text.count(COVERED) == 1
     for text in (said, page):
         assert set(re.findall(r"corners cover[^,.]*? % of (the \w+)", text)) == {"the field"}
-    assert re.search(r"field +[0-9.]+° +from the axis, where the camera may be trusted; ", said)
+    assert re.search(r"field +[0-9.]+ ° +from the axis, where the camera may be trusted; ", said)
