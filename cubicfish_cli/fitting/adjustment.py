@@ -17,11 +17,10 @@ from cubicfish_cli.fitting.normal_equations import (
     runs_of_photos,
 )
 from cubicfish_cli.fitting.poses import Poses, cross_matrix
-from cubicfish_cli.fitting.rig_lens import RigLens, Through
+from cubicfish_cli.fitting.rig_lens import body_of
 from cubicfish_cli.fitting.world import DrawnWorld, World
 
 FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
 
 _MAX_ITERATIONS = 100
 _RELATIVE_DECREASE = 1e-10
@@ -166,7 +165,7 @@ def _evaluated(state: _State, pairs: Correspondences, huber_px: float) -> _Evalu
     # A step may lead anywhere: what overflows there has an infinite cost and is turned down.
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         views = views_of(lens, state.poses)
-        for photos, run in runs_of_photos(pairs.image, len(views), camera_stops(lens)):
+        for photos, run in runs_of_photos(pairs.image, len(views), body_of(lens).stops):
             terms = linearised(lens, state.poses, world, pairs, run, views)
             residual[run] = terms.residual
             length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
@@ -194,12 +193,7 @@ def _cost(
 
 def views_of(lens: FitLens, poses: Poses) -> Poses:
     """camera_from_world of every photo: of a rig, what each camera saw of each shot."""
-    return lens.views(poses) if isinstance(lens, RigLens) else poses
-
-
-def camera_stops(lens: FitLens) -> IntArray:
-    """Photos at which another camera's begin."""
-    return lens.stops if isinstance(lens, RigLens) else np.zeros(0, np.intp)
+    return body_of(lens).views(poses)
 
 
 def linearised(
@@ -221,12 +215,13 @@ def linearised(
         views: of all photos, where they are known already.
 
     """
-    views = views_of(lens, poses) if views is None else views
+    body = body_of(lens)
+    views = body.views(poses) if views is None else views
     image = pairs.image[run]
     rotation = views.rotation[image]
     rotated = (rotation @ world.points[run, :, None])[:, :, 0]
     points = rotated + views.translation[image]
-    through = lens.through(int(image[0])) if isinstance(lens, RigLens) else Through.only(lens)
+    through = body.through(int(image[0]))
     pixel, d_point, d_lens = through.lens.project_jacobian(points)
     d_board, d_corner = None, None
     if len(world.parameters) or len(world.offsets):
@@ -247,7 +242,7 @@ def linearised(
         d_turn=d_turn,
         d_shift=d_shift,
         d_corner=d_corner,
-        pose=lens.shot[image] if isinstance(lens, RigLens) else image,
+        pose=body.shot_of(image),
     )
 
 

@@ -19,7 +19,7 @@ from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import Adjustment, huber_weight, linearised
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.normal_equations import Eliminated, NormalEquations
-from cubicfish_cli.fitting.rig_lens import RigLens
+from cubicfish_cli.fitting.rig_lens import body_of
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
@@ -164,12 +164,11 @@ class Leaving:
 
 def _runs(fit: Adjustment, pairs: Correspondences) -> list[list[slice]]:
     """Where the pairs of each pose are: in one place, or one for each camera that saw the shot."""
-    views = np.arange(len(fit.poses))
-    if isinstance(fit.lens, RigLens):
-        views = fit.lens.shot
+    body = body_of(fit.lens)
+    views = np.arange(len(body.views(fit.poses)))
     bounds = np.searchsorted(pairs.image, np.arange(len(views) + 1))
     runs: list[list[slice]] = [[] for _ in range(len(fit.poses))]
-    for view, pose in enumerate(views):
+    for view, pose in enumerate(body.shot_of(views)):
         runs[pose].append(slice(int(bounds[view]), int(bounds[view + 1])))
     return runs
 

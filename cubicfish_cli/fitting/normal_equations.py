@@ -361,7 +361,9 @@ class NormalSums:
         count = lens + self._boards
         own = self._own(terms.columns)
         key = terms.columns.start, terms.columns.stop
-        total = self._total.setdefault(key, np.zeros((count, count + 7)))
+        if key not in self._total:
+            self._total[key] = np.zeros((count, count + 7))
+        total = self._total[key]
         jacobian = np.empty((len(root), 2, count + 7))
         jacobian[:, :, :lens] = terms.d_lens
         if terms.d_board is not None:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -38,10 +39,30 @@ class Through:
     columns: slice
     place: tuple[FloatArray, FloatArray] | None = None
 
-    @classmethod
-    def only(cls, lens: FitLens) -> Through:
-        """The only lens there is."""
-        return cls(lens=lens, columns=slice(0, len(lens.parameters)))
+
+@dataclass(frozen=True, eq=False)
+class SoleLens:
+    """The lens of one camera alone, asked as a rig is: its photos are views and shots in one."""
+
+    lens: FitLens
+    stops: ClassVar[IntArray] = np.zeros(0, np.intp)
+
+    def views(self, shots: Poses) -> Poses:
+        """See :meth:`RigLens.views`."""
+        return shots
+
+    def shot_of(self, views: IntArray) -> IntArray:
+        """See :meth:`RigLens.shot_of`."""
+        return views
+
+    def through(self, view: int) -> Through:
+        """See :meth:`RigLens.through`."""
+        return Through(lens=self.lens, columns=slice(0, len(self.lens.parameters)))
+
+
+def body_of(lens: FitLens) -> RigLens | SoleLens:
+    """A lens as that of a body with one camera or more."""
+    return lens if isinstance(lens, RigLens) else SoleLens(lens)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,6 +132,10 @@ class RigLens:
             rotation=turn @ own.rotation,
             translation=(turn @ own.translation[:, :, None])[:, :, 0] + shift,
         )
+
+    def shot_of(self, views: IntArray) -> IntArray:
+        """(n,) the shots of some views."""
+        return self.shot[views]
 
     @property
     def stops(self) -> IntArray:
