@@ -115,10 +115,7 @@ class Knowledge:
         rotation = rotation_from_vector(np.asarray(view.pose[0], float)[None])
         added = Poses(rotation=rotation, translation=np.asarray(view.pose[1], float)[None])
         translation = added.of_world(-self.origin).translation / self.scale
-        poses = Poses(
-            rotation=np.concatenate([poses.rotation, rotation]),
-            translation=np.concatenate([poses.translation, translation]),
-        )
+        poses = Poses.joined([poses, Poses(rotation=rotation, translation=translation)])
         image = np.full(int(used.sum()), number)
         pixel = self.result.lens.project(poses.apply(image, world / self.scale))
         return (

@@ -299,7 +299,7 @@ def _calibrated(
     uncertainty = uncertainty_record(spread, camera)
     points = cubic.poses.apply(companion.pairs.image, cubic.fit.world.points)
     rim = reach(camera, points, cubic.residual, spread.sigma_px)
-    poses = Poses(rotation=cubic.poses.rotation, translation=cubic.poses.translation * scale)
+    poses = cubic.poses.scaled(scale)
     camera, poses = in_companions_frame(camera, poses, companion.covered)
     share = coverage(used.pixel, camera.outline(), pairs.image_size)
     notes = dropped_groups(pairs, [(c.image, c.board, c.error_px) for c in dropped])

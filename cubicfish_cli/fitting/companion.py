@@ -274,10 +274,7 @@ def _with_missing(
         return fit, used
     everyone = np.concatenate([used, missing[placed]])
     order = np.argsort(everyone, kind="stable")
-    poses = Poses(
-        rotation=np.concatenate([fit.poses.rotation, found.poses.rotation])[order],
-        translation=np.concatenate([fit.poses.translation, found.poses.translation])[order],
-    )
+    poses = Poses.joined([fit.poses, found.poses])[order]
     used = everyone[order]
     return (
         adjust(fit.lens, poses, select_photos(pairs, used), huber_px=huber_px(fit.residual)),

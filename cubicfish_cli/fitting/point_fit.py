@@ -201,11 +201,8 @@ def _placed(pairs: Correspondences) -> tuple[Correspondences, Poses, dict[str, F
     near = np.hypot(*companion.residual.T) <= gross_px(companion.residual)
     kept, photos = select(companion.pairs, near)
     companion = refit_companion(companion, kept, companion.poses[photos])
-    poses = Poses(
-        rotation=companion.poses.rotation, translation=companion.poses.translation * scale
-    )
     used = replace(companion.pairs, world=companion.pairs.world * scale)
-    return used, poses, companion.unfit
+    return used, companion.poses.scaled(scale), companion.unfit
 
 
 def _fit(

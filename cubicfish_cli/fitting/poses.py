@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +47,30 @@ class Poses:
         return Poses(
             rotation=rotation_from_vector(step[:, :3]) @ self.rotation,
             translation=self.translation + step[:, 3:],
+        )
+
+    def __matmul__(self, other: Poses) -> Poses:
+        """First the other's, then these: one by one, or one of either with each of the other."""
+        return Poses(
+            rotation=self.rotation @ other.rotation,
+            translation=(self.rotation @ other.translation[:, :, None])[:, :, 0] + self.translation,
+        )
+
+    def inverse(self) -> Poses:
+        """The poses the other way round."""
+        turned = self.rotation.transpose(0, 2, 1)
+        return Poses(rotation=turned, translation=-(turned @ self.translation[:, :, None])[:, :, 0])
+
+    def scaled(self, factor: float) -> Poses:
+        """The same poses in a unit of length of which ``factor`` are one of theirs."""
+        return Poses(rotation=self.rotation, translation=self.translation * factor)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Poses]) -> Poses:
+        """All poses of some parts, one after the other."""
+        return cls(
+            rotation=np.concatenate([part.rotation for part in parts]),
+            translation=np.concatenate([part.translation for part in parts]),
         )
 
     def of_world(self, origin: FloatArray) -> Poses:

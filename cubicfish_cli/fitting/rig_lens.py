@@ -126,12 +126,7 @@ class RigLens:
 
     def views(self, shots: Poses) -> Poses:
         """camera_from_world of every view, from rig_from_world of every shot."""
-        turn, shift = self.places.rotation[self.camera], self.places.translation[self.camera]
-        own = shots[self.shot]
-        return Poses(
-            rotation=turn @ own.rotation,
-            translation=(turn @ own.translation[:, :, None])[:, :, 0] + shift,
-        )
+        return self.places[self.camera] @ shots[self.shot]
 
     def shot_of(self, views: IntArray) -> IntArray:
         """(n,) the shots of some views."""

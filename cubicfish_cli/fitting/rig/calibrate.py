@@ -32,13 +32,7 @@ from cubicfish_cli.fitting.rig.exchanged import refuse_exchanged
 from cubicfish_cli.fitting.rig.findings import RigFinding, find_rig_faults
 from cubicfish_cli.fitting.rig.shots import Shots
 from cubicfish_cli.fitting.rig.spread import place_covariances
-from cubicfish_cli.fitting.rig.start import (
-    RigStart,
-    common_shots,
-    composed,
-    inverse,
-    start_rig,
-)
+from cubicfish_cli.fitting.rig.start import RigStart, common_shots, start_rig
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.stages import Progress
@@ -313,7 +307,7 @@ def _gathered(
     alone: Sequence[_Alone], shots: Shots
 ) -> tuple[RigLens, Poses, Correspondences, _Seen]:
     """All cameras' photos as the views of one rig, sorted by camera."""
-    parts, rotation, translation = [], [], []
+    parts, own_views = [], []
     camera: list[int] = []
     shot: list[int] = []
     photo: list[str] = []
@@ -324,8 +318,7 @@ def _gathered(
         camera += [number] * len(kept)
         shot += [of_shot[name] for name in own.images]
         photo += own.images
-        rotation.append(one.poses.rotation[kept])
-        translation.append(one.poses.translation[kept])
+        own_views.append(one.poses[kept])
     used, index = np.unique(shot, return_inverse=True)
     lens = RigLens(
         lenses=tuple(one.lens for one in alone),
@@ -351,8 +344,7 @@ def _gathered(
         certain=np.concatenate([part.certain for part in parts]),
     )
     names = tuple(shots.names[number] for number in used)
-    views = Poses(rotation=np.concatenate(rotation), translation=np.concatenate(translation))
-    return lens, views, pairs, _Seen(photo=tuple(photo), shot=names)
+    return lens, Poses.joined(own_views), pairs, _Seen(photo=tuple(photo), shot=names)
 
 
 def _without_strays(
@@ -365,11 +357,8 @@ def _without_strays(
         return lens, start.shots, seen
     shot = lens.shot.copy()
     shot[stray] = len(start.shots) + np.arange(len(stray))
-    own = composed(inverse(start.places[lens.camera[stray]]), views[stray])
-    poses = Poses(
-        rotation=np.concatenate([start.shots.rotation, own.rotation]),
-        translation=np.concatenate([start.shots.translation, own.translation]),
-    )
+    own = start.places[lens.camera[stray]].inverse() @ views[stray]
+    poses = Poses.joined([start.shots, own])
     names = (*seen.shot, *(f"{seen.shot[lens.shot[view]]} ({seen.photo[view]})" for view in stray))
     # A shot may be left without any view.
     used, shot = np.unique(shot, return_inverse=True)
@@ -483,13 +472,13 @@ def _calibration(
     covariance[:, :, 3:] *= scale
     held_out = _held_out(fit, drawn, limit)
     turned, places = _in_companions_frames(lens, alone)
-    zero = Poses(rotation=places.rotation[:1], translation=places.translation[:1])
-    poses = composed(_repeated(zero, len(fit.poses)), fit.poses)
-    poses = Poses(rotation=poses.rotation, translation=poses.translation * scale).of_world(origin)
-    places = composed(places, _repeated(inverse(zero), len(names)))
+    zero = places[np.array([0])]
+    poses = zero @ fit.poses
+    poses = poses.scaled(scale).of_world(origin)
+    places = places @ zero.inverse()
     places.rotation[0], places.translation[0] = np.eye(3), 0.0
-    places = Poses(rotation=places.rotation, translation=places.translation * scale)
-    views = composed(places[lens.camera], poses[lens.shot])
+    places = places.scaled(scale)
+    views = places[lens.camera] @ poses[lens.shot]
     camera_of = lens.camera[pairs.image]
     alone_px = _alone_residual(fit, drawn, alone, limit)
     placed = []
@@ -544,10 +533,6 @@ def _calibration(
     )
 
 
-def _repeated(pose: Poses, count: int) -> Poses:
-    return pose[np.zeros(count, np.intp)]
-
-
 def _covered_deg(one: _Alone) -> float:
     covered = one.record.get("covered_deg")
     if isinstance(covered, int | float) and 0 < covered < 180:
@@ -559,18 +544,15 @@ def _in_companions_frames(
     lens: RigLens, alone: Sequence[_Alone]
 ) -> tuple[list[CubicCamera], Poses]:
     """Each camera in its companion's frame, and camera_from_rig with it."""
-    cameras, rotation, translation = [], [], []
+    cameras, places = [], []
     for number, (own, one) in enumerate(zip(lens.lenses, alone, strict=True)):
         camera = _as_camera(own, one)
         place = lens.places[np.array([number])]
         if isinstance(own, CubicFit):  # one that is held stays as it is, its frame too
             camera, place = in_companions_frame(camera, place, np.deg2rad(_covered_deg(one)))
         cameras.append(camera)
-        rotation.append(place.rotation)
-        translation.append(place.translation)
-    return cameras, Poses(
-        rotation=np.concatenate(rotation), translation=np.concatenate(translation)
-    )
+        places.append(place)
+    return cameras, Poses.joined(places)
 
 
 def _held_out(fit: Adjustment, pairs: Correspondences, limit: float) -> FloatArray | None:

@@ -8,7 +8,7 @@ the camera with which the others agree best.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -47,20 +47,6 @@ class RigStart:
     shots: Poses
     misfit: FloatArray
     apart: BoolArray
-
-
-def inverse(poses: Poses) -> Poses:
-    """The poses the other way round."""
-    turned = poses.rotation.transpose(0, 2, 1)
-    return Poses(rotation=turned, translation=-(turned @ poses.translation[:, :, None])[:, :, 0])
-
-
-def composed(first: Poses, second: Poses) -> Poses:
-    """First ∘ second, one by one."""
-    return Poses(
-        rotation=first.rotation @ second.rotation,
-        translation=(first.rotation @ second.translation[:, :, None])[:, :, 0] + first.translation,
-    )
 
 
 def median_pose(poses: Poses) -> Poses:
@@ -108,9 +94,9 @@ def start_rig(
             if a == b or not common[a, b]:
                 continue
             of_a, of_b = _together(lens, a, b)
-            relative[a, b] = median_pose(composed(views[of_b], inverse(views[of_a])))
+            relative[a, b] = median_pose(views[of_b] @ views[of_a].inverse())
     places, edges = _placed(names, common, relative)
-    lens = lens_at(lens, places)
+    lens = replace(lens, places=places)
     size = max(pairs.image_size)
     typical = 0.0
     for a, b in edges:
@@ -126,11 +112,6 @@ def start_rig(
     several = np.bincount(lens.shot, minlength=len(shots))[lens.shot] > 1
     apart = several & (misfit > np.maximum(_GROSS_TIMES * typical, _GROSS_SHARE * size))
     return RigStart(places=places, shots=shots, misfit=misfit, apart=apart)
-
-
-def lens_at(lens: RigLens, places: Poses) -> RigLens:
-    """The same lenses at other places."""
-    return RigLens(lenses=lens.lenses, places=places, camera=lens.camera, shot=lens.shot)
 
 
 def common_shots(lens: RigLens, cameras: int) -> IntArray:
@@ -161,20 +142,16 @@ def _placed(
         if not shared:
             raise FitError(_unconnected(names, found))
         _, a, b = max(shared)
-        found[-b] = composed(relative[-a, -b], found[-a])
+        found[-b] = relative[-a, -b] @ found[-a]
         edges.append((-a, -b))
-    places = Poses(
-        rotation=np.concatenate([found[camera].rotation for camera in range(len(names))]),
-        translation=np.concatenate([found[camera].translation for camera in range(len(names))]),
-    )
-    return places, edges
+    return Poses.joined([found[camera] for camera in range(len(names))]), edges
 
 
 def _transferred(lens: RigLens, views: Poses, pairs: Correspondences, a: int, b: int) -> FloatArray:
     """Errors of one camera's views where another's say that the rig was, pixels."""
     bounds = np.searchsorted(pairs.image, np.arange(len(views) + 1))
     of_a, of_b = _together(lens, a, b)
-    rigs = composed(inverse(lens.places[lens.camera[of_a]]), views[of_a])
+    rigs = lens.places[lens.camera[of_a]].inverse() @ views[of_a]
     return np.array(
         [
             _view_error(lens, rigs[np.array([row])], view, bounds, pairs)
@@ -195,7 +172,7 @@ def _unconnected(names: Sequence[str], found: dict[int, Poses]) -> str:
 
 def _place_shots(lens: RigLens, views: Poses, pairs: Correspondences) -> tuple[Poses, FloatArray]:
     """rig_from_world of each shot, by the view with which the shot's others agree best."""
-    proposed = composed(inverse(lens.places[lens.camera]), views)
+    proposed = lens.places[lens.camera].inverse() @ views
     count = int(lens.shot.max()) + 1
     rotation, translation = np.full((count, 3, 3), np.nan), np.full((count, 3), np.nan)
     misfit = np.zeros(len(views))
@@ -223,7 +200,7 @@ def _view_error(
     """Median error of a view's corners under a pose of the rig, pixels."""
     run = slice(int(bounds[view]), int(bounds[view + 1]))
     camera = int(lens.camera[view])
-    pose = composed(lens.places[np.array([camera])], rig_from_world)
+    pose = lens.places[np.array([camera])] @ rig_from_world
     points = pairs.world[run] @ pose.rotation[0].T + pose.translation[0]
     with np.errstate(all="ignore"):
         miss = lens.lenses[camera].project(points) - pairs.pixel[run]
