@@ -13,7 +13,7 @@ import numpy.typing as npt
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.companion import Companion, refit_companion
+from cubicfish_cli.fitting.companion import LOST_PX, companion_near
 from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
 from cubicfish_cli.fitting.field_uncertainty import recorded_number
 from cubicfish_cli.fitting.hold import UNTOLD
@@ -35,7 +35,6 @@ _DECREASE = 1e-7
 _OLDER_SPREAD = 0.01
 # The prior holds P so far beyond the cone where it may be trusted.
 _HELD_BEYOND_DEG = 5.0
-_LOST_PX = 10.0
 _OFFSET_SHARE = 1e-4
 
 
@@ -168,22 +167,13 @@ def know(
     pairs = with_mean_weight_one(replace(pairs, world=(pairs.world - origin) / scale))
     poses, target = poses.of_world(-origin), target and target.moved(-origin)
     poses = replace(poses, translation=poses.translation / scale)
-    points = poses.apply(pairs.image, pairs.world)
-    start = Companion(
-        camera=camera.radial,
-        poses=poses,
-        pairs=pairs,
-        residual=_miss(camera.radial.project(points), pairs),
-        unfit={},
-        terms=4,
-        focal_uncertainty=0.0,
-    )
-    companion = refit_companion(start, pairs, poses)
+    companion = companion_near(camera.radial, pairs, poses)
     level, spread = fit.get("refine_target"), None
     world: World | None = None
     if level in ("shape", "points") and target is not None:
         spread = _offset_spread(fit, scale) if level == "points" else None
-        noise = max(noise_px(_miss(camera.project(points), pairs)), 1e-3)
+        seen = camera.project(poses.apply(pairs.image, pairs.world))
+        noise = max(noise_px(np.nan_to_num(seen - pairs.pixel, nan=LOST_PX)), 1e-3)
         world = RefinedWorld.drawn(pairs, target, noise=noise, offset_spread=spread, scale=scale)
     result = fit_cubic(companion, _hold(fit), world=world, relative_decrease=_DECREASE)
     return Knowledge(
@@ -201,10 +191,6 @@ def know(
         offset_spread=spread,
         origin=origin,
     )
-
-
-def _miss(pixel: FloatArray, pairs: Correspondences) -> FloatArray:
-    return np.nan_to_num(pixel - pairs.pixel, nan=_LOST_PX)
 
 
 def _hold(fit: Mapping[str, Any]) -> Hold:

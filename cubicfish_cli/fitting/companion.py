@@ -51,6 +51,9 @@ _BAD_START = 6.0
 _ROUNDS = 3
 # A profile with fewer coefficients may be noisier by this factor.
 _WORTH_A_TERM = 1.05
+_ALL_TERMS = 4
+LOST_PX = 10.0
+"""What a corner that a known lens does not see counts as being off, at first."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -146,6 +149,37 @@ def fit_companion(pairs: Correspondences, *, thorough: bool = True) -> Companion
     )
 
 
+def companion_near(
+    camera: RadialCamera,
+    pairs: Correspondences,
+    poses: Poses,
+    *,
+    terms: int = _ALL_TERMS,
+    lost_px: float = LOST_PX,
+) -> Companion:
+    """The companion of a calibration that is known, adjusted to its pairs again.
+
+    Args:
+        camera: its radial lens.
+        pairs: the pairs, world points of order 1.
+        poses: camera_from_world of each photo under that lens.
+        terms: how many coefficients of the profile may be free.
+        lost_px: see :data:`LOST_PX`.
+
+    """
+    miss = camera.project(poses.apply(pairs.image, pairs.world)) - pairs.pixel
+    near = Companion(
+        camera=camera,
+        poses=poses,
+        pairs=pairs,
+        residual=np.nan_to_num(miss, nan=lost_px),
+        unfit={},
+        terms=terms,
+        focal_uncertainty=0.0,
+    )
+    return refit_companion(near, pairs, poses)
+
+
 def refit_companion(companion: Companion, pairs: Correspondences, poses: Poses) -> Companion:
     """Adjust a companion to other pairs of the same lens, from known poses.
 
@@ -235,7 +269,7 @@ def _fit_from_centre(
     )
     if noise_px(fit.residual) > _HOPELESS * _POOR_SHARE * size:
         return fit, used
-    return _adjusted(_with_terms(fit, own, 4), own), used
+    return _adjusted(_with_terms(fit, own, _ALL_TERMS), own), used
 
 
 def _with_terms(fit: Adjustment, pairs: Correspondences, terms: int) -> Adjustment:

@@ -23,7 +23,7 @@ from cubicfish_cli.fitting.baselines.rational import RationalLens
 from cubicfish_cli.fitting.baselines.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.fitting.baselines.unified import UnifiedLens
 from cubicfish_cli.fitting.calibrate import Calibration
-from cubicfish_cli.fitting.companion import Companion, refit_companion
+from cubicfish_cli.fitting.companion import Companion, companion_near, refit_companion
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import folds_of
@@ -52,6 +52,7 @@ BASELINES: tuple[type[BaselineLens], ...] = (
 # Free numbers of the cubic: 3 x 16 on the sphere, less the scale and the frame's rotation.
 _CUBIC_PARAMETERS = 44
 _START_RAYS = 400
+_LOST_PX = 1e3
 _PROBE_STEP_DEG = 0.5
 _LARGEST_PROBE_DEG = 175.0
 
@@ -153,17 +154,8 @@ def _companion(calibration: Calibration, pairs: Correspondences) -> Companion:
         rotation=calibration.poses.rotation, translation=calibration.poses.translation / scale
     )
     camera = calibration.camera.radial
-    seen = camera.project(poses.apply(pairs.image, pairs.world)) - pairs.pixel
-    start = Companion(
-        camera=camera,
-        poses=poses,
-        pairs=pairs,
-        residual=np.nan_to_num(seen, nan=1e3),
-        unfit={},
-        terms=int(np.flatnonzero(np.append(1.0, camera.k)).max()),
-        focal_uncertainty=0.0,
-    )
-    return refit_companion(start, pairs, poses)
+    terms = int(np.flatnonzero(np.append(1.0, camera.k)).max())
+    return companion_near(camera, pairs, poses, terms=terms, lost_px=_LOST_PX)
 
 
 def _folds(companion: Companion, hold: Hold) -> list[_Fold]:

@@ -17,7 +17,7 @@ from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.calibrate import RefineTarget, calibrate
-from cubicfish_cli.fitting.companion import Companion, refit_companion
+from cubicfish_cli.fitting.companion import companion_near
 from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.frame import in_companions_frame
@@ -59,7 +59,6 @@ _FINE_DECREASE = 1e-9
 _FOLDS = 5
 _RAYS = 300
 _FIRST_OFFSET = 1e-4
-_LOST_PX = 10.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -281,17 +280,7 @@ def _cubic_fit(
     camera: CubicCamera, pairs: Correspondences, poses: Poses, hold: Hold
 ) -> CubicResult:
     """A calibration's fit again, in this scale, as firmly held as it was."""
-    miss = camera.radial.project(poses.apply(pairs.image, pairs.world)) - pairs.pixel
-    near = Companion(
-        camera=camera.radial,
-        poses=poses,
-        pairs=pairs,
-        residual=np.nan_to_num(miss, nan=_LOST_PX),
-        unfit={},
-        terms=4,
-        focal_uncertainty=0.0,
-    )
-    companion = refit_companion(near, pairs, poses)
+    companion = companion_near(camera.radial, pairs, poses)
     return fit_cubic(companion, hold, relative_decrease=_ROUGH_DECREASE)
 
 
