@@ -31,7 +31,7 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
 
 # More clusters than that say little more, and each costs a linear system.
-_MOST_CLUSTERS = 24
+MOST_CLUSTERS = 24
 # Rays over which the turn that two cameras may differ by is taken out.
 _ALIGNED_RAYS = 300
 # A variance that is itself estimated from few clusters leaves a spread as Student's t has it, which
@@ -90,13 +90,12 @@ class PhotoSpread:
         clusters = left_out.shape[1]
         if clusters < 2:
             return np.zeros(len(left_out))
-        freedom = max(clusters - 1, _LEAST_FREEDOM)
         spread = (
             np.sum(np.square(change - change.mean(axis=1, keepdims=True)), axis=1)
             for change in (left_out, influence)
         )
         mean: FloatArray = np.sqrt(np.prod(list(spread), axis=0))
-        return mean * (clusters - 1) / clusters * freedom / (freedom - 2)
+        return variance_of_few(mean, clusters)
 
     def _changes(self, steps: FloatArray, rays: FloatArray) -> FloatArray:
         """(2N, G) how the pixels of rays move by each step, the common turn taken out."""
@@ -110,6 +109,12 @@ class PhotoSpread:
         _, by_ray, by_lens = lens.project_jacobian(rays)
         change = by_lens @ steps.T - (-by_ray @ cross_matrix(rays)) @ turn
         return np.asarray(change.reshape(-1, len(steps)))
+
+
+def variance_of_few(squares: FloatArray, clusters: int) -> FloatArray:
+    """Variances from sums of squared changes without each of some clusters, of any shape."""
+    freedom = max(clusters - 1, _LEAST_FREEDOM)
+    return squares * (clusters - 1) / clusters * freedom / (freedom - 2)
 
 
 def photo_spread(result: CubicResult, companion: Companion, places: IntArray) -> PhotoSpread:
@@ -135,7 +140,7 @@ def photo_spread(result: CubicResult, companion: Companion, places: IntArray) ->
 
 
 def _clusters(places: IntArray, images: Sequence[str]) -> list[IntArray]:
-    clusters = min(int(places.max()) + 1, _MOST_CLUSTERS)
+    clusters = min(int(places.max()) + 1, MOST_CLUSTERS)
     if clusters < 2:
         return []
     part = dealt(places, images, clusters)

@@ -14,6 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.fitting.adjustment import Adjustment
 from cubicfish_cli.fitting.cubic_fit import CubicResult
 from cubicfish_cli.fitting.field_uncertainty import summed
 from cubicfish_cli.fitting.poses import cross_matrix
@@ -138,6 +139,15 @@ class Information:
         )
 
 
+def corner_noise_px(fit: Adjustment) -> float:
+    """Standard deviation of a corner's coordinate, as the residuals of a fit show it, pixels."""
+    residual, normal = fit.residual, fit.normal
+    unknowns = len(normal.shared) + 6 * len(normal.pose) + normal.corner.size // 3
+    # Offsets are held by their pull and count for less than a whole unknown each.
+    freedom = max(residual.size - unknowns, residual.size // 2)
+    return float(np.sqrt(np.sum(residual**2) / freedom))
+
+
 def information(result: CubicResult, *, noise_px: float | None = None) -> Information:
     """What the photos of a cubic fit say, from its normal equations at the optimum.
 
@@ -148,13 +158,9 @@ def information(result: CubicResult, *, noise_px: float | None = None) -> Inform
     """
     normal = result.fit.normal
     hessian = normal.reduced_shared()
-    residual = result.residual
     photos = len(normal.pose)
     if noise_px is None:
-        unknowns = len(hessian) + 6 * photos + normal.corner.size // 3
-        # Offsets are held by their pull and count for less than a whole unknown each.
-        freedom = max(residual.size - unknowns, residual.size // 2)
-        noise_px = float(np.sqrt(np.sum(residual**2) / freedom))
+        noise_px = corner_noise_px(result.fit)
     pose_inverse = np.linalg.inv(normal.pose)
     cross = normal.shared_pose.reshape(len(hessian), photos, 6).transpose(1, 2, 0)
     return Information(

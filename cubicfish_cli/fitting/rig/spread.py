@@ -13,16 +13,13 @@ import numpy.typing as npt
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import Adjustment
 from cubicfish_cli.fitting.left_out import Leaving
+from cubicfish_cli.fitting.photo_spread import MOST_CLUSTERS, variance_of_few
 from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.fitting.rig_lens import RigLens
+from cubicfish_cli.fitting.uncertainty import corner_noise_px
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
-
-# More clusters than that say little more, and each costs a linear system.
-_MOST_CLUSTERS = 24
-# Student's t with fewer degrees of freedom has no spread.
-_LEAST_FREEDOM = 2.5
 
 
 def place_covariances(
@@ -93,13 +90,11 @@ def _noise_covariance(fit: Adjustment) -> FloatArray:
         * scale[:, None]
         * np.linalg.pinv(hessian * scale * scale[:, None], hermitian=True, rcond=1e-14)
     )
-    unknowns = len(hessian) + 6 * len(fit.poses) + fit.normal.corner.size // 3
-    freedom = max(fit.residual.size - unknowns, fit.residual.size // 2)
-    return np.asarray(inverse * np.sum(fit.residual**2) / freedom)
+    return np.asarray(inverse * corner_noise_px(fit) ** 2)
 
 
 def _clusters(shots: int) -> list[IntArray]:
-    clusters = min(shots, _MOST_CLUSTERS)
+    clusters = min(shots, MOST_CLUSTERS)
     if clusters < 3:
         return []
     return [np.flatnonzero(np.arange(shots) % clusters == cluster) for cluster in range(clusters)]
@@ -110,15 +105,12 @@ def _of_shots(left_out: FloatArray, influence: FloatArray) -> FloatArray:
 
     The geometric mean of the two, as ``PhotoSpread`` takes it and for its reasons.
     """
-    clusters = len(left_out)
-    freedom = max(clusters - 1, _LEAST_FREEDOM)
-    factor = (clusters - 1) / clusters * freedom / (freedom - 2)
     first, second = (
         (change - change.mean(axis=0)).T @ (change - change.mean(axis=0))
         for change in (left_out, influence)
     )
     scale = (np.diagonal(second) / np.maximum(np.diagonal(first), 1e-300)) ** 0.25
-    return np.asarray(first * factor * scale * scale[:, None])
+    return np.asarray(variance_of_few(first, len(left_out)) * scale * scale[:, None])
 
 
 def _larger(noise: FloatArray, of_shots: FloatArray) -> FloatArray:
