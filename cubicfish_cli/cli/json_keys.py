@@ -158,7 +158,7 @@ RIG = {
     "turn_sigma_deg, shift_sigma, fit (its errors in pixels)",
     "pairs": "a record for every two cameras: cameras, shots (in common), rms_px",
     "fit": "of all: errors in pixels, held_out_rms_px, shots, refine_target, held_lenses, "
-    "findings, per_shot",
+    "findings (with the keys of everything that is told, cameras, shots and line), per_shot",
     "model": "the rig's file",
 }
 EVALUATE = {

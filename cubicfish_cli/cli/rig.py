@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli.choosing import films_among
 from cubicfish_cli.cli.figures import count, hold_gate, print_errors, px
 from cubicfish_cli.cli.inputs import load_pairs, say_photo_problems
 from cubicfish_cli.cli.made_by import made_at, made_by_record
@@ -29,6 +30,7 @@ from cubicfish_cli.cli.target_choice import TargetChoice, target_options
 from cubicfish_cli.cli.terminal import apart, print_json, print_table, result, say, stages, working
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.wording import quoted
+from cubicfish_cli.words.codes import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -36,8 +38,6 @@ if TYPE_CHECKING:
     from cubicfish_cli.cli.inputs import Pairs
     from cubicfish_cli.fitting.calibrate import RefineTarget
     from cubicfish_cli.formats.camera_yaml import CameraFile
-
-_FILMS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v", ".360", ".insv")
 
 
 @click.command(
@@ -139,12 +139,12 @@ def command(
         raise click.UsageError("--shots lists the shots: leave --by-order out")
     target.check()
     called = _names(inputs, names)
-    for path in inputs:
-        if path.suffix.lower() in _FILMS:
-            raise click.UsageError(
-                f"{quoted(str(path))} is a film, and films are not matched in time: make photos of "
-                "the same moments with the same names in a folder for each camera"
-            )
+    films = films_among(inputs)
+    if films:
+        raise click.UsageError(
+            f"{quoted(str(films[0]))} is a film, and films are not matched in time: make photos of "
+            "the same moments with the same names in a folder for each camera"
+        )
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.library.rigs import calibrate_rig, rig_record, save_rig
 
@@ -185,7 +185,8 @@ def command(
     if as_json:
         print_json({**record, "model": str(written[0])})
     for finding in rig.findings:
-        say(f"{'note' if finding.level == 'note' else 'warning'}: {finding.line}")
+        told = "note" if finding.severity is Severity.NOTE else "warning"
+        say(f"{told}: {finding.line}")
     if not as_json:
         apart()
         print_rig(record)

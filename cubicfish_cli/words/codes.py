@@ -111,5 +111,9 @@ class Code(StrEnum):
     NOTHING_NAMED = "nothing_named"
     NO_PHOTO = "no_photo"
     ANOTHER_TARGET = "another_target"
+    # Of a rig's shots.
+    SHOT_MISMATCHED = "shot_mismatched"
+    CAMERA_MOVED = "camera_moved"
+    FEW_COMMON_SHOTS = "few_common_shots"
     # Why a photo could not be undistorted.
     FAILED = "failed"

@@ -97,13 +97,18 @@ class Finding:
             "figures": dict(self.figures),
         }
 
+    @property
+    def _about(self) -> dict[str, tuple[str, ...]]:
+        """The names that sentences may have, beside the figures."""
+        return {"images": self.images, "boards": self.boards}
+
     @cached_property
     def _said(self) -> Saying:
         if self.recorded is not None:
             return self.recorded
         known = catalogue()
         saying = known.sayings[self.code, self.case]
-        values: dict[str, Any] = {**self.figures, "images": self.images, "boards": self.boards}
+        values: dict[str, Any] = {**self.figures, **self._about}
         for name in known.phrases.keys() & self.figures.keys():
             values[name] = _phrase(name, values[name], values)
         evidence = known.because[self.because] if self.because else saying.evidence

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,12 +16,12 @@ from cubicfish_cli.fitting.adjustment import Adjustment, huber_weight, linearise
 from cubicfish_cli.fitting.rig.start import RigStart, common_shots
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px, noise_px
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
 
-Code = Literal["shot_mismatched", "camera_moved", "few_common_shots"]
-Level = Literal["note", "care", "bad"]
 # Two cameras that fewer shots connect stand where one shot's errors put them.
 _FEW = 5
 # Shots on either side of where a camera may have moved.
@@ -34,36 +34,30 @@ _VISIBLE = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
-class RigFinding:
-    """Something that is likely wrong.
+class RigFinding(Finding):
+    """Something that is likely wrong with a rig.
 
     Attributes:
-        code: what.
-        level: what it says of the rig.
         cameras: whose.
-        shots: of which shots.
-        figures: what says so.
-        line: all of it in words, with what to do.
+        shots: of which shots, or of which photos where these are not of their shot.
 
     """
 
-    code: Code
-    level: Level
-    cameras: tuple[str, ...]
+    cameras: tuple[str, ...] = ()
     shots: tuple[str, ...] = ()
-    figures: Mapping[str, float] = field(default_factory=dict)
-    line: str = ""
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON and YAML."""
         return {
-            "code": self.code,
-            "severity": self.level,
+            **super().as_record(),
             "cameras": list(self.cameras),
             "shots": list(self.shots),
-            "figures": dict(self.figures),
             "line": self.line,
         }
+
+    @property
+    def _about(self) -> dict[str, tuple[str, ...]]:
+        return {**super()._about, "cameras": self.cameras, "of_shots": self.shots}
 
 
 def find_rig_faults(
@@ -220,16 +214,13 @@ def _said(names: Sequence[str], shots: Sequence[str], moved: Moved, scale: float
     turn = float(np.rad2deg(np.linalg.norm(moved.step[:3])))
     shift = float(np.linalg.norm(moved.step[3:])) * scale
     whom = (names[moved.camera],) if len(names) > 2 else tuple(names)
-    said = f"camera {whom[0]}" if len(whom) == 1 else f"camera {whom[0]} or {whom[1]}"
     return RigFinding(
-        code="camera_moved",
-        level="bad",
+        code=Code.CAMERA_MOVED,
+        severity=Severity.BAD,
+        case="" if len(whom) == 1 else "either",
         cameras=whom,
         shots=(shots[moved.shot],),
         figures={"turn_deg": turn, "shift": shift, "effect_px": moved.effect_px},
-        line=f"{said} moved on the body by {shift:.2g} (in the target's units) and {turn:.2g}° "
-        f"about shot {shots[moved.shot]}: fasten it, and calibrate from the shots before or after "
-        "alone",
     )
 
 
@@ -241,14 +232,11 @@ def _mismatched(
 ) -> list[RigFinding]:
     return [
         RigFinding(
-            code="shot_mismatched",
-            level="bad",
+            code=Code.SHOT_MISMATCHED,
+            severity=Severity.BAD,
             cameras=(names[lens.camera[view]],),
             shots=(photos[view],),
             figures={"off_px": float(start.misfit[view])},
-            line=f"{photos[view]} of camera {names[lens.camera[view]]} is not of the shot that it "
-            f"is matched to: its corners are {start.misfit[view]:.0f} px off, while alone it "
-            "fits; it took part as a shot of its own. Match it rightly, or leave it out",
         )
         for view in np.flatnonzero(start.apart).tolist()
     ]
@@ -266,13 +254,10 @@ def _few(names: Sequence[str], lens: RigLens) -> list[RigFinding]:
         if shared < _FEW and not said:
             found.append(
                 RigFinding(
-                    code="few_common_shots",
-                    level="care",
+                    code=Code.FEW_COMMON_SHOTS,
+                    severity=Severity.CARE,
                     cameras=(name, names[best]),
-                    figures={"shots": float(shared)},
-                    line=f"camera {name} shares only {shared} shot{'s' * (shared != 1)} with the "
-                    f"others: take {_FEW - shared} or more in which {name} and {names[best]} "
-                    "both see boards of the target",
+                    figures={"shots": float(shared), "wanted": float(_FEW - shared)},
                 )
             )
     return found
