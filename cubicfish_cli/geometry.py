@@ -106,3 +106,13 @@ def kannala_brandt_slope(theta: FloatArray, k: npt.ArrayLike) -> FloatArray:
     k1, k2, k3, k4 = np.asarray(k, float)
     slope: FloatArray = 1 + s * (3 * k1 + s * (5 * k2 + s * (7 * k3 + s * 9 * k4)))
     return slope
+
+
+def camera_centre(rotation: FloatArray, translation: FloatArray) -> FloatArray:
+    """(3,) where a camera stands in the frame of points X that it sees at R X + t."""
+    return np.asarray(-rotation.T @ translation)
+
+
+def total_sigma(covariance: FloatArray) -> float:
+    """Standard deviation of a vector: the root of the sum over its axes."""
+    return float(np.sqrt(max(np.trace(covariance), 0.0)))

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from cubicfish_cli import __version__
 from cubicfish_cli.correspondences import Corners, Correspondences
@@ -16,17 +17,19 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.files import whole_files, write_text
 from cubicfish_cli.fitting.calibrate import RefineTarget
 from cubicfish_cli.fitting.rig import calibrate as fitting
-from cubicfish_cli.fitting.rig.calibrate import RigCalibration, RigCamera
+from cubicfish_cli.fitting.rig.calibrate import PlacedCamera, RigCalibration, RigCamera
 from cubicfish_cli.fitting.rig.shots import Shots, shots_by_name, shots_by_order, shots_of_table
 from cubicfish_cli.fitting.stages import Progress
 from cubicfish_cli.formats.camera_yaml import CameraFile, camera_text
-from cubicfish_cli.formats.rig_yaml import RigFile, rig_text
+from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera, rig_text
 from cubicfish_cli.formats.target_yaml import target_text
+from cubicfish_cli.geometry import camera_centre, total_sigma
 from cubicfish_cli.library.pairs import pairs_of
 from cubicfish_cli.naming.detect import Detection
 from cubicfish_cli.target import Target
 from cubicfish_cli.wording import quoted
 
+FloatArray = npt.NDArray[np.float64]
 Matching = Literal["name", "order"]
 _NO_ERRORS: Mapping[str, Any] = {
     "rms_px": None,
@@ -122,24 +125,17 @@ def rig_record(rig: RigCalibration) -> dict[str, Any]:
     return {
         "units": rig.units,
         "cameras": [
-            {
-                "name": one.name,
-                "camera": f"{one.name}/camera.yaml",
-                "camera_from_rig": {
-                    "rotation": one.rotation.tolist(),
-                    "translation": one.translation.tolist(),
-                },
-                "position": one.position.tolist(),
-                "covariance": one.covariance.tolist(),
-                "turn_sigma_deg": one.turn_sigma_deg,
-                "shift_sigma": one.shift_sigma,
-                "fit": {
+            _camera_record(
+                one,
+                f"{one.name}/camera.yaml",
+                one.covariance,
+                {
                     **one.errors.as_record(),
                     "images": int(one.fit["images"]),
                     "held_out_rms_px": one.held_out_rms_px,
                     "alone_rms_px": one.alone_rms_px,
                 },
-            }
+            )
             for one in rig.cameras
         ],
         "pairs": [
@@ -166,6 +162,28 @@ def rig_record(rig: RigCalibration) -> dict[str, Any]:
                 )
             ],
         },
+    }
+
+
+def _camera_record(
+    camera: PlacedCamera | RigFileCamera,
+    path: str,
+    covariance: FloatArray | None,
+    fit: Mapping[str, Any],
+) -> dict[str, Any]:
+    spread = np.zeros((6, 6)) if covariance is None else covariance
+    return {
+        "name": camera.name,
+        "camera": path,
+        "camera_from_rig": {
+            "rotation": camera.rotation.tolist(),
+            "translation": camera.translation.tolist(),
+        },
+        "position": camera_centre(camera.rotation, camera.translation).tolist(),
+        "covariance": None if covariance is None else covariance.tolist(),
+        "turn_sigma_deg": float(np.rad2deg(total_sigma(spread[:3, :3]))),
+        "shift_sigma": total_sigma(spread[3:, 3:]),
+        "fit": dict(fit),
     }
 
 
@@ -207,25 +225,10 @@ def save_rig(
 
 def loaded_record(rig: RigFile) -> dict[str, Any]:
     """The same plain data of a rig that was read from its file, whatever the file left out."""
-    cameras = []
-    for one in rig.cameras:
-        covariance = np.zeros((6, 6)) if one.covariance is None else one.covariance
-        turn, shift = np.trace(covariance[:3, :3]), np.trace(covariance[3:, 3:])
-        cameras.append(
-            {
-                "name": one.name,
-                "camera": one.path,
-                "camera_from_rig": {
-                    "rotation": one.rotation.tolist(),
-                    "translation": one.translation.tolist(),
-                },
-                "position": (-one.rotation.T @ one.translation).tolist(),
-                "covariance": None if one.covariance is None else covariance.tolist(),
-                "turn_sigma_deg": float(np.rad2deg(np.sqrt(max(turn, 0.0)))),
-                "shift_sigma": float(np.sqrt(max(shift, 0.0))),
-                "fit": {**_NO_ERRORS, "images": 0, "alone_rms_px": None, **one.fit},
-            }
-        )
+    unknown = {**_NO_ERRORS, "images": 0, "alone_rms_px": None}
+    cameras = [
+        _camera_record(one, one.path, one.covariance, {**unknown, **one.fit}) for one in rig.cameras
+    ]
     return {
         "units": rig.units,
         "cameras": cameras,

@@ -44,6 +44,7 @@ from cubicfish_cli.fitting.statistics import (
 )
 from cubicfish_cli.fitting.subset import select, with_mean_weight_one, world_scale
 from cubicfish_cli.fitting.world import DrawnWorld, World
+from cubicfish_cli.geometry import camera_centre, total_sigma
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.soundness import check_soundness, cone_rays
 from cubicfish_cli.target import Target
@@ -111,17 +112,17 @@ class PlacedCamera:
     @property
     def position(self) -> FloatArray:
         """(3,) the camera's centre in the rig's frame, in the target's units."""
-        return np.asarray(-self.rotation.T @ self.translation)
+        return camera_centre(self.rotation, self.translation)
 
     @property
     def turn_sigma_deg(self) -> float:
         """Standard deviation of the turn: root of the sum over its three axes, degrees."""
-        return float(np.rad2deg(np.sqrt(np.trace(self.covariance[:3, :3]))))
+        return float(np.rad2deg(total_sigma(self.covariance[:3, :3])))
 
     @property
     def shift_sigma(self) -> float:
         """Standard deviation of the translation, likewise, in the target's units."""
-        return float(np.sqrt(np.trace(self.covariance[3:, 3:])))
+        return total_sigma(self.covariance[3:, 3:])
 
 
 @dataclass(frozen=True, kw_only=True)
