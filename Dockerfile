@@ -3,6 +3,7 @@
 FROM python:3.13-slim AS build
 WORKDIR /source
 COPY pyproject.toml README.md LICENSE ./
+COPY cubicfish cubicfish
 COPY cubicfish_cli cubicfish_cli
 RUN python -m venv /opt/cubicfish \
     && /opt/cubicfish/bin/pip install --no-cache-dir ".[report,video]"

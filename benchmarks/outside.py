@@ -108,7 +108,7 @@ def measured(lens, errors: CornerErrors, poses, target: Target, seed: int) -> tu
         rms(radial),
         float(np.percentile(length, 95)),
         float(length.max()),
-        float(fit.uncertainty["median_px"]),
+        float(fit.uncertainty_grid["median_px"]),
         len(corners.pixel),
         seconds,
     )

@@ -34,7 +34,7 @@ _PLACES = {
     "fitting.comparison": ("Comparison", "compare"),
     "fitting.evaluate": ("Evaluation",),
     "fitting.rig.calibrate": ("RigCalibration",),
-    "fitting.verdict": ("Verdict",),
+    "assess.verdict": ("Verdict",),
     "formats.camera_yaml": ("CameraFile", "load_camera"),
     "formats.rig_yaml": ("RigFile", "load_rig"),
     "library.calibration": ("calibrate", "evaluate", "judge", "uncertainty"),

@@ -1,5 +1,6 @@
 """The public names, for type checkers: each is loaded when it is first used."""
 
+from cubicfish_cli.assess.verdict import Verdict as Verdict
 from cubicfish_cli.correspondences import Corners as Corners
 from cubicfish_cli.correspondences import Correspondences as Correspondences
 from cubicfish_cli.correspondences import load_corners as load_corners
@@ -10,7 +11,6 @@ from cubicfish_cli.fitting.comparison import Comparison as Comparison
 from cubicfish_cli.fitting.comparison import compare as compare
 from cubicfish_cli.fitting.evaluate import Evaluation as Evaluation
 from cubicfish_cli.fitting.rig.calibrate import RigCalibration as RigCalibration
-from cubicfish_cli.fitting.verdict import Verdict as Verdict
 from cubicfish_cli.formats.camera_yaml import CameraFile as CameraFile
 from cubicfish_cli.formats.camera_yaml import load_camera as load_camera
 from cubicfish_cli.formats.rig_yaml import RigFile as RigFile

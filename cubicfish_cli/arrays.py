@@ -28,18 +28,18 @@ class Refusal:
     error: type[CubicfishError]
 
     def numbers(self, value: npt.ArrayLike, name: str, columns: int, *, limit: float) -> FloatArray:
-        """Finite real numbers (N, columns) within ±``limit``, as float64.
+        """Finite real numbers (N, columns), or OpenCV's (N, 1, columns), as float64 (N, columns).
 
         Raises:
-            CubicfishError: of the class ``error``; ``value`` is something else.
+            CubicfishError: of the class ``error``; ``value`` is something else, or not within
+                ±``limit``.
 
         """
         array = self._real(value, name)
+        if array.ndim == 3 and array.shape[1:] == (1, columns):  # as OpenCV has its points
+            array = array[:, 0]
         if array.ndim != 2 or array.shape[1] != columns:
-            hint = ""
-            if array.ndim == 3 and array.shape[1:] == (1, columns):  # as OpenCV has its points
-                hint = f": write {name}.reshape(-1, {columns})"
-            raise self.error(f"{name} has the shape {array.shape}, not (N, {columns}){hint}")
+            raise self.error(f"{name} has the shape {array.shape}, not (N, {columns})")
         bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
         if bad.size:
             raise self.error(

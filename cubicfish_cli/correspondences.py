@@ -48,6 +48,7 @@ class Corners:
         certain: (N,) whether it is surely this corner; by default all are. Where too little of a
             board was seen, its corners may be others of the same plane, some squares further on:
             as good for a lens, but they do not measure the object.
+        target: the object that they are of; None where only their names are known.
 
     """
 
@@ -61,6 +62,7 @@ class Corners:
     pixel: FloatArray
     weight: FloatArray
     certain: BoolArray = field(default_factory=lambda: _ALL_CERTAIN)
+    target: Target | None = None
 
     def __post_init__(self) -> None:
         """Fill in certainty where nothing is said of it."""
@@ -275,6 +277,7 @@ def load_corners(
         pixel=_pixels(table, image_size),
         weight=_weights(table),
         certain=_certain(table),
+        target=target,
     )
 
 

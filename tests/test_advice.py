@@ -22,12 +22,12 @@ from cubicfish_cli.advice.knowledge import know, recorded_poses
 from cubicfish_cli.advice.picture import advice_svg
 from cubicfish_cli.advice.summary import summary
 from cubicfish_cli.advice.words import across, length_words, place_words, side_of, slant, tilt_words
+from cubicfish_cli.assess.field_uncertainty import FieldUncertainty, recorded, sigma_at, summed
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import calibrate
-from cubicfish_cli.fitting.field_uncertainty import FieldUncertainty, recorded, summed
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.subset import select
-from cubicfish_cli.fitting.uncertainty import camera_uncertainty, field_grid, sigma_at
+from cubicfish_cli.fitting.uncertainty import camera_uncertainty, field_grid
 from cubicfish_cli.rendering.pose import look_at
 from cubicfish_cli.rendering.views import Distances, sample_views, view_from
 from cubicfish_cli.target import Target

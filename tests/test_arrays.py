@@ -81,6 +81,13 @@ def test_corners_are_named_and_find_their_world_points() -> None:
 
 
 @pytest.mark.parametrize("make", [pairs, corners])
+def test_points_as_opencv_has_them(make) -> None:
+    plain = make()
+    same = make(pixel=[PIXEL[:, None], PIXEL[:2, None]])
+    np.testing.assert_array_equal(same.pixel, plain.pixel)
+
+
+@pytest.mark.parametrize("make", [pairs, corners])
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
@@ -89,7 +96,7 @@ def test_corners_are_named_and_find_their_world_points() -> None:
         ({"pixel": PIXEL}, "pixel must be a list of arrays, one for each photo"),
         ({"pixel": 3}, "pixel must be a list of arrays"),
         ({"pixel": [PIXEL, WORLD[:2]]}, r"pixel[1] has the shape (2, 3), not (N, 2)"),
-        ({"pixel": [PIXEL, PIXEL[:2, None]]}, "write pixel[1].reshape(-1, 2)"),
+        ({"pixel": [PIXEL, PIXEL[:2, None, None]]}, "pixel[1] has the shape (2, 1, 1, 2)"),
         ({"pixel": [PIXEL, [[1, 2], [3]]]}, "pixel[1] is no array"),
         ({"pixel": [PIXEL, [["a", "b"]] * 2]}, "pixel[1] must hold real numbers, not <U1"),
         ({"pixel": [PIXEL, PIXEL[:2] * 1j]}, "real numbers, not complex128"),

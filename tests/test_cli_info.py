@@ -8,7 +8,7 @@ import pytest
 import yaml
 from conftest import SAMPLE, Run
 
-from cubicfish_cli.fitting.camera_facts import camera_facts, field_seen
+from cubicfish_cli.assess.camera_facts import camera_facts, field_seen
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.rendering.lens_file import load_lens

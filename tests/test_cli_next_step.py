@@ -6,9 +6,9 @@ import pytest
 from conftest import SAMPLE, Run
 from terminals import Screen, widest
 
+from cubicfish_cli.assess.verdict import Verdict
 from cubicfish_cli.cli import next_step, photo_table
 from cubicfish_cli.cli.photo_table import PhotoRow
-from cubicfish_cli.fitting.verdict import Verdict
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 

@@ -5,10 +5,11 @@ import pytest
 import synthetic
 from scipy.spatial.transform import Rotation
 
+from cubicfish_cli.assess.field_uncertainty import sigma_at
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.companion import fit_companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
-from cubicfish_cli.fitting.uncertainty import camera_uncertainty, sigma_at, uncertainty_record
+from cubicfish_cli.fitting.uncertainty import camera_uncertainty, uncertainty_record
 from cubicfish_cli.model.soundness import cone_rays
 
 TARGET = synthetic.corner_of_three()
@@ -60,7 +61,7 @@ def test_more_photos_make_it_smaller():
 @pytest.mark.slow
 def test_it_grows_towards_the_rim_and_is_null_outside():
     result = calibrate(draw(3), hold_out=False)
-    record = result.uncertainty
+    record = result.uncertainty_grid
     sigma = np.array(
         [[np.nan if value is None else value for value in row] for row in record["sigma_px"]]
     )

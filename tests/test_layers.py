@@ -32,6 +32,17 @@ ALLOWED: dict[str, set[str]] = {
     "correspondences": {"errors", "wording", "arrays", "files", "tables", "target"},
     "corner_files": {"errors", "reading", "tables", "target", "correspondences", "wording"},
     "model": {"errors", "angles", "geometry"},
+    "assess": {"errors", "angles", "model", "words"},
+    "formats": {
+        "errors",
+        "files",
+        "reading",
+        "plain_yaml",
+        "target",
+        "model",
+        "assess",
+        "wording",
+    },
     "fitting": {
         "errors",
         "angles",
@@ -41,6 +52,8 @@ ALLOWED: dict[str, set[str]] = {
         "correspondences",
         "frame_names",
         "model",
+        "assess",
+        "formats",
         "words",
     },
     "naming": {
@@ -66,7 +79,6 @@ ALLOWED: dict[str, set[str]] = {
         "model",
         "wording",
     },
-    "formats": {"errors", "files", "reading", "plain_yaml", "target", "model", "wording"},
     "rendering": {
         "errors",
         "angles",
@@ -78,7 +90,16 @@ ALLOWED: dict[str, set[str]] = {
         "correspondences",
     },
     "printing": {"errors", "files", "wording", "target", "formats", "rendering"},
-    "advice": {"errors", "angles", "target", "correspondences", "model", "fitting", "rendering"},
+    "advice": {
+        "errors",
+        "angles",
+        "target",
+        "correspondences",
+        "model",
+        "assess",
+        "fitting",
+        "rendering",
+    },
 }
 ALLOWED["library"] = {*ALLOWED}
 ALLOWED["report"] = {*ALLOWED} - {"library"}

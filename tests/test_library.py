@@ -8,12 +8,14 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 from conftest import SAMPLE, run_cli
 
+import cubicfish
 import cubicfish_cli
 from cubicfish_cli import (
     Calibration,
@@ -117,8 +119,9 @@ def test_every_name_is_there_and_no_other() -> None:
         exec("from cubicfish_cli import calibrat", {})
 
 
-def test_what_mypy_is_told_is_what_is_loaded() -> None:
-    stub = Path(cubicfish_cli.__file__).with_suffix(".pyi").read_text(encoding="utf-8")
+@pytest.mark.parametrize("package", [cubicfish, cubicfish_cli])
+def test_what_mypy_is_told_is_what_is_loaded(package: ModuleType) -> None:
+    stub = Path(str(package.__file__)).with_suffix(".pyi").read_text(encoding="utf-8")
     names: dict[str, Any] = {}
     exec(stub, names)
     del names["__builtins__"], names["__doc__"], names["__annotations__"]
@@ -318,6 +321,53 @@ def test_nothing_is_printed_or_written(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_fit_and_its_file_give_the_same_answers(tmp_path: Path, fitted: Calibration) -> None:
+    path = tmp_path / "camera.yaml"
+    fitted.save(path, made_by={"title": "left"})
+    loaded = Calibration.load(path)
+    assert loaded.verdict == fitted.verdict
+    pixel = [[480, 360], [5, 5]]
+    np.testing.assert_allclose(loaded.uncertainty(pixel), fitted.uncertainty(pixel))
+    assert loaded.facts.title == "left"
+    assert str(loaded) == f"left: {fitted}"
+    assert "array" not in repr(fitted)
+    assert repr(fitted).startswith("<Calibration: 960x720 px, sees ")
+    with pytest.raises(OutputError, match="exists"):
+        loaded.save(path)
+    loaded.save(path, overwrite=True)
+    assert Calibration.load(path).made_by == loaded.made_by
+
+
+def test_a_notebook_shows_words_that_are_no_tags(fitted: Calibration) -> None:
+    named = replace(fitted, made_by={"title": "<b>left"})
+    assert "&lt;b&gt;left: " in named._repr_html_()
+    assert "<br>usable with care: " in named._repr_html_()
+
+
+def test_a_camera_without_a_fit_has_figures_and_no_verdict(fitted: Calibration) -> None:
+    alone = CameraFile(camera=fitted.camera, fit={}, made_by={})
+    assert str(alone) == alone.facts.line
+    assert alone.facts.verdict is None
+
+
+def test_corners_bring_their_target(corners: Corners, target: Target, fitted: Calibration) -> None:
+    assert corners.target is target
+    error = evaluate(fitted.camera, corners).errors
+    assert error == evaluate(fitted.camera, corners, target).errors
+    nameless = replace(corners, target=None)
+    assert "need the target" in refusal(
+        CorrespondenceError, lambda: evaluate(fitted.camera, nameless)
+    )
+
+
+def test_the_short_name_is_the_same_library() -> None:
+    assert cubicfish.Target is Target
+    assert cubicfish.__all__ == cubicfish_cli.__all__
+    assert set(cubicfish.__all__) <= set(dir(cubicfish))
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        _ = cubicfish.nonsense
+
+
 def test_files_are_those_of_the_command_line(
     tmp_path: Path, fitted: Calibration, corners: Corners, target: Target
 ) -> None:
@@ -369,7 +419,7 @@ def test_corners_that_cannot_be_fitted_to_are_refused(
     def said(given: Any, of: Target | None = None, **more: Any) -> str:
         return refusal(CorrespondenceError, lambda: calibrate(given, of, **more))
 
-    assert "need the target" in said(corners)
+    assert "need the target" in said(replace(corners, target=None))
     assert "list is neither Correspondences" in said([1, 2])
     assert "do not say which corners" in said(nameless, target)
     assert "do not say which corners" in said(pairs, other)

@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import Calibration, calibrate
 from cubicfish_cli.fitting.evaluate import evaluate
-from cubicfish_cli.formats.camera_yaml import load_camera, save_camera
+from cubicfish_cli.formats.camera_writer import save_camera
+from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.model.soundness import cone_rays
 from cubicfish_cli.rendering.lens import TrueLens
 from cubicfish_cli.target import Target
@@ -103,8 +104,8 @@ def test_the_true_camera_comes_out(seed):
     miss = miss_px(result.camera, one.lens, angle)
     # The uncertainty is the median's over the photo; errors at the rim are a few times that, and
     # a cubic meets such a lens to 0.03 px.
-    assert np.median(miss) < 0.03 + 2.5 * result.uncertainty["median_px"]
-    assert np.sqrt(np.mean(miss**2)) < 0.03 + 3 * result.uncertainty["median_px"]
+    assert np.median(miss) < 0.03 + 2.5 * result.uncertainty_grid["median_px"]
+    assert np.sqrt(np.mean(miss**2)) < 0.03 + 3 * result.uncertainty_grid["median_px"]
 
 
 @pytest.mark.slow
@@ -168,8 +169,8 @@ def test_the_order_of_photos_changes_nothing(seed):
 def same_fits(first: Calibration, second: Calibration) -> None:
     assert miss_px(second.camera, first.camera, first.covered_deg).max() < SAME_PX
     assert second.errors.rms_px == pytest.approx(first.errors.rms_px, rel=1e-5)
-    assert second.uncertainty["median_px"] == pytest.approx(
-        first.uncertainty["median_px"], rel=1e-3
+    assert second.uncertainty_grid["median_px"] == pytest.approx(
+        first.uncertainty_grid["median_px"], rel=1e-3
     )
     assert second.held_out.rms_px == pytest.approx(first.held_out.rms_px, rel=1e-4)
 

@@ -6,6 +6,7 @@ from typing import Any, assert_type
 import numpy as np
 import numpy.typing as npt
 
+import cubicfish
 from cubicfish_cli import (
     Calibration,
     CameraFile,
@@ -73,6 +74,8 @@ def uses(picture: npt.NDArray[np.uint8]) -> Floats:
     loaded = assert_type(load_camera("camera.yaml"), CameraFile)
     camera = assert_type(loaded.camera, CubicCamera)
     assert_type(judge(loaded), Verdict)
+    assert_type(cubicfish.Calibration.load("camera.yaml").verdict, Verdict)
+    assert_type(loaded.uncertainty([[1, 2]]), Floats)
     assert_type(uncertainty(loaded, [[1, 2]]), Floats)
     assert_type(compare(camera, camera), Comparison)
     seen, slope = camera.project_jacobian([0, 0, 1])

@@ -19,11 +19,11 @@ from cubicfish_cli.advice.gaps import Gaps, find_gaps, photo_distances
 from cubicfish_cli.advice.knowledge import Knowledge, know, recorded_poses
 from cubicfish_cli.advice.words import length_words, place_words, tilt_words
 from cubicfish_cli.angles import angle_from_axis
+from cubicfish_cli.assess.field_uncertainty import FieldUncertainty, recorded, summed
+from cubicfish_cli.assess.verdict import verdict
 from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.fitting.field_uncertainty import FieldUncertainty, recorded, summed
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.uncertainty import Information, field_grid
-from cubicfish_cli.fitting.verdict import verdict
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.rendering.views import Distances, View, WholeLens, sample_views

@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis
+from cubicfish_cli.assess.field_uncertainty import recorded_number
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.companion import LOST_PX, companion_near
 from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
-from cubicfish_cli.fitting.field_uncertainty import recorded_number
 from cubicfish_cli.fitting.hold import UNTOLD
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.refined_world import RefinedWorld

@@ -7,9 +7,9 @@ from typing import Any
 
 from cubicfish_cli.advice.advise import default_goal, why_not_enough
 from cubicfish_cli.advice.gaps import find_gaps
+from cubicfish_cli.assess.field_uncertainty import recorded
+from cubicfish_cli.assess.verdict import verdict
 from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.fitting.field_uncertainty import recorded
-from cubicfish_cli.fitting.verdict import verdict
 from cubicfish_cli.model.cubic import CubicCamera
 
 HEED_FIRST = "heed the verdict first"

@@ -16,7 +16,7 @@ from cubicfish_cli.cli.terminal import print_json, result, say, working
 
 if TYPE_CHECKING:
     from cubicfish_cli.advice.advise import Advice, Proposal
-    from cubicfish_cli.fitting.verdict import Verdict
+    from cubicfish_cli.assess.verdict import Verdict
     from cubicfish_cli.report.facts import Facts
 
 # What to name, and how, where corners are lacking.

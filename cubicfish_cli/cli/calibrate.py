@@ -52,9 +52,9 @@ from cubicfish_cli.cli.terminal import (
 )
 
 if TYPE_CHECKING:
+    from cubicfish_cli.assess.camera_facts import CameraFacts
+    from cubicfish_cli.assess.verdict import Verdict
     from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
-    from cubicfish_cli.fitting.camera_facts import CameraFacts
-    from cubicfish_cli.fitting.verdict import Verdict
     from cubicfish_cli.target import Target
 
 MAP = "undistort_map.npz"
@@ -164,10 +164,10 @@ def command(
         raise click.UsageError("--compare is of cameras with rays: it goes with --lift ray")
     check_inputs(inputs, correspondences=correspondences, target=target)
     from cubicfish_cli.advice.summary import summary
+    from cubicfish_cli.assess.camera_facts import camera_facts
+    from cubicfish_cli.assess.verdict import verdict
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.fitting.calibrate import calibrate
-    from cubicfish_cli.fitting.camera_facts import camera_facts
-    from cubicfish_cli.fitting.verdict import verdict
     from cubicfish_cli.photos import MAX_PIXELS
 
     made_at()  # said before the work if it cannot be
@@ -257,7 +257,7 @@ def command(
     page = report_step.make_page(outputs, camera, record, made_by, loaded, calibration.target)
     earlier = of_earlier(outputs, given) if overwrite else []
     with working("Writing"):
-        _write(outputs, calibration, loaded, made_by, page, earlier, facts, overwrite=overwrite)
+        _write(outputs, calibration, loaded, made_by, page, earlier, overwrite=overwrite)
     judged = verdict(record, camera.image_size, camera.outline())
     advice = summary(camera, record, calibration.pairs)
     models = _compared(calibration, loaded.target, hold_out=hold_out) if compare else []
@@ -325,14 +325,12 @@ def _write(
     made_by: Mapping[str, Any],
     page: str | None,
     earlier: Sequence[Path],
-    facts: CameraFacts,
     *,
     overwrite: bool,
 ) -> None:
     """Write every output, all or none; what is of an earlier calibration goes."""
     from cubicfish_cli.correspondences import save_corners
     from cubicfish_cli.files import whole_files, write_text
-    from cubicfish_cli.formats.camera_yaml import camera_text
     from cubicfish_cli.formats.target_yaml import target_text
     from cubicfish_cli.undistortion.maps import build_map, save_map
     from cubicfish_cli.undistortion.views import default_view
@@ -340,9 +338,7 @@ def _write(
     paths = list(outputs.values())
     with whole_files(paths, overwrite=overwrite, obsolete=earlier) as temporary:
         names = dict(zip(outputs, temporary, strict=True))
-        fit = calibration.as_record()
-        text = camera_text(calibration.camera, fit=fit, made_by=made_by, comment=facts.line)
-        write_text(names["camera"], text, overwrite=False)
+        calibration.save(names["camera"], made_by=made_by)
         if "drawn" in names and loaded.target is not None:
             write_text(names["drawn"], target_text(loaded.target), overwrite=False)
         view = default_view(calibration.camera)
@@ -402,7 +398,7 @@ def _print(
 
 
 def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
-    from cubicfish_cli.fitting.field_uncertainty import recorded
+    from cubicfish_cli.assess.field_uncertainty import recorded
     from cubicfish_cli.fitting.findings import COVERED
 
     dropped = len(calibration.dropped)

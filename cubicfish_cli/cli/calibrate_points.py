@@ -14,8 +14,8 @@ from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_p
 from cubicfish_cli.cli.terminal import print_json, result, say, working
 
 if TYPE_CHECKING:
+    from cubicfish_cli.assess.verdict import Verdict
     from cubicfish_cli.fitting.point_fit import PointCalibration
-    from cubicfish_cli.fitting.verdict import Verdict
 
 
 def run(
@@ -44,12 +44,12 @@ def run(
         given: the inputs, which stay where they are.
 
     """
+    from cubicfish_cli.assess.camera_facts import camera_facts
+    from cubicfish_cli.assess.verdict import verdict
     from cubicfish_cli.correspondences import save_corners
     from cubicfish_cli.files import whole_files, write_text
-    from cubicfish_cli.fitting.camera_facts import camera_facts
     from cubicfish_cli.fitting.point_fit import calibrate_points
-    from cubicfish_cli.fitting.verdict import verdict
-    from cubicfish_cli.formats.camera_yaml import camera_text
+    from cubicfish_cli.formats.camera_writer import camera_text
     from cubicfish_cli.formats.target_yaml import target_text
 
     with working("Fitting"):

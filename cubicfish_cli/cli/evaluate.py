@@ -23,10 +23,10 @@ from cubicfish_cli.cli.target_choice import TargetChoice, target_options
 from cubicfish_cli.cli.terminal import print_json, result, say, working
 
 if TYPE_CHECKING:
+    from cubicfish_cli.assess.verdict import Verdict
     from cubicfish_cli.cli.inputs import Pairs
     from cubicfish_cli.fitting.evaluate import Evaluation
     from cubicfish_cli.fitting.uncertainty import FloatArray
-    from cubicfish_cli.fitting.verdict import Verdict
 
 
 @click.command(
@@ -66,8 +66,8 @@ def command(
     The camera stays as it is; only the pose of each photo is fitted. No corner is dropped.
     """
     check_inputs(inputs, correspondences=None, target=target)
+    from cubicfish_cli.assess.verdict import evaluation_verdict
     from cubicfish_cli.fitting.evaluate import evaluate
-    from cubicfish_cli.fitting.verdict import evaluation_verdict
     from cubicfish_cli.formats.camera_yaml import load_camera
 
     file = load_camera(options.model_path(model))
@@ -129,8 +129,7 @@ def _uncertainty(fit: Mapping[str, Any], pixel: FloatArray) -> dict[str, float] 
     """How far the camera itself may be off at these pixels; None where its file does not say."""
     import numpy as np
 
-    from cubicfish_cli.fitting.field_uncertainty import summed
-    from cubicfish_cli.fitting.uncertainty import sigma_at
+    from cubicfish_cli.assess.field_uncertainty import sigma_at, summed
 
     record = fit.get("uncertainty")
     if not isinstance(record, dict):

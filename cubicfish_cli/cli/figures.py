@@ -11,7 +11,7 @@ from cubicfish_cli.cli.table import Column, Row, print_columns
 from cubicfish_cli.cli.terminal import result, tell
 
 if TYPE_CHECKING:
-    from cubicfish_cli.fitting.verdict import Verdict
+    from cubicfish_cli.assess.verdict import Verdict
 
 EXIT_GATE = 3
 

@@ -77,7 +77,7 @@ def command(
     """
     from cubicfish_cli.files import fingerprint, refuse_existing
     from cubicfish_cli.fitting.conversion.from_lens import LARGEST_FIELD_DEG, from_lens
-    from cubicfish_cli.formats.camera_yaml import save_camera
+    from cubicfish_cli.formats.camera_writer import save_camera
     from cubicfish_cli.formats.foreign import own_field_deg, read_foreign
 
     made_at()  # said before the work if it cannot be

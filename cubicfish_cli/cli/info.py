@@ -12,7 +12,7 @@ from cubicfish_cli.cli.figures import count, print_verdict, px
 from cubicfish_cli.cli.terminal import print_json, result
 
 if TYPE_CHECKING:
-    from cubicfish_cli.fitting.camera_facts import CameraFacts
+    from cubicfish_cli.assess.camera_facts import CameraFacts
 
 
 @click.command(
@@ -35,7 +35,7 @@ def command(calibration: Path | None, model: Path | None, as_json: bool) -> None
     photo shows, how far from the axis corners reach, the errors, the verdict, and when and from
     what it was made. The focal length is in pixels a radian, on the axis.
     """
-    from cubicfish_cli.fitting.camera_facts import camera_facts
+    from cubicfish_cli.assess.camera_facts import camera_facts
     from cubicfish_cli.formats.camera_yaml import load_any_camera
 
     rig = rig_path(calibration or model)

@@ -118,7 +118,7 @@ def trusted_within(
     """
     import numpy as np
 
-    from cubicfish_cli.fitting.uncertainty import sigma_at
+    from cubicfish_cli.assess.field_uncertainty import sigma_at
     from cubicfish_cli.undistortion.frames import calibrated_pixels
 
     def trusted(made: UndistortMap | PixelMap) -> npt.NDArray[np.bool_]:

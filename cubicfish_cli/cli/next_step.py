@@ -10,7 +10,7 @@ from cubicfish_cli.cli.options import DEFAULT_MODEL, verbosity
 from cubicfish_cli.cli.terminal import result
 
 if TYPE_CHECKING:
-    from cubicfish_cli.fitting.verdict import Verdict
+    from cubicfish_cli.assess.verdict import Verdict
 
 
 def say_next(judged: Verdict, camera: Path, photo: Path | None, report: Path | None) -> None:

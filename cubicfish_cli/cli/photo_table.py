@@ -90,7 +90,7 @@ def fitted_rows(
         lost: photos that take no part, and a word for why.
 
     """
-    from cubicfish_cli.fitting.verdict import photo_verdicts
+    from cubicfish_cli.assess.verdict import photo_verdicts
     from cubicfish_cli.words.finding import joined, level_of
 
     records = record["per_image"]

@@ -13,7 +13,7 @@ from cubicfish_cli.cli.kept import keep_fonts
 from cubicfish_cli.cli.terminal import detail, say, working
 
 if TYPE_CHECKING:
-    from cubicfish_cli.fitting.verdict import Verdict
+    from cubicfish_cli.assess.verdict import Verdict
     from cubicfish_cli.model.cubic import CubicCamera
     from cubicfish_cli.model.point_cubic import PointCamera
     from cubicfish_cli.target import Target

@@ -281,7 +281,7 @@ def _outside(lens: OutsideLens) -> _Source:
 
 
 def _camera_text(camera: CubicCamera, made_by: Mapping[str, object]) -> str:
-    from cubicfish_cli.formats.camera_yaml import camera_text
+    from cubicfish_cli.formats.camera_writer import camera_text
 
     return camera_text(camera, fit={}, made_by={"command": "simulate", **made_by})
 

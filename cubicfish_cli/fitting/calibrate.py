@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from typing import Any, Literal
 
@@ -48,6 +48,8 @@ from cubicfish_cli.fitting.subset import (
     world_scale,
 )
 from cubicfish_cli.fitting.uncertainty import uncertainty_record
+from cubicfish_cli.formats.calibrated import Calibrated
+from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lift import lift
 from cubicfish_cli.target import Target
@@ -107,8 +109,8 @@ class DroppedCorner:
         return asdict(self)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Calibration:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Calibration(Calibrated):
     """A fitted camera and how well it fits.
 
     Attributes:
@@ -130,13 +132,16 @@ class Calibration:
         target: the object as fitted (the given one where nothing was refined); None for pairs
             that came without one.
         departures: by how much the object departs from its drawing, a board each.
-        uncertainty: how far the pixels of distant points may be off, on a grid over the photo,
+        uncertainty_grid: how far the pixels of distant points may be off, on a grid over the photo,
             as ``uncertainty_record`` of fitting/uncertainty.py has it.
         coverage: share of the valid field that corners cover, 0 to 1.
         notes: what a person should know beyond the figures.
         findings: what is likely wrong with the set-up, with its evidence.
+        made_by: where it comes from, plain data.
 
     """
+
+    load = staticmethod(load_camera)
 
     camera: CubicCamera
     poses: Poses
@@ -155,10 +160,11 @@ class Calibration:
     refined: Level
     target: Target | None
     departures: tuple[Departure, ...]
-    uncertainty: dict[str, Any]
+    uncertainty_grid: dict[str, Any]
     coverage: float
     notes: tuple[Finding, ...]
     findings: tuple[Finding, ...]
+    made_by: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def remarks(self) -> tuple[Finding, ...]:
@@ -189,7 +195,7 @@ class Calibration:
             "coverage": self.coverage,
             "notes": [note.line for note in self.notes],
             "findings": [finding.as_record() for finding in self.findings],
-            "uncertainty": self.uncertainty,
+            "uncertainty": self.uncertainty_grid,
             "dropped": len(self.dropped),
             "dropped_corners": [corner.as_record() for corner in self.dropped],
             "unfit_images": {photo: why.line for photo, why in self.unfit.items()},
@@ -337,7 +343,7 @@ def _calibrated(
         departures=tuple(departures(target, refined, doubted=not wrong))
         if target and refined
         else (),
-        uncertainty=uncertainty,
+        uncertainty_grid=uncertainty,
         coverage=share,
         notes=tuple(notes),
         findings=tuple(findings),

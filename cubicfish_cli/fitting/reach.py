@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis, azimuth
+from cubicfish_cli.assess.field_uncertainty import CERTAIN_PX
 from cubicfish_cli.model.cubic import CubicCamera, ray_at
 
 FloatArray = npt.NDArray[np.float64]
@@ -29,8 +30,6 @@ _NEAR = 0.1
 # The rim's errors are those of the outermost corners, the middle's of those within half the field.
 _RIM_SHARE, _FEWEST_AT_THE_RIM = 0.1, 20
 _MIDDLE = 0.5
-CERTAIN_PX = 0.5
-"""A camera is certain where its pixels are known to this, in a photo of up to 2000 pixels."""
 # Beyond the corners the camera may be trusted as long as it is certain, or no more than so many
 # times as uncertain as at their edge; a degree is let in any case.
 _TIMES, _SIDE = 2.0, 2000.0

@@ -7,16 +7,15 @@ point stays fixed in the world, so a turn that poses and lens share does not cou
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.assess.field_uncertainty import summed
 from cubicfish_cli.fitting.adjustment import Adjustment
 from cubicfish_cli.fitting.cubic_fit import CubicResult
-from cubicfish_cli.fitting.field_uncertainty import summed
 from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.radial import project_jacobian
@@ -267,36 +266,3 @@ def uncertainty_record(uncertainty: Sigma, camera: CubicCamera) -> dict[str, Any
             for row in sigma
         ],
     }
-
-
-def sigma_at(record: Mapping[str, Any], pixel: FloatArray) -> FloatArray:
-    """Uncertainty at pixels, from the grid that a camera file holds.
-
-    Args:
-        record: what :func:`uncertainty_record` made.
-        pixel: (N, 2).
-
-    Returns:
-        (N,) pixels: bilinear between the grid's points that lie in the valid field; NaN where
-        none of the four around does.
-
-    """
-    x, y = np.asarray(record["x"], float), np.asarray(record["y"], float)
-    sigma = np.array(
-        [[np.nan if value is None else value for value in row] for row in record["sigma_px"]], float
-    )
-    place = np.stack(
-        [np.interp(pixel[:, 0], x, np.arange(len(x))), np.interp(pixel[:, 1], y, np.arange(len(y)))]
-    )
-    first = np.clip(np.floor(place).astype(int), 0, [[len(x) - 2], [len(y) - 2]])
-    share = place - first
-    total, weights = np.zeros(len(pixel)), np.zeros(len(pixel))
-    for right in (0, 1):
-        for down in (0, 1):
-            weight = np.abs(1 - right - share[0]) * np.abs(1 - down - share[1])
-            value = sigma[first[1] + down, first[0] + right]
-            weight = np.where(np.isfinite(value), weight, 0)
-            total += weight * np.nan_to_num(value)
-            weights += weight
-    with np.errstate(invalid="ignore"):
-        return np.where(weights > 0, total / np.where(weights > 0, weights, 1), np.nan)

@@ -11,18 +11,18 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.files import write_text
+from cubicfish_cli.formats.calibrated import Calibrated
+from cubicfish_cli.formats.camera_writer import FORMAT_VERSION, RADIAL_KEYS, unit_norm
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lift import SIZE
 from cubicfish_cli.model.point_cubic import Frame, PointCamera
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.model.soundness import check_soundness
-from cubicfish_cli.plain_yaml import load_plain_yaml, plain_yaml_text
+from cubicfish_cli.plain_yaml import load_plain_yaml
 from cubicfish_cli.wording import did_you_mean, quoted
 
 FloatArray = npt.NDArray[np.float64]
 
-FORMAT_VERSION = 1
 # A calibration of some ten thousand photos; nobody's camera file is larger.
 MAX_BYTES = 64 * 1024 * 1024
 MAX_SIDE = 100_000
@@ -42,12 +42,11 @@ _KEYS = (
     "point_reach",
     "point_null",
 )
-_RADIAL_KEYS = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CameraFile:
-    """What a camera.yaml holds.
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class CameraFile(Calibrated):
+    """What a camera.yaml holds; it answers what the fit answered.
 
     Attributes:
         camera: the camera.
@@ -60,6 +59,10 @@ class CameraFile:
     fit: Mapping[str, Any]
     made_by: Mapping[str, Any]
 
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: ``fit`` of camera.yaml."""
+        return dict(self.fit)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PointCameraFile:
@@ -68,74 +71,6 @@ class PointCameraFile:
     camera: PointCamera
     fit: Mapping[str, Any]
     made_by: Mapping[str, Any]
-
-
-def save_camera(
-    path: Path,
-    camera: CubicCamera | PointCamera,
-    *,
-    fit: Mapping[str, Any],
-    made_by: Mapping[str, Any],
-    overwrite: bool,
-) -> None:
-    """Write camera.yaml, numbers at full precision.
-
-    Raises:
-        OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
-
-    """
-    write_text(path, camera_text(camera, fit=fit, made_by=made_by), overwrite=overwrite)
-
-
-def camera_text(
-    camera: CubicCamera | PointCamera,
-    *,
-    fit: Mapping[str, Any],
-    made_by: Mapping[str, Any],
-    comment: str = "",
-) -> str:
-    """The text of a camera.yaml; ``comment`` is a line for people at its top."""
-    is_point = isinstance(camera, PointCamera)
-    record = {
-        "cubicfish": FORMAT_VERSION,
-        "image_size": [int(side) for side in camera.image_size],
-        "lift": "point" if is_point else "ray",
-        **(_point_record(camera) if isinstance(camera, PointCamera) else _ray_record(camera)),
-        "fit": dict(fit),
-        "made_by": dict(made_by),
-    }
-    return (f"# {comment}\n" if comment else "") + plain_yaml_text(record)
-
-
-def _ray_record(camera: CubicCamera) -> dict[str, Any]:
-    return {
-        "frame": "camera",
-        "P": _unit_norm(camera.P).tolist(),
-        "max_angle_deg": float(camera.max_angle_deg),
-        "valid": np.round(camera.outline(), 3).tolist(),
-        "radial": dict(zip(_RADIAL_KEYS, camera.radial.parameters.tolist(), strict=True)),
-    }
-
-
-def _point_record(camera: PointCamera) -> dict[str, Any]:
-    return {
-        "frame": camera.frame,
-        "P": _unit_norm(camera.P).tolist(),
-        "point_offset": camera.offset.tolist(),
-        "point_scale": float(camera.scale),
-        "point_reach": float(camera.reach),
-        "point_null": camera.null.tolist(),
-        "valid": np.round(camera.valid, 3).tolist(),
-    }
-
-
-def _unit_norm(P: FloatArray) -> FloatArray:
-    """P with Frobenius norm 1; left to the last bit when it has that already."""
-    norm = np.linalg.norm(P)
-    if abs(norm - 1) < 1e-12:
-        return P
-    P = P / np.abs(P).max()  # squares of tiny numbers vanish
-    return np.asarray(P / np.linalg.norm(P))
 
 
 def load_camera(path: Path | str) -> CameraFile:
@@ -242,7 +177,7 @@ def _point_camera(
         raise CameraFileError(f"{path}: point_scale and point_reach must be above 0")
     return PointCamera(
         image_size=image_size,
-        P=_unit_norm(P),
+        P=unit_norm(P),
         frame=frame,
         offset=_numbers(path, record, "point_offset", (3,)),
         scale=scale,
@@ -267,7 +202,7 @@ def _ray_camera(
         raise CameraFileError(f"{path}: max_angle_deg must be between 0 and 180")
     camera = CubicCamera(
         image_size=image_size,
-        P=_unit_norm(P),
+        P=unit_norm(P),
         max_angle_deg=max_angle_deg,
         radial=_radial(path, record, image_size),
     )
@@ -283,11 +218,11 @@ def _ray_camera(
 
 def _radial(path: Path, record: dict[str, Any], image_size: tuple[int, int]) -> RadialCamera:
     companion = _mapping(path, record, "radial")
-    missing = [key for key in _RADIAL_KEYS if key not in companion]
+    missing = [key for key in RADIAL_KEYS if key not in companion]
     if missing:
         raise CameraFileError(f"{path}: radial has no key {missing[0]!r}: calibrate again")
     values = np.array(
-        [_numbers(path, companion, key, (), "radial.") for key in _RADIAL_KEYS], dtype=float
+        [_numbers(path, companion, key, (), "radial.") for key in RADIAL_KEYS], dtype=float
     )
     if values[0] <= 0 or values[1] <= 0:
         raise CameraFileError(f"{path}: radial.fx and radial.fy must be above 0")

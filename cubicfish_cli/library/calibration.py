@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.assess.verdict import Verdict
 from cubicfish_cli.correspondences import Corners, Correspondences
-from cubicfish_cli.errors import CameraFileError, CorrespondenceError, FitError
+from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting import calibrate as fitting
 from cubicfish_cli.fitting import evaluate as evaluation
 from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
 from cubicfish_cli.fitting.evaluate import Evaluation
 from cubicfish_cli.fitting.stages import Progress
-from cubicfish_cli.fitting.uncertainty import sigma_at
-from cubicfish_cli.fitting.verdict import Verdict, verdict
-from cubicfish_cli.formats.camera_yaml import CameraFile
-from cubicfish_cli.library.pairs import pairs_of
+from cubicfish_cli.formats.calibrated import Calibrated
+from cubicfish_cli.library.pairs import pairs_of, target_of
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.naming.detect import Detection
 from cubicfish_cli.target import Target
@@ -42,7 +41,8 @@ def calibrate(
 
     Args:
         corners: what :func:`detect` found, named corners of any detector, or 2D-3D pairs.
-        target: the object that the corners are of; pairs need none, and then the object is taken
+        target: the object that the corners are of; those of :func:`detect` and
+            :func:`load_corners` bring their own. Pairs need none, and then the object is taken
             as it is.
         refine_target: what of the object is fitted too: ``off``, ``shape`` (boards bend, twist,
             stretch and move a little), ``points`` (each corner has an offset of its own as
@@ -63,6 +63,7 @@ def calibrate(
             f"refine_target {quoted(refine_target)} is not known: "
             f"{did_you_mean(str(refine_target), get_args(RefineTarget))}"
         )
+    target = target_of(corners, target)
     pairs = pairs_of(corners, target)
     known = corners.findings if isinstance(corners, Detection) else ()
     return fitting.calibrate(
@@ -85,7 +86,7 @@ def evaluate(
     Args:
         camera: the camera.
         corners: as in :func:`calibrate`; no corner is dropped.
-        target: the object that the corners are of; pairs need none.
+        target: the object that the corners are of, as in :func:`calibrate`.
 
     Raises:
         CorrespondenceError: corners come without their target, or do not fit it.
@@ -96,54 +97,22 @@ def evaluate(
     return evaluation.evaluate(camera, pairs_of(corners, target))
 
 
-def judge(calibrated: Calibration | CameraFile) -> Verdict:
-    """Say in words what a calibration is worth: the verdict that ``cubicfish calibrate`` prints.
+def judge(calibrated: Calibrated) -> Verdict:
+    """Say in words what a calibration is worth: its ``verdict``.
 
     Args:
         calibrated: a fit, or what :func:`load_camera` read, with errors in pixels.
 
     """
-    camera = calibrated.camera
-    return verdict(_fit_of(calibrated), camera.image_size, camera.outline())
+    return calibrated.verdict
 
 
-def uncertainty(calibrated: Calibration | CameraFile, pixel: npt.ArrayLike) -> FloatArray:
-    """How far the camera itself may be off: sqrt(var x + var y) of a distant point's pixel.
-
-    That is how far the pixel would move if the same photos were taken again with other noise. It
-    is interpolated on the grid over the photo that the fit left.
-
-    Args:
-        calibrated: a fit, or what :func:`load_camera` read.
-        pixel: (..., 2) x, y.
-
-    Returns:
-        (...,) pixels; NaN outside the photo and the camera's field.
+def uncertainty(calibrated: Calibrated, pixel: npt.ArrayLike) -> FloatArray:
+    """How far the camera itself may be off at pixels (..., 2): its ``uncertainty(pixel)``.
 
     Raises:
         CameraFileError: the file does not say.
         CorrespondenceError: ``pixel`` has another shape.
 
     """
-    pixel = np.asarray(pixel, float)
-    if not pixel.ndim or pixel.shape[-1] != 2:
-        raise CorrespondenceError(f"pixel has the shape {pixel.shape}, not (..., 2)")
-    flat = pixel.reshape(-1, 2)
-    camera = calibrated.camera
-    in_photo = ((flat >= -0.5) & (flat <= np.array(camera.image_size) - 0.5)).all(axis=1)
-    index = np.flatnonzero(in_photo)
-    seen = index[np.isfinite(camera.unproject(flat[index])[:, 0])]
-    sigma = np.full(len(flat), np.nan)
-    try:
-        sigma[seen] = sigma_at(_fit_of(calibrated)["uncertainty"], flat[seen])
-    except (KeyError, TypeError, ValueError, IndexError) as problem:
-        raise CameraFileError(
-            "this camera's file does not say how certain it is: calibrate again"
-        ) from problem
-    return sigma.reshape(pixel.shape[:-1])
-
-
-def _fit_of(calibrated: Calibration | CameraFile) -> dict[str, Any]:
-    if isinstance(calibrated, Calibration):
-        return calibrated.as_record()
-    return dict(calibrated.fit)
+    return calibrated.uncertainty(pixel)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +51,7 @@ def detect(
         progress: called with what is done now, in words, and the share done, 0 to 1.
 
     Returns:
-        Corners with pixels (N, 2), and what became of each photo.
+        Corners with pixels (N, 2) and their target, and what became of each photo.
 
     Raises:
         DetectionError: an array is no picture, or no corner could be named in any photo; the
@@ -70,7 +71,8 @@ def detect(
 
     grids = None if cache is None else GridCache(folder=Path(cache).absolute())
     detection = detect_corners(found, target, jobs=jobs, progress=first, cache=grids)
-    return second_pass(found, detection, target, jobs=jobs, progress=again)
+    seen = second_pass(found, detection, target, jobs=jobs, progress=again)
+    return replace(seen, corners=replace(seen.corners, target=target))
 
 
 def _photos(

@@ -38,6 +38,7 @@ def pairs_of(
     if isinstance(corners, Detection):
         corners = corners.corners
     if isinstance(corners, Corners):
+        target = target_of(corners, target)
         if target is None:
             raise CorrespondenceError("corners need the target that they are of: pass it as well")
         return pair(_checked(corners), target)
@@ -58,6 +59,17 @@ def pairs_of(
     if (np.diff(checked.image) < 0).any():
         raise CorrespondenceError("image must not decrease: sort the pairs by photo")
     return replace(checked, world=world)
+
+
+def target_of(
+    corners: Correspondences | Corners | Detection, target: Target | None
+) -> Target | None:
+    """The target that is given, or else the one that the corners carry; None where none is."""
+    if isinstance(corners, Detection):
+        corners = corners.corners
+    if target is None and isinstance(corners, Corners):
+        return corners.target
+    return target
 
 
 def _checked(rows: _Rows) -> _Rows:

@@ -20,7 +20,8 @@ from cubicfish_cli.fitting.rig import calibrate as fitting
 from cubicfish_cli.fitting.rig.calibrate import PlacedCamera, RigCalibration, RigCamera
 from cubicfish_cli.fitting.rig.shots import Shots, shots_by_name, shots_by_order, shots_of_table
 from cubicfish_cli.fitting.stages import Progress
-from cubicfish_cli.formats.camera_yaml import CameraFile, camera_text
+from cubicfish_cli.formats.camera_writer import camera_text
+from cubicfish_cli.formats.camera_yaml import CameraFile
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera, rig_text
 from cubicfish_cli.formats.target_yaml import target_text
 from cubicfish_cli.geometry import camera_centre, total_sigma

@@ -14,11 +14,11 @@ import numpy.typing as npt
 
 from cubicfish_cli.advice.summary import summary
 from cubicfish_cli.angles import angle_from_axis
+from cubicfish_cli.assess.verdict import Verdict, photo_verdicts, verdict
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.statistics import poses_on_record, rms_px
 from cubicfish_cli.fitting.subset import select
-from cubicfish_cli.fitting.verdict import Verdict, photo_verdicts, verdict
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.point_cubic import PointCamera
 from cubicfish_cli.target import Target

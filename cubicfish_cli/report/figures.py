@@ -13,11 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import Transform, blended_transform_factory
 
+from cubicfish_cli.assess.field_uncertainty import recorded, sigma_at
 from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.fitting.field_uncertainty import recorded
 from cubicfish_cli.fitting.findings import field_cells
 from cubicfish_cli.fitting.statistics import rms_px
-from cubicfish_cli.fitting.uncertainty import sigma_at
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.rendering.difference_picture import COLOURS, round_up
 from cubicfish_cli.report.facts import ErrorFacts, Facts, finite

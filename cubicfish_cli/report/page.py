@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, StrictUndefined
 
-from cubicfish_cli.fitting.camera_facts import CameraFacts, camera_facts
-from cubicfish_cli.fitting.field_uncertainty import recorded
+from cubicfish_cli.assess.camera_facts import CameraFacts, camera_facts
+from cubicfish_cli.assess.field_uncertainty import recorded
+from cubicfish_cli.assess.verdict import WORDS
 from cubicfish_cli.fitting.findings import COVERED
 from cubicfish_cli.fitting.statistics import rms_px
-from cubicfish_cli.fitting.verdict import WORDS
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.report.facts import Facts, finite, mappings
 from cubicfish_cli.report.figures import all_figures, arrow_zoom

@@ -8,7 +8,7 @@ from pathlib import Path
 from cubicfish_cli.correspondences import load_corners, pair
 from cubicfish_cli.fitting.calibrate import Calibration, calibrate
 from cubicfish_cli.fitting.point_fit import calibrate_points
-from cubicfish_cli.formats.camera_yaml import save_camera
+from cubicfish_cli.formats.camera_writer import save_camera
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.target import load_target
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.fitting.reach import CERTAIN_PX
+from cubicfish_cli.assess.field_uncertainty import CERTAIN_PX
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding, Level, asks_for_photos, level_of, of_record
 

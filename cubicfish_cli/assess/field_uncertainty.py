@@ -15,6 +15,8 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 
+CERTAIN_PX = 0.5
+"""A camera is certain where its pixels are known to this, in a photo of up to 2000 pixels."""
 PERCENT = 95.0
 """Single places at the very edge, where no corner is near, say little of the rest: the second
 figure is what so much of the field is within."""
@@ -83,3 +85,36 @@ def recorded_number(value: object) -> float | None:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     return float(value) if math.isfinite(value) else None
+
+
+def sigma_at(record: Mapping[str, Any], pixel: FloatArray) -> FloatArray:
+    """Uncertainty at pixels, from the grid that a camera file holds.
+
+    Args:
+        record: the grid that a fit leaves (``uncertainty_record`` of fitting/uncertainty.py).
+        pixel: (N, 2).
+
+    Returns:
+        (N,) pixels: bilinear between the grid's points that lie in the valid field; NaN where
+        none of the four around does.
+
+    """
+    x, y = np.asarray(record["x"], float), np.asarray(record["y"], float)
+    sigma = np.array(
+        [[np.nan if value is None else value for value in row] for row in record["sigma_px"]], float
+    )
+    place = np.stack(
+        [np.interp(pixel[:, 0], x, np.arange(len(x))), np.interp(pixel[:, 1], y, np.arange(len(y)))]
+    )
+    first = np.clip(np.floor(place).astype(int), 0, [[len(x) - 2], [len(y) - 2]])
+    share = place - first
+    total, weights = np.zeros(len(pixel)), np.zeros(len(pixel))
+    for right in (0, 1):
+        for down in (0, 1):
+            weight = np.abs(1 - right - share[0]) * np.abs(1 - down - share[1])
+            value = sigma[first[1] + down, first[0] + right]
+            weight = np.where(np.isfinite(value), weight, 0)
+            total += weight * np.nan_to_num(value)
+            weights += weight
+    with np.errstate(invalid="ignore"):
+        return np.where(weights > 0, total / np.where(weights > 0, weights, 1), np.nan)

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis
-from cubicfish_cli.fitting.field_uncertainty import recorded_number
-from cubicfish_cli.fitting.verdict import Verdict, verdict
+from cubicfish_cli.assess.field_uncertainty import recorded_number
+from cubicfish_cli.assess.verdict import Verdict, verdict
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.point_cubic import PointCamera
 

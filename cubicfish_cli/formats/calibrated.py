@@ -1,0 +1,159 @@
+"""A camera with what is known of its fit: the same answers from a fit and from its file."""
+
+from __future__ import annotations
+
+import math
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli import __version__
+from cubicfish_cli.assess.camera_facts import CameraFacts, camera_facts
+from cubicfish_cli.assess.field_uncertainty import sigma_at
+from cubicfish_cli.assess.verdict import Verdict, verdict
+from cubicfish_cli.errors import CameraFileError, CorrespondenceError
+from cubicfish_cli.files import write_text
+from cubicfish_cli.formats.camera_writer import camera_text
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.wording import quoted
+
+FloatArray = npt.NDArray[np.float64]
+
+_MAX_DEPTH = 8  # the reader takes no more than a few levels
+
+
+class Calibrated(ABC):
+    """A camera and the record of its fit.
+
+    Attributes:
+        camera: the camera.
+        made_by: where it comes from, plain data; empty where nothing is known.
+
+    """
+
+    camera: CubicCamera
+    made_by: Mapping[str, Any]
+
+    @abstractmethod
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: ``fit`` of camera.yaml."""
+
+    @property
+    def verdict(self) -> Verdict:
+        """What the calibration is worth, and why: what ``cubicfish calibrate`` prints."""
+        return verdict(self.as_record(), self.camera.image_size, self.camera.outline())
+
+    @property
+    def facts(self) -> CameraFacts:
+        """The camera in the figures that people ask for first."""
+        return camera_facts(self.camera, self.as_record(), self.made_by)
+
+    def uncertainty(self, pixel: npt.ArrayLike) -> FloatArray:
+        """How far the camera itself may be off: sqrt(var x + var y) of a distant point's pixel.
+
+        That is how far the pixel would move if the same photos were taken again with other
+        noise. It is interpolated on the grid over the photo that the fit left.
+
+        Args:
+            pixel: (..., 2) x, y.
+
+        Returns:
+            (...,) pixels; NaN outside the photo and the camera's field.
+
+        Raises:
+            CameraFileError: the file does not say.
+            CorrespondenceError: ``pixel`` has another shape.
+
+        """
+        pixel = np.asarray(pixel, float)
+        if not pixel.ndim or pixel.shape[-1] != 2:
+            raise CorrespondenceError(f"pixel has the shape {pixel.shape}, not (..., 2)")
+        flat = pixel.reshape(-1, 2)
+        sides = np.array(self.camera.image_size)
+        index = np.flatnonzero(((flat >= -0.5) & (flat <= sides - 0.5)).all(axis=1))
+        seen = index[np.isfinite(self.camera.unproject(flat[index])[:, 0])]
+        sigma = np.full(len(flat), np.nan)
+        try:
+            sigma[seen] = sigma_at(self.as_record()["uncertainty"], flat[seen])
+        except (KeyError, TypeError, ValueError, IndexError) as problem:
+            raise CameraFileError(
+                "this camera's file does not say how certain it is: calibrate again"
+            ) from problem
+        return sigma.reshape(pixel.shape[:-1])
+
+    def text(self, made_by: Mapping[str, Any] | None = None) -> str:
+        """The text of its camera.yaml.
+
+        Args:
+            made_by: plain data on where it comes from, beside what is known already; the version
+                is added.
+
+        Raises:
+            CameraFileError: ``made_by`` is not plain data.
+
+        """
+        origin = {"version": __version__, **self.made_by, **plain(made_by or {})}
+        record = self.as_record()
+        line = camera_facts(self.camera, record, origin).line
+        return camera_text(self.camera, fit=record, made_by=origin, comment=line)
+
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        made_by: Mapping[str, Any] | None = None,
+        overwrite: bool = False,
+    ) -> None:
+        """Write ``camera.yaml``, which every command reads.
+
+        Args:
+            path: the file.
+            made_by: plain data on where it comes from; the version is added.
+            overwrite: whether an existing file may be replaced.
+
+        Raises:
+            OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
+            CameraFileError: ``made_by`` is not plain data.
+
+        """
+        write_text(Path(path), self.text(made_by), overwrite=overwrite)
+
+    def __str__(self) -> str:
+        """The camera's figures, and what it is worth."""
+        facts = self.facts
+        return f"{facts.line}\n{facts.verdict.line}" if facts.verdict else facts.line
+
+    def __repr__(self) -> str:
+        """The camera's figures, no arrays."""
+        return f"<{type(self).__name__}: {self.facts.line}>"
+
+    def _repr_html_(self) -> str:
+        """The same for a notebook."""
+        return "<br>".join(map(escape, str(self).splitlines()))
+
+
+def plain(value: Any, depth: int = 0) -> Any:
+    """Data that YAML holds without more ado.
+
+    Raises:
+        CameraFileError: they are of another kind.
+
+    """
+    if depth < _MAX_DEPTH:
+        if value is None or isinstance(value, str | bool | int):
+            return value
+        if isinstance(value, float) and math.isfinite(value):
+            return float(value)
+        if isinstance(value, list | tuple):
+            return [plain(part, depth + 1) for part in value]
+        if isinstance(value, Mapping) and all(isinstance(key, str) for key in value):
+            return {key: plain(part, depth + 1) for key, part in value.items()}
+    raise CameraFileError(
+        f"made_by holds {quoted(value)}: it may hold text, finite numbers, lists and mappings"
+    )
