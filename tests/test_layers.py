@@ -99,6 +99,7 @@ ALLOWED: dict[str, set[str]] = {
         "assess",
         "fitting",
         "rendering",
+        "words",
     },
 }
 ALLOWED["library"] = {*ALLOWED}

@@ -30,6 +30,7 @@ NAMES = {
     "counts": [{"form": "both", "board": "wall", "columns": 9, "rows": 6, "drawn_columns": 10,
                 "drawn_rows": 6}],
 }  # fmt: skip
+NAMES |= {"against": "it is off", "mend": "look", "nearness": ", 1 m away"}
 NAMES |= {"cameras": ["left", "right"], "of_shots": ["0007"]}
 IMAGES, BOARDS = ("a.png", "b.png"), ("floor", "wall")
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,8 @@ from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.rendering.views import Distances, View, WholeLens, sample_views
 from cubicfish_cli.target import Target
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -117,13 +120,13 @@ class Advice:
         sigma: see ``grid``.
         gaps: what photos so far do not show.
         enough: whether no more photos are needed.
-        reasons: why it is not enough, a line each.
+        reasons: why it is not enough.
         photos_needed: how many more photos, as proposed here, reach the goal; None where more than
             :data:`MOST_PHOTOS` would not, or where that cannot be worked out.
         proposals: the next photos, in order.
         distances: how near and far they may be: half as near as photos so far, and twice as far;
             None where poses or the object are not known.
-        notes: what cannot be said, or is to be kept in mind, a line each.
+        notes: what cannot be said, or is to be kept in mind.
 
     """
 
@@ -138,17 +141,18 @@ class Advice:
     sigma: FloatArray
     gaps: Gaps
     enough: bool
-    reasons: tuple[str, ...]
+    reasons: tuple[Finding, ...]
     photos_needed: int | None
     proposals: tuple[Proposal, ...]
     distances: Distances | None
-    notes: tuple[str, ...]
+    notes: tuple[Finding, ...]
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON."""
         return {
             "enough": self.enough,
-            "reasons": list(self.reasons),
+            "reasons": [reason.line for reason in self.reasons],
+            "findings": [reason.as_record() for reason in self.reasons],
             "photos": self.photos,
             "photos_needed": self.photos_needed,
             "goal_px": self.goal_px,
@@ -162,7 +166,8 @@ class Advice:
             "proposed_distances": [self.distances.near, self.distances.far]
             if self.distances
             else None,
-            "notes": list(self.notes),
+            "notes": [note.line for note in self.notes],
+            "remarks": [note.as_record() for note in self.notes],
         }
 
 
@@ -199,12 +204,9 @@ def advise(
     goal = goal_px or default_goal(camera.image_size)
     poses = recorded_poses(fit, pairs.images)
     gaps = find_gaps(camera, pairs, poses, target)
-    notes: list[str] = []
+    notes: list[Finding] = []
     if poses is None:
-        notes.append(
-            "the camera file has no poses of these photos: what more photos would bring is not "
-            "worked out"
-        )
+        notes.append(Finding(code=Code.NO_POSES))
     knowledge = None if poses is None else know(camera, fit, pairs, poses, target)
     own = camera if knowledge is None else knowledge.camera
     grid, rays = _grid(own)
@@ -217,9 +219,9 @@ def advise(
     reasons = why_not_enough(now, goal, gaps, len(pairs.images), camera)
     judged = verdict(fit, camera.image_size, camera.outline())
     if judged.level == "bad":
-        first = judged.reasons[0] if judged.reasons else None
-        why = f": {first.why}; first of all, {first.do}" if first else ""
-        reasons.insert(0, f"the camera is {judged.words}{why}")
+        first = judged.reasons[0]
+        said = {"against": first.why, "mend": first.do}
+        reasons.insert(0, Finding(code=Code.NOT_TRUSTED, severity=Severity.BAD, figures=said))
     notes += _beyond(camera)
     within = None if poses is None or target is None else distances_within(pairs, poses)
     found: tuple[Proposal, ...] = ()
@@ -278,22 +280,21 @@ def _as_recorded(
 
 def why_not_enough(
     now: FieldUncertainty | None, goal: float, gaps: Gaps, photos: int, camera: CubicCamera
-) -> list[str]:
-    """Why photos so far are not enough, a line each; none where they are."""
+) -> list[Finding]:
+    """Why photos so far are not enough; nothing where they are."""
     reasons = []
+    care = partial(Finding, severity=Severity.CARE)
     if photos < _FEWEST_PHOTOS:
-        reasons.append("fewer than three photos cannot tell how right the camera is on others")
+        reasons.append(care(code=Code.FEW_PHOTOS))
     if now is not None and now.p95_px > goal:
-        reasons.append(
-            f"95 % of the field is certain to {now.p95_px:.3f} px only, and {goal:g} px are wanted"
-        )
+        figures = {"p95_px": now.p95_px, "goal_px": goal}
+        reasons.append(care(code=Code.NOT_CERTAIN, figures=figures))
     if gaps.coverage < _ENOUGH_COVERAGE:
-        reasons.append(f"corners cover only {100 * gaps.coverage:.0f} % of the field")
+        figures = {"share": gaps.coverage}
+        reasons.append(care(code=Code.LOW_COVERAGE, case="advice", figures=figures))
     if seen_share(camera) < _SEEN_SHARE:
-        reasons.append(
-            f"the camera is known up to {camera.max_angle_deg:.0f}° from its axis only, which is "
-            "the middle of the picture"
-        )
+        figures = {"known_deg": camera.max_angle_deg}
+        reasons.append(care(code=Code.SMALL_FIELD, case="advice", figures=figures))
     return reasons
 
 
@@ -304,7 +305,7 @@ def seen_share(camera: CubicCamera) -> float:
     return float(area / (np.pi * (min(camera.image_size) / 2) ** 2))
 
 
-def _beyond(camera: CubicCamera) -> list[str]:
+def _beyond(camera: CubicCamera) -> list[Finding]:
     """A reminder where the lens may well show more than the trusted field."""
     if camera.max_angle_deg >= _WIDE_DEG and seen_share(camera) >= _SEEN_WELL:
         return []
@@ -313,10 +314,7 @@ def _beyond(camera: CubicCamera) -> list[str]:
     inside = (x > 0.5) & (y > 0.5) & (x < width - 1.5) & (y < height - 1.5)
     if inside.mean() < 0.05:
         return []
-    return [
-        f"beyond {camera.max_angle_deg:.0f}° from the axis nothing is known: where the lens shows "
-        "something there, go on towards the rim"
-    ]
+    return [Finding(code=Code.RIM_UNKNOWN, figures={"known_deg": camera.max_angle_deg})]
 
 
 def _grid(camera: CubicCamera) -> tuple[FloatArray, FloatArray]:
@@ -377,21 +375,15 @@ def _views(
     knowledge: Knowledge | None,
     target: Target | None,
     within: Distances | None,
-    notes: list[str],
+    notes: list[Finding],
     seed: int,
 ) -> list[View]:
     """Poses to choose from; where there can be none, ``notes`` says why."""
     if target is None:
-        notes.append(
-            "the pairs came without a target: where to put the target is not worked out, only "
-            "where corners are missing"
-        )
+        notes.append(Finding(code=Code.NO_TARGET))
         return []
     if any(board.points is not None for board in target.boards):
-        notes.append(
-            "a board that is a list of points has no side that is seen: where to put the target is "
-            "not worked out, only where corners are missing"
-        )
+        notes.append(Finding(code=Code.NO_SIDE))
         return []
     if knowledge is None:
         return []
@@ -401,10 +393,7 @@ def _views(
     )
     if not views:
         where = f", {distances_words(within, target.units)}" if within else ""
-        notes.append(
-            "no pose was found from which this camera would see a whole board with squares large "
-            f"enough to be found{where}"
-        )
+        notes.append(Finding(code=Code.NO_VIEW, figures={"nearness": where}))
     return views
 
 

@@ -180,7 +180,7 @@ def _print(advice: Advice, judged: Verdict) -> None:
             result("Enough: more photos are not needed.")
         result("Smaller uncertainty can be asked for with --goal.\n")
     else:
-        _paragraph("Not enough: " + "; ".join(advice.reasons) + ".")
+        _paragraph("Not enough: " + "; ".join(reason.line for reason in advice.reasons) + ".")
         result(_how_many(advice))
         _print_gaps(advice)
         if advice.proposals:

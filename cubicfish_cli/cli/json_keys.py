@@ -190,7 +190,8 @@ REPORT = {
 }
 ADVISE = {
     "enough": "whether more photos are not needed",
-    "reasons": "why not",
+    "reasons": "why not, a line each",
+    "findings": "the same, a record each, with the keys of findings of calibrate",
     "photos": "how many there are",
     "photos_needed": "about how many more it takes; null where too many, or it cannot be said",
     "goal_px": "the uncertainty wanted over 95 % of the field",
@@ -204,6 +205,7 @@ ADVISE = {
     "proposed_distances": "[nearest, farthest] that they may be: half the nearest and twice the "
     "farthest of the photos so far; null where that is not known",
     "notes": "remarks, a line each",
+    "remarks": "the same, a record each",
     "model": "the camera's file",
     "picture": "the file of --output; null where it was not asked for",
     "poses": "the file of --poses; null where it was not asked for",

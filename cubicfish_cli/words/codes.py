@@ -77,6 +77,15 @@ class Code(StrEnum):
     STRETCHED = "stretched"
     MOVED = "moved"
     CORNERS_OFF = "corners_off"
+    # Of photos so far: why they are not enough, and what cannot be said of the next.
+    FEW_PHOTOS = "few_photos"
+    NOT_CERTAIN = "not_certain"
+    NOT_TRUSTED = "not_trusted"
+    RIM_UNKNOWN = "rim_unknown"
+    NO_POSES = "no_poses"
+    NO_TARGET = "no_target"
+    NO_SIDE = "no_side"
+    NO_VIEW = "no_view"
     # Of photos in a fit.
     TOO_FEW_CORNERS = "too_few_corners"
     DOES_NOT_FIT = "does_not_fit"
