@@ -288,7 +288,7 @@ def _seen(
                 patch = Patch(board=-1, cells=grid.cells, pixel=grid.pixel)
                 patches[photo.name].append(patch)
     else:
-        detection, _ = detect(photos, target.load(), jobs, no_cache=no_cache, again=False)
+        detection = detect(photos, target.load(), jobs, no_cache=no_cache, again=False)
         corners = detection.corners
         cells = np.column_stack([corners.column, corners.row])
         for number, name in enumerate(corners.images):

@@ -79,7 +79,7 @@ def command(
     say_default(target)
     loaded = target.load()
     with scheduler.connected() as machines:
-        detection, _ = detect(found, loaded, jobs, no_cache=no_cache, machines=machines)
+        detection = detect(found, loaded, jobs, no_cache=no_cache, machines=machines)
     save_corners(output, detection.corners, overwrite=overwrite)
     drawn = _draw(found, detection, pictures, overwrite=overwrite) if draw is not None else None
     corners, images = len(detection.corners.pixel), len(detection.corners.images)

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from glob import has_magic
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -18,7 +16,7 @@ from cubicfish_cli.cli.kept import cache_folder
 from cubicfish_cli.cli.options import verbosity
 from cubicfish_cli.cli.target_choice import TargetChoice, say_default
 from cubicfish_cli.cli.terminal import progress, say
-from cubicfish_cli.errors import MISSING, CorrespondenceError, CubicfishError, DetectionError
+from cubicfish_cli.errors import MISSING, CorrespondenceError, CubicfishError
 from cubicfish_cli.wording import quoted
 
 if TYPE_CHECKING:
@@ -184,8 +182,8 @@ def _from_photos(
     best: int | None,
 ) -> Pairs:
     from cubicfish_cli.cli.choosing import best_photos
-    from cubicfish_cli.correspondences import pair
     from cubicfish_cli.files import fingerprint
+    from cubicfish_cli.library.pairs import pairs_of
 
     say_default(choice)
     target_file = choice.fingerprint()
@@ -196,11 +194,11 @@ def _from_photos(
     elif best is None and len(photos) > _MANY:
         say(f"{len(photos):,} photos: --best 60 calibrates from those that add most.")
     files = tuple(fingerprint(photo.path) for photo in photos)
-    detection, target = detect(photos, targets, jobs, no_cache=no_cache)
+    detection = detect(photos, targets, jobs, no_cache=no_cache)
     return Pairs(
-        pairs=pair(detection.corners, target),
+        pairs=pairs_of(detection, None),
         corners=detection.corners,
-        target=target,
+        target=detection.corners.target,
         detection=detection,
         files=files,
         target_file=target_file,
@@ -304,46 +302,28 @@ def detect(
     no_cache: bool,
     machines: Machines | None = None,
     again: bool = True,
-) -> tuple[Detection, Target]:
+) -> Detection:
     """Find and name the corners of a target in photos, in two passes with progress bars.
 
     Of several targets, the one that explains most corners is taken. Without ``again`` the second
     pass is left out.
     """
-    from cubicfish_cli.naming.cache import GridCache
-    from cubicfish_cli.naming.detect import detect_corners
+    from cubicfish_cli.library.detection import first_look
     from cubicfish_cli.naming.second_pass import second_pass
 
     say(f"Looking for corners in {count(len(photos), 'photo')}.")
-    with ExitStack() as stack:
-        kept = None if no_cache else cache_folder()
-        if kept is None and len(targets) > 1:  # photos are searched once for all targets
-            kept = Path(stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True)))
-        found: list[tuple[Detection, Target]] = []
-        for number, target in enumerate(targets, start=1):
-            try:
-                with progress("Finding corners") as callback:
-                    detection = detect_corners(
-                        photos,
-                        target,
-                        jobs=jobs,
-                        progress=callback,
-                        cache=None if kept is None else GridCache(folder=kept),
-                        machines=machines,
-                    )
-            except DetectionError:  # the last says why, where none does better
-                if number == len(targets) and not found:
-                    raise
-                continue
-            found.append((detection, target))
-    detection, target = max(found, key=lambda one: len(one[0].corners.pixel))
-    if not again:
-        return detection, target
-    with progress("Looking again") as callback:
-        detection = second_pass(
-            photos, detection, target, jobs=jobs, progress=callback, machines=machines
+    kept = None if no_cache else cache_folder()
+    with progress("Finding corners") as callback:
+        detection = first_look(
+            photos, targets, jobs=jobs, progress=callback, cache=kept, machines=machines
         )
+    target = detection.corners.target
+    if again and target is not None:
+        with progress("Looking again") as callback:
+            detection = second_pass(
+                photos, detection, target, jobs=jobs, progress=callback, machines=machines
+            )
     added = sum(photo.added for photo in detection.photos)
     if added:
         say(f"A second look, where a fitted camera expects them, added {count(added, 'corner')}.")
-    return detection, target
+    return detection

@@ -178,6 +178,7 @@ def named_corners(
         row=row,
         pixel=np.concatenate([found.pixel for found in files]),
         weight=np.concatenate([found.weight for found in files]),
+        target=target,
     )
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.arrays import Refusal
 from cubicfish_cli.errors import DetectionError
+from cubicfish_cli.machines import Machines
 from cubicfish_cli.naming.cache import GridCache
 from cubicfish_cli.naming.detect import Detection, detect_corners
 from cubicfish_cli.naming.second_pass import second_pass
@@ -69,10 +72,48 @@ def detect(
         if progress is not None:
             progress("looking again", _FIRST_SHARE + (1 - _FIRST_SHARE) * done / photos)
 
-    grids = None if cache is None else GridCache(folder=Path(cache).absolute())
-    detection = detect_corners(found, target, jobs=jobs, progress=first, cache=grids)
-    seen = second_pass(found, detection, target, jobs=jobs, progress=again)
-    return replace(seen, corners=replace(seen.corners, target=target))
+    detection = first_look(found, [target], jobs=jobs, progress=first, cache=cache)
+    return second_pass(found, detection, target, jobs=jobs, progress=again)
+
+
+def first_look(
+    photos: Sequence[Photo],
+    targets: Sequence[Target],
+    *,
+    jobs: int | None,
+    progress: Callable[[int, int], None] | None = None,
+    cache: StrPath | None = None,
+    machines: Machines | None = None,
+) -> Detection:
+    """Find and name the corners of the one of several targets that explains most of them.
+
+    Args:
+        photos: the photos.
+        targets: at least one; ``corners.target`` of the result says which it is.
+        jobs: processes to use; None for one a processor.
+        progress: called with photos done and all photos.
+        cache: a folder in which what is found in files is kept.
+        machines: who looks at the photos instead of processes here.
+
+    Raises:
+        DetectionError: no corner could be named by any of them; the text is that of the last.
+
+    """
+    with ExitStack() as stack:
+        if cache is None and len(targets) > 1:  # photos are searched once for all targets
+            cache = stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
+        grids = None if cache is None else GridCache(folder=Path(cache).absolute())
+        look = partial(
+            detect_corners, photos, jobs=jobs, progress=progress, cache=grids, machines=machines
+        )
+        found: list[Detection] = []
+        for number, target in enumerate(targets, start=1):
+            try:
+                found.append(look(target))
+            except DetectionError:  # the last says why, where none does better
+                if number == len(targets) and not found:
+                    raise
+    return max(found, key=lambda one: len(one.corners.pixel))
 
 
 def _photos(

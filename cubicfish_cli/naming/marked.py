@@ -61,6 +61,7 @@ def marked_corners(
         row=row[order],
         pixel=pixel[order],
         weight=np.ones(len(order)),
+        target=target,
     )
 
 

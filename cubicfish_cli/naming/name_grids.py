@@ -685,6 +685,7 @@ def _naming(
         pixel=np.concatenate([np.empty((0, 2)), *(row[3] for row in rows)]),
         weight=np.ones(len(cells)),
         certain=np.repeat(exact[np.array([row[0] for row in rows], np.intp)], counts),
+        target=task.target,
     )
     return Naming(
         corners=_sorted(corners),
