@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -164,10 +165,8 @@ def command(
         raise click.UsageError("--compare is of cameras with rays: it goes with --lift ray")
     check_inputs(inputs, correspondences=correspondences, target=target)
     from cubicfish_cli.advice.summary import summary
-    from cubicfish_cli.assess.camera_facts import camera_facts
-    from cubicfish_cli.assess.verdict import verdict
     from cubicfish_cli.files import refuse_existing
-    from cubicfish_cli.fitting.calibrate import calibrate
+    from cubicfish_cli.library.calibration import calibrate
     from cubicfish_cli.photos import MAX_PIXELS
 
     made_at()  # said before the work if it cannot be
@@ -234,11 +233,9 @@ def command(
         return
     with stages("Fitting") as progress:
         calibration = calibrate(
-            loaded.pairs,
-            target=loaded.target,
+            loaded.given,
             refine_target=refine_target,
             hold_out=hold_out,
-            known=() if loaded.detection is None else loaded.detection.findings,
             progress=progress,
         )
     if calibration.refined == "off":
@@ -253,12 +250,12 @@ def command(
     made_by = _made_by(asked, loaded, outputs, title)
     record = calibration.as_record()
     camera = calibration.camera
-    facts = camera_facts(camera, record, made_by)
+    calibration = replace(calibration, made_by=made_by)
+    facts, judged = calibration.facts, calibration.verdict
     page = report_step.make_page(outputs, camera, record, made_by, loaded, calibration.target)
     earlier = of_earlier(outputs, given) if overwrite else []
     with working("Writing"):
-        _write(outputs, calibration, loaded, made_by, page, earlier, overwrite=overwrite)
-    judged = verdict(record, camera.image_size, camera.outline())
+        _write(outputs, calibration, loaded, page, earlier, overwrite=overwrite)
     advice = summary(camera, record, calibration.pairs)
     models = _compared(calibration, loaded.target, hold_out=hold_out) if compare else []
     if as_json:
@@ -322,7 +319,6 @@ def _write(
     outputs: Mapping[str, Path],
     calibration: Calibration,
     loaded: Pairs,
-    made_by: Mapping[str, Any],
     page: str | None,
     earlier: Sequence[Path],
     *,
@@ -338,7 +334,7 @@ def _write(
     paths = list(outputs.values())
     with whole_files(paths, overwrite=overwrite, obsolete=earlier) as temporary:
         names = dict(zip(outputs, temporary, strict=True))
-        calibration.save(names["camera"], made_by=made_by)
+        calibration.save(names["camera"])
         if "drawn" in names and loaded.target is not None:
             write_text(names["drawn"], target_text(loaded.target), overwrite=False)
         view = default_view(calibration.camera)

@@ -53,6 +53,11 @@ class Pairs:
     files: tuple[Fingerprint, ...]
     target_file: Fingerprint | None
 
+    @property
+    def given(self) -> Detection | Corners | Correspondences:
+        """What was given, as the library takes it."""
+        return self.detection or self.corners or self.pairs
+
 
 def load_pairs(
     inputs: Sequence[Path],
