@@ -76,5 +76,5 @@ def test_the_image_copies_what_the_build_needs() -> None:
     copied = re.search(r"^COPY (.+) \./$", text("Dockerfile"), re.MULTILINE)
     assert copied
     kept = [line[1:] for line in text(".dockerignore").splitlines() if line.startswith("!")]
-    assert sorted([*copied[1].split(), "cubicfish_cli"]) == sorted(kept)
+    assert sorted([*copied[1].split(), "cubicfish", "cubicfish_cli"]) == sorted(kept)
     assert {PROJECT["readme"], *PROJECT["license-files"], "pyproject.toml"} <= set(kept)
