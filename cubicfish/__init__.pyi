@@ -16,6 +16,7 @@ from cubicfish_cli import UndistortMap as UndistortMap
 from cubicfish_cli import Verdict as Verdict
 from cubicfish_cli import View as View
 from cubicfish_cli import build_map as build_map
+from cubicfish_cli import build_plane as build_plane
 from cubicfish_cli import build_view as build_view
 from cubicfish_cli import calibrate as calibrate
 from cubicfish_cli import calibrate_rig as calibrate_rig

@@ -41,6 +41,7 @@ _PLACES = {
     "library.cameras": ("save_camera", "save_target"),
     "library.detection": ("detect",),
     "library.pictures": ("undistort",),
+    "library.planes": ("build_plane",),
     "library.rigs": ("calibrate_rig", "save_rig"),
     "model.cubic": ("CubicCamera",),
     "naming.detect": ("Detection",),

@@ -23,6 +23,7 @@ from cubicfish_cli.library.cameras import save_camera as save_camera
 from cubicfish_cli.library.cameras import save_target as save_target
 from cubicfish_cli.library.detection import detect as detect
 from cubicfish_cli.library.pictures import undistort as undistort
+from cubicfish_cli.library.planes import build_plane as build_plane
 from cubicfish_cli.library.rigs import calibrate_rig as calibrate_rig
 from cubicfish_cli.library.rigs import save_rig as save_rig
 from cubicfish_cli.model.cubic import CubicCamera as CubicCamera

@@ -25,6 +25,7 @@ from cubicfish_cli import (
     CubicfishError,
     Target,
     build_map,
+    build_plane,
     build_view,
     calibrate,
     compare,
@@ -358,6 +359,34 @@ def test_corners_bring_their_target(corners: Corners, target: Target, fitted: Ca
     assert "need the target" in refusal(
         CorrespondenceError, lambda: evaluate(fitted.camera, nameless)
     )
+
+
+def test_a_board_is_squared_up_at_a_scale(fitted: Calibration, target: Target) -> None:
+    pose = fitted.poses.rotation[0], fitted.poses.translation[0]
+    plane = build_plane(fitted.camera, target, "floor", *pose, pixels_per_unit=2, margin=0)
+    board = target.boards[target.board_names.index("floor")]
+    sides = np.array([board.columns - 1, board.rows - 1]) * board.square
+    assert plane.size == tuple((2 * sides).round().astype(int).tolist())
+    # Each corner of the board is where the scale says, and the photo has it there.
+    pairs = fitted.pairs
+    own = (pairs.image == 0) & (pairs.board == target.board_names.index("floor"))
+    at = np.column_stack([pairs.column[own], pairs.row[own]]) * board.square * 2 - 0.5
+    seen = fitted.camera.project(plane.rays(at))
+    assert np.abs(seen - pairs.pixel[own] - fitted.residual[own]).max() < 1e-6
+
+
+def test_planes_that_are_none_are_refused(fitted: Calibration, target: Target) -> None:
+    rotation, translation = fitted.poses.rotation[0], fitted.poses.translation[0]
+
+    def said(board: str, *pose: Any) -> str:
+        return refusal(ViewError, lambda: build_plane(fitted.camera, target, board, *pose))
+
+    assert "no board 'flor': did you mean" in said("flor", rotation, translation)
+    assert "no rotation matrix" in said("floor", 2 * rotation, translation)
+    assert "no rotation matrix" in said("floor", rotation[:2], translation)
+    assert "not finite" in said("floor", rotation * np.nan, translation)
+    assert "translation has the shape" in said("floor", rotation, translation[:2])
+    assert "mirrored" in said("floor", rotation @ np.diag([1, -1, -1]), translation)
 
 
 def test_the_short_name_is_the_same_library() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
@@ -17,6 +17,9 @@ from cubicfish_cli.cli.target_choice import target_path
 from cubicfish_cli.cli.view_options import ChosenView, SeenField, ViewOptions
 
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
     from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
     from cubicfish_cli.machines import Machines
     from cubicfish_cli.model.cubic import CubicCamera
@@ -24,6 +27,8 @@ if TYPE_CHECKING:
     from cubicfish_cli.undistortion.frames import Crop
     from cubicfish_cli.undistortion.maps import UndistortMap
     from cubicfish_cli.undistortion.plane import PlaneView, PointProjector
+
+    FloatArray = npt.NDArray[np.float64]
 
 
 class Views(Protocol):
@@ -130,27 +135,20 @@ class PlanesOfPhotos:
             click.UsageError: it has no such board, or the board has no plane.
 
         """
+        from cubicfish_cli.errors import ViewError
         from cubicfish_cli.fitting.statistics import photos_on_record
+        from cubicfish_cli.library.planes import board_with_plane
         from cubicfish_cli.target import load_target
-        from cubicfish_cli.wording import did_you_mean, quoted
 
         target = target_path(options.target)
         if target is None or options.board is None:
             raise click.UsageError("--plane needs --target")
         self._loaded, self._crop, self._options = loaded, crop, options
         self._target = load_target(target)
-        names = {board.name: board for board in self._target.boards}
-        if options.board not in names:
-            raise click.UsageError(
-                f"the target has no board {quoted(options.board)}: "
-                f"{did_you_mean(options.board, sorted(names))}"
-            )
-        self._board = names[options.board]
-        if self._board.points is not None:
-            raise click.UsageError(
-                f"board {quoted(options.board)} is a list of points and has no plane: "
-                "name a board with a grid"
-            )
+        try:
+            self._board = board_with_plane(self._target, options.board)
+        except ViewError as problem:
+            raise click.UsageError(str(problem)) from None
         records = photos_on_record(loaded.fit)
         self._poses = _poses_of(loaded.fit)
         self._photos = {Path(str(record.get("image"))).name for record in records}
@@ -190,8 +188,10 @@ class PlanesOfPhotos:
 
     def _projector(
         self, source: Path, size: tuple[int, int]
-    ) -> tuple[PointProjector, Callable[[Any], Any], Callable[[Any], Any]]:
-        """A camera, and what takes world points and world directions to its frame."""
+    ) -> tuple[PointProjector, FloatArray, FloatArray]:
+        """A camera, and the rotation and the translation from the world to its frame."""
+        import numpy as np
+
         from cubicfish_cli.errors import ViewError
         from cubicfish_cli.model.cubic import CubicCamera
         from cubicfish_cli.undistortion.frames import camera_for_photos
@@ -209,7 +209,7 @@ class PlanesOfPhotos:
                     "this camera of lift 'point' holds for the one photo that it was fitted to, "
                     f"{min(self._photos)}: use that, or a camera of lift 'ray'"
                 )
-            return camera, lambda point: point, lambda direction: direction
+            return camera, np.eye(3), np.zeros(3)
         if source.name not in self._poses:
             raise ViewError(
                 "nothing is known of where this photo was taken: it has no pose in the camera "
@@ -222,25 +222,19 @@ class PlanesOfPhotos:
             if isinstance(camera, CubicCamera)
             else (camera)
         )
-        return own, lambda point: matrix @ point + translation, lambda d: matrix @ d
+        return own, matrix, translation
 
     def _plane(self, source: Path, size: tuple[int, int]) -> tuple[PointProjector, PlaneView]:
-        import numpy as np
+        from cubicfish_cli.library.planes import plane_of
 
-        from cubicfish_cli.undistortion.plane import plane_view
-
-        board = self._board
-        camera, place, turn = self._projector(source, size)
-        corners = board.plane_points([0, board.columns - 1], [0, board.rows - 1])
-        margin = board.square if self._options.margin is None else self._options.margin
-        return camera, plane_view(
+        camera, rotation, translation = self._projector(source, size)
+        return camera, plane_of(
             camera,
-            origin=np.asarray(place(board.origin)),
-            x_axis=np.asarray(turn(board.x_axis)),
-            y_axis=np.asarray(turn(board.y_axis)),
-            low=corners[0] - margin,
-            high=corners[1] + margin,
-            pixels_a_unit=self._options.pixels_a_unit,
+            self._board,
+            rotation,
+            translation,
+            pixels_per_unit=self._options.pixels_a_unit,
+            margin=self._options.margin,
         )
 
     def view(self, source: Path, size: tuple[int, int]) -> ChosenView:
