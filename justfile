@@ -2,7 +2,7 @@
 
 # Quick tests, on all processors
 test *args:
-    python -m pytest -q -n auto {{ args }}
+    python -m pytest -q -n auto -m "not slow" {{ args }}
 
 # Everything that must hold, in a clean checkout
 slow:
