@@ -358,6 +358,20 @@ def test_pieces_that_hang_together_nowhere_are_no_board():
     assert is_large_enough(of(cells + joining))
 
 
+def cells_with_a_piece(*, alone):
+    """Cells of 16 px, black or white at random or all white, with 5x4 chequers among them."""
+    rng = np.random.default_rng(5)
+    cells = np.ones((15, 20), bool) if alone else rng.random((15, 20)) < 0.5
+    i, j = np.indices((5, 4))
+    cells[5:10, 7:11] = (i + j) % 2 == 0
+    return seen(np.kron(np.where(cells, 220.0, 30.0), np.ones((80, 80))))
+
+
+def test_a_piece_of_chequerboard_among_random_cells_is_no_board():
+    assert [len(grid) for grid in find_grids(cells_with_a_piece(alone=True)).grids] == [12]
+    assert find_grids(cells_with_a_piece(alone=False)).grids == ()
+
+
 def test_a_stray_corner_on_a_single_link_is_left_out():
     light, i, j = drawn_board()
     # Something dark beyond the margin touches the outer corner of a dark square.
