@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from cubicfish_cli.detection.believe import (
-    closes_cell,
+    hang_together,
     is_beyond_chance,
     is_board,
     is_large_enough,
@@ -115,8 +115,8 @@ def test_what_random_cells_make_now_and_then_is_not_beyond_chance():
     cells = np.random.default_rng(3).random((2000, 2000)) < 0.5
     diagonal = (cells[1:, 1:] == cells[:-1, :-1]) & (cells[1:, :-1] == cells[:-1, 1:])
     crossing = diagonal & (cells[1:, 1:] != cells[1:, :-1])
-    closing = closes_cell(crossing).astype(np.uint8)
-    pieces = cv2.connectedComponentsWithStats(closing, connectivity=4)[2][1:, cv2.CC_STAT_AREA]
+    held = hang_together(crossing).astype(np.uint8)
+    pieces = cv2.connectedComponentsWithStats(held, connectivity=4)[2][1:, cv2.CC_STAT_AREA]
     believed = sum(is_beyond_chance(int(piece), int(crossing.sum())) for piece in pieces)
     assert np.sort(pieces)[-5:].min() >= 11
     assert believed == 0

@@ -83,14 +83,21 @@ def is_regular(lattice: Lattice, cells: IntArray) -> bool:
     return is_large_enough(lattice) and median_miss(lattice, cells) < MOST_MISS
 
 
-def closes_cell(known: BoolArray) -> BoolArray:
-    """Tell which corners (I, J) belong to a square whose four corners are all known.
+def hang_together(known: BoolArray) -> BoolArray:
+    """Tell which corners (I, J) are part of the grid's mesh: of squares, or of chains between.
 
-    One that does not hangs on a single link, as where a dark square's outer corner meets
-    something dark behind the board's margin: the grid says nothing for it.
+    What remains when corners with fewer than two neighbours go, one after the other. One of
+    those hangs on a single link, as where a dark square's outer corner meets something dark
+    behind the board's margin: the grid says nothing for it. A chain that two parts of the grid
+    hold at either end, as along a reflection, is where both say that it is.
     """
-    squares = np.pad(_squares(known), 1)
-    return np.asarray(squares[1:, 1:] | squares[:-1, 1:] | squares[1:, :-1] | squares[:-1, :-1])
+    held = np.pad(known, 1)
+    while True:
+        count = held[2:, 1:-1].astype(int) + held[:-2, 1:-1] + held[1:-1, 2:] + held[1:-1, :-2]
+        loose = held[1:-1, 1:-1] & (count < 2)
+        if not loose.any():
+            return np.asarray(held[1:-1, 1:-1])
+        held[1:-1, 1:-1] &= ~loose
 
 
 def _squares(known: BoolArray) -> BoolArray:

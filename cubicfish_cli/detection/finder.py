@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from cubicfish_cli.detection.believe import (
-    closes_cell,
+    hang_together,
     is_beyond_chance,
     is_board,
     is_large_enough,
@@ -149,9 +149,9 @@ def _is_board_so_far(pyramid: Pyramid, lattice: Lattice) -> bool:
 def _is_board_at_last(lattice: Lattice, found: Crossings) -> bool:
     """Drop corners that hang on a single link, and judge the rest."""
     cells = lattice.cells()
-    closing = closes_cell(lattice.known)[cells[:, 0], cells[:, 1]]
-    lattice.drop(cells[~closing])
-    cells, found = cells[closing], found.select(closing)
+    held = hang_together(lattice.known)[cells[:, 0], cells[:, 1]]
+    lattice.drop(cells[~held])
+    cells, found = cells[held], found.select(held)
     contrast = lattice.contrast[cells[:, 0], cells[:, 1]]
     around = _median_around(contrast[:, None], lattice, cells)[:, 0]
     return is_board(lattice, cells, found, around)

@@ -19,6 +19,7 @@ _OF_SIDE, _OF_BLUR, _OF_GAP = 0.4, 3.5, 1.0
 # Corners whose gaps should be alike, and how alike at least, pixels.
 _AROUND, _GAP_SPREAD = 7, 0.15
 _ODD_GAP = 3.0  # a corner whose gap stays that far away, in such spreads, is none
+_BURNT = 3.0  # times the noise
 # How far a crossing moves towards the saddle point, and from what distance on it does not.
 _SADDLE_SHARE, _SADDLE_TRAVEL = 1 / 3, 0.5
 
@@ -69,7 +70,8 @@ def _share_gaps(
     White bleeds alike all over a part of a board, and a blur along one diagonal (a moved camera)
     parts all dark squares that meet along the one and joins those along the other. A gap of its own
     has a corner that uses it to follow something else: the edge of a shadow, the border of the
-    image circle.
+    image circle. Where a lamp is mirrored, though, white burns out and bleeds from one corner to the
+    next: those with both bright squares there may have wider gaps than others.
     """
     alike = found.contrast(np.ones(len(start), int)) > 0
     mean, spread = np.zeros(len(start)), np.full(len(start), np.inf)
@@ -81,11 +83,21 @@ def _share_gaps(
             scatter = np.median(np.abs(gap - mean[group, None]), axis=1)
             spread[group] = np.maximum(1.5 * scatter, _GAP_SPREAD)
     rows = np.nonzero(np.abs(found.gap - mean) > 2 * spread)[0]
+    rows = rows[~_bleeds_more(image, found.select(rows), mean[rows], noise)]
     if len(rows):
         gaps = Gaps(mean=mean[rows], spread=spread[rows])
         again = fit_crossings(image, start[rows], fit.select(rows), half[rows], noise, gaps)
         found.replace(rows, again)
-    found.ok[np.abs(found.gap - mean) > _ODD_GAP * spread] = False
+        odd = np.abs(found.gap - mean)[rows] > _ODD_GAP * spread[rows]
+        found.ok[rows[odd]] = False
+
+
+def _bleeds_more(
+    image: npt.NDArray[np.generic], found: Crossings, usual: FloatArray, noise: float
+) -> BoolArray:
+    """Tell which gaps are wider than ``usual`` (N,) between squares as bright as photos get."""
+    bright = np.maximum(found.level[:, 0::2].min(1), found.level[:, 1::2].min(1))
+    return np.asarray((found.gap > usual) & (bright > float(image.max()) - _BURNT * noise - 1))
 
 
 def _lean_on_saddles(image: npt.NDArray[np.generic], found: Crossings, half: FloatArray) -> None:
