@@ -127,3 +127,13 @@ def test_what_random_cells_make_now_and_then_is_not_beyond_chance():
 def test_the_more_crossings_the_more_corners_are_needed(crossings, enough):
     assert is_beyond_chance(enough, crossings)
     assert not is_beyond_chance(enough - 2, crossings) or not crossings
+
+
+def test_chains_between_two_parts_are_held_and_loose_ends_are_not():
+    known = np.zeros((9, 12), bool)
+    known[0:3, 0:3] = known[0:3, 8:11] = True
+    known[1, 3:8] = True  # the chain
+    parts = known.copy()
+    known[5:7, 1] = known[3:5, 1] = True  # a loose end of four corners
+    known[8, 11] = True  # alone
+    assert np.array_equal(hang_together(known), parts)

@@ -390,6 +390,19 @@ def test_corners_in_a_line_have_squares_without_a_side_and_no_warning():
     assert np.isfinite(lattice.contrast).all()
 
 
+@pytest.mark.parametrize(("lamp", "least"), [((3.4, 2.4), 43), ((5, 2), 45)])
+def test_corners_around_a_lamp_s_reflection_are_kept(lamp, least):
+    light, i, j = drawn_board()
+    # Bright beyond white: dark squares fade into it, and those at its rim draw back.
+    light += 420 * np.exp(-0.5 * ((i - lamp[0]) ** 2 + (j - lamp[1]) ** 2) / 1.2**2)
+    found = find_grids(seen(np.minimum(light, 255.0)))
+    assert len(found.grids) == 1
+    truth = np.stack(np.meshgrid(60.1 + 24.0 * np.arange(9), 60.3 + 24.0 * np.arange(6)), -1)
+    away = found.grids[0].pixel[:, None] - truth.reshape(-1, 2)
+    assert np.hypot(*away.transpose(2, 0, 1)).min(1).max() < 0.5
+    assert len(found.grids[0]) >= least
+
+
 @pytest.mark.parametrize("gap", [0.8, 2.0, 4.0])
 def test_a_board_whose_dark_squares_no_longer_touch_is_whole(gap):
     light, _, _ = drawn_board(gap=gap)

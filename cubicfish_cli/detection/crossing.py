@@ -102,6 +102,24 @@ class Gaps:
         return Gaps(mean=self.mean[rows], spread=self.spread[rows])
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Quiet:
+    """How far the bright squares at N corners are clean: markers stand inside.
+
+    Attributes:
+        sign: (N,) +1 where the quadrants (+,+) and (-,-) are bright, else -1.
+        steps: (N,) distance from both edges from which on there may be ink, steps of the grid.
+
+    """
+
+    sign: IntArray
+    steps: FloatArray
+
+    def select(self, rows: BoolArray | IntArray) -> Quiet:
+        """Take some rows."""
+        return Quiet(sign=self.sign[rows], steps=self.steps[rows])
+
+
 def fit_crossings(
     image: npt.NDArray[np.generic],
     pixel: FloatArray,
@@ -109,6 +127,7 @@ def fit_crossings(
     half: FloatArray,
     noise: float,
     gap: Gaps | None = None,
+    quiet: Quiet | None = None,
 ) -> Crossings:
     """Fit four quadrants, divided by blurred steps across the grid's own lines.
 
@@ -123,6 +142,7 @@ def fit_crossings(
         half: (N,) half-size of the window, pixels.
         noise: standard deviation of the pixel noise, grey levels.
         gap: what is known of the gaps beforehand; None: about none, 2 px at most.
+        quiet: how much of the squares is clean; None: all of it.
 
     """
     count = len(pixel)
@@ -141,7 +161,7 @@ def fit_crossings(
     reach = np.ceil(half).astype(int)
     for radius in np.unique(reach):
         rows = np.nonzero(reach == radius)[0]
-        _fit(image, out, rows, fit, half[rows], int(radius), noise, gap)
+        _fit(image, out, rows, fit, half[rows], int(radius), noise, gap, quiet)
     return out
 
 
@@ -154,6 +174,7 @@ def _fit(
     radius: int,
     noise: float,
     gap: Gaps,
+    quiet: Quiet | None,
 ) -> None:
     """Fit the corners of some rows, all with windows of (2 radius + 1) pixels, into ``out``."""
     height, width = image.shape
@@ -164,7 +185,8 @@ def _fit(
     if not len(rows):
         return
     local = fit.select(rows)
-    frame = _frame(image, out.pixel[rows], centre, local, half, radius)
+    within = None if quiet is None else quiet.select(rows)
+    frame = _frame(image, out.pixel[rows], centre, local, half, radius, within)
     state = _minimise(frame, max(noise, 0.3), gap.select(rows))
     length, height = _sides(local)
     lean = length[:, 0] / height[:, 0]  # 1 / sine of the angle between the edges
@@ -216,6 +238,7 @@ def _frame(
     fit: LocalFit,
     half: FloatArray,
     radius: int,
+    quiet: Quiet | None,
 ) -> _Frame:
     side = np.arange(-radius, radius + 1)
     offset = np.stack(np.meshgrid(side, side)).reshape(2, -1)
@@ -232,6 +255,10 @@ def _frame(
     length, height = _sides(fit)
     weight = np.clip(2 - 2 * (apart**2).sum(1) / (half[:, None] + 0.5) ** 2, 0, 1)
     weight *= np.clip((_WITHIN - np.abs(cell).max(1)) / _FADE, 0, 1)
+    if quiet is not None:
+        bright = quiet.sign[:, None] * cell[:, 0] * cell[:, 1] > 0
+        left = ((quiet.steps[:, None, None] - np.abs(cell)) * height[:, :, None]).max(1)  # px
+        weight *= np.where(bright, np.clip(left + 0.5, 0, 1), 1)
     weight = np.sqrt(weight)
     return _Frame(
         value=value * weight,

@@ -49,6 +49,9 @@ _ALONE = 3
 # Of the markers that are clearly seen through a board's corners, so many times more must be
 # its own than others; and a marker that nothing else vouched for must not be the only one.
 _OWN_FOR_ANOTHER = 4
+# Blurred markers lose a few of their modules; of another one's about half are wrong, and hardly
+# ever less than this share.
+_BLURRED = 0.25
 # So many markers, at least two side by side, are no misreadings even where others refute them.
 _NO_ACCIDENT = 3
 _QUARTER = np.array([(0, 1), (-1, 0)])
@@ -325,7 +328,7 @@ def _agrees(pyramid: Pyramid, target: Target, all_families: list[Family], piece:
     corner = corner[whole]
     ratio = marker_ratio(target, piece.board)
     side_px = ratio * shortest_side(piece.lattice.at(corner.reshape(-1, 2)).reshape(-1, 4, 2))
-    own, clear = np.zeros(len(corner), bool), np.zeros(len(corner), bool)
+    own, other = np.zeros(len(corner), bool), np.zeros(len(corner), bool)
     for family in all_families:
         row = np.nonzero(family.board == piece.board)[0]
         if not len(row):
@@ -335,9 +338,9 @@ def _agrees(pyramid: Pyramid, target: Target, all_families: list[Family], piece:
         wrong = wrong_modules(modules.white, family)[:, 0]
         wrong = wrong[np.arange(len(wrong)), row[whole]]
         own |= modules.clear & (wrong <= family.corrected)
-        clear |= modules.clear
+        other |= modules.clear & (wrong > max(family.corrected, _BLURRED * family.size**2))
     least = 2 if piece.markers == 1 else 1
-    return bool(own.sum() >= least and own.sum() >= _OWN_FOR_ANOTHER * (clear & ~own).sum())
+    return bool(own.sum() >= least and own.sum() >= _OWN_FOR_ANOTHER * (other & ~own).sum())
 
 
 def _settle(pieces: list[_Piece]) -> tuple[list[_Piece], set[int]]:
