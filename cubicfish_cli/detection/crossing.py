@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
+from cubicfish_cli.detection.grids import BoolArray, Float32Array, FloatArray, IntArray
 from cubicfish_cli.detection.lattice import LocalFit
 
 _ROUNDS = 12
@@ -217,10 +217,10 @@ def _fit(
 class _Frame:
     """The windows of n corners, K pixels each, in the grid's own bent coordinates."""
 
-    value: FloatArray  # (n, K) grey levels, times the weight
-    across: FloatArray  # (n, 2, K) distance from the edge along j and from the edge along i, px
-    along: FloatArray  # (n, 2, K) place along those edges, px
-    weight: FloatArray  # (n, K) root of the weight
+    value: Float32Array  # (n, K) grey levels, times the weight
+    across: Float32Array  # (n, 2, K) distance from the edge along j and from the edge along i, px
+    along: Float32Array  # (n, 2, K) place along those edges, px
+    weight: Float32Array  # (n, K) root of the weight
 
     def select(self, rows: BoolArray) -> _Frame:
         return _Frame(
@@ -261,10 +261,10 @@ def _frame(
         weight *= np.where(bright, np.clip(left + 0.5, 0, 1), 1)
     weight = np.sqrt(weight)
     return _Frame(
-        value=value * weight,
-        across=cell * height[:, :, None],
-        along=(cell * length[:, :, None])[:, ::-1],
-        weight=weight,
+        value=(value * weight).astype(np.float32),
+        across=(cell * height[:, :, None]).astype(np.float32),
+        along=(cell * length[:, :, None])[:, ::-1].astype(np.float32),
+        weight=weight.astype(np.float32),
     )
 
 
@@ -369,9 +369,10 @@ def _model(
     others at a point is again a logistic function of both distances, and without a gap the shares
     are the products of the steps across either edge.
     """
+    shape = shape.astype(np.float32)  # to a millionth of a pixel, in half the time
     half_gap = shape[:, 6]
     # The quadrants that draw back lie at (+,+) and (-,-) once the second axis is turned.
-    turned = np.where(dark_first == (half_gap >= 0), 1.0, -1.0)
+    turned = np.where(dark_first == (half_gap >= 0), np.float32(1), np.float32(-1))
     own = np.exp(2 * shape[:, 4:6, None])
     blur2 = _SHARPEST**2 + own
     steep = 2 * _TANH / np.sqrt(blur2)
@@ -389,10 +390,11 @@ def _model(
     weight = frame.weight
     basis = np.stack([first, rest * (1 - fourth), third, rest * fourth], 1)
     basis *= weight[:, None]
-    inverse = np.linalg.inv(_products(basis) + 1e-6 * np.eye(4))
+    inverse = np.linalg.inv(_products(basis).astype(float) + 1e-6 * np.eye(4))
     levels = inverse @ (basis @ frame.value[..., None])
-    residual = frame.value - (levels.transpose(0, 2, 1) @ basis)[:, 0]
-    one, two, three, four = levels.transpose(1, 0, 2)
+    fitted = levels.astype(np.float32)
+    residual = frame.value - (fitted.transpose(0, 2, 1) @ basis)[:, 0]
+    one, two, three, four = fitted.transpose(1, 0, 2)
     between = two + (four - two) * fourth
     of_plus = ((one - between) * weight * first)[:, None] * (1 - plus)
     of_minus = ((three - between) * weight * third)[:, None] * (1 - minus)
@@ -401,7 +403,7 @@ def _model(
     slope = of_plus - of_minus
     slope[:, 0] += sharing
     slope[:, 1] -= sharing
-    slopes = np.empty((len(shape), _UNKNOWNS, weight.shape[1]))
+    slopes = np.empty((len(shape), _UNKNOWNS, weight.shape[1]), np.float32)
     slopes[:, 4:6] = (slope * z - gap_slope * back) * (own / blur2)
     gap_slope *= steep
     slopes[:, 6] = (gap_slope[:, 0] + gap_slope[:, 1]) * np.where(half_gap >= 0, 1, -1)[:, None]
@@ -411,15 +413,15 @@ def _model(
     slopes[:, 2:4] = slope * frame.along
     best = np.asarray(levels[..., 0], np.float64)
     best = np.where(turned[:, None] > 0, best, best[:, ::-1])
-    squares = (residual[:, None] @ residual[..., None])[:, 0, 0]
+    squares = (residual[:, None] @ residual[..., None])[:, 0, 0].astype(float)
     # Kaufman's variable projection: the levels follow the shape, and the residuals hold nothing
     # that other levels would explain.
-    shared = slopes @ basis.transpose(0, 2, 1)
+    shared = (slopes @ basis.transpose(0, 2, 1)).astype(float)
     data = _products(slopes) - shared @ inverse @ shared.transpose(0, 2, 1)
-    return best, squares, data, -(slopes @ residual[..., None])[..., 0]
+    return best, squares, data, -(slopes @ residual[..., None])[..., 0].astype(float)
 
 
-def _products(rows: FloatArray) -> FloatArray:
+def _products(rows: Float32Array) -> Float32Array:
     """Scalar products (n, M, M) of M rows with each other, of (n, M, K)."""
     # A copy: numpy's own way for a matrix and itself is far slower for small ones.
     return rows @ rows.copy().transpose(0, 2, 1)
