@@ -1,9 +1,15 @@
 """A grid as a whole: a board, or an accident of texture."""
 
+import cv2
 import numpy as np
 import pytest
 
-from cubicfish_cli.detection.believe import is_board, is_large_enough
+from cubicfish_cli.detection.believe import (
+    hang_together,
+    is_beyond_chance,
+    is_board,
+    is_large_enough,
+)
 from cubicfish_cli.detection.crossing import Crossings
 from cubicfish_cli.detection.lattice import Lattice
 from cubicfish_cli.detection.pyramid import enlarged, reduced
@@ -103,3 +109,31 @@ def test_a_reduced_photo_s_pixels_lead_back_to_the_photo_s():
     y, x = np.nonzero(small)
     assert small.shape == (10, 12)
     assert np.allclose(enlarged(np.stack([x, y], -1).astype(float), 4), [[33.5, 21.5]])
+
+
+def test_what_random_cells_make_now_and_then_is_not_beyond_chance():
+    cells = np.random.default_rng(3).random((2000, 2000)) < 0.5
+    diagonal = (cells[1:, 1:] == cells[:-1, :-1]) & (cells[1:, :-1] == cells[:-1, 1:])
+    crossing = diagonal & (cells[1:, 1:] != cells[1:, :-1])
+    held = hang_together(crossing).astype(np.uint8)
+    pieces = cv2.connectedComponentsWithStats(held, connectivity=4)[2][1:, cv2.CC_STAT_AREA]
+    believed = sum(is_beyond_chance(int(piece), int(crossing.sum())) for piece in pieces)
+    assert np.sort(pieces)[-5:].min() >= 11
+    assert believed == 0
+    assert is_beyond_chance(30, int(crossing.sum()))
+
+
+@pytest.mark.parametrize(("crossings", "enough"), [(0, 8), (2, 10), (50, 16), (8000, 23)])
+def test_the_more_crossings_the_more_corners_are_needed(crossings, enough):
+    assert is_beyond_chance(enough, crossings)
+    assert not is_beyond_chance(enough - 2, crossings) or not crossings
+
+
+def test_chains_between_two_parts_are_held_and_loose_ends_are_not():
+    known = np.zeros((9, 12), bool)
+    known[0:3, 0:3] = known[0:3, 8:11] = True
+    known[1, 3:8] = True  # the chain
+    parts = known.copy()
+    known[5:7, 1] = known[3:5, 1] = True  # a loose end of four corners
+    known[8, 11] = True  # alone
+    assert np.array_equal(hang_together(known), parts)

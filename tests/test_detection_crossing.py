@@ -5,7 +5,7 @@ from math import erf
 import numpy as np
 import pytest
 
-from cubicfish_cli.detection.crossing import fit_crossings
+from cubicfish_cli.detection.crossing import Quiet, fit_crossings
 from cubicfish_cli.detection.lattice import LocalFit
 
 _ERF = np.vectorize(erf)
@@ -144,3 +144,22 @@ def test_the_place_is_the_middle_of_the_gap_that_bleeding_leaves(gap, dark_first
     assert np.hypot(*error.mean(0)) < 0.01
     assert np.sqrt((error**2).sum(1).mean()) < 0.05
     assert found.turn.max() < 0.1
+
+
+def test_ink_inside_a_bright_square_is_passed_over():
+    image, place, fit = drawn_corners(40, blur=0.7)
+    quiet = Quiet(sign=np.ones(40, int), steps=np.full(40, 0.09))
+    y, x = np.mgrid[: image.shape[0], : image.shape[1]].astype(float)
+    pixel = np.stack([x, y], -1)
+    for k in range(40):
+        own = (x // 41) == k
+        i, j = np.moveaxis((pixel - place[k]) @ np.linalg.inv(fit.step[k]).T, -1, 0)
+        # The marker of one square alone: that of the other one is burnt out, or not printed.
+        image[own & (i > 0.11) & (j > 0.11)] = 40.0
+    start = place + np.random.default_rng(1).uniform(-0.3, 0.3, place.shape)
+    half = np.full(40, 5.0)
+    found = fit_crossings(image, start, fit, half, 0.5, quiet=quiet)
+    taken_in = fit_crossings(image, start, fit, half, 0.5)
+    assert np.median(found.misfit) < 0.1 * np.median(taken_in.misfit)
+    assert np.median(np.hypot(*(found.pixel - place).T)) < 0.015
+    assert np.median(np.hypot(*(taken_in.pixel - place).T)) > 0.05

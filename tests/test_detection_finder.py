@@ -358,6 +358,20 @@ def test_pieces_that_hang_together_nowhere_are_no_board():
     assert is_large_enough(of(cells + joining))
 
 
+def cells_with_a_piece(*, alone):
+    """Cells of 16 px, black or white at random or all white, with 5x4 chequers among them."""
+    rng = np.random.default_rng(5)
+    cells = np.ones((15, 20), bool) if alone else rng.random((15, 20)) < 0.5
+    i, j = np.indices((5, 4))
+    cells[5:10, 7:11] = (i + j) % 2 == 0
+    return seen(np.kron(np.where(cells, 220.0, 30.0), np.ones((80, 80))))
+
+
+def test_a_piece_of_chequerboard_among_random_cells_is_no_board():
+    assert [len(grid) for grid in find_grids(cells_with_a_piece(alone=True)).grids] == [12]
+    assert find_grids(cells_with_a_piece(alone=False)).grids == ()
+
+
 def test_a_stray_corner_on_a_single_link_is_left_out():
     light, i, j = drawn_board()
     # Something dark beyond the margin touches the outer corner of a dark square.
@@ -374,6 +388,19 @@ def test_corners_in_a_line_have_squares_without_a_side_and_no_warning():
     image = np.random.default_rng(0).integers(0, 255, (48, 48)).astype(np.uint8)
     measure_contrast(build_pyramid(image), lattice)
     assert np.isfinite(lattice.contrast).all()
+
+
+@pytest.mark.parametrize(("lamp", "least"), [((3.4, 2.4), 43), ((5, 2), 45)])
+def test_corners_around_a_lamp_s_reflection_are_kept(lamp, least):
+    light, i, j = drawn_board()
+    # Bright beyond white: dark squares fade into it, and those at its rim draw back.
+    light += 420 * np.exp(-0.5 * ((i - lamp[0]) ** 2 + (j - lamp[1]) ** 2) / 1.2**2)
+    found = find_grids(seen(np.minimum(light, 255.0)))
+    assert len(found.grids) == 1
+    truth = np.stack(np.meshgrid(60.1 + 24.0 * np.arange(9), 60.3 + 24.0 * np.arange(6)), -1)
+    away = found.grids[0].pixel[:, None] - truth.reshape(-1, 2)
+    assert np.hypot(*away.transpose(2, 0, 1)).min(1).max() < 0.5
+    assert len(found.grids[0]) >= least
 
 
 @pytest.mark.parametrize("gap", [0.8, 2.0, 4.0])

@@ -154,6 +154,24 @@ def test_texts_say_what_is_what(
     assert box[1] < TOP + 4 * STEP < box[3]
 
 
+def test_only_what_is_as_clear_as_a_board_s_corners_is_a_dot(
+    report: PhotoReport, corners: Corners, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Chequers under the grids and at one candidate; noise everywhere, with candidates of its own.
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    chequers = np.where(((x - 80) // 50 + (y - 120) // 50) % 2 == 0, 160.0, 60.0)
+    noise = np.random.default_rng(0).normal(0, 8, chequers.shape)
+    picture = np.where(y > 350, 100.0, chequers) + noise
+    picture[372:388, 40:56] += 100
+    assert report.found is not None
+    refused = np.array([[40.0, 380], *[[20.0 * k + 70, 385] for k in range(40)]])
+    seen = replace(report, found=replace(report.found, refused=refused))
+    texts = written(monkeypatch, np.rint(picture).astype(np.uint8), seen, corners)
+    assert "1 of 41 in no grid (dots)" in texts
+    drawn = draw_found(np.rint(picture).astype(np.uint8), seen, corners)
+    assert near(drawn, 40, 380, REFUSED)
+
+
 @given(step=st.floats(2, 60), angle=st.floats(-3.1, 3.1), columns=st.integers(1, 14))
 @settings(max_examples=25, deadline=None)
 def test_texts_never_overlap_or_leave_the_picture(step: float, angle: float, columns: int) -> None:

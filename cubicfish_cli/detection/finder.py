@@ -8,7 +8,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from cubicfish_cli.detection.believe import closes_cell, is_board, is_large_enough
+from cubicfish_cli.detection.believe import (
+    hang_together,
+    is_beyond_chance,
+    is_board,
+    is_large_enough,
+)
 from cubicfish_cli.detection.corners import XCorners, find_corners
 from cubicfish_cli.detection.crossing import Crossings
 from cubicfish_cli.detection.grids import BoolArray, FloatArray, FoundGrids, Grid, IntArray
@@ -37,6 +42,9 @@ _PASSES = 2
 # A grid that has grown to so many times the corners it had, and these at least, goes on growing
 # only if it would be a board and keep this share of its corners: nearly all stay of a board's.
 _GROWN, _GROWN_LEAST, _HELD = 2, 64, 0.25
+# A crossing looks like a grid's when its pattern reaches this share of a side, or as far as rings
+# surely do, and it has this share of the contrast.
+_LIKE_REACH, _FAR_PX, _LIKE_CONTRAST = 0.3, 10.0, 0.5
 
 
 def find_grids(image: npt.NDArray[np.generic]) -> FoundGrids:
@@ -69,12 +77,12 @@ def _search(pyramid: Pyramid) -> tuple[list[Lattice], FloatArray]:
     """All grids in the pyramid, and the corners that belong to none."""
     corners = find_corners(pyramid)
     links = keep_squares(find_links(pyramid, corners))
-    free = np.ones(len(corners.pixel), bool)
+    grid = np.full(len(corners.pixel), -1)  # which each corner is part of
     candidates = cKDTree(corners.pixel)
     lattices: list[Lattice] = []
     failures = 0
     for patch in find_patches(links, corners.contrast * corners.radius):
-        if len(patch.corner) < 4 or not free[patch.corner].all():
+        if len(patch.corner) < 4 or (grid[patch.corner] >= 0).any():
             continue
         lattice = _raise(pyramid, corners, patch, candidates)
         if lattice is None:
@@ -84,10 +92,21 @@ def _search(pyramid: Pyramid) -> tuple[list[Lattice], FloatArray]:
             continue
         cells = lattice.cells()
         pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
-        free &= ~_taken(corners.pixel, pixel, lattice.fit(cells).side)
-        candidates = cKDTree(corners.pixel[free])
+        taken = _taken(corners.pixel, pixel, lattice.fit(cells).side)
+        grid[taken & (grid < 0)] = len(lattices)
+        candidates = cKDTree(corners.pixel[grid < 0])
         lattices.append(lattice)
-    return lattices, corners.pixel[free]
+    kept = [k for k in range(len(lattices)) if _is_beyond_chance(lattices[k], corners, grid, k)]
+    return [lattices[k] for k in kept], corners.pixel[~np.isin(grid, kept)]
+
+
+def _is_beyond_chance(lattice: Lattice, corners: XCorners, grid: IntArray, own: int) -> bool:
+    """Judge a grid by what crossings like its own there are that no grid explains."""
+    cells = lattice.cells()
+    reach = min(_LIKE_REACH * float(np.median(lattice.fit(cells).side)), _FAR_PX)
+    contrast = _LIKE_CONTRAST * float(np.median(corners.contrast[grid == own]))
+    like = (grid < 0) & (corners.radius >= reach) & (corners.contrast >= contrast)
+    return is_beyond_chance(len(cells), int(like.sum()))
 
 
 def _raise(
@@ -130,9 +149,9 @@ def _is_board_so_far(pyramid: Pyramid, lattice: Lattice) -> bool:
 def _is_board_at_last(lattice: Lattice, found: Crossings) -> bool:
     """Drop corners that hang on a single link, and judge the rest."""
     cells = lattice.cells()
-    closing = closes_cell(lattice.known)[cells[:, 0], cells[:, 1]]
-    lattice.drop(cells[~closing])
-    cells, found = cells[closing], found.select(closing)
+    held = hang_together(lattice.known)[cells[:, 0], cells[:, 1]]
+    lattice.drop(cells[~held])
+    cells, found = cells[held], found.select(held)
     contrast = lattice.contrast[cells[:, 0], cells[:, 1]]
     around = _median_around(contrast[:, None], lattice, cells)[:, 0]
     return is_board(lattice, cells, found, around)

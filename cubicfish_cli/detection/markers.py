@@ -32,6 +32,7 @@ from cubicfish_cli.detection.markers_read import (
     squares,
     wrong_modules,
 )
+from cubicfish_cli.detection.markers_together import NamedGrid, read_together
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.photo_as import grids_in_mirror, negative_grids, negative_photo
 from cubicfish_cli.detection.pyramid import Pyramid, build_pyramid
@@ -49,6 +50,9 @@ _ALONE = 3
 # Of the markers that are clearly seen through a board's corners, so many times more must be
 # its own than others; and a marker that nothing else vouched for must not be the only one.
 _OWN_FOR_ANOTHER = 4
+# Blurred markers lose a few of their modules; of another one's about half are wrong, and hardly
+# ever less than this share.
+_BLURRED = 0.25
 # So many markers, at least two side by side, are no misreadings even where others refute them.
 _NO_ACCIDENT = 3
 _QUARTER = np.array([(0, 1), (-1, 0)])
@@ -59,7 +63,7 @@ class How(IntEnum):
     """What named a corner."""
 
     MARKER = 0
-    """It belongs to a marker that was read."""
+    """It belongs to a marker that was read, or to a grid whose markers were read together."""
     GRID = 1
     """A found grid, named by corners that it shares with markers, has it."""
     GROWN = 2
@@ -192,6 +196,15 @@ def _find(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> 
             elif piece.markers > 1:
                 refuted[index] += piece.markers
     kept, contradictory = _settle(sorted(pieces, key=lambda piece: -piece.markers))
+    named = {number for piece in kept for number in piece.grids}
+    out = contradictory | set(np.flatnonzero(refuted).tolist())
+    for number in sorted(set(range(len(grids.grids))) - named):
+        one = read_together(pyramid, target, all_families, grids.grids[number])
+        if one is None or one.board in out:
+            continue
+        piece = _blurred(pyramid, target, one, number, grids.grids, free)
+        settled, against = _settle([*kept, piece])
+        kept = kept if against else settled
     refuted[[piece.board for piece in kept]] = 0
     contradictory |= set(np.nonzero(refuted >= _NO_ACCIDENT)[0].tolist())
     return _marked(kept, len(grids.grids), tuple(sorted(contradictory)))
@@ -246,13 +259,38 @@ def _piece(
     how = np.full(lattice.known.shape, int(How.GROWN))
     how[lattice.known] = How.MARKER
     piece = _Piece(board=index, lattice=lattice, how=how, markers=agreeing, grids=set())
+    _extend(pyramid, piece, grids, free)
+    return piece if lattice.known.sum() >= 4 else None
+
+
+def _extend(pyramid: Pyramid, piece: _Piece, grids: tuple[Grid, ...], free: FloatArray) -> None:
+    """Add what else of the board can be seen, and drop what is no corner."""
+    lattice = piece.lattice
     for _ in range(2):
         _absorb(piece, grids)
         grow(pyramid, lattice, free)
         clean(lattice)
         verify(pyramid, lattice)
         clean(lattice)
-    return piece if lattice.known.sum() >= 4 else None
+
+
+def _blurred(
+    pyramid: Pyramid,
+    target: Target,
+    one: NamedGrid,
+    number: int,
+    grids: tuple[Grid, ...],
+    free: FloatArray,
+) -> _Piece:
+    """The board of a grid that is named by all of its markers together."""
+    lattice = BoardLattice(board=target.boards[one.board])
+    lattice.put(one.cells, grids[number].pixel)
+    how = np.full(lattice.known.shape, int(How.GROWN))
+    how[lattice.known] = How.MARKER
+    markers, own = one.markers, {number}
+    piece = _Piece(board=one.board, lattice=lattice, how=how, markers=markers, grids=own)
+    _extend(pyramid, piece, grids, free)
+    return piece
 
 
 def _seeds(
@@ -325,7 +363,7 @@ def _agrees(pyramid: Pyramid, target: Target, all_families: list[Family], piece:
     corner = corner[whole]
     ratio = marker_ratio(target, piece.board)
     side_px = ratio * shortest_side(piece.lattice.at(corner.reshape(-1, 2)).reshape(-1, 4, 2))
-    own, clear = np.zeros(len(corner), bool), np.zeros(len(corner), bool)
+    own, other = np.zeros(len(corner), bool), np.zeros(len(corner), bool)
     for family in all_families:
         row = np.nonzero(family.board == piece.board)[0]
         if not len(row):
@@ -335,9 +373,9 @@ def _agrees(pyramid: Pyramid, target: Target, all_families: list[Family], piece:
         wrong = wrong_modules(modules.white, family)[:, 0]
         wrong = wrong[np.arange(len(wrong)), row[whole]]
         own |= modules.clear & (wrong <= family.corrected)
-        clear |= modules.clear
+        other |= modules.clear & (wrong > max(family.corrected, _BLURRED * family.size**2))
     least = 2 if piece.markers == 1 else 1
-    return bool(own.sum() >= least and own.sum() >= _OWN_FOR_ANOTHER * (clear & ~own).sum())
+    return bool(own.sum() >= least and own.sum() >= _OWN_FOR_ANOTHER * (other & ~own).sum())
 
 
 def _settle(pieces: list[_Piece]) -> tuple[list[_Piece], set[int]]:

@@ -179,6 +179,7 @@ class BoardLattice:
             fit.step * scale[:, None, None],
             sign,
             fit.bend * np.square(scale)[:, None, None],
+            self.quiet / scale,
         )
         rows = np.nonzero(good)[0]
         good[rows] = self._arms_seen(pyramid, refined[rows], sign[rows], fit.select(rows))

@@ -86,6 +86,16 @@ def module_places(family: Family, ratio: float) -> FloatArray:
     return 0.5 + ratio * ((place + spread).reshape(-1, 2) - 0.5)
 
 
+def module_levels(
+    pyramid: Pyramid, points: FloatArray, side_px: FloatArray, family: Family
+) -> FloatArray:
+    """Grey levels (N, S, S) of all modules, frame and all; arguments as of :func:`read_modules`."""
+    side = family.size + 2 * family.border
+    level = pyramid.sample(points, side_px).astype(float)
+    mean: FloatArray = level.reshape(len(points), side, side, -1).mean(axis=-1)
+    return mean
+
+
 def read_modules(
     pyramid: Pyramid, points: FloatArray, side_px: FloatArray, family: Family
 ) -> Modules:
@@ -94,8 +104,7 @@ def read_modules(
     ``side_px`` (N,) is how long a marker's shortest side is.
     """
     side = family.size + 2 * family.border
-    level = pyramid.sample(points, side_px).astype(float)
-    level = level.reshape(len(points), side, side, -1).mean(axis=-1)
+    level = module_levels(pyramid, points, side_px, family)
     inner = slice(family.border, side - family.border)
     frame = np.ones((side, side), bool)
     frame[inner, inner] = False

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.detection.crossing import Crossings, Gaps, fit_crossings
+from cubicfish_cli.detection.crossing import Crossings, Gaps, Quiet, fit_crossings
 from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
 from cubicfish_cli.detection.lattice import LocalFit
 from cubicfish_cli.detection.nearby import nearest
@@ -19,28 +21,40 @@ _OF_SIDE, _OF_BLUR, _OF_GAP = 0.4, 3.5, 1.0
 # Corners whose gaps should be alike, and how alike at least, pixels.
 _AROUND, _GAP_SPREAD = 7, 0.15
 _ODD_GAP = 3.0  # a corner whose gap stays that far away, in such spreads, is none
+_BURNT = 3.0  # times the noise
 # How far a crossing moves towards the saddle point, and from what distance on it does not.
 _SADDLE_SHARE, _SADDLE_TRAVEL = 1 / 3, 0.5
 
 
-def refine_pixels(pyramid: Pyramid, pixel: FloatArray, fit: LocalFit) -> Crossings:
+def refine_pixels(
+    pyramid: Pyramid, pixel: FloatArray, fit: LocalFit, quiet: Quiet | None = None
+) -> Crossings:
     """Sub-pixel positions of N corners, starting within about a tenth of a side.
 
     A saddle fit brings the start to within a fraction of a pixel, two crossing edges are then
-    fitted to the pixels.
+    fitted to the pixels, as far as these are ``quiet``.
     """
     saddle = fit_saddles(
         pyramid.levels[0], pixel, np.clip(0.2 * fit.side, 2.0, 2.5), np.maximum(1.5, 0.1 * fit.side)
     )
     start = np.where(saddle.ok[:, None], saddle.pixel, pixel)
-    return _cross(pyramid.levels[0], start, fit, pyramid.noise, _LARGEST_HALF)
+    return _cross(pyramid.levels[0], start, fit, pyramid.noise, _LARGEST_HALF, quiet)
 
 
 def _cross(
-    image: npt.NDArray[np.generic], start: FloatArray, fit: LocalFit, noise: float, largest: float
+    image: npt.NDArray[np.generic],
+    start: FloatArray,
+    fit: LocalFit,
+    noise: float,
+    largest: float,
+    quiet: Quiet | None = None,
 ) -> Crossings:
+    def crossings(rows: IntArray, gaps: Gaps | None = None) -> Crossings:
+        within = None if quiet is None else quiet.select(rows)
+        return fit_crossings(image, start[rows], fit.select(rows), half[rows], noise, gaps, within)
+
     half = np.clip(_OF_SIDE * fit.side, _SMALLEST_HALF, _USUAL_HALF)
-    found = fit_crossings(image, start, fit, half, noise)
+    found = crossings(np.arange(len(start)))
     for _ in range(3):
         # A window within the blur, or the gap, sees no more than a slope.
         need = _OF_BLUR * found.blur.max(1) + _OF_GAP * np.abs(found.gap)
@@ -49,9 +63,9 @@ def _cross(
         rows = np.nonzero(wider > half + 0.5)[0]
         if not len(rows):
             break
-        found.replace(rows, fit_crossings(image, start[rows], fit.select(rows), wider[rows], noise))
         half[rows] = wider[rows]
-    _share_gaps(image, start, found, fit, half, noise)
+        found.replace(rows, crossings(rows))
+    _share_gaps(image, start, found, noise, crossings)
     _lean_on_saddles(image, found, half)
     return found
 
@@ -60,16 +74,16 @@ def _share_gaps(
     image: npt.NDArray[np.generic],
     start: FloatArray,
     found: Crossings,
-    fit: LocalFit,
-    half: FloatArray,
     noise: float,
+    fit_again: Callable[[IntArray, Gaps], Crossings],
 ) -> None:
     """Fit the corners again whose gap is not like those around them, held to these, in place.
 
     White bleeds alike all over a part of a board, and a blur along one diagonal (a moved camera)
     parts all dark squares that meet along the one and joins those along the other. A gap of its own
     has a corner that uses it to follow something else: the edge of a shadow, the border of the
-    image circle.
+    image circle. Where a lamp is mirrored, though, white burns out, and bleeds more at one corner
+    than at the next: those with both bright squares there may have wider gaps than others.
     """
     alike = found.contrast(np.ones(len(start), int)) > 0
     mean, spread = np.zeros(len(start)), np.full(len(start), np.inf)
@@ -81,11 +95,20 @@ def _share_gaps(
             scatter = np.median(np.abs(gap - mean[group, None]), axis=1)
             spread[group] = np.maximum(1.5 * scatter, _GAP_SPREAD)
     rows = np.nonzero(np.abs(found.gap - mean) > 2 * spread)[0]
+    rows = rows[~_bleeds_more(image, found.select(rows), mean[rows], noise)]
     if len(rows):
         gaps = Gaps(mean=mean[rows], spread=spread[rows])
-        again = fit_crossings(image, start[rows], fit.select(rows), half[rows], noise, gaps)
-        found.replace(rows, again)
-    found.ok[np.abs(found.gap - mean) > _ODD_GAP * spread] = False
+        found.replace(rows, fit_again(rows, gaps))
+        odd = np.abs(found.gap - mean)[rows] > _ODD_GAP * spread[rows]
+        found.ok[rows[odd]] = False
+
+
+def _bleeds_more(
+    image: npt.NDArray[np.generic], found: Crossings, usual: FloatArray, noise: float
+) -> BoolArray:
+    """Tell which gaps are wider than ``usual`` (N,) between squares as bright as photos get."""
+    bright = np.maximum(found.level[:, 0::2].min(1), found.level[:, 1::2].min(1))
+    return np.asarray((found.gap > usual) & (bright > float(image.max()) - _BURNT * noise - 1))
 
 
 def _lean_on_saddles(image: npt.NDArray[np.generic], found: Crossings, half: FloatArray) -> None:
@@ -126,6 +149,7 @@ def refine_corners(
     jacobians: FloatArray,
     sign: IntArray | None = None,
     bends: FloatArray | None = None,
+    quiet: FloatArray | None = None,
 ) -> tuple[FloatArray, BoolArray]:
     """Move predicted corners to where the photo has them, and tell which are really there.
 
@@ -138,6 +162,8 @@ def refine_corners(
         sign: (N,) +1 where the square between the steps +i and +j is bright, -1 where it is
             dark; None takes what the photo shows.
         bends: (N, 2, 3) second derivatives d2p/di2, d2p/didj, d2p/dj2; None: straight edges.
+        quiet: (N,) how far from both of its edges a bright square is clean, steps; None: wholly.
+            Only for corners whose ``sign`` is given.
 
     Returns:
         (N, 2) refined pixels (the prediction itself where not ok) and (N,) ok.
@@ -161,7 +187,10 @@ def refine_corners(
         side=side[rows],
         sound=np.ones(len(rows), bool),
     )
-    found = refine_pixels(pyramid, pixel[rows], fit)
+    clean = None
+    if sign is not None and quiet is not None:
+        clean = Quiet(sign=np.asarray(sign)[rows], steps=quiet[rows])
+    found = refine_pixels(pyramid, pixel[rows], fit, clean)
     if sign is None:
         seen = np.where(found.contrast(np.ones(len(rows), int)) < 0, -1, 1)
     else:

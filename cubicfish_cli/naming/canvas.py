@@ -26,6 +26,16 @@ _BRIGHTEST, _GAMMA = 135.0, 0.7
 _LEAST_SPAN = 1 / 12
 
 
+def local_contrast(picture: Picture, pixel: FloatArray) -> FloatArray:
+    """Brightest minus darkest level (N,) some pixels around (N, 2) pixels, noise smoothed away."""
+    smooth = cv2.GaussianBlur(picture.astype(np.float32), (0, 0), 1.5)
+    around = np.ones((9, 9), np.uint8)
+    reach = np.asarray(cv2.dilate(smooth, around)) - np.asarray(cv2.erode(smooth, around))
+    height, width = picture.shape
+    x, y = np.clip(np.rint(pixel).astype(int), 0, (width - 1, height - 1)).T
+    return np.asarray(reach[y, x], float)
+
+
 class Canvas:
     """A photo in grey, half as bright as it was, and what is drawn over it.
 

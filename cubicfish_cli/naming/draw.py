@@ -10,7 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Corners
-from cubicfish_cli.naming.canvas import BLACK, WHITE, Canvas, Colour, ColourPicture
+from cubicfish_cli.naming.canvas import (
+    BLACK,
+    WHITE,
+    Canvas,
+    Colour,
+    ColourPicture,
+    local_contrast,
+)
 from cubicfish_cli.naming.decide import Verdict
 from cubicfish_cli.naming.detect import PhotoReport
 from cubicfish_cli.naming.remarks import CODES
@@ -31,7 +38,9 @@ BOARD_COLOURS: tuple[Colour, ...] = (
     (167, 121, 204),  # reddish purple
 )
 LEFT_OUT: Colour = (60, 60, 255)  # red
-REFUSED: Colour = (105, 105, 105)
+REFUSED: Colour = (165, 165, 165)
+# What is in no grid is drawn where its contrast is this share of the grids', and so many at most.
+_CLEAR, _MOST_DOTS = 0.5, 200
 _TURN = np.arange(24) * (np.pi / 12)
 _RING = np.stack([np.cos(_TURN), np.sin(_TURN)], axis=-1)
 _SQUARE = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
@@ -44,8 +53,9 @@ def draw_found(picture: Picture, report: PhotoReport, corners: Corners) -> Colou
     Each board has a colour: lines along its rows and columns, rings at its corners (squares
     where a second look found them), a disc at corner (0, 0), arrows along growing column (x)
     and growing row (y) from the first corner in view, column and row numbers at the edges.
-    Grids that were left out are red crosses with the reason beside them; candidate corners that
-    belong to no grid are grey dots. The caption counts them all.
+    Grids that were left out are red crosses with the reason beside them. Of the candidate corners
+    that belong to no grid, those as clear as a grid's are grey dots: noise has others by the
+    thousand. The caption counts them all.
 
     Args:
         picture: (H, W) grey photo, 8 or 16 bits.
@@ -58,8 +68,8 @@ def draw_found(picture: Picture, report: PhotoReport, corners: Corners) -> Colou
     """
     canvas = Canvas(picture)
     boards, left_out = _boards(report, corners), _left_out(report)
-    if report.found is not None:
-        canvas.dots(report.found.refused, REFUSED, canvas.unit)
+    dots = _clear(picture, report, [*boards, *(mesh for mesh, _ in left_out)])
+    canvas.dots(dots, REFUSED, 1.5 * canvas.unit)
     for mesh, _ in left_out:
         _draw_left_out(canvas, mesh)
     letters = []
@@ -67,7 +77,7 @@ def draw_found(picture: Picture, report: PhotoReport, corners: Corners) -> Colou
         _draw_lines(canvas, board, board.colour)
         _draw_marks(canvas, board)
         letters += _draw_axes(canvas, board)
-    canvas.caption(_caption(report, boards))
+    canvas.caption(_caption(report, boards, len(dots)))
     plates = [(board, board.name, board.colour) for board in boards]
     reasons = [(mesh, f"left out: {why}", LEFT_OUT) for mesh, why in left_out]
     for mesh, text, colour in (*plates, *reasons):
@@ -180,6 +190,19 @@ def _left_out(report: PhotoReport) -> list[tuple[_Mesh, str]]:
         for grid, fate in zip(report.found.grids, report.grids, strict=True)
         if not fate.named
     ]
+
+
+def _clear(picture: Picture, report: PhotoReport, found: Sequence[_Mesh]) -> FloatArray:
+    """Candidates (K, 2) of no grid that are nearly as contrasty as the grids' corners, if any.
+
+    The clearest come first, and no more than can be told apart in a drawing.
+    """
+    refused = np.empty((0, 2)) if report.found is None else report.found.refused
+    contrast = local_contrast(picture, refused)
+    own = [local_contrast(picture, mesh.pixel) for mesh in found]
+    least = _CLEAR * float(np.median(np.concatenate(own))) if own else 0.0
+    order = np.argsort(-contrast, kind="stable")
+    return refused[order[contrast[order] >= least][:_MOST_DOTS]]
 
 
 def _draw_lines(canvas: Canvas, mesh: _Mesh, colour: Colour) -> None:
@@ -300,7 +323,7 @@ def _some(numbers: list[int], every: int) -> list[int]:
     return [*numbers[:1], *numbers[1:][-1:], *between]
 
 
-def _caption(report: PhotoReport, boards: Sequence[_Board]) -> list[tuple[str, Colour]]:
+def _caption(report: PhotoReport, boards: Sequence[_Board], dots: int) -> list[tuple[str, Colour]]:
     """The photo's name and how much of everything is drawn, in the colours it is drawn in."""
     count = sum(len(board.cells) for board in boards)
     added = sum(int(board.added.sum()) for board in boards)
@@ -319,7 +342,8 @@ def _caption(report: PhotoReport, boards: Sequence[_Board]) -> list[tuple[str, C
     elif report.problem is not None:
         parts.append((report.problem, LEFT_OUT))
     if refused:
-        parts.append((f"{refused} in no grid (dots)", REFUSED))
+        clear = f"{dots} of {refused}" if dots < refused else str(refused)
+        parts.append((f"{clear} in no grid (dots)", REFUSED))
     return parts
 
 
