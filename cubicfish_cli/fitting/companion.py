@@ -12,7 +12,7 @@ import numpy.typing as npt
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.adjustment import Adjustment, adjust
+from cubicfish_cli.fitting.adjustment import COLD_DAMPING, WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.bent import BentFit, bend
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.lenses import RadialFit
@@ -91,9 +91,18 @@ class Companion:
     @property
     def covered(self) -> float:
         """Angle from the axis of the farthest corner that is not gross, radians."""
+        return self.reached[1]
+
+    @property
+    def reached(self) -> tuple[float, float]:
+        """Angles from the axis of the nearest and of the farthest corner that is not gross.
+
+        In the middle of a mirror camera's picture is the camera itself.
+        """
         angle = angle_from_axis(self.poses.apply(self.pairs.image, self.pairs.world))
         length = np.hypot(self.residual[:, 0], self.residual[:, 1])
-        return float(angle[length <= gross_px(self.residual)].max())
+        good = angle[length <= gross_px(self.residual)]
+        return float(good.min()), float(good.max())
 
 
 def fit_companion(pairs: Correspondences, *, thorough: bool = True) -> Companion:
@@ -281,8 +290,9 @@ def _with_terms(fit: Adjustment, pairs: Correspondences, terms: int) -> Adjustme
 
 def _adjusted(fit: Adjustment, pairs: Correspondences) -> Adjustment:
     """Continue with a loss that follows the residuals down to the noise."""
-    for _ in range(2):
-        fit = adjust(fit.lens, fit.poses, pairs, huber_px=huber_px(fit.residual))
+    for damping in (COLD_DAMPING, WARM_DAMPING):
+        limit = huber_px(fit.residual)
+        fit = adjust(fit.lens, fit.poses, pairs, huber_px=limit, damping=damping)
     return fit
 
 
