@@ -175,7 +175,7 @@ def test_the_pull_of_offsets_is_in_hessian_and_gradient(pairs, cubic):
 
 def test_a_last_step_that_is_trusted_ends_nearer_to_the_optimum(pairs, cubic):
     start = cubic.lens.with_parameters(cubic.lens.parameters * (1 + 1e-5))
-    rough = dict(huber_px=5.0, relative_decrease=1e-2, damping=adjustment.WARM_DAMPING)
+    rough = {"huber_px": 5.0, "relative_decrease": 1e-2, "damping": adjustment.WARM_DAMPING}
     best = adjust(start, cubic.poses, pairs, huber_px=5.0)
 
     def above(fit):
