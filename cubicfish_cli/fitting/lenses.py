@@ -149,13 +149,17 @@ class RayPrior:
             (2M + L,) and its derivatives by that lens's parameters (2M + L, K).
 
         """
+        return self._misses(pixel, self.nearest_lens(pixel))
+
+    def nearest_lens(self, pixel: FloatArray) -> BentFit:
+        """The bent lens nearest to pixels (M, 2) at the rays."""
         lens = self.lens
         for _ in range(_NEAREST_ROUNDS):
             miss, by_lens = self._misses(pixel, lens)
             scale = 1 / np.linalg.norm(by_lens, axis=0)
             step = np.linalg.lstsq(by_lens * scale, -miss, rcond=None)[0]
             lens = lens.with_parameters(lens.parameters + scale * step)
-        return self._misses(pixel, lens)
+        return lens
 
     @cached_property
     def _still(self) -> StillRays:
