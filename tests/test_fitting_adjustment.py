@@ -171,3 +171,18 @@ def test_the_pull_of_offsets_is_in_hessian_and_gradient(pairs, cubic):
         held.corner - free.corner, np.broadcast_to(pull * np.eye(3), held.corner.shape), atol=1e-6
     )
     np.testing.assert_allclose(held.corner_gradient - free.corner_gradient, 0.003 * pull)
+
+
+def test_a_last_step_that_is_trusted_ends_nearer_to_the_optimum(pairs, cubic):
+    start = cubic.lens.with_parameters(cubic.lens.parameters * (1 + 1e-5))
+    rough = {"huber_px": 5.0, "relative_decrease": 1e-2, "damping": adjustment.WARM_DAMPING}
+    best = adjust(start, cubic.poses, pairs, huber_px=5.0)
+
+    def above(fit):
+        return cost(fit.lens, fit.poses, pairs, 5.0) / best.cost - 1
+
+    seen = adjust(start, cubic.poses, pairs, **rough)
+    trusted = adjust(start, cubic.poses, pairs, trust_last=True, **rough)
+    assert seen.iterations == trusted.iterations
+    assert above(trusted) < 0.01 * above(seen)
+    assert above(seen) > 0

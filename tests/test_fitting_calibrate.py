@@ -14,9 +14,10 @@ from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.companion import fit_companion
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.evaluate import evaluate
-from cubicfish_cli.fitting.subset import select, select_photos
+from cubicfish_cli.fitting.subset import select, select_photos, world_scale
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.model.soundness import check_soundness, cone_rays
+from cubicfish_cli.rendering.outside import outside_lens
 
 pytestmark = pytest.mark.slow
 
@@ -321,3 +322,25 @@ def test_left_out_photos_choose_how_p_is_held(pairs):
     noisy = replace(few, pixel=few.pixel + rng.normal(0, 0.6, few.pixel.shape))
     result = calibrate(noisy)
     assert result.held_out.rms_px <= 1.005 * result.held_out.companion_rms_px
+
+
+def test_p_is_held_firmly_only_as_far_from_the_axis_as_corners_are():
+    """In the middle of a mirror camera's picture no corner is, and its radial lens is a guess."""
+    lens, target = outside_lens("mirror"), synthetic.corner_of_three()
+    poses = synthetic.poses_around(target, 6, seed=2, off_axis_deg=100)
+    pairs = synthetic.synthetic_correspondences(
+        target, poses, lens=lens, image_size=lens.image_size, noise=0.1
+    )
+    pairs, _ = select(pairs, lens.unproject(pairs.pixel)[:, 2] < np.cos(np.radians(55)))
+    companion = fit_companion(replace(pairs, world=pairs.world / world_scale(pairs)))
+    nearest, farthest = np.rad2deg(companion.reached)
+    assert 54 < nearest < 56
+    assert 102 < farthest < 103
+    start = cubic_fit.start_lens(companion, Hold(spread=0.0, weight=3.0))
+    prior = start.ray_prior
+    angle = np.rad2deg(np.arccos(prior.rays[:, 2]))
+    held = (angle > nearest) & (angle < farthest)
+    assert set(prior.weights[held]) == {3.0}
+    assert set(prior.weights[~held]) == {0.1}
+    miss = start.project(prior.rays) - companion.camera.project(prior.rays)
+    assert np.abs(miss[held]).max() < 0.02

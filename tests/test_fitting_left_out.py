@@ -10,10 +10,13 @@ from lenses import radial_camera
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.companion import fit_companion
 from cubicfish_cli.fitting.cubic_fit import Hold, cubic_of, fit_cubic
+from cubicfish_cli.fitting.folds import photo_folds
+from cubicfish_cli.fitting.held_out import held_out_error
 from cubicfish_cli.fitting.hold import UNTOLD, choose_hold
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.refined_world import RefinedWorld
+from cubicfish_cli.fitting.refinement import Drawing, ObjectFit, refine_object
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select_photos, world_scale
@@ -103,3 +106,18 @@ def test_photos_left_out_see_asymmetry_that_is_there(target):
 
 def test_without_photos_to_leave_out_the_hold_is_a_middle_one(companion):
     assert choose_hold(companion, []).hold == UNTOLD
+
+
+@pytest.mark.parametrize("level", ["off", "points"])
+def test_folds_that_start_a_step_away_end_where_fits_anew_do(companion, target, level):
+    fit = ObjectFit(level="off", companion=companion, cubic=fit_cubic(companion, HOLD))
+    if level == "points":
+        scale = float(np.ptp(target.corners()[3]) / np.ptp(companion.pairs.world))
+        drawing = Drawing(target=target, pairs=companion.pairs, scale=scale)
+        fit = refine_object(fit, drawing, level, FOLDS)
+    found = held_out_error(fit)
+    parts = photo_folds(fit.cubic.poses, companion.pairs, companion.camera.fx)
+    pairs = fit.companion.pairs
+    expected = [anew(fit.cubic.fit, pairs, pairs.image_size, part) for part in parts]
+    assert found.folds == len(parts) == 5
+    assert found.rms_px == pytest.approx(rms_px(np.vstack(expected)), rel=2e-3)

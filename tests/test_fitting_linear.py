@@ -52,3 +52,18 @@ def test_the_pull_keeps_poles_out_of_a_smooth_lens():
         values = lift(rays) @ P.T
         miss = values[:, :2] / values[:, 2:] * camera.fx + CENTRE - camera.project(rays)
         assert np.abs(miss).max() < 0.1
+
+
+def test_rays_of_little_weight_say_little():
+    """A lens that is no cubic in its middle is met all the same where the weight is."""
+    camera = cubic_camera(bend=0.01)
+    rays = random_rays(90, 400)
+    middle = rays[:, 2] > np.cos(np.deg2rad(30))
+    pixel = camera.project(rays)
+    pixel[middle] += [40, -25] * np.sin(20 * rays[middle, :1])
+
+    def miss(**weights):
+        found = linear_coefficients(rays, (pixel - CENTRE) / SCALE, denominator_pull=0, **weights)
+        return np.abs(_pixels(found, rays[~middle]) - pixel[~middle]).max()
+
+    assert miss(weights=np.where(middle, 1e-6, 1.0)) < 1e-3 < 1 < miss()

@@ -12,7 +12,7 @@ from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.companion import fit_companion
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.photo_spread import photo_spread
-from cubicfish_cli.fitting.subset import world_scale
+from cubicfish_cli.fitting.subset import select, world_scale
 from cubicfish_cli.fitting.uncertainty import camera_uncertainty
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.soundness import cone_rays
@@ -110,3 +110,26 @@ def test_a_rival_hold_adds_how_far_its_camera_is():
     distance, _ = aligned_difference(lens, camera_of(companion, cubic), rays)
     added = np.sqrt(np.mean(other**2 - alone**2))
     assert added == pytest.approx(np.sqrt(np.mean(np.sum(distance**2, axis=1))), rel=0.35)
+
+
+def test_in_an_empty_middle_two_guesses_are_off_by_what_they_differ_by():
+    """No corner is nearer to a mirror camera's axis than 55°: 50° is as near as one says much."""
+    lens = outside_lens("mirror")
+    poses = synthetic.poses_around(TARGET, 8, seed=0, off_axis_deg=100)
+    pairs = synthetic.synthetic_correspondences(
+        TARGET, poses, lens=lens, image_size=lens.image_size, noise=0.1
+    )
+    pairs, _ = select(pairs, lens.unproject(pairs.pixel)[:, 2] < np.cos(np.radians(55)))
+    companion = fit_companion(replace(pairs, world=pairs.world / world_scale(pairs)))
+    cubic = fit_cubic(companion, HOLD)
+    spread = photo_spread(cubic, companion, np.arange(len(pairs.images)))
+    rays = cone_rays(companion.covered, 500)
+    empty = rays[:, 2] > np.cos(np.radians(49))
+    near = rays[:, 2] < np.cos(np.radians(51))
+    sigma, of_data = spread.sigma_px(rays), replace(spread, empty=0.0).sigma_px(rays)
+    np.testing.assert_array_equal(sigma[near], of_data[near])
+    differ = cubic.lens.project(rays[empty]) - spread.held_to.project(rays[empty])
+    assert np.hypot(*differ.T).max() > 0.01
+    np.testing.assert_allclose(
+        sigma[empty] ** 2 - of_data[empty] ** 2, np.sum(differ**2, axis=1), atol=1e-9
+    )

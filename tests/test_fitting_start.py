@@ -10,6 +10,7 @@ from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.poses import Poses, cross_matrix, rotation_from_vector
 from cubicfish_cli.fitting.radial_pose import depth_shift, radial_poses
 from cubicfish_cli.fitting.start import start_at_centre
+from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.model.radial import RadialCamera
 
 RNG = np.random.default_rng(3)
@@ -134,3 +135,19 @@ def test_a_photo_with_wrong_names_is_named_and_left_out():
     assert list(companion.unfit) == ["03.png"]
     assert "03.png" not in companion.pairs.images
     assert np.median(np.hypot(*companion.residual.T)) < 0.4
+
+
+def test_a_few_corners_placed_wrongly_are_judged_by_the_lens_of_the_others():
+    """Together with the others they would make another lens, which misses them by half as much."""
+    truth = RadialCamera(image_size=(960, 720), fx=500, fy=500, cx=900, cy=60, k=np.zeros(4))
+    target = synthetic.corner_of_three()
+    poses = synthetic.poses_around(target, 8, seed=5, off_axis_deg=50)
+    pairs = synthetic.synthetic_correspondences(target, poses, lens=truth, noise=0.1)
+    few = np.bincount(pairs.image)[[0, 1, 5]]
+    assert few.max() < 10
+    companion = fit_companion(pairs)
+    assert list(companion.unfit) == ["00.png", "01.png", "05.png"]
+    by_truth, _, _ = fit_poses(truth, select_photos(pairs, np.array([5])))
+    missed = np.median(np.hypot(*by_truth.residual.T))
+    assert missed > 50
+    assert companion.unfit["05.png"].figures["error_px"] > 0.75 * missed

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lenses import cubic_camera, numeric_jacobian, radial_camera, random_rays
 
-from cubicfish_cli.fitting.bent import BentFit
+from cubicfish_cli.fitting.bent import BentFit, StillRays
 from cubicfish_cli.fitting.lenses import CubicFit, FixedLens, RadialFit, RayPrior
 from cubicfish_cli.model.cubic import UNPROJECT_TOLERANCE_PX, CubicCamera
 from cubicfish_cli.model.lift import SIZE, sphere_basis
@@ -228,6 +228,15 @@ def test_derivatives_on_the_axis():
     assert np.isfinite(pixel).all()
     assert np.isfinite(d_parameters).all()
     np.testing.assert_allclose(d_point, numeric_jacobian(lens.project, points), atol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["bent", "bent, one term"])
+def test_rays_that_never_move_are_seen_as_any_others(name):
+    lens, rays = LENSES[name], np.vstack([random_rays(120, 60), [[0, 0, 1]]])
+    pixel, by_parameters = lens.seen(StillRays.of(rays))
+    expected, _, by_lens = lens.project_jacobian(rays)
+    np.testing.assert_allclose(pixel, expected, atol=1e-9)
+    np.testing.assert_allclose(by_parameters, by_lens, atol=1e-9)
 
 
 def test_derivatives_by_the_parameters(lens):

@@ -88,6 +88,7 @@ def adjust(
     max_iterations: int = _MAX_ITERATIONS,
     relative_decrease: float = _RELATIVE_DECREASE,
     damping: float = COLD_DAMPING,
+    trust_last: bool = False,
 ) -> Adjustment:
     """Minimise the Huber loss of the reprojection error over lens, poses and object.
 
@@ -100,6 +101,9 @@ def adjust(
         max_iterations: steps to try at most.
         relative_decrease: stop when a step lowers the cost by less than this share.
         damping: of the first step; less near the optimum.
+        trust_last: near the optimum, also take the step that is too small to be worth looking at.
+            Lens, poses and object are then right to its square; what is said of residuals, cost
+            and equations is of the state before.
 
     Returns:
         The best state found. A step that does not lower the cost is never taken.
@@ -122,6 +126,7 @@ def adjust(
         # Far from the optimum, or damped, a step says too little of what is left to gain.
         gains = normal.expected_decrease(step) >= relative_decrease * now.cost
         if near and not gains and damping < COLD_DAMPING:
+            state = state.moved(*step) if trust_last else state
             break
         iterations += 1
         candidate = state.moved(*step)

@@ -29,6 +29,33 @@ _CENTRE_SPREAD = 0.01
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class StillRays:
+    """Rays that never move, as a radial lens of focal length 1 sees them.
+
+    Attributes:
+        theta: (N,) angles from the axis, radians.
+        odd: (N, 4) θ³, θ⁵, θ⁷, θ⁹.
+        direction: (N, 2) where in the image they lie from its centre, of length 1; 0 on the axis.
+
+    """
+
+    theta: FloatArray
+    odd: FloatArray
+    direction: FloatArray
+
+    @classmethod
+    def of(cls, rays: FloatArray) -> StillRays:
+        """Of unit rays (N, 3)."""
+        rho = np.hypot(rays[:, 0], rays[:, 1])
+        theta = np.arctan2(rho, rays[:, 2])
+        return cls(
+            theta=theta,
+            odd=theta[:, None] ** np.array([3, 5, 7, 9]),
+            direction=rays[:, :2] / np.maximum(rho, 1e-300)[:, None],
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class BentFit:
     """A Kannala–Brandt lens with Brown's decentring (1966), a tilted sensor and skew.
 
@@ -56,6 +83,14 @@ class BentFit:
     anchor: FloatArray | None = None
     anchor_px: float = np.inf
 
+    @classmethod
+    def unbent(
+        cls, camera: RadialCamera, *, terms: int = 4, noise_px: float = 1.0, spread: float = 0.0
+    ) -> BentFit:
+        """A radial lens as the perfectly symmetric one of these."""
+        values = np.concatenate([camera.parameters, np.zeros(_BENDS)])
+        return cls(values=values, terms=terms, noise_px=noise_px, spread=spread)
+
     @property
     def _free(self) -> npt.NDArray[np.intp]:
         return np.r_[0 : 4 + self.terms, 8 : 8 + (_BENDS if self.spread else 0)]
@@ -77,10 +112,31 @@ class BentFit:
 
     def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
-        focal, centre = self.values[:2], self.values[2:4]
-        p1, p2, t1, t2, skew = self.values[8:]
         plain = np.array([1, 1, 0, 0, *self.values[4:8]])
         flat, flat_by_point, flat_by_values = project_jacobian(plain, points)
+        pixel, by_flat, by_values = self._bent(flat)
+        by_values[:, :, 4:8] = by_flat @ flat_by_values[:, :, 4:]
+        return pixel, by_flat @ flat_by_point, by_values[:, :, self._free]
+
+    def seen(self, rays: StillRays) -> tuple[FloatArray, FloatArray]:
+        """Pixels (N, 2) of rays and their derivatives by the free parameters (N, 2, K).
+
+        What :meth:`project_jacobian` says of them, at a fraction of the cost.
+        """
+        radius = rays.theta + rays.odd @ self.values[4:8]
+        pixel, by_flat, by_values = self._bent(rays.direction * radius[:, None])
+        outwards = (by_flat @ rays.direction[:, :, None])[:, :, 0]
+        by_values[:, :, 4:8] = outwards[:, :, None] * rays.odd[:, None, :]
+        return pixel, by_values[:, :, self._free]
+
+    def _bent(self, flat: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """From the radial lens of focal length 1 on: (N, 2) -> pixels and their derivatives.
+
+        By the point in that lens's image (N, 2, 2), and by ``values`` (N, 2, 13), of which the
+        profile's are left to the caller.
+        """
+        focal, centre = self.values[:2], self.values[2:4]
+        p1, p2, t1, t2, skew = self.values[8:]
         a, b = flat.T
         square = a * a + b * b
         moved = np.stack(
@@ -114,12 +170,11 @@ class BentFit:
         by_values[:, 0, 0] = tilted[:, 0]
         by_values[:, 1, 1] = tilted[:, 1]
         by_values[:, 0, 2] = by_values[:, 1, 3] = 1
-        by_values[:, :, 4:8] = by_flat @ flat_by_values[:, :, 4:]
         by_values[:, :, 8:10] = by_bends[:, :, :2]
         by_values[:, :, 10:12] = -(focal * tilted)[:, :, None] * tilted[:, None, :]
         by_values[:, :, 12] = by_bends[:, :, 2]
         pixel = np.where(np.isfinite(tilted), focal * tilted + centre, np.inf)
-        return pixel, by_flat @ flat_by_point, by_values[:, :, self._free]
+        return pixel, by_flat, by_values
 
     def prior(self) -> tuple[FloatArray, FloatArray]:
         """The pulls to symmetry and to the anchor, weak: (L,) pixels, (L, K)."""
@@ -155,12 +210,8 @@ def bend(
         spread: expected asymmetry, see :class:`BentFit`.
 
     """
-    lens = BentFit(
-        values=np.concatenate([camera.parameters, np.zeros(_BENDS)]),
-        terms=terms,
-        noise_px=max(noise_px(residual), 1e-3),
-        spread=spread,
-    )
+    noise = max(noise_px(residual), 1e-3)
+    lens = BentFit.unbent(camera, terms=terms, noise_px=noise, spread=spread)
     if spread:
         fit = adjust(lens, poses, pairs, huber_px=huber_px(residual), relative_decrease=_DECREASE)
         if not isinstance(fit.lens, BentFit):

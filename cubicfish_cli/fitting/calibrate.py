@@ -374,9 +374,8 @@ def _without_gross(companion: Companion) -> tuple[ObjectFit, tuple[DroppedCorner
         miss -= everything.pixel
         length = np.minimum(np.hypot(miss[:, 0], miss[:, 1]), max(everything.image_size))
         good = length <= gross_px(cubic.residual)
-    fit = ObjectFit(
-        level="off", companion=companion, cubic=choose_hold(companion, folds_of(companion))
-    )
+    cubic = choose_hold(companion, folds_of(companion), start=cubic, everywhere=True)
+    fit = ObjectFit(level="off", companion=companion, cubic=cubic)
     return fit, tuple(_dropped(everything, ~kept, length))
 
 

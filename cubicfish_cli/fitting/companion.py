@@ -12,7 +12,7 @@ import numpy.typing as npt
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.adjustment import Adjustment, adjust
+from cubicfish_cli.fitting.adjustment import COLD_DAMPING, WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.bent import BentFit, bend
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.lenses import RadialFit
@@ -49,6 +49,8 @@ _PHOTOS_FOR_CENTRE = 8
 # A photo is set aside in the first fit when its start is this many times worse than the median.
 _BAD_START = 6.0
 _ROUNDS = 3
+# Photos that are added may make the others this many times as noisy.
+_PULLED_AWAY = 2.0
 # A profile with fewer coefficients may be noisier by this factor.
 _WORTH_A_TERM = 1.05
 _ALL_TERMS = 4
@@ -91,9 +93,18 @@ class Companion:
     @property
     def covered(self) -> float:
         """Angle from the axis of the farthest corner that is not gross, radians."""
+        return self.reached[1]
+
+    @property
+    def reached(self) -> tuple[float, float]:
+        """Angles from the axis of the nearest and of the farthest corner that is not gross.
+
+        In the middle of a mirror camera's picture is the camera itself.
+        """
         angle = angle_from_axis(self.poses.apply(self.pairs.image, self.pairs.world))
         length = np.hypot(self.residual[:, 0], self.residual[:, 1])
-        return float(angle[length <= gross_px(self.residual)].max())
+        good = angle[length <= gross_px(self.residual)]
+        return float(good.min()), float(good.max())
 
 
 def fit_companion(pairs: Correspondences, *, thorough: bool = True) -> Companion:
@@ -116,14 +127,14 @@ def fit_companion(pairs: Correspondences, *, thorough: bool = True) -> Companion
     unfit: dict[str, Finding] = {}
     for _ in range(_ROUNDS):
         missing = np.setdiff1d(np.arange(len(pairs.images)), used)
-        fit, used = _with_missing(fit, used, pairs, missing)
+        fit, used, refused = _with_missing(fit, used, pairs, missing)
         own = select_photos(pairs, used)
         fit = _adjusted(fit, own)
         unfit = {
-            pairs.images[photo]: Finding(code=Code.TOO_FEW_CORNERS)
-            for photo in np.setdiff1d(missing, used)
+            pairs.images[photo]: refused.get(photo, Finding(code=Code.TOO_FEW_CORNERS))
+            for photo in np.setdiff1d(missing, used).tolist()
         }
-        bad = _bad_photos(fit, own)
+        bad = _bad_photos(fit, own, gross_px(fit.residual))
         unfit |= {own.images[photo]: why for photo, why in bad.items()}
         if not bad:
             break
@@ -281,8 +292,9 @@ def _with_terms(fit: Adjustment, pairs: Correspondences, terms: int) -> Adjustme
 
 def _adjusted(fit: Adjustment, pairs: Correspondences) -> Adjustment:
     """Continue with a loss that follows the residuals down to the noise."""
-    for _ in range(2):
-        fit = adjust(fit.lens, fit.poses, pairs, huber_px=huber_px(fit.residual))
+    for damping in (COLD_DAMPING, WARM_DAMPING):
+        limit = huber_px(fit.residual)
+        fit = adjust(fit.lens, fit.poses, pairs, huber_px=limit, damping=damping)
     return fit
 
 
@@ -299,26 +311,47 @@ def _camera(fit: Adjustment, pairs: Correspondences) -> RadialCamera:
 
 def _with_missing(
     fit: Adjustment, used: IntArray, pairs: Correspondences, missing: IntArray
-) -> tuple[Adjustment, IntArray]:
-    """Add the photos that the start set aside, placed with the lens that the others gave."""
+) -> tuple[Adjustment, IntArray, dict[int, Finding]]:
+    """Add the photos that the start set aside, placed with the lens that the others gave.
+
+    Where these pull the others' corners away from a lens that fitted, those that are placed
+    grossly wrong under that lens are refused: a few corners say little of their photo's pose, and
+    a pose that is far off may turn a good lens into another. A photo that shows for the first time
+    how the lens goes on at the rim pulls nobody away.
+
+    Returns:
+        The fit, its photos, and why each photo that could be placed was refused.
+
+    """
     if not missing.size:
-        return fit, used
-    found, _, placed = fit_poses(_camera(fit, pairs), select_photos(pairs, missing))
+        return fit, used, {}
+    found, own, placed = fit_poses(_camera(fit, pairs), select_photos(pairs, missing))
     if found is None:
-        return fit, used
-    everyone = np.concatenate([used, missing[placed]])
+        return fit, used, {}
+    photos = missing[placed]
+    joined, everyone = _joined(fit, used, pairs, found.poses, photos)
+    others = np.isin(select_photos(pairs, everyone).image, np.searchsorted(everyone, used))
+    if noise_px(joined.residual[others]) <= _PULLED_AWAY * noise_px(fit.residual):
+        return joined, everyone, {}
+    wrong = _bad_photos(found, own, gross_px(fit.residual))
+    good = np.setdiff1d(np.arange(len(placed)), list(wrong))
+    joined, everyone = _joined(fit, used, pairs, found.poses[good], photos[good])
+    return joined, everyone, {int(photos[photo]): why for photo, why in wrong.items()}
+
+
+def _joined(
+    fit: Adjustment, used: IntArray, pairs: Correspondences, poses: Poses, photos: IntArray
+) -> tuple[Adjustment, IntArray]:
+    """A fit to photos that are used already and to others, whose poses are known roughly."""
+    everyone = np.concatenate([used, photos])
     order = np.argsort(everyone, kind="stable")
-    poses = Poses.joined([fit.poses, found.poses])[order]
-    used = everyone[order]
-    return (
-        adjust(fit.lens, poses, select_photos(pairs, used), huber_px=huber_px(fit.residual)),
-        used,
-    )
+    poses, everyone = Poses.joined([fit.poses, poses])[order], everyone[order]
+    limit = huber_px(fit.residual)
+    return adjust(fit.lens, poses, select_photos(pairs, everyone), huber_px=limit), everyone
 
 
-def _bad_photos(fit: Adjustment, pairs: Correspondences) -> dict[int, Finding]:
-    """Photos of which most corners are gross, with the reason."""
-    limit = gross_px(fit.residual)
+def _bad_photos(fit: Adjustment, pairs: Correspondences, limit: float) -> dict[int, Finding]:
+    """Photos of which most corners are off by more than a limit in pixels, with the reason."""
     length = np.hypot(fit.residual[:, 0], fit.residual[:, 1])
     bad = {}
     for photo in range(len(pairs.images)):

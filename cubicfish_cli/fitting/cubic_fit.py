@@ -17,7 +17,7 @@ import numpy.typing as npt
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import COLD_DAMPING, WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.companion import MARGIN_DEG, Companion
-from cubicfish_cli.fitting.lenses import CubicFit, RayPrior
+from cubicfish_cli.fitting.lenses import WEIGHT_BEYOND, CubicFit, RayPrior
 from cubicfish_cli.fitting.linear import linear_coefficients
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px, noise_px
@@ -241,14 +241,18 @@ def start_lens(
 
     """
     camera = companion.camera
-    covered = companion.covered
+    nearest, covered = companion.reached
     rays = cone_rays(prior_cone(camera, covered), _PRIOR_RAYS)
     bent, _ = companion.bent(hold.spread)
     pixel = (companion.bent(0.0)[0] if symmetric else bent).project(rays)
     centre = np.array([camera.cx, camera.cy])
     scale = (camera.fx + camera.fy) / 2
+    within = (rays[:, 2] >= np.cos(covered)) & (rays[:, 2] <= np.cos(nearest))
     coefficients = linear_coefficients(
-        rays, (pixel - centre) / scale, denominator_pull=denominator_pull
+        rays,
+        (pixel - centre) / scale,
+        denominator_pull=denominator_pull,
+        weights=np.where(within, 1.0, WEIGHT_BEYOND),
     )
     values = lift(rays) @ sphere_basis()
     mean_values = values.mean(axis=0)
@@ -261,7 +265,7 @@ def start_lens(
         ray_prior=RayPrior(
             rays=rays,
             lens=bent,
-            within=rays[:, 2] >= np.cos(covered),
+            within=within,
             weight=hold.weight,
             denominator=values @ coefficients[2],
             denominator_weight=_denominator_weight(companion),

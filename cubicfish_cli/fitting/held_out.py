@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.fitting.adjustment import WARM_DAMPING, adjust
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.companion import radial_of
 from cubicfish_cli.fitting.cubic_fit import cubic_of
 from cubicfish_cli.fitting.folds import photo_folds
+from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import FixedLens, RadialFit
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refined_world import RefinedWorld
@@ -20,14 +23,20 @@ from cubicfish_cli.fitting.refinement import ObjectFit
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select, select_photos
+from cubicfish_cli.fitting.world import World
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.radial import RadialCamera
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
 
-# A fold's cost need not be known better than its few photos tell.
-_FOLD_DECREASE = 1e-5
+# A step that lowers a fold's cost by less is taken unseen.
+_FOLD_DECREASE = 1e-4
+_RADIAL_DECREASE = 1e-5
+# Of poses alone, on the way and at their optimum.
+_WIDE_PX = 10.0
+_ROUGH_DECREASE = 1e-2
+_POSE_DECREASE = 1e-7
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,8 +76,8 @@ def held_out_error(
 
     Which photos are left out together, folds.py says. In each fold companion, P and,
     at its level, the object are fitted to the other photos; then only the poses of the photos left
-    out are fitted. The fits start where the fit to all photos ended, a few steps from their own
-    optimum; the priors and their weights are those that the fit to all photos chose.
+    out are fitted. The fits start a Gauss-Newton step from where the fit to all photos ended, next
+    to their own optimum; the priors and their weights are those that the fit to all photos chose.
 
     Args:
         fit: the fit to all photos.
@@ -81,11 +90,13 @@ def held_out_error(
     parts = photo_folds(fit.cubic.poses, fit.companion.pairs, fit.companion.camera.fx)
     if not parts:
         return None
+    limit = huber_px(fit.cubic.residual)
+    steps = Leaving(fit.cubic.fit, fit.companion.pairs, limit, parts).steps()
     measured = []
-    for done, test in enumerate(parts):
+    for done, (test, step) in enumerate(zip(parts, steps, strict=True)):
         if progress is not None:
             progress(done, len(parts))
-        measured.append(_fold(fit, test))
+        measured.append(_fold(fit, test, step))
     cubic, radial, images = zip(*measured, strict=True)
     square = np.sum(np.square(np.vstack(cubic)), axis=1)
     image, count = np.concatenate(images), len(fit.cubic.poses)
@@ -100,31 +111,26 @@ def held_out_error(
     )
 
 
-def _fold(fit: ObjectFit, test: IntArray) -> tuple[FloatArray, FloatArray, IntArray]:
+def _fold(
+    fit: ObjectFit, test: IntArray, step: tuple[FloatArray, FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray, IntArray]:
     """Residuals of the photos ``test`` under a fit to the others: the cubic's, the companion's.
 
-    And the photo of each of the cubic's.
+    And the photo of each of the cubic's. ``step`` leads from the fit to all nearly to that fit.
     """
     pairs, world = fit.companion.pairs, fit.cubic.fit.world
     out = np.isin(pairs.image, test)
     train = np.setdiff1d(np.arange(len(pairs.images)), test)
     training = select_photos(pairs, train)
-    trained = adjust(
-        fit.cubic.lens,
-        fit.cubic.poses[train],
-        training,
-        huber_px=huber_px(fit.cubic.residual),
-        world=world.select(np.flatnonzero(~out)),
-        relative_decrease=_FOLD_DECREASE,
-        damping=WARM_DAMPING,
-    )
+    trained = _trained(fit, train, training, world.select(np.flatnonzero(~out)), step)
     radial = adjust(
         RadialFit(values=fit.companion.camera.parameters, terms=fit.companion.terms),
         fit.companion.poses[train],
         replace(training, world=trained.world.points),
         huber_px=huber_px(fit.companion.residual),
-        relative_decrease=_FOLD_DECREASE,
+        relative_decrease=_RADIAL_DECREASE,
         damping=WARM_DAMPING,
+        trust_last=True,
     )
     camera = CubicCamera(
         image_size=pairs.image_size,
@@ -139,6 +145,38 @@ def _fold(fit: ObjectFit, test: IntArray) -> tuple[FloatArray, FloatArray, IntAr
     _, cubic, seen = pose_only_residual(camera, left_out, poses)
     _, of_radial, _ = pose_only_residual(camera.radial, left_out, poses)
     return cubic, of_radial, test[left_out.image[seen]]
+
+
+def _trained(
+    fit: ObjectFit,
+    train: IntArray,
+    training: Correspondences,
+    world: World,
+    step: tuple[FloatArray, FloatArray, FloatArray],
+) -> Adjustment:
+    """The cubic fitted to some of the photos.
+
+    From a step away, and from the fit to all where that step led nowhere.
+    """
+    lens, poses = fit.cubic.lens, fit.cubic.poses[train]
+    shared, pose, corner = step
+    count = len(lens.parameters)
+    near = lens.with_parameters(lens.parameters + shared[:count])
+    moved = world.moved(shared[count:], corner)
+    fitting = partial(
+        adjust,
+        pairs=training,
+        huber_px=huber_px(fit.cubic.residual),
+        relative_decrease=_FOLD_DECREASE,
+        damping=WARM_DAMPING,
+        trust_last=True,
+    )
+    try:
+        trained = fitting(near, poses.moved(pose[train]), world=moved)
+    except FitError:
+        return fitting(lens, poses, world=world)
+    # Fewer photos cannot cost more than all.
+    return trained if trained.cost <= fit.cubic.fit.cost else fitting(lens, poses, world=world)
 
 
 def pose_only_residual(
@@ -164,6 +202,21 @@ def pose_only_residual(
         return poses, np.zeros((0, 2)), index
     own, photos = select(pairs, inside)
     lens = FixedLens(camera=camera)
-    fit = adjust(lens, poses[photos], own, huber_px=10.0)
-    fit = adjust(lens, fit.poses, own, huber_px=huber_px(fit.residual))
+    # The first only leads to the second, whose loss follows what it leaves.
+    fit = adjust(
+        lens,
+        poses[photos],
+        own,
+        huber_px=_WIDE_PX,
+        relative_decrease=_ROUGH_DECREASE,
+        damping=WARM_DAMPING,
+    )
+    fit = adjust(
+        lens,
+        fit.poses,
+        own,
+        huber_px=huber_px(fit.residual),
+        relative_decrease=_POSE_DECREASE,
+        damping=WARM_DAMPING,
+    )
     return poses.with_photos(photos, fit.poses), fit.residual, index

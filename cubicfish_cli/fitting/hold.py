@@ -49,6 +49,7 @@ def choose_hold(
     *,
     world: World | None = None,
     start: CubicResult | None = None,
+    everywhere: bool = False,
 ) -> CubicResult:
     """Fit the cubic under the hold that photos left out speak for.
 
@@ -59,7 +60,8 @@ def choose_hold(
         companion: the radial fit.
         groups: photos to be left out together; fewer than two leave the choice open.
         world: the object, where it is free.
-        start: a fit to the same photos whose hold is where to begin; None to look everywhere.
+        start: a fit to the same photos whose hold is where to begin.
+        everywhere: look at all holds from there, as without a start; else at those around.
 
     Raises:
         FitError: no hold gives a sound camera.
@@ -70,7 +72,7 @@ def choose_hold(
         return fit_cubic(companion, hold, world=world, start=start)
     place, seen = _place_of(hold), list[_Place]()
     squares: dict[_Place, FloatArray] = {}
-    places = _EVERY_PLACE if start is None else _around(place)
+    places = _EVERY_PLACE if everywhere or start is None else _around(place)
     while place not in seen and len(seen) < _MOST_STEPS:
         seen.append(place)
         start = fit_cubic(

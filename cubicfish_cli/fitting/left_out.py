@@ -27,6 +27,8 @@ IntArray = npt.NDArray[np.intp]
 # Of the diagonal: what no other photo touches stays where it is.
 _DAMPING = 1e-9
 _SMALLEST_WEIGHT = 1e-12
+# Below this share of the largest, a singular value is rounding.
+_RANK = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,12 +66,18 @@ class _Part:
         pulled: FloatArray = (self.by_corner.transpose(0, 2, 1) @ own)[:, :, 0]
         return pulled
 
+    @cached_property
+    def _by_pose(self) -> FloatArray:
+        """(2n, 6) orthonormal: what a pose can make of the residuals."""
+        basis, size, _ = np.linalg.svd(self.pose, full_matrices=False)
+        return np.asarray(basis[:, size > _RANK * size[0]])
+
     def after(self, shared: FloatArray, offset: FloatArray) -> FloatArray:
         """Residuals (n, 2) after a step of what is shared, the photo's pose fitted anew."""
         residual = self.residual + self.shared @ shared
         if len(self.corner):
             residual = residual + (self.by_corner @ offset[self.corner, :, None]).reshape(-1)
-        residual = residual - self.pose @ np.linalg.lstsq(self.pose, residual, rcond=None)[0]
+        residual = residual - self._by_pose @ (self._by_pose.T @ residual)
         return residual.reshape(-1, 2) / self.root[:, None]
 
 
@@ -102,6 +110,10 @@ class Leaving:
             _without(fit.normal, photos, parts).eliminated(_DAMPING)
             for photos, parts in self._groups
         ]
+
+    def steps(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+        """Steps (K,), (M, 6) and (Q, 3) to the fit without each group; its own poses' are 0."""
+        return [equations.solve() for equations in self._equations]
 
     def left_out(self, lens: FitLens | None = None) -> list[LeftOut]:
         """Leave out each group in turn, and hold the lens as another one is held, where given.

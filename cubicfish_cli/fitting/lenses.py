@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.fitting.bent import BentFit, StillRays
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lift import evaluate_cubics, lift, sphere_basis
@@ -17,7 +18,8 @@ FloatArray = npt.NDArray[np.float64]
 
 # From a lens that is near, Gauss and Newton get to the nearest one in this many steps.
 _NEAREST_ROUNDS = 2
-_WEIGHT_BEYOND = 0.1
+WEIGHT_BEYOND = 0.1
+"""Largest weight of pseudo-observations where no corners are."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,23 +103,23 @@ class FixedLens:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RayPrior:
-    """Pseudo-observations that tie a lens to the nearest one of another, narrower kind.
+    """Pseudo-observations that tie a lens to the nearest bent one.
 
-    The other lens is as free as its kind allows: it follows, so that it is not what corners say
+    That lens is as free as its kind allows: it follows, so that it is not what corners say
     about both that is held fast.
 
     Attributes:
         rays: (M, 3) unit rays.
-        lens: one of the other kind that is near.
-        within: (M,) which rays are as near to the axis as corners are.
+        lens: a bent one that is near.
+        within: (M,) which rays are as far from the axis as corners are.
         weight: residuals are multiplied by this, among corners.
-        denominator: (M,) P3Φ of the other lens at the rays.
+        denominator: (M,) P3Φ of that lens at the rays.
         denominator_weight: pixels that a relative change of P3Φ by 1 counts as.
 
     """
 
     rays: FloatArray
-    lens: FitLens
+    lens: BentFit
     within: npt.NDArray[np.bool_]
     weight: float
     denominator: FloatArray
@@ -132,13 +134,13 @@ class RayPrior:
     def weights(self) -> FloatArray:
         """(M,) what the residuals at each ray are multiplied by.
 
-        Beyond the corners the other lens is a guess: there it is enough that no pole comes in,
+        Where no corners are that lens is a guess: there it is enough that no pole comes in,
         and a firm hold would have P follow the guess at the cost of what corners say.
         """
-        return np.where(self.within, self.weight, min(self.weight, _WEIGHT_BEYOND))
+        return np.where(self.within, self.weight, min(self.weight, WEIGHT_BEYOND))
 
     def nearest(self, pixel: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Weighted misses of the other kind's lens nearest to pixels, its own prior's after them.
+        """Weighted misses of the bent lens nearest to pixels, its own prior's after them.
 
         Args:
             pixel: (M, 2), finite.
@@ -147,16 +149,24 @@ class RayPrior:
             (2M + L,) and its derivatives by that lens's parameters (2M + L, K).
 
         """
+        return self._misses(pixel, self.nearest_lens(pixel))
+
+    def nearest_lens(self, pixel: FloatArray) -> BentFit:
+        """The bent lens nearest to pixels (M, 2) at the rays."""
         lens = self.lens
         for _ in range(_NEAREST_ROUNDS):
             miss, by_lens = self._misses(pixel, lens)
             scale = 1 / np.linalg.norm(by_lens, axis=0)
             step = np.linalg.lstsq(by_lens * scale, -miss, rcond=None)[0]
             lens = lens.with_parameters(lens.parameters + scale * step)
-        return self._misses(pixel, lens)
+        return lens
 
-    def _misses(self, pixel: FloatArray, lens: FitLens) -> tuple[FloatArray, FloatArray]:
-        seen, _, by_lens = lens.project_jacobian(self.rays)
+    @cached_property
+    def _still(self) -> StillRays:
+        return StillRays.of(self.rays)
+
+    def _misses(self, pixel: FloatArray, lens: BentFit) -> tuple[FloatArray, FloatArray]:
+        seen, by_lens = lens.seen(self._still)
         own, own_by_lens = lens.prior()
         miss = self.weights[:, None] * (pixel - seen)
         by_lens = -self.weights[:, None, None] * by_lens
@@ -283,10 +293,11 @@ class CubicFit:
         self, values: FloatArray, pixel: FloatArray, denominator: FloatArray
     ) -> FloatArray:
         share = self.scale * values / denominator[:, None]
-        jacobian = np.zeros((len(values), 2, 47))
-        jacobian[:, 0, :16] = share
-        jacobian[:, 1, 16:32] = share
-        jacobian[:, :, 32:] = -pixel[:, :, None] * (share @ self.denominator_basis)[:, None, :]
+        jacobian = np.empty((len(values), 2, 47))
+        jacobian[:, 0, :16] = jacobian[:, 1, 16:32] = share
+        jacobian[:, 0, 16:32] = jacobian[:, 1, :16] = 0
+        by_denominator = share @ self.denominator_basis
+        np.multiply(-pixel[:, :, None], by_denominator[:, None, :], out=jacobian[:, :, 32:])
         return jacobian
 
     @property

@@ -20,7 +20,12 @@ _SMALLEST_SHARE = 0.02
 
 
 def linear_coefficients(
-    rays: FloatArray, pixel: FloatArray, *, denominator_pull: float, rounds: int = ROUNDS
+    rays: FloatArray,
+    pixel: FloatArray,
+    *,
+    denominator_pull: float,
+    rounds: int = ROUNDS,
+    weights: FloatArray | None = None,
 ) -> FloatArray:
     """C (3, 16) with P = C Bᵀ, in the units of ``pixel``; the mean of P3Φ over the rays is 1.
 
@@ -34,14 +39,22 @@ def linear_coefficients(
         pixel: (N, 2), best normalised to order 1 (Hartley).
         denominator_pull: weight of P3Φ = 1 at each ray; 0 is the homogeneous system of the paper.
         rounds: reweighting rounds; 0 is the paper's plain solution.
+        weights: (N,) of each ray's two equations; 1 by default.
 
     """
     values = lift(rays) @ sphere_basis()
-    return linear_ratios(values, pixel, denominator_pull=denominator_pull, rounds=rounds)
+    return linear_ratios(
+        values, pixel, denominator_pull=denominator_pull, rounds=rounds, weights=weights
+    )
 
 
 def linear_ratios(
-    values: FloatArray, pixel: FloatArray, *, denominator_pull: float, rounds: int = ROUNDS
+    values: FloatArray,
+    pixel: FloatArray,
+    *,
+    denominator_pull: float,
+    rounds: int = ROUNDS,
+    weights: FloatArray | None = None,
 ) -> FloatArray:
     """C (3, K) whose ratios of rows C · values are the pixels; see :func:`linear_coefficients`.
 
@@ -50,12 +63,14 @@ def linear_ratios(
         pixel: (N, 2), best normalised to order 1 (Hartley).
         denominator_pull: weight of C3 · values = 1 at each point.
         rounds: reweighting rounds.
+        weights: (N,) of each point's two equations; 1 by default.
 
     """
     denominator = np.ones(len(values))
+    weight = denominator if weights is None else weights
     coefficients = np.zeros((3, values.shape[1]))
     for _ in range(rounds + 1):
-        rows = values / denominator[:, None]
+        rows = values * (weight / denominator)[:, None]
         zeros = np.zeros_like(rows)
         system = np.vstack(
             [

@@ -71,29 +71,49 @@ class NormalEquations:
     def eliminated(self, damping: float) -> Eliminated:
         """The damped equations with the larger family of small blocks eliminated."""
         shared, pose, corner = (_damped(x, damping) for x in (self.shared, self.pose, self.corner))
-        kept = _Kept.of(self, shared, pose, corner)
-        matrix, gradient, solved = kept.reduced()
-        return Eliminated(
-            matrix=matrix,
-            gradient=gradient,
-            solved=solved,
-            shared=len(shared),
-            corners=len(corner),
-            keeps_poses=kept.keeps_poses,
-        )
+        return self._eliminated(shared, pose, corner)
 
     def reduced_shared(self) -> FloatArray:
         """(K, K): the shared unknowns' Hessian with poses and corners eliminated, undamped."""
         floor = 1e-14
         shared = self.shared
         pose, corner = _damped(self.pose, floor), _damped(self.corner, floor)
-        reduced, _, _ = _Kept.of(self, shared, pose, corner).reduced()
+        reduced = self._eliminated(shared, pose, corner).matrix
         count = len(shared)
         rest = reduced[count:, count:]
         if not len(rest):
             return reduced
         cross = reduced[count:, :count]
         return reduced[:count, :count] - cross.T @ np.linalg.solve(rest, cross)
+
+    def _eliminated(self, shared: FloatArray, pose: FloatArray, corner: FloatArray) -> Eliminated:
+        """By the Schur complement of poses or corners, with these diagonal blocks."""
+        keeps_poses = 0 < pose.size // 6 <= corner.size // 3
+        if keeps_poses:
+            blocks, block_gradient = corner, self.corner_gradient
+            dense = _bordered(shared, self.shared_pose, pose)
+            cross = [self.shared_corner, self.pose_corner]
+            gradient = np.concatenate([self.shared_gradient, self.pose_gradient.ravel()])
+        else:
+            blocks, block_gradient = pose, self.pose_gradient
+            dense = _bordered(shared, self.shared_corner, corner)
+            cross = [self.shared_pose, self.pose_corner.T]
+            gradient = np.concatenate([self.shared_gradient, self.corner_gradient.ravel()])
+        count, size = blocks.shape[:2]
+        right = np.concatenate([*(part.T for part in cross), block_gradient.reshape(-1, 1)], axis=1)
+        inverse_root = _inverse_root(blocks)
+        half = inverse_root @ right.reshape(count, size, -1)
+        flat = half.reshape(count * size, -1)
+        product = flat.T @ flat
+        return Eliminated(
+            matrix=dense - product[:-1, :-1],
+            gradient=gradient - product[:-1, -1],
+            inverse_root=inverse_root,
+            half=half,
+            shared=len(shared),
+            corners=len(corner),
+            keeps_poses=keeps_poses,
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,7 +123,8 @@ class Eliminated:
     Attributes:
         matrix: (D, D), the K shared unknowns first.
         gradient: (D,).
-        solved: blocks⁻¹ [cross | gradient] of what was eliminated.
+        inverse_root: (n, b, b) R of each block that was eliminated, with RᵀR its inverse.
+        half: (n, b, D + 1) R [cross | gradient] of each.
         shared: K.
         corners: Q.
         keeps_poses: whether it was the corners that were eliminated.
@@ -112,7 +133,8 @@ class Eliminated:
 
     matrix: FloatArray
     gradient: FloatArray
-    solved: FloatArray
+    inverse_root: FloatArray
+    half: FloatArray
     shared: int
     corners: int
     keeps_poses: bool
@@ -134,7 +156,8 @@ class Eliminated:
             matrix[: len(gradient), : len(gradient)] += hessian
             right[: len(gradient)] += gradient
         step = -_solve_scaled(matrix, right)
-        other = -self.solved[..., -1] - self.solved[..., :-1] @ step
+        seen = self.half @ np.append(step, 1.0)
+        other = -np.einsum("nij,ni->nj", self.inverse_root, seen)
         first, second = step[: self.shared], step[self.shared :]
         if not self.corners:
             return first, other, np.zeros((0, 3))
@@ -153,76 +176,21 @@ class Eliminated:
         right = np.zeros(len(self.gradient))
         right[: self.shared] = shared
         if self.keeps_poses:
-            right -= np.einsum("qid,qi->d", self.solved[..., :-1], corner)
+            half = np.einsum("nij,nj->ni", self.inverse_root, corner)
+            right -= np.tensordot(half, self.half[..., :-1], 2)
         elif self.corners:
             right[self.shared :] = corner.reshape(-1)
         return -_solve_scaled(self.matrix, right)[: self.shared]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Kept:
-    """The system split into what is kept dense and the blocks that are eliminated."""
-
-    dense: FloatArray
-    cross: FloatArray
-    blocks: FloatArray
-    gradient: FloatArray
-    block_gradient: FloatArray
-    keeps_poses: bool
-
-    @classmethod
-    def of(
-        cls, normal: NormalEquations, shared: FloatArray, pose: FloatArray, corner: FloatArray
-    ) -> _Kept:
-        if not len(corner):
-            return cls(
-                dense=shared,
-                cross=normal.shared_pose,
-                blocks=pose,
-                gradient=normal.shared_gradient,
-                block_gradient=normal.pose_gradient,
-                keeps_poses=False,
-            )
-        if pose.size // 6 <= corner.size // 3:
-            return cls(
-                dense=_bordered(shared, normal.shared_pose, pose),
-                cross=np.vstack([normal.shared_corner, normal.pose_corner]),
-                blocks=corner,
-                gradient=np.concatenate([normal.shared_gradient, normal.pose_gradient.ravel()]),
-                block_gradient=normal.corner_gradient,
-                keeps_poses=True,
-            )
-        return cls(
-            dense=_bordered(shared, normal.shared_corner, corner),
-            cross=np.vstack([normal.shared_pose, normal.pose_corner.T]),
-            blocks=pose,
-            gradient=np.concatenate([normal.shared_gradient, normal.corner_gradient.ravel()]),
-            block_gradient=normal.pose_gradient,
-            keeps_poses=False,
-        )
-
-    def reduced(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The Schur complement: (D, D), its gradient (D,), and blocks⁻¹ [cross | gradient]."""
-        count, size = self.blocks.shape[:2]
-        cross = self.cross.reshape(len(self.cross), count, size).transpose(1, 2, 0)
-        right = np.concatenate([cross, self.block_gradient[:, :, None]], axis=2)
-        solved = _solve_blocks(self.blocks, right)
-        product = self.cross @ solved.reshape(count * size, -1)
-        return self.dense - product[:, :-1], self.gradient - product[:, -1], solved
-
-
-def _solve_blocks(blocks: FloatArray, right: FloatArray) -> FloatArray:
-    """blocks⁻¹ right of many small symmetric blocks (n, b, b), right (n, b, c).
-
-    By their Cholesky factors' inverses: products, where LAPACK would be called n times for c
-    columns each.
-    """
+def _inverse_root(blocks: FloatArray) -> FloatArray:
+    """R with RᵀR = block⁻¹ of many small symmetric blocks (n, b, b)."""
     try:
-        inverse = np.linalg.inv(np.linalg.cholesky(blocks))
+        return np.linalg.inv(np.linalg.cholesky(blocks))
     except np.linalg.LinAlgError:  # rounding left a block that is not positive
-        return np.asarray(np.linalg.solve(blocks, right), np.float64)
-    solved: FloatArray = inverse.transpose(0, 2, 1) @ (inverse @ right)
-    return solved
+        size, axes = np.linalg.eigh(blocks)
+        least = np.finfo(float).eps * np.abs(size).max(axis=1, keepdims=True) + 1e-300
+        return np.asarray(axes.transpose(0, 2, 1) / np.sqrt(np.maximum(size, least))[..., None])
 
 
 def _bordered(shared: FloatArray, cross: FloatArray, blocks: FloatArray) -> FloatArray:
@@ -371,7 +339,9 @@ class NormalSums:
         jacobian[:, :, count : count + 3] = terms.d_turn
         jacobian[:, :, count + 3 : count + 6] = terms.d_shift
         jacobian[:, :, count + 6] = terms.residual
-        jacobian *= root[:, None, None]
+        # Few corners are so far off that they weigh less than others.
+        light = np.flatnonzero(root != 1)
+        jacobian[light] *= root[light, None, None]
         bounds = np.searchsorted(image, np.arange(photos.start, photos.stop + 1))
         for start, stop in pairwise(bounds):
             if start == stop:
@@ -398,10 +368,10 @@ class NormalSums:
         """The blocks of free corners: jacobian (n, 2, k + 7), d_corner (n, 2, 3), weighted."""
         count = jacobian.shape[2] - 7
         by_corner = _by_own_block(d_corner, corner, self._corners)
-        rows = np.concatenate([jacobian[:, :, :count], d_corner, jacobian[:, :, -1:]], axis=2)
-        product = by_corner.T @ rows.reshape(-1, count + 4)
+        product = by_corner.T @ jacobian.reshape(-1, count + 7)
         self._by_corner[:, : self._shared][:, own] += product[:, :count]
-        self._by_corner[:, self._shared :] += product[:, count:]
+        self._by_corner[:, self._shared : -1] += by_corner.T @ d_corner.reshape(-1, 3)
+        self._by_corner[:, -1] += product[:, -1]
         # A photo sees each corner once, so no place comes twice.
         across = jacobian[:, :, count:-1].transpose(0, 2, 1) @ d_corner
         self._pose_corner[pose, :, corner] += across

@@ -7,7 +7,9 @@ errors shared within clusters, the photos (Liang & Zeger 1986; Bell & McCaffrey 
 
 Nor does it know how P should be held. Where photos that are left out do not tell the hold that was
 taken from the one that predicts best, the distance between the two cameras is in doubt, too (as in
-the averaging of models, Buckland, Burnham & Augustin 1997).
+the averaging of models, Buckland, Burnham & Augustin 1997). And in a middle without any corner,
+where a mirror camera sees itself, P and the lens that it is held to are two guesses: they are off
+by what they differ by.
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.fitting.companion import Companion
+from cubicfish_cli.fitting.bent import BentFit
+from cubicfish_cli.fitting.companion import MARGIN_DEG, Companion
 from cubicfish_cli.fitting.cubic_fit import CubicResult, held
 from cubicfish_cli.fitting.folds import dealt
 from cubicfish_cli.fitting.left_out import Leaving
@@ -49,6 +52,8 @@ class PhotoSpread:
         influence: (G, K) steps with the cluster's pull gone, but not its weight.
         rival: (1, K) step to the lens as the hold that predicted best has it; (0, K) without one.
         aligned: (M, 3) unit rays over which a common turn is taken out.
+        held_to: the lens that P is held to, in P's frame.
+        empty: angle from the axis within which no corner is or is near, radians.
 
     """
 
@@ -57,6 +62,8 @@ class PhotoSpread:
     influence: FloatArray
     rival: FloatArray
     aligned: FloatArray
+    held_to: BentFit
+    empty: float
 
     @property
     def noise_px(self) -> float:
@@ -70,7 +77,9 @@ class PhotoSpread:
         )
         of_photos = of_photos.reshape(-1, 2).sum(axis=1)
         of_hold = np.square(self._changes(self.rival, rays)).sum(axis=1).reshape(-1, 2).sum(axis=1)
-        return np.sqrt(np.maximum(np.square(self.noise.sigma_px(rays)), of_photos) + of_hold)
+        of_guess = np.square(self._guessed(rays)).sum(axis=1)
+        of_noise = np.square(self.noise.sigma_px(rays))
+        return np.sqrt(np.maximum(of_noise, of_photos) + of_hold + of_guess)
 
     def variance(self, rays: FloatArray, weights: FloatArray) -> FloatArray:
         """See :class:`~cubicfish_cli.fitting.uncertainty.Sigma`."""
@@ -78,7 +87,13 @@ class PhotoSpread:
             *(weights @ self._changes(steps, rays) for steps in (self.left_out, self.influence))
         )
         of_hold = np.square(weights @ self._changes(self.rival, rays)).sum(axis=1)
-        return np.maximum(self.noise.variance(rays, weights), of_photos) + of_hold
+        of_guess = np.square(weights @ self._guessed(rays).reshape(-1))
+        return np.maximum(self.noise.variance(rays, weights), of_photos) + of_hold + of_guess
+
+    def _guessed(self, rays: FloatArray) -> FloatArray:
+        """(N, 2) by how much the two guesses at rays of an empty middle differ; 0 elsewhere."""
+        differ = self.noise.result.lens.project(rays) - self.held_to.project(rays)
+        return np.where(rays[:, 2:] > np.cos(self.empty), differ, 0.0)
 
     def _of_photos(self, left_out: FloatArray, influence: FloatArray) -> FloatArray:
         """Variance (F,) of what changes so, (F, G), without each cluster.
@@ -129,6 +144,7 @@ def photo_spread(result: CubicResult, companion: Companion, places: IntArray) ->
     count = len(result.lens.parameters)
     limit = huber_px(result.residual)
     leaving = Leaving(result.fit, companion.pairs, limit, _clusters(places, companion.pairs.images))
+    prior = result.lens.ray_prior
     rivals = [] if result.rival is None else [held(result.lens, companion, result.rival)]
     return PhotoSpread(
         noise=camera_uncertainty(result),
@@ -136,6 +152,8 @@ def photo_spread(result: CubicResult, companion: Companion, places: IntArray) ->
         influence=np.array([step[:count] for step in leaving.influence()]),
         rival=np.array([leaving.held_as(lens)[:count] for lens in rivals]),
         aligned=cone_rays(companion.covered, _ALIGNED_RAYS),
+        held_to=prior.nearest_lens(result.lens.project(prior.rays)),
+        empty=max(companion.reached[0] - np.deg2rad(MARGIN_DEG), 0.0),
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.fitting.adjustment import Adjustment, adjust
+from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.companion import Companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import CubicResult, cubic_of
 from cubicfish_cli.fitting.hold import choose_hold
@@ -151,6 +151,7 @@ def _continued(
         huber_px=huber_px(fit.residual),
         world=world or fit.world,
         relative_decrease=_ROUGH_DECREASE,
+        damping=WARM_DAMPING,
     )
 
 

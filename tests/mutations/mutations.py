@@ -92,8 +92,8 @@ MUTATIONS = tuple(
         ),
         (
             "fitting/linear.py",
-            "rows = values / denominator[:, None]",
-            "rows = values",
+            "rows = values * (weight / denominator)[:, None]",
+            "rows = values * weight[:, None]",
             "fitting_linear",
         ),
         # The adjustment and its priors.

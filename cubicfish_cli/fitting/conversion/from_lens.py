@@ -10,10 +10,11 @@ from scipy.optimize import least_squares
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.bent import BentFit
 from cubicfish_cli.fitting.conversion.lens_model import FloatArray
 from cubicfish_cli.fitting.conversion.models import MODELS
 from cubicfish_cli.fitting.conversion.to_lens import ConversionError, conversion_error
-from cubicfish_cli.fitting.lenses import CubicFit, FixedLens, RadialFit, RayPrior
+from cubicfish_cli.fitting.lenses import CubicFit, RadialFit, RayPrior
 from cubicfish_cli.fitting.linear import linear_coefficients
 from cubicfish_cli.geometry import inside_polygon
 from cubicfish_cli.model.cubic import CubicCamera
@@ -214,7 +215,7 @@ def _cameras(
         scale=scale,
         ray_prior=RayPrior(
             rays=rays[:1],
-            lens=FixedLens(camera=radial),
+            lens=BentFit.unbent(radial),
             within=np.ones(1, bool),
             weight=1.0,
             denominator=np.ones(1),
