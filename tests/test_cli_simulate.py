@@ -253,6 +253,53 @@ def test_what_goes_wrong_is_said_before_anything_is_written(
     assert [path.name for path in (tmp_path / "taken").iterdir()] == ["true_poses.csv"]
 
 
+@pytest.mark.slow
+def test_a_film_comes_with_the_truth_of_its_frames(
+    run: Run, small_lens: Path, tmp_path: Path
+) -> None:
+    pytest.importorskip("av")
+    from cubicfish_cli.films.source import decode, opened
+
+    options = ("--film", 2.1, "--rate", 10, "--shutter", 4, "--readout", 8, "-o", tmp_path / "f")
+    said = run("simulate", "-t", TARGET, "-m", small_lens, *options, "--json")
+    record = json.loads(said.stdout)
+    assert record["photos"] == [str(tmp_path / "f" / "film.mp4")]
+    with opened(tmp_path / "f" / "film.mp4") as (container, stream):
+        frames = list(decode(tmp_path / "film.mp4", container, stream, sound=False))
+        times = [float(frame.pts * stream.time_base) for frame in frames]
+    assert times == pytest.approx(np.arange(21) / 10)
+    poses = load_poses(tmp_path / "f" / "true_poses.csv")
+    assert list(poses)[:3] == [f"film_000000.{n}00s.png" for n in range(3)]
+    assert len(poses) == 21
+    # What is decoded shows the corners where the table has them.
+    truth = load_corners(tmp_path / "f" / "true_corners.csv", load_target(TARGET))
+    assert len(truth.pixel) == record["corners"]
+    name = truth.images[0]
+    own = truth.pixel[truth.image == 0]
+    picture = frames[list(poses).index(name)].to_ndarray(format="gray")
+    stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3)
+    start = np.ascontiguousarray(own, np.float32)[:, None].copy()
+    found = cv2.cornerSubPix(picture, start, (3, 3), (-1, -1), stop)[:, 0]
+    assert np.median(np.hypot(*(found - own).T)) < 0.2
+
+
+def test_options_of_films_and_of_photos_do_not_mix(
+    run: Run, small_lens: Path, tmp_path: Path
+) -> None:
+    given = ("simulate", "-t", TARGET, "-m", small_lens, "-o", tmp_path / "f")
+    for options, words in (
+        (("--shutter", 8), "--shutter is of films"),
+        (("--rate", 30), "--rate is of films"),
+        (("--film", 2, "-n", 3), "-n is of photos"),
+        (("--film", 2, "--format", "png"), "--format is of photos"),
+    ):
+        assert words in run(*given, *options, code=2).stderr
+    pytest.importorskip("av")
+    odd = ("simulate", "-t", TARGET, "--lens", "equisolid", "--size", "481x360", "--film", 2)
+    assert "even width and height" in run(*odd, "-o", tmp_path / "f", code=1).stderr
+    assert not (tmp_path / "f").exists()
+
+
 def test_the_formats_are_those_of_the_library(tmp_path: Path) -> None:
     assert simulate.FORMATS == library.FORMATS
     assert simulate.LENSES == OUTSIDE_LENSES

@@ -262,7 +262,7 @@ IMPORT = {
     "fold_deg": "where the lens folds, if that is why",
 }
 SIMULATE = {
-    "photos": "the photos' files",
+    "photos": "the photos' files, or that of the film",
     "corners": "how many corners can be seen in them",
     "image_size": "[width, height]",
     "seed": "the seed",

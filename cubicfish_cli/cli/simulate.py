@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,9 +17,14 @@ from cubicfish_cli.cli.target_choice import needed_target
 from cubicfish_cli.cli.terminal import print_json, progress, result, say, working
 
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
     from cubicfish_cli.model.cubic import CubicCamera
+    from cubicfish_cli.rendering.film import Shutter
     from cubicfish_cli.rendering.outside import OutsideLens
     from cubicfish_cli.rendering.pose import Pose
+    from cubicfish_cli.rendering.simulate import Look
     from cubicfish_cli.rendering.views import WholeLens
     from cubicfish_cli.target import Target
 
@@ -27,6 +32,7 @@ if TYPE_CHECKING:
 FORMATS = ("jpg", "png")
 # And those of rendering.outside.OUTSIDE_LENSES.
 LENSES = ("moving-pupil", "mirror", "equisolid", "orthographic")
+FILM = "film.mp4"
 
 
 @click.command(
@@ -36,6 +42,7 @@ LENSES = ("moving-pupil", "mirror", "equisolid", "orthographic")
         "cubicfish simulate --target target.yaml --model calibration/camera.yaml -n 12 -o photos/",
         "cubicfish simulate -t target.yaml -m camera.yaml --noise 6 --blur 1.5 --exposure 0.3",
         "cubicfish simulate -t target.yaml --lens moving-pupil --size 1280x960 --exposure 2",
+        "cubicfish simulate -t target.yaml --lens moving-pupil --film 30 --shutter 12",
         "cubicfish simulate -t target.yaml -m camera.yaml --poses photos/true_poses.csv -o again/",
     ),
 )
@@ -59,6 +66,39 @@ LENSES = ("moving-pupil", "mirror", "equisolid", "orthographic")
     type=IntRange(1, 10_000),
     metavar="N",
     help="How many photos. [default: 12]",
+)
+@click.option(
+    "--film",
+    "seconds",
+    type=FloatRange(0.1, 3600),
+    metavar="SECONDS",
+    help="Instead of photos a film, film.mp4, of a hand that moves the target in front of the "
+    "camera (pip install 'cubicfish[video]').",
+)
+@click.option(
+    "--rate",
+    type=FloatRange(1, 240),
+    default=30.0,
+    show_default=True,
+    metavar="HZ",
+    help="With --film: frames a second.",
+)
+@click.option(
+    "--shutter",
+    type=FloatRange(0, 1000),
+    default=8.0,
+    show_default=True,
+    metavar="MS",
+    help="With --film: for how long each row gathers light, which blurs what moves.",
+)
+@click.option(
+    "--readout",
+    type=FloatRange(0, 1000),
+    default=15.0,
+    show_default=True,
+    metavar="MS",
+    help="With --film: how long after the first row the last one is read, which bends what moves; "
+    "0 is a global shutter.",
 )
 @options.output_option("Where the photos and their truth go.", default="simulated", folder=True)
 @click.option(
@@ -123,6 +163,10 @@ def command(
     lens: str | None,
     size: tuple[int, int] | None,
     number: int | None,
+    seconds: float | None,
+    rate: float,
+    shutter: float,
+    readout: float,
     output: Path,
     pose_file: Path | None,
     noise: float,
@@ -141,7 +185,8 @@ def command(
     Poses are chosen so that the photos together fill its field, from different sides and
     distances, each with whole boards. Beside the photos go true_corners.csv (where each corner
     that can be seen really is), true_poses.csv and true_camera.yaml: calibrate the photos, and you
-    know how far the result is from the truth.
+    know how far the result is from the truth. Of a film each frame has its truth, under the name
+    that 'cubicfish frames' gives it: where each corner was when its own row was exposed.
     """
     from cubicfish_cli.errors import OutputError
     from cubicfish_cli.files import whole_files
@@ -150,6 +195,7 @@ def command(
     from cubicfish_cli.rendering.truth import true_corners_text
     from cubicfish_cli.target import load_target
 
+    _check_film(seconds)
     target = needed_target(target)
     if pose_file is not None and number is not None:
         raise click.UsageError("--poses says how many photos there are: leave -n out")
@@ -162,10 +208,21 @@ def command(
     with working("Choosing where to take photos from"):
         source = _chosen_lens(lens, size, thing) if lens else _lens(options.model_path(model))
         true, image_size = source.lens, source.image_size
-        poses = _poses(thing, true, image_size, pose_file, number or 12, seed, form)
-    flat = thing.with_flat_boards()
+    look = Look(noise=noise, blur=blur, vignetting=vignetting, exposure=exposure)
     if any(board.shape is not None for board in thing.boards):
         say(f"Boards are rendered flat: bends and offsets in {target} are left out.")
+    flat = thing.with_flat_boards()
+    if seconds is not None:
+        from cubicfish_cli.rendering.film import Shutter
+
+        times = Shutter(rate=rate, open_s=shutter / 1000, readout_s=readout / 1000)
+        paths, texts = _film(flat, source, seconds, times, look, seed, output, overwrite=overwrite)
+        frames = max(1, round(seconds * rate))
+        _say_written(f"a film of {count(frames, 'frame')}", [FILM], paths, texts, output, target,
+                     image_size, seed, as_json=as_json)  # fmt: skip
+        return
+    with working("Choosing where to take photos from"):
+        poses = _poses(thing, true, image_size, pose_file, number or 12, seed, form)
     corners = true_corners_text(flat, true, poses, image_size)
     if corners.count("\n") <= 2:
         raise OutputError("no photo shows a corner: check the poses, the target and its units")
@@ -175,7 +232,6 @@ def command(
         "true_camera.yaml": source.text(flat, poses),
     }
     paths = {name: output / name for name in (*poses, *texts)}
-    look = Look(noise=noise, blur=blur, vignetting=vignetting, exposure=exposure)
     say(f"Rendering {count(len(poses), 'photo')} of {image_size[0]}x{image_size[1]} pixels.")
     with (
         whole_files(list(paths.values()), overwrite=overwrite) as temporary,
@@ -188,11 +244,101 @@ def command(
             callback(done, len(poses))
         for name, text in texts.items():
             places[name].write_text(text, encoding="utf-8", newline="\n")
-    seen = corners.count("\n") - 2
+    _say_written(count(len(poses), "photo"), list(poses), paths, texts, output, target, image_size,
+                 seed, as_json=as_json)  # fmt: skip
+
+
+def _check_film(seconds: float | None) -> None:
+    """Refuse what says how a film is made without --film, and what only photos have with it."""
+    context = click.get_current_context()
+
+    def given(name: str) -> bool:
+        return context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+
+    if seconds is None:
+        for name in ("rate", "shutter", "readout"):
+            if given(name):
+                raise click.UsageError(f"--{name} is of films: give --film SECONDS too")
+        return
+    for name, option in (("number", "-n"), ("pose_file", "--poses"), ("form", "--format")):
+        if given(name):
+            raise click.UsageError(f"{option} is of photos: leave it out with --film")
+
+
+def _film(
+    target: Target,
+    source: _Source,
+    seconds: float,
+    shutter: Shutter,
+    look: Look,
+    seed: int,
+    output: Path,
+    *,
+    overwrite: bool,
+) -> tuple[dict[str, Path], dict[str, str]]:
+    """Render a film and write it with its truth: files by name, and the texts among them."""
+    from cubicfish_cli.errors import OutputError
+    from cubicfish_cli.files import whole_files
+    from cubicfish_cli.films.source import library
+    from cubicfish_cli.films.write import refuse_odd, write_film
+    from cubicfish_cli.frame_names import frame_name
+    from cubicfish_cli.rendering.film import film_frames, film_truth, hand_path
+    from cubicfish_cli.rendering.pose_table import pose_table_text
+
+    size = source.image_size
+    library()  # said before the work if it is not there
+    refuse_odd(size)
+    frames = max(1, round(seconds * shutter.rate))
+    names = [f"{frame_name(Path(FILM).stem, one / shutter.rate)}.png" for one in range(frames)]
+    with working("Choosing how the target is moved"):
+        path = hand_path(target, source.lens, size, seconds, seed=seed)
+        poses, corners = film_truth(target, source.lens, size, path, shutter, names)
+    if corners.count("\n") <= 2:
+        raise OutputError("no frame shows a corner: check the target and its units")
+    texts = {
+        "true_corners.csv": corners,
+        "true_poses.csv": pose_table_text(poses),
+        "true_camera.yaml": source.text(target, poses),
+    }
+    paths = {name: output / name for name in (FILM, *texts)}
+    say(f"Rendering {count(frames, 'frame')} of {size[0]}x{size[1]} pixels.")
+    with (
+        whole_files(list(paths.values()), overwrite=overwrite) as temporary,
+        progress("Rendering") as callback,
+    ):
+        places = dict(zip(paths, temporary, strict=True))
+
+        def rendered() -> Iterator[npt.NDArray[np.uint8]]:
+            pictures = film_frames(
+                target, source.lens, size, path, shutter, frames, look, seed=seed
+            )
+            for done, picture in enumerate(pictures, start=1):
+                yield picture
+                callback(done, frames)
+
+        write_film(places[FILM], rendered(), size, shutter.rate)
+        for name, text in texts.items():
+            places[name].write_text(text, encoding="utf-8", newline="\n")
+    return paths, texts
+
+
+def _say_written(
+    what: str,
+    pictures: Sequence[str],
+    paths: Mapping[str, Path],
+    texts: Mapping[str, str],
+    output: Path,
+    target: Path,
+    image_size: tuple[int, int],
+    seed: int,
+    *,
+    as_json: bool,
+) -> None:
+    seen = texts["true_corners.csv"].count("\n") - 2
     if as_json:
         print_json(
             {
-                "photos": [str(paths[name]) for name in poses],
+                "photos": [str(paths[name]) for name in pictures],
                 "corners": seen,
                 "image_size": image_size,
                 "seed": seed,
@@ -200,10 +346,11 @@ def command(
             }
         )
         return
-    result(f"wrote {count(len(poses), 'photo')} with {count(seen, 'corner')} to {output}")
+    result(f"wrote {what} with {count(seen, 'corner')} to {output}")
     for name in texts:
         result(f"wrote {paths[name]}")
-    result(f"\nNext: cubicfish calibrate {output} --target {target}", whole=True)
+    given = paths[FILM] if FILM in pictures else output
+    result(f"\nNext: cubicfish calibrate {given} --target {target}", whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)

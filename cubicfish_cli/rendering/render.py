@@ -21,10 +21,10 @@ Background = Callable[[FloatArray], FloatArray]
 Starts = Callable[[FloatArray], FloatArray]
 
 # Shares of the light that are thrown back.
-_INK, _PAPER, _BACK = 0.07, 0.92, 0.45
+INK, PAPER, _BACK = 0.07, 0.92, 0.45
 # Light from above and from one side, so that boards at right angles differ in brightness.
 _LIGHT = np.array([0.36, 0.48, 0.8])
-_AMBIENT = 0.6
+AMBIENT = 0.6
 _RAYS_A_BLOCK = 50_000  # fits a processor cache
 _NOTHING, _BLACK = -1, -2  # what a ray shows where there is no board, and outside the field
 
@@ -185,11 +185,15 @@ def _light(
         outward = -(plate.board_from_camera @ world_from_camera.T)[2]
         if plate.faces_camera:
             dark = plate.face.is_dark(position[here])
-            thrown = np.where(dark, _INK, _PAPER)
+            thrown = np.where(dark, INK, PAPER)
             shown[here] += dark
         else:
             thrown, outward = np.full(int(here.sum()), _BACK), -outward
-        light[here] = thrown * (_AMBIENT + (1 - _AMBIENT) * max(0.0, float(outward @ lamp)))
-    angle = angle_from_axis(rays)
-    light *= 1.0 - vignetting * np.minimum((angle / radians(90.0)) ** 4, 1.2)
+        light[here] = thrown * (AMBIENT + (1 - AMBIENT) * max(0.0, float(outward @ lamp)))
+    light *= vignette(angle_from_axis(rays), vignetting)
     return light, np.where(index < 0, _NOTHING, shown)
+
+
+def vignette(angle: FloatArray, vignetting: float) -> FloatArray:
+    """The share of the light that arrives at angles from the axis (...,), radians."""
+    return np.asarray(1.0 - vignetting * np.minimum((angle / radians(90.0)) ** 4, 1.2))

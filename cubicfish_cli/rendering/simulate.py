@@ -23,7 +23,7 @@ _SUPERSAMPLE = 4
 # Of each photo there are so many views to choose from, and at least so many in all.
 _VIEWS_A_PHOTO, _FEWEST_VIEWS, _MOST_VIEWS = 15, 120, 1500
 # Towards the lamp, camera frame: over the photographer's left shoulder.
-_LAMP = np.array([-0.35, -0.5, -0.79])
+LAMP = np.array([-0.35, -0.5, -0.79])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +96,7 @@ def simulated_photos(
                 blur=look.blur,
                 vignetting=look.vignetting,
                 exposure=look.exposure,
-                light_from=rotation_matrix(pose[0]).T @ _LAMP,
+                light_from=rotation_matrix(pose[0]).T @ LAMP,
                 edges_only=True,
                 seed=(seed, number),
                 ray_starts=lens.starts if isinstance(lens, OutsideLens) else None,
