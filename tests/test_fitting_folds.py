@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cubicfish_cli.fitting.folds import dealt
-from cubicfish_cli.frame_names import film_and_time, frame_name
+from cubicfish_cli.frame_names import counted, film_and_time, frame_name
 
 
 def frames(film, *seconds):
@@ -63,3 +63,14 @@ def test_a_frame_of_the_same_millisecond_is_one_too():
 @pytest.mark.parametrize("name", ["IMG_0012.jpg", "f_12.5s.png", "_s.png", "000001.000s.png"])
 def test_other_names_are_photos(name):
     assert film_and_time(name) is None
+
+
+def test_frames_are_counted_by_film_and_photos_as_photos() -> None:
+    frames = [frame_name("garden", n) + ".png" for n in range(3)]
+    assert counted(["a.jpg", "b.jpg"]) == "2 photos"
+    assert counted([]) == "0 photos"
+    assert counted(frames) == "3 frames of garden"
+    other = frame_name("lab", 1.0) + ".png"
+    assert counted([other, *frames, "a.jpg"]) == "4 frames of lab, garden and 1 photo"
+    many = [frame_name(f"film{n}", 0.0) + ".png" for n in range(4)]
+    assert counted(many) == "4 frames of 4 films"

@@ -32,7 +32,7 @@ ALLOWED: dict[str, set[str]] = {
     "correspondences": {"errors", "wording", "arrays", "files", "tables", "target"},
     "corner_files": {"errors", "reading", "tables", "target", "correspondences", "wording"},
     "model": {"errors", "angles", "geometry"},
-    "assess": {"errors", "angles", "model", "words"},
+    "assess": {"errors", "angles", "frame_names", "model", "words"},
     "formats": {
         "errors",
         "files",

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.field_uncertainty import recorded_number
 from cubicfish_cli.assess.verdict import Verdict, verdict
+from cubicfish_cli.frame_names import counted
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.point_cubic import PointCamera
 
@@ -51,6 +52,7 @@ class CameraFacts:
         covered_deg: as far from it corners reach.
         rms_px, held_out_rms_px: reprojection errors of the fit.
         images, corners: how many were used.
+        pictures: how many photos, or frames of which films, in words.
         verdict: what the fit is worth; None for a camera of which no fit is on record.
         date: when it was made, ISO 8601.
         version: of the program that made it.
@@ -72,6 +74,7 @@ class CameraFacts:
     held_out_rms_px: float | None
     images: int | None
     corners: int | None
+    pictures: str | None
     verdict: Verdict | None
     date: str | None
     version: str | None
@@ -171,6 +174,7 @@ def camera_facts(
         held_out_rms_px=recorded_number(fit.get("held_out_rms_px")),
         images=_count(fit.get("images")),
         corners=_count(fit.get("corners")),
+        pictures=_pictures(fit),
         verdict=verdict(fit, camera.image_size, outline)
         if recorded_number(fit.get("rms_px")) is not None
         else None,
@@ -210,6 +214,15 @@ def _list(values: tuple[float, float] | None) -> list[float] | None:
 def _count(value: object) -> int | None:
     number = recorded_number(value)
     return None if number is None else int(number)
+
+
+def _pictures(fit: Mapping[str, Any]) -> str | None:
+    images, rows = _count(fit.get("images")), fit.get("per_image")
+    named = [row for row in rows if isinstance(row, Mapping)] if isinstance(rows, list) else []
+    if images is None or images < 0:
+        return None
+    names = [str(row.get("image")) for row in named]
+    return counted(names if len(names) == images else [""] * images)
 
 
 def _two(value: object) -> tuple[float, float] | None:

@@ -396,10 +396,12 @@ def _print(
 def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
     from cubicfish_cli.assess.field_uncertainty import recorded
     from cubicfish_cli.fitting.findings import COVERED
+    from cubicfish_cli.frame_names import counted
 
     dropped = len(calibration.dropped)
     result(
-        f"{count(record['images'], 'photo')}, {count(record['corners'], 'corner')} used, "
+        f"{counted(row['image'] for row in record['per_image'])}, "
+        f"{count(record['corners'], 'corner')} used, "
         f"{count(dropped, 'outlier')}{' (-v lists them)' * bool(dropped)}\n"
     )
     held_out = calibration.held_out

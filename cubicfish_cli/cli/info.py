@@ -105,8 +105,8 @@ def _rows(facts: CameraFacts) -> list[tuple[str, str]]:
         held_out = facts.held_out_rms_px
         left_out = f", {px(held_out)} px on photos left out" if held_out is not None else ""
         rows.append(("error", f"{px(facts.rms_px)} px RMS{left_out}"))
-    if facts.images is not None and facts.corners is not None:
-        rows.append(("from", f"{count(facts.images, 'photo')}, {count(facts.corners, 'corner')}"))
+    if facts.pictures is not None and facts.corners is not None:
+        rows.append(("from", f"{facts.pictures}, {count(facts.corners, 'corner')}"))
     if facts.target is not None:
         rows.append(("target", facts.target))
     if facts.date is not None:
