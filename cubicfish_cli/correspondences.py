@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -352,6 +352,26 @@ def save_correspondences(path: Path, pairs: Correspondences, *, overwrite: bool)
     """
     columns = [_names(pairs.images, pairs.image), *pairs.world.T.tolist(), *pairs.pixel.T.tolist()]
     _save(path, "correspondences", PAIR_COLUMNS, columns, pairs, overwrite)
+
+
+def joined(one: Correspondences, other: Correspondences) -> Correspondences:
+    """The pairs of both: other photos of the same object."""
+
+    def both(name: str) -> Any:
+        return np.concatenate([getattr(one, name), getattr(other, name)])
+
+    return replace(
+        one,
+        images=one.images + other.images,
+        image=np.concatenate([one.image, other.image + len(one.images)]),
+        world=both("world"),
+        pixel=both("pixel"),
+        weight=both("weight"),
+        board=both("board"),
+        column=both("column"),
+        row=both("row"),
+        certain=both("certain"),
+    )
 
 
 def pair(corners: Corners, target: Target) -> Correspondences:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from glob import glob, has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,24 +14,44 @@ from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.inputs import detect
 from cubicfish_cli.cli.kept import cache_folder
 from cubicfish_cli.cli.target_choice import TargetChoice
-from cubicfish_cli.cli.terminal import progress, say
+from cubicfish_cli.cli.terminal import detail, progress, say, working
 from cubicfish_cli.cli.video_options import is_video_name
 from cubicfish_cli.errors import DetectionError, PhotoError
 from cubicfish_cli.frame_names import frame_name
 
 if TYPE_CHECKING:
-    from cubicfish_cli.films.choose import Choice, Seen
+    import numpy as np
+    import numpy.typing as npt
+
+    from cubicfish_cli.advice.worth import Worth
+    from cubicfish_cli.correspondences import Correspondences
+    from cubicfish_cli.films.choose import Choice, Patch, Seen
     from cubicfish_cli.films.film import Film
     from cubicfish_cli.films.scan import Measured
+    from cubicfish_cli.films.table import FrameRow
     from cubicfish_cli.photos import Photo
+    from cubicfish_cli.target import Target
+
+    FloatArray = npt.NDArray[np.float64]
 
 MOST = 60
-# Of so many frames for each that may be chosen the corners are looked for.
-_LOOKED_AT = 3
+# So many frames are kept for each that may be chosen, but one every so many seconds at least, up to
+# so many. Corners are looked for in no more.
+_KEPT, _KEPT_SECONDS, _MOST_KEPT = 1.5, 2.0, 5.0
+_RATE = 30.0  # frames a second of films that do not say
+# A frame is compared with so many before it and after it.
+_COMPARED = 8
+# Frames are searched in rounds of so many from all over the films, until a round gives hardly any
+# that are worth choosing.
+_ROUND, _HARDLY_ANY = 24, 0.1
+# Where fewer than these of the good frames show the object, what is good is not told by them.
+_FEW, _FEW_SHARE = 3, 0.5
 # One frame of so many is looked at where a film does not say how many it has.
 _EVERY = 15
 _UNFINISHED = ".unfinished"
 _PASSED_OVER = "not looked at: a neighbour is sharper or stiller"
+_REPEATED = "not looked at: nearly the same picture as another"
+_ENOUGH = "not looked at: others of all times had no more to add"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,6 +125,7 @@ def choose_frames(
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.films import sheet as contact
     from cubicfish_cli.films import table as frames_table
+    from cubicfish_cli.films.choose import Seen
     from cubicfish_cli.films.film import open_films
     from cubicfish_cli.films.scan import scan
 
@@ -113,8 +134,7 @@ def choose_frames(
     for path in (table, sheet):
         refuse_existing(path, overwrite=overwrite)
     unfinished = folder / _UNFINISHED
-    total = sum(film.frames for film in films)
-    every = max(1, math.ceil(total / (_LOOKED_AT * most))) if total else _EVERY
+    every = _every(films, most)
     measured = []
     for film in films:
         with progress(f"Reading {film.path.name}") as callback:
@@ -127,20 +147,24 @@ def choose_frames(
     }
     photos = _photos(measured, names)
     frames = sum(map(len, measured))
-    say(f"{count(frames, 'frame')}; the best {len(photos)} are searched for boards.")
+    seen = [
+        Seen(patches=(), sharpness=measured[number].sharpness[index],
+             motion=measured[number].motion[index])
+        for number, index in names
+    ]  # fmt: skip
+    passed_over = _passed_over(photos, seen, films[0].size)
+    say(f"{count(frames, 'frame')}; boards are looked for in the best.")
+    search = _Search(photos=photos, seen=seen, size=films[0].size, most=most, target=target)
     try:
-        seen = _seen(photos, target, jobs, no_cache=no_cache)
+        search.look(passed_over, jobs, no_cache=no_cache)
     except DetectionError as error:
         raise DetectionError(f"no frame can be chosen of {_listed(films)}: {error}") from error
-    seen = [
-        _measured_too(one, measured[number].sharpness[index], measured[number].motion[index])
-        for one, (number, index) in zip(seen, names, strict=True)
-    ]
-    choice = _choose(seen, films[0].size, most)
+    seen, choice, looked_at = search.seen, search.choice, search.looked_at
     if not choice.order:
         raise DetectionError(
-            f"no frame can be chosen of {_listed(films)}: no board was found in {len(seen)} frames "
-            "from all over: is a board in view, whole squares of it, sharp and not covered?"
+            f"no frame can be chosen of {_listed(films)}: no board was found in "
+            f"{count(len(looked_at), 'frame')} from all over: is a board in view, whole squares "
+            "of it, sharp and not covered?"
         )
     chosen = [
         (folder / name, photos[at].path, at)
@@ -148,16 +172,39 @@ def choose_frames(
         if not choice.why_not[at]
     ]
     of = frames_table.depends_on(films, most, _sha256(target))
-    _write(table, sheet, of, chosen, measured, list(names), seen, choice, overwrite=overwrite)
+    why_not = [
+        choice.why_not[at] if at in looked_at else (passed_over[at] or "")
+        for at in range(len(seen))
+    ]
+    rows = _Rows(
+        measured=measured,
+        places={place: at for at, place in enumerate(names)},
+        looked_at=frozenset(looked_at),
+        seen=seen,
+        gain=choice.gain,
+        why_not=why_not,
+        written={at: path.name for path, _, at in chosen},
+    )
+    _write(table, sheet, of, chosen, rows, overwrite=overwrite)
     shutil.rmtree(unfinished, ignore_errors=True)
     return ChosenFrames(
         photos=tuple(path for path, _, _ in chosen),
         table=table,
         sheet=sheet,
         frames=frames,
-        looked_at=len(photos),
+        looked_at=len(looked_at),
         films=tuple(_record(one) for one in measured),
     )
+
+
+def _every(films: Sequence[Film], most: int) -> int:
+    """Of how many frames one is kept."""
+    total = sum(film.frames for film in films)
+    if not total:
+        return _EVERY
+    rate = min(film.rate or _RATE for film in films)
+    few = min(total / (_KEPT * most), _KEPT_SECONDS * rate)
+    return max(1, math.ceil(max(few, total / (_MOST_KEPT * most))))
 
 
 def frames_to_calibrate(
@@ -202,17 +249,21 @@ def best_photos(
         DetectionError: none shows the object.
 
     """
+    from cubicfish_cli.films.choose import Seen
     from cubicfish_cli.films.measure import sharpness
     from cubicfish_cli.photos import photo_size
 
-    seen = _seen(photos, target, jobs, no_cache=no_cache)
+    found = _found(photos, target.load(), jobs, no_cache)
+    seen = []
     with progress("Measuring sharpness") as callback:
         for at, photo in enumerate(photos):
             callback(at, len(photos))
-            if seen[at].corners:
-                seen[at] = _measured_too(seen[at], sharpness(photo.read_grey()), 0.0)
+            patches = found.patches.get(photo.name, ())
+            sharp = sharpness(photo.read_grey()) if patches else 0.0
+            seen.append(Seen(patches=patches, sharpness=sharp))
     shown = next((photo for photo, one in zip(photos, seen, strict=True) if one.corners), photos[0])
-    choice = _choose(seen, photo_size(shown.path), most)
+    names = [photo.name for photo in photos]
+    choice = _choose(names, seen, found, photo_size(shown.path), most)
     say(f"{count(len(choice.order), 'photo')} of {len(photos)} chosen, which add most.")
     return [photos[at] for at in sorted(choice.order)]
 
@@ -267,49 +318,249 @@ def _photos(measured: Sequence[Measured], names: dict[tuple[int, int], str]) -> 
     ]
 
 
-def _seen(
-    photos: Sequence[Photo], target: TargetChoice | None, jobs: int | None, *, no_cache: bool
-) -> list[Seen]:
-    """What each photo shows: named corners of a target, else grids as they are."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Found:
+    """What photos show.
+
+    Attributes:
+        patches: corners by the names of the photos that have any.
+        pairs: the same as pairs; None where no object is known.
+        target: the object that they are of.
+
+    """
+
+    patches: dict[str, tuple[Patch, ...]]
+    pairs: Correspondences | None
+    target: Target | None = None
+
+    def with_more(self, more: _Found) -> _Found:
+        """Of these and of other photos."""
+        from cubicfish_cli.correspondences import joined
+
+        one, other = self.pairs, more.pairs
+        both = other if one is None else one if other is None else joined(one, other)
+        return _Found(patches={**self.patches, **more.patches}, pairs=both)
+
+
+@dataclass(kw_only=True, eq=False)
+class _Search:
+    """Looking for corners in frames, as long as that brings anything.
+
+    Attributes:
+        photos, seen: the frames, and what is known of each.
+        size: (width, height) of them.
+        most: how many may be chosen.
+        target: the object; None where none is known.
+        looked_at: numbers of those that were searched.
+        choice: what is chosen of these.
+
+    """
+
+    photos: Sequence[Photo]
+    seen: list[Seen]
+    size: tuple[int, int]
+    most: int
+    target: TargetChoice | None
+    looked_at: list[int] = field(default_factory=list)
+
+    def look(self, passed_over: Sequence[str | None], jobs: int | None, *, no_cache: bool) -> None:
+        """Search frames, good ones first, those that are passed over only where these show little.
+
+        Raises:
+            DetectionError: none shows the object.
+
+        """
+        good = [at for at, why in enumerate(passed_over) if why is None]
+        others = [at for at, why in enumerate(passed_over) if why not in (None, _REPEATED)]
+        found = _Found(patches={}, pairs=None)
+        targets = None if self.target is None else self.target.load()
+        failure: DetectionError | None = None
+        for numbers in (good, others):
+            if len(found.patches) >= max(_FEW, _FEW_SHARE * len(self.looked_at)):
+                break
+            rounds = -(-len(numbers) // _ROUND)
+            for first in range(rounds):
+                some = numbers[first::rounds]  # from the beginning to the end
+                try:
+                    more = _found([self.photos[at] for at in some], targets, jobs, no_cache)
+                except DetectionError as error:
+                    failure, more = error, _Found(patches={}, pairs=None)
+                found = found.with_more(more)
+                if more.target is not None:
+                    targets = [more.target]
+                self.looked_at += some
+                before = len(self.choice.order) if first else 0
+                self._choose_of(found)
+                chosen = len(set(self.choice.order) & set(some))
+                full = len(self.choice.order) >= self.most
+                if full or (before and chosen <= _HARDLY_ANY * len(some)):
+                    break
+        self.looked_at.sort()
+        if not found.patches:
+            self._choose_of(found)
+            if failure is not None:
+                raise failure
+
+    def _choose_of(self, found: _Found) -> None:
+        from dataclasses import replace
+
+        self.seen = [
+            replace(one, patches=found.patches.get(photo.name, ()))
+            for one, photo in zip(self.seen, self.photos, strict=True)
+        ]
+        names = [photo.name for photo in self.photos]
+        self.choice: Choice = _choose(names, self.seen, found, self.size, self.most)
+
+
+def _passed_over(
+    photos: Sequence[Photo], measured: Sequence[Seen], size: tuple[int, int]
+) -> list[str | None]:
+    """Why each frame is not searched for corners; None for those that are."""
+    from cubicfish_cli.films.choose import Scale
+    from cubicfish_cli.films.measure import motion, small_picture
+    from cubicfish_cli.films.scan import still_px
+
+    still = still_px(size)
+    scale = Scale.of(measured, still)
+    why: list[str | None] = []
+    good: list[tuple[int, Any]] = []
+    with progress("Comparing frames") as callback:
+        for at, (photo, one) in enumerate(zip(photos, measured, strict=True)):
+            callback(at, len(photos))
+            why.append(scale.spoilt(one))
+            if why[at] is not None:
+                continue
+            good = [other for other in good if other[0] >= at - _COMPARED]
+            small = small_picture(photo.read_grey())
+            same = [other for other, before in good if motion(before, small, size[0]) < still]
+            worse = [other for other in same if scale.quality(measured[other]) < scale.quality(one)]
+            if len(worse) < len(same):
+                why[at] = _REPEATED
+                continue
+            for other in worse:
+                why[other] = _REPEATED
+            good = [other for other in good if other[0] not in worse] + [(at, small)]
+    return why
+
+
+def _found(
+    photos: Sequence[Photo], targets: Sequence[Target] | None, jobs: int | None, no_cache: bool
+) -> _Found:
+    """Find the named corners of a target, or else grids as they are."""
     import numpy as np
 
-    from cubicfish_cli.films.choose import Patch, Seen
+    from cubicfish_cli.correspondences import pair
+    from cubicfish_cli.films.choose import Patch
     from cubicfish_cli.naming.cache import GridCache
     from cubicfish_cli.naming.nameless import nameless_grids
 
-    patches: dict[str, list[Patch]] = {photo.name: [] for photo in photos}
-    if target is None:
+    patches: dict[str, tuple[Patch, ...]] = {}
+    if targets is None:
         kept = None if no_cache else cache_folder()
         cache = None if kept is None else GridCache(folder=kept)
         with progress("Finding boards") as callback:
             found = nameless_grids(photos, jobs=jobs, progress=callback, cache=cache)
         for photo, one in zip(photos, found, strict=True):
-            for grid in () if one is None else one.grids:
-                patch = Patch(board=-1, cells=grid.cells, pixel=grid.pixel)
-                patches[photo.name].append(patch)
-    else:
-        detection = detect(photos, target.load(), jobs, no_cache=no_cache, again=False)
-        corners = detection.corners
-        cells = np.column_stack([corners.column, corners.row])
-        for number, name in enumerate(corners.images):
-            for board in np.unique(corners.board[corners.image == number]):
-                own = (corners.image == number) & (corners.board == board)
-                patch = Patch(board=int(board), cells=cells[own], pixel=corners.pixel[own])
-                patches[name].append(patch)
-    return [Seen(patches=tuple(patches[photo.name]), sharpness=1.0) for photo in photos]
+            grids = () if one is None else one.grids
+            if grids:
+                patches[photo.name] = tuple(
+                    Patch(board=-1, cells=grid.cells, pixel=grid.pixel) for grid in grids
+                )
+        return _Found(patches=patches, pairs=None)
+    corners = detect(photos, targets, jobs, no_cache=no_cache, again=False).corners
+    known = corners.target
+    cells = np.column_stack([corners.column, corners.row])
+    for number, name in enumerate(corners.images):
+        here = corners.image == number
+        patches[name] = tuple(
+            Patch(board=int(board), cells=cells[own], pixel=corners.pixel[own])
+            for board in np.unique(corners.board[here])
+            for own in (here & (corners.board == board),)
+        )
+    pairs = None if known is None else pair(corners, known)
+    return _Found(patches=patches, pairs=pairs, target=known)
 
 
-def _measured_too(one: Seen, sharpness: float, motion: float) -> Seen:
-    from dataclasses import replace
-
-    return replace(one, sharpness=sharpness, motion=motion)
-
-
-def _choose(seen: Sequence[Seen], size: tuple[int, int], most: int) -> Choice:
+def _choose(
+    names: Sequence[str], seen: Sequence[Seen], found: _Found, size: tuple[int, int], most: int
+) -> Choice:
+    """Choose by what photos add to the camera, or where none can be fitted, by what they show."""
+    from cubicfish_cli.advice.worth import Worth
+    from cubicfish_cli.errors import FitError
     from cubicfish_cli.films.choose import choose
     from cubicfish_cli.films.scan import still_px
 
-    return choose(seen, size, most, still_px(size))
+    def gains(quality: FloatArray) -> _Gains | None:
+        if found.pairs is None:
+            return None
+        try:
+            with working("Fitting a first lens"):
+                worth = Worth(found.pairs, dict(zip(names, quality, strict=True)))
+        except FitError as problem:
+            detail(f"no first lens ({problem}): frames are chosen by where their corners are")
+            return None
+        return _Gains(names=names, worth=worth)
+
+    return choose(seen, size, most, still_px(size), gains)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Gains:
+    """What photos add, by their numbers."""
+
+    names: Sequence[str]
+    worth: Worth
+
+    @property
+    def flat(self) -> float:
+        return self.worth.flat
+
+    def of(self, picture: int) -> float:
+        return self.worth.of(self.names[picture])
+
+    def take(self, picture: int) -> None:
+        self.worth.take(self.names[picture])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Rows:
+    """What frames.csv says of all frames.
+
+    Attributes:
+        measured: a record a film.
+        places: film and frame -> number among those that were kept.
+        looked_at: numbers of those that were searched.
+        seen, gain, why_not: a thing for each that was kept.
+        written: numbers of those chosen -> the pictures' names.
+
+    """
+
+    measured: Sequence[Measured]
+    places: Mapping[tuple[int, int], int]
+    looked_at: frozenset[int]
+    seen: Sequence[Seen]
+    gain: FloatArray
+    why_not: Sequence[str]
+    written: Mapping[int, str]
+
+    def __iter__(self) -> Iterator[FrameRow]:
+        from cubicfish_cli.films.table import FrameRow
+
+        for number, film in enumerate(self.measured):
+            for index in range(len(film)):
+                at = self.places.get((number, index), -1)
+                looked_at = at in self.looked_at
+                gain = float(self.gain[at]) if looked_at else math.nan
+                yield FrameRow(
+                    film=str(film.film.path),
+                    time=film.time[index],
+                    sharpness=film.sharpness[index],
+                    motion=film.motion[index],
+                    corners=self.seen[at].corners if looked_at else None,
+                    gain=gain if math.isfinite(gain) else None,
+                    why_not=_PASSED_OVER if at < 0 else self.why_not[at],
+                    photo=self.written.get(at, ""),
+                )
 
 
 def _write(
@@ -317,53 +568,31 @@ def _write(
     sheet: Path,
     of: Mapping[str, Any],
     chosen: Sequence[tuple[Path, Path, int]],
-    measured: Sequence[Measured],
-    places: Sequence[tuple[int, int]],
-    seen: Sequence[Seen],
-    choice: Choice,
+    rows: _Rows,
     *,
     overwrite: bool,
 ) -> None:
     """Write table, sheet and pictures, all or none; pictures of an earlier choice go."""
     from cubicfish_cli.files import whole_files, write_text
     from cubicfish_cli.films import sheet as contact
-    from cubicfish_cli.films.table import FrameRow, photos_of_table, write_rows
-
-    written = {at: path for path, _, at in chosen}
-    looked_at = {place: at for at, place in enumerate(places)}
-
-    def rows() -> Iterator[FrameRow]:
-        for number, film in enumerate(measured):
-            for index in range(len(film)):
-                at = looked_at.get((number, index))
-                gain = math.nan if at is None else float(choice.gain[at])
-                yield FrameRow(
-                    film=str(film.film.path),
-                    time=film.time[index],
-                    sharpness=film.sharpness[index],
-                    motion=film.motion[index],
-                    corners=None if at is None else seen[at].corners,
-                    gain=gain if math.isfinite(gain) else None,
-                    why_not=_PASSED_OVER if at is None else choice.why_not[at],
-                    photo="" if at not in written else written[at].name,
-                )
+    from cubicfish_cli.films.table import photos_of_table, write_rows
 
     def captions() -> Iterator[tuple[Path, str]]:
         for path, source, at in chosen:
-            one = seen[at]
+            one = rows.seen[at]
             yield (
                 source,
                 f"{path.name}: {count(one.corners, 'corner')}, sharpness {one.sharpness:.2f}, "
-                f"motion {one.motion:.1f} px, gain {choice.gain[at]:.1f}",
+                f"motion {one.motion:.1f} px, gain {rows.gain[at]:.3f}",
             )
 
-    films = [one.film for one in measured]
+    films = [one.film for one in rows.measured]
     title = f"{count(len(chosen), 'frame')} of {_listed(films)}"
     paths = [table, sheet, *(path for path, _, _ in chosen)]
     old = [table.parent / name for name in photos_of_table(table)] if overwrite else []
     obsolete = [path for path in old if path not in paths]
     with whole_files(paths, overwrite=overwrite, obsolete=obsolete) as temporaries:
-        write_rows(temporaries[0], of, rows())
+        write_rows(temporaries[0], of, rows)
         write_text(temporaries[1], contact.sheet(title, captions()), overwrite=False)
         for temporary, (_, source, _) in zip(temporaries[2:], chosen, strict=True):
             shutil.copyfile(source, temporary)

@@ -1,16 +1,16 @@
 """Which of many pictures to calibrate from: those that add most to the others.
 
-A picture adds what it shows where the others show little: corners in a part of the picture, and
-squares of some size seen from some side in a wider part. Each such thing counts as measurements
-do, the n-th less than the one before, and less where the picture is blurred or moved. Pictures
-that are clearly worse than the others come last, and hardly any is a second time what was taken.
+What a picture adds is told by who knows lenses, or where no lens is known by :class:`Coverage`.
+Pictures that are clearly worse than the others come last, and hardly any is a second time what was
+taken.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -30,11 +30,9 @@ _FEWEST_COMMON = 4
 _MANY = 1_000_000  # columns or rows, more than any board has
 # Beside the better pictures: blurred below this share of their sharpness, moving above these times
 # their motion.
-_BLURRED, _MOVING = 0.75, 2.0
+_BLURRED, _MOVING = 0.75, 5.0
 # With fewer good pictures than these, which no camera can be made from, others are taken too.
 _ENOUGH = 3
-# A picture that adds less than this share of what the first added is not worth its time.
-_WORTH = 0.02
 _DIRECTIONS = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]])
 
 
@@ -106,7 +104,66 @@ class Choice:
     why_not: tuple[str, ...]
 
 
-def choose(pictures: Sequence[Seen], size: tuple[int, int], most: int, still_px: float) -> Choice:
+class Gains(Protocol):
+    """What pictures add, by their numbers, to those that are taken.
+
+    Attributes:
+        flat: a picture that adds less is not worth its time.
+
+    """
+
+    @property
+    def flat(self) -> float:
+        """See above."""
+
+    def of(self, picture: int, /) -> float:
+        """What a picture adds; 0 where it shows nothing that can be used."""
+
+    def take(self, picture: int, /) -> None:
+        """Take it."""
+
+
+class Coverage:
+    """Corners in parts of the picture, and boards seen from some side in wider parts.
+
+    Each such thing counts as measurements do, the n-th less than the one before.
+    """
+
+    def __init__(
+        self, pictures: Sequence[Seen], size: tuple[int, int], quality: FloatArray
+    ) -> None:
+        """Look at what each of the pictures shows.
+
+        Args:
+            pictures: all of them.
+            size: (width, height) of them.
+            quality: (N,) how much each weighs, 0 to 1.
+
+        """
+        self._shown = [
+            weight * _shown(picture, size)
+            for picture, weight in zip(pictures, quality, strict=True)
+        ]
+        self._known = np.zeros_like(self._shown[0])
+        # A share of what the first may add.
+        self.flat = 0.02 * max(self.of(number) for number in range(len(pictures)))
+
+    def of(self, picture: int) -> float:
+        """See :class:`Gains`."""
+        return float(np.log1p(self._shown[picture] / (1 + self._known)).sum())
+
+    def take(self, picture: int) -> None:
+        """See :class:`Gains`."""
+        self._known = self._known + self._shown[picture]
+
+
+def choose(
+    pictures: Sequence[Seen],
+    size: tuple[int, int],
+    most: int,
+    still_px: float,
+    gains_of: Callable[[FloatArray], Gains | None] = lambda quality: None,
+) -> Choice:
     """Choose at most ``most`` pictures.
 
     Args:
@@ -114,6 +171,8 @@ def choose(pictures: Sequence[Seen], size: tuple[int, int], most: int, still_px:
         size: (width, height) of them.
         most: how many may be chosen.
         still_px: motion below which a picture counts as still, pixels.
+        gains_of: the pictures' quality (N,), 0 to 1 -> what tells what they add; None for
+            :class:`Coverage`.
 
     """
     why = ["" if picture.corners else "no corners" for picture in pictures]
@@ -121,28 +180,23 @@ def choose(pictures: Sequence[Seen], size: tuple[int, int], most: int, still_px:
     gain = np.full(len(pictures), np.nan)
     if not usable:
         return Choice(order=(), gain=gain, why_not=tuple(why))
-    sharp = float(np.quantile([pictures[index].sharpness for index in usable], 0.75))
-    still = max(still_px, float(np.quantile([pictures[index].motion for index in usable], 0.25)))
+    scale = Scale.of([pictures[index] for index in usable], still_px)
+    quality = np.array([scale.quality(picture) for picture in pictures])
     spoilt = {
-        index: word
-        for index in usable
-        if (word := _spoilt(pictures[index], sharp, still)) is not None
+        index: word for index in usable if (word := scale.spoilt(pictures[index])) is not None
     }
-    adds = {index: _weighed(pictures[index], size, sharp, still) for index in usable}
-    known = np.zeros_like(next(iter(adds.values())))
+    gains = gains_of(quality) or Coverage(pictures, size, quality)
     order: list[int] = []
     good = [index for index in usable if index not in spoilt]
     for pool, enough in ((good, most), (sorted(spoilt), min(_ENOUGH, most))):
-        left = list(pool)
+        left = [index for index in pool if not why[index]]
         while left and len(order) < enough:
-            gains = [_gain(known, adds[index]) for index in left]
-            at = int(np.argmax(gains))
-            best, value = left[at], gains[at]
-            if order and value < _WORTH * gain[order[0]]:
+            value, best = max(((gains.of(index), index) for index in left), key=lambda one: one[0])
+            if order and value < gains.flat:
                 break
             order.append(best)
             gain[best] = value
-            known += adds[best]
+            gains.take(best)
             left.remove(best)
             for index in usable:
                 if index not in order and not why[index]:
@@ -154,32 +208,53 @@ def choose(pictures: Sequence[Seen], size: tuple[int, int], most: int, still_px:
         if index in order:
             why[index] = ""
             continue
-        gain[index] = _gain(known, adds[index])
+        gain[index] = gains.of(index)
         why[index] = why[index] or spoilt.get(index) or "adds less than those chosen"
     return Choice(order=tuple(order), gain=gain, why_not=tuple(why))
 
 
-def _spoilt(picture: Seen, sharp: float, still: float) -> str | None:
-    if picture.sharpness < _BLURRED * sharp:
-        return "blurred"
-    return "moving" if picture.motion > _MOVING * still else None
+@dataclass(frozen=True, kw_only=True)
+class Scale:
+    """How sharp and how still pictures are that are good beside the others.
+
+    Attributes:
+        sharp: sharpness that the better ones have.
+        still: motion that the better ones have, pixels.
+
+    """
+
+    sharp: float
+    still: float
+
+    @classmethod
+    def of(cls, pictures: Sequence[Seen], still_px: float) -> Scale:
+        """Of pictures, ``still_px`` as in :func:`choose`."""
+        return cls(
+            sharp=float(np.quantile([one.sharpness for one in pictures], 0.75)),
+            still=max(still_px, float(np.quantile([one.motion for one in pictures], 0.25))),
+        )
+
+    def spoilt(self, picture: Seen) -> str | None:
+        """Why a picture is clearly worse than the others; None where it is not."""
+        if picture.sharpness < _BLURRED * self.sharp:
+            return "blurred"
+        return "moving" if picture.motion > _MOVING * self.still else None
+
+    def quality(self, picture: Seen) -> float:
+        """How much its corners weigh beside those of a good one: 0 to 1."""
+        blur = min(1.0, picture.sharpness / self.sharp) if self.sharp > 0 else 1.0
+        return float(blur**2 / (1 + (picture.motion / self.still) ** 2))
 
 
-def _gain(known: FloatArray, added: FloatArray) -> float:
-    return float(np.log1p(added / (1 + known)).sum())
-
-
-def _weighed(picture: Seen, size: tuple[int, int], sharp: float, still: float) -> FloatArray:
+def _shown(picture: Seen, size: tuple[int, int]) -> FloatArray:
     """What a picture shows, thing by thing: 1 where it says of it all that one picture can."""
-    blur = min(1.0, picture.sharpness / sharp) if sharp > 0 else 1.0
-    weight = blur**2 / (1 + (picture.motion / still) ** 2)
     places = np.bincount(_part(picture.pixel, size, _FINE), minlength=_FINE[0] * _FINE[1])
     tilts = np.zeros((_COARSE[0] * _COARSE[1], len(_DIRECTIONS) // 2 + 1))
     for patch in picture.patches:
         count = np.bincount(_part(patch.pixel, size, _COARSE), minlength=len(tilts))
         tilts[:, _tilt(patch)] += count
     shown = np.concatenate([places, tilts.ravel()])
-    return np.asarray(weight * np.minimum(1.0, shown / _FULL))
+    return np.asarray(np.minimum(1.0, shown / _FULL))
 
 
 def _part(pixel: FloatArray, size: tuple[int, int], parts: tuple[int, int]) -> IntArray:

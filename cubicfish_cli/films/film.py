@@ -22,6 +22,7 @@ class Film:
         label: what names of its frames begin with; unique among the films.
         size: (width, height) of its frames, as they are stored.
         frames: how many it claims to have; 0 where it does not say.
+        rate: frames a second, in the mean; 0 where it does not say.
         counted: whether that is a count, not worked out from a length and a rate.
         stamp: its size and time of change: other ones mean another film.
 
@@ -31,6 +32,7 @@ class Film:
     label: str
     size: tuple[int, int]
     frames: int
+    rate: float
     counted: bool
     stamp: tuple[int, int]
 
@@ -80,6 +82,7 @@ def _film(path: Path, label: str) -> Film:
             label=label,
             size=size,
             frames=frame_count(stream),
+            rate=float(getattr(stream, "average_rate", None) or 0),
             counted=bool(stream.frames),
             stamp=(status.st_size, status.st_mtime_ns),
         )
