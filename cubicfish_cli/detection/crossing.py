@@ -38,6 +38,7 @@ _UNKNOWNS = len(_PRIOR_MEAN)
 _STEEPEST = 40.0  # logistic functions of more are 0 or 1
 # Windows end before the next edge, fading out: in sides, along each axis of the grid.
 _WITHIN, _FADE = 0.45, 0.1
+_MOST_PULL = 0.1  # of the blur: how far blur draws a corner along a bent grid at most
 
 _FIELDS = ("pixel", "ok", "level", "blur", "turn", "gap", "misfit", "spread")
 
@@ -204,6 +205,7 @@ def _fit(
     out.level[rows] = state.levels
     blur = state.shape[:, 4:6].copy()  # taken out of its array: angles.py says why
     out.blur[rows] = np.hypot(_SHARPEST, np.exp(blur))
+    out.pixel[rows] -= _pull_of_blur(local, out.blur[rows])
     out.turn[rows] = np.abs(state.shape[:, 2:4]).max(1)
     out.gap[rows] = 2 * state.shape[:, 6]
     out.misfit[rows] = state.misfit
@@ -266,6 +268,24 @@ def _frame(
         along=(cell * length[:, :, None])[:, ::-1].astype(np.float32),
         weight=weight.astype(np.float32),
     )
+
+
+def _pull_of_blur(fit: LocalFit, blur: FloatArray) -> FloatArray:
+    """How far blur (n, 2) moves corners (n, 2) where the grid is bent, pixels.
+
+    To first order blur adds half its variance times the Laplacian, and that of the grid's own
+    coordinates is not zero where lines are bent or their distances grow: corners are drawn to
+    where squares are larger, and edges to the inside of their bends.
+    """
+    inverse = np.linalg.inv(fit.step)
+    metric = inverse @ inverse.transpose(0, 2, 1)
+    way = np.stack([metric[:, 0, 0], 2 * metric[:, 0, 1], metric[:, 1, 1]], axis=-1)
+    half_variance = 0.25 * np.square(blur).sum(axis=1)
+    pull = half_variance[:, None] * (fit.bend @ way[..., None])[..., 0]
+    # Where it is a good part of the blur the first order does not hold, nor is the bend known.
+    length = np.hypot(pull[:, 0], pull[:, 1])
+    most = _MOST_PULL * blur.mean(axis=1)
+    return np.asarray(pull * np.minimum(1, most / np.maximum(length, 1e-9))[:, None])
 
 
 def _sides(fit: LocalFit) -> tuple[FloatArray, FloatArray]:

@@ -30,7 +30,7 @@ _CERTAIN, _APART = 5.0, 2.5
 # that no board with a part of the same markers, or another order of them, is taken for this one.
 _SHARE = 0.8
 # Fewer markers are too few to tell, and more places than that are not looked through.
-_FEWEST, _MOST_PLACES = 4, 400
+_FEWEST, _MOST_PLACES = 4, 150
 _QUARTER = np.array([(0, 1), (-1, 0)])
 
 
