@@ -35,7 +35,7 @@ KEYS: dict[str, Mapping[str, str]] = {
 
 
 # Keys that only cameras and rigs have which are tested elsewhere.
-RARE = {"export": {"beyond"}, "import": {"fold_deg"}, "info": {"rig"}}
+RARE = {"export": {"beyond", "files", "cameras"}, "import": {"fold_deg"}, "info": {"rig"}}
 
 
 def records(run: Run, *lines: tuple[object, ...]) -> list[dict[str, Any]]:

@@ -12,18 +12,20 @@ import click
 from cubicfish_cli import __version__
 from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.numbers import FloatRange
+from cubicfish_cli.cli.options import rig_path
 from cubicfish_cli.cli.terminal import print_json, result, say, working
 from cubicfish_cli.errors import FitError
 
 if TYPE_CHECKING:
     from cubicfish_cli.fitting.conversion.to_lens import Conversion
+    from cubicfish_cli.formats.camera_yaml import CameraFile
     from cubicfish_cli.formats.foreign import Poses
 
 # Those of formats.foreign, here so that --help need not load numpy; a test holds them together.
 FORMATS = (
     "opencv", "ros", "kalibr-pinhole-equi", "kalibr-omni", "kalibr-eucm", "kalibr-ds",
     "ocamcalib", "pyocamcalib", "colmap", "colmap-thin-prism-fisheye",
-    "colmap-rad-tan-thin-prism-fisheye", "colmap-eucm", "nerfstudio", "mrcal", "maps",
+    "colmap-rad-tan-thin-prism-fisheye", "colmap-eucm", "nerfstudio", "gyroflow", "mrcal", "maps",
 )  # fmt: skip
 
 # Of formats of one tool, the one that follows decentred lenses best.
@@ -48,8 +50,14 @@ colmap-thin-prism-fisheye          cameras.txt
 colmap-rad-tan-thin-prism-fisheye  cameras.txt; the nearest of COLMAP's
 colmap-eucm                        cameras.txt
 nerfstudio                         transforms.json, with poses
+gyroflow                           lens_profile.json
 mrcal                              .cameramodel; holds any lens
 maps                               .npz for cv2.remap; holds any lens
+
+Of a rig.yaml each camera's lens is written with its place on the body: opencv as stereo.opencv.yaml
+with R, T and, for flat pictures, R1, R2, P1, P2 and Q; ros as a folder of camera_info.yaml, static
+transforms and URDF; Kalibr's as one camchain.yaml; COLMAP's as rig_config.json; nerfstudio's as one
+transforms.json; mrcal as a folder of .cameramodel. ros, Kalibr's and mrcal are in metres.
 
 None of these formats holds a 3x20 matrix: each one's own lens is fitted to the camera over its
 field, in pixels. The RMS, the largest error and the angle up to which they hold are printed,
@@ -73,7 +81,15 @@ camera.yaml's frame is printed, and poses that go into the file are turned along
         "cubicfish export --to opencv",
         "cubicfish export --to kalibr-ds -o camchain.yaml --max-angle 90",
         "cubicfish export --to mrcal -m lens_a/camera.yaml",
+        "cubicfish export rig/rig.yaml --to kalibr-omni -o camchain.yaml",
+        "cubicfish export rig --to opencv --pair left,right",
     ),
+)
+@options.argument(
+    "calibration",
+    "The folder that calibrate or rig wrote, or the camera's or the rig's file. [default: --model]",
+    required=False,
+    metavar="[CAMERA|RIG]",
 )
 @click.option(
     "--to",
@@ -101,64 +117,142 @@ camera.yaml's frame is printed, and poses that go into the file are turned along
     help="Leave out of the conversion what is farther from the axis, so that the rest is met more "
     "nearly. [default: the whole field]",
 )
+@options.pair_option
 @options.overwrite_option
 @options.json_option(json_keys.EXPORT)
 @options.common_options
 def command(
+    calibration: Path | None,
     name: str,
     output: Path | None,
     model: Path | None,
     max_error: float,
     max_angle: float | None,
+    pair: tuple[str, str] | None,
     overwrite: bool,
     as_json: bool,
 ) -> None:
     """See ``_HELP``."""
     from cubicfish_cli.files import refuse_existing, write_text
-    from cubicfish_cli.fitting.conversion.to_lens import to_lens
     from cubicfish_cli.formats.camera_yaml import load_camera
-    from cubicfish_cli.formats.foreign import FILE_NAMES, LENS_OF, foreign_text
+    from cubicfish_cli.formats.foreign import FILE_NAMES, foreign_text
 
+    rig = rig_path(calibration or model)
+    if rig is not None:
+        _export_rig(rig, name, output, max_error, max_angle, pair, overwrite, as_json)
+        return
+    if pair is not None:
+        raise click.UsageError("--pair names two cameras of a rig: name the rig.yaml")
     path = output or Path(FILE_NAMES.get(name, "undistort_map.npz"))
     refuse_existing(path, overwrite=overwrite)
-    loaded = load_camera(options.model_path(model))
+    loaded = load_camera(options.model_path(calibration or model))
     if name == "maps":
         _write_map(path, loaded.camera, overwrite=overwrite, as_json=as_json)
         return
     with working("Fitting the other lens"):
-        conversion = to_lens(
-            loaded.camera,
-            LENS_OF[name],
-            max_angle_deg=max_angle,
-            covered_deg=_covered_deg(loaded.fit),
-        )
-    error = conversion.error
-    if not error.max_px <= max_error:
-        raise FitError(_too_far(conversion, name, max_error))
-    trusted = min(max_angle or 180.0, loaded.camera.max_angle_deg)
-    note = _note(conversion, name, loaded.made_by, trusted)
+        conversion, note = _converted(loaded, name, max_error, max_angle)
     text = foreign_text(name, conversion.record, note, _poses(loaded.fit, conversion))
     write_text(path, text, overwrite=overwrite)
     if as_json:
-        print_json(
-            {
-                "file": str(path),
-                "format": name,
-                "lens": conversion.record.model,
-                **error.as_record(),
-                "turned_deg": conversion.turned_deg,
-                "lens_from_camera": conversion.lens_from_camera,
-            }
-        )
+        print_json({"file": str(path), "format": name, **_record(conversion)})
         return
     result(f"wrote {path}")
     for line in note[1:]:
         result(_without_matrix(line) if name not in _NO_COMMENTS else line)
+    _warn_beyond(conversion, max_error)
+
+
+def _export_rig(
+    path: Path,
+    name: str,
+    output: Path | None,
+    max_error: float,
+    max_angle: float | None,
+    pair: tuple[str, str] | None,
+    overwrite: bool,
+    as_json: bool,
+) -> None:
+    """Write all cameras of a rig, or two of them, with their places."""
+    from cubicfish_cli.files import refuse_existing, write_texts
+    from cubicfish_cli.formats.foreign import RIG_FILE_NAMES, rig_texts
+    from cubicfish_cli.formats.rig_yaml import load_rig
+    from cubicfish_cli.library.rig_files import ConvertedCamera, lens_rig
+
+    rig = load_rig(path)
+    if name not in RIG_FILE_NAMES:
+        one = path.parent / rig.cameras[0].path
+        raise click.UsageError(
+            f"--to {name} holds one camera: name one of the rig's, such as {one}, or choose one of "
+            + ", ".join(RIG_FILE_NAMES)
+        )
+    goal = output or Path(RIG_FILE_NAMES[name])
+    chosen = rig.cameras if pair is None else tuple(map(rig.camera, pair))
+    converted = []
+    with working("Fitting the other lenses"):
+        for camera in chosen:
+            try:
+                conversion, note = _converted(camera.file, name, max_error, max_angle)
+            except FitError as problem:
+                raise FitError(f"camera {camera.name}: {problem}") from problem
+            converted.append(ConvertedCamera(camera=camera, conversion=conversion, note=note))
+    texts = rig_texts(name, lens_rig(rig, converted), goal)
+    for file in texts:
+        refuse_existing(file, overwrite=overwrite)
+    written = write_texts(texts, overwrite=overwrite)
+    if as_json:
+        records = [{"name": one.camera.name, **_record(one.conversion)} for one in converted]
+        print_json({"files": list(map(str, written)), "format": name, "cameras": records})
+        return
+    for file in written:
+        result(f"wrote {file}")
+    for own in converted:
+        result(f"{own.camera.name}: {own.note[1]}")
+        for line in own.note[2:]:
+            result("  " + _without_matrix(line))
+        _warn_beyond(own.conversion, max_error, f"camera {own.camera.name}: ")
+
+
+def _converted(
+    loaded: CameraFile, name: str, max_error: float, max_angle: float | None
+) -> tuple[Conversion, list[str]]:
+    """A camera as the format's lens, and how it was made, in lines.
+
+    Raises:
+        FitError: the lens is farther from the camera than that.
+
+    """
+    from cubicfish_cli.fitting.conversion.to_lens import to_lens
+    from cubicfish_cli.formats.foreign import LENS_OF
+
+    conversion = to_lens(
+        loaded.camera,
+        LENS_OF[name],
+        max_angle_deg=max_angle,
+        covered_deg=_covered_deg(loaded.fit),
+    )
+    if not conversion.error.max_px <= max_error:
+        raise FitError(_too_far(conversion, name, max_error))
+    trusted = min(max_angle or 180.0, loaded.camera.max_angle_deg)
+    return conversion, _note(conversion, name, loaded.made_by, trusted)
+
+
+def _record(conversion: Conversion) -> dict[str, Any]:
+    """The lens and its errors, for JSON."""
+    return {
+        "lens": conversion.record.model,
+        **conversion.error.as_record(),
+        "turned_deg": conversion.turned_deg,
+        "lens_from_camera": conversion.lens_from_camera,
+    }
+
+
+def _warn_beyond(conversion: Conversion, max_error: float, whose: str = "") -> None:
+    error = conversion.error
     if error.beyond is not None and not error.beyond["max_px"] <= max_error:
         start = error.beyond["from_deg"]
         say(
-            f"warning: beyond {start:.1f}°, where no corner was, {_figures(error.beyond)}: do not "
-            f"rely on it there, or leave that out with --max-angle {start:.1f}"
+            f"warning: {whose}beyond {start:.1f}°, where no corner was, {_figures(error.beyond)}: "
+            f"do not rely on it there, or leave that out with --max-angle {start:.1f}"
         )
 
 

@@ -38,7 +38,7 @@ def command(calibration: Path | None, model: Path | None, as_json: bool) -> None
     from cubicfish_cli.assess.camera_facts import camera_facts
     from cubicfish_cli.formats.camera_yaml import load_any_camera
 
-    rig = rig_path(calibration or model)
+    rig = options.rig_path(calibration or model)
     if rig is not None:
         _rig(rig, as_json=as_json)
         return
@@ -54,18 +54,6 @@ def command(calibration: Path | None, model: Path | None, as_json: bool) -> None
     if facts.verdict is not None:
         result()
         print_verdict(facts.verdict)
-
-
-def rig_path(given: Path | None) -> Path | None:
-    """The rig's file, where a rig is meant: a rig.yaml, or a folder that has one and no camera."""
-    from cubicfish_cli.formats.rig_yaml import is_rig
-
-    if given is None:
-        return None
-    if given.is_dir():
-        inside, camera = given / "rig.yaml", given / options.DEFAULT_MODEL.name
-        return inside if inside.is_file() and not camera.exists() else None
-    return given if is_rig(given) else None
 
 
 def _rig(path: Path, *, as_json: bool) -> None:

@@ -237,6 +237,8 @@ MAP = {
 }
 EXPORT = {
     "file": "what was written",
+    "files": "of a rig, all that was written",
+    "cameras": "of a rig, a record a camera: its name, and the keys from lens on",
     "format": "its format",
     "lens": "the format's lens model (this and the rest not for --to maps)",
     "rms_px": "the RMS of the conversion",

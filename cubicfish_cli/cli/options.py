@@ -275,6 +275,21 @@ size_option = click.option(
 )
 
 
+def _pair(text: str) -> tuple[str, str]:
+    names = [name.strip() for name in text.split(",")]
+    if len(names) != 2 or not all(names) or names[0] == names[1]:
+        raise ValueError(f"{text!r} does not name two cameras, such as left,right")
+    return names[0], names[1]
+
+
+pair_option = click.option(
+    "--pair",
+    type=Parsed("NAME,NAME", _pair),
+    metavar="NAME,NAME",
+    help="Two cameras of the rig, the first one's frame first. [default: all of the rig]",
+)
+
+
 def model_path(given: Path | None) -> Path:
     """The camera file to read: the one that was given, else the default one if it is there.
 
@@ -315,6 +330,18 @@ def in_folder(path: Path) -> Path:
             "calibrate' wrote, or a camera file"
         )
     return inside
+
+
+def rig_path(given: Path | None) -> Path | None:
+    """The rig's file, where a rig is meant: a rig.yaml, or a folder that has one and no camera."""
+    from cubicfish_cli.formats.rig_yaml import is_rig
+
+    if given is None:
+        return None
+    if given.is_dir():
+        inside, camera = given / "rig.yaml", given / DEFAULT_MODEL.name
+        return inside if inside.is_file() and not camera.exists() else None
+    return given if is_rig(given) else None
 
 
 def _is_named() -> bool:

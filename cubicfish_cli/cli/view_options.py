@@ -21,6 +21,8 @@ KINDS = (
     "perspective",
     "cylindrical",
     "equirectangular",
+    "epipolar-cylindrical",
+    "epipolar-equirectangular",
     "stereographic",
     "equidistant",
     "cube",
@@ -32,6 +34,8 @@ WIDEST: Mapping[str, tuple[tuple[float, bool], tuple[float, bool]]] = {
     "perspective": ((180, False), (180, False)),
     "cylindrical": ((360, True), (180, False)),
     "equirectangular": ((360, True), (180, True)),
+    "epipolar-cylindrical": ((180, False), (360, True)),
+    "epipolar-equirectangular": ((180, True), (360, True)),
     "stereographic": ((360, False), (360, False)),
     "equidistant": ((360, True), (360, True)),
 }

@@ -1,4 +1,4 @@
-"""COLMAP's cameras.txt and cameras.bin.
+"""COLMAP's cameras.txt and cameras.bin, and the rig_config.json of a rig.
 
 The binary file is little-endian: how many cameras (uint64), then for each its CAMERA_ID (uint32),
 the model's number (int32), width and height (uint64) and the parameters (float64).
@@ -6,15 +6,20 @@ the model's number (int32), width and height (uint64) and the parameters (float6
 
 from __future__ import annotations
 
+import json
 import re
 import struct
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
+
+from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.bounded import read_bounded, read_bounded_bytes
 from cubicfish_cli.formats.colmap_models import MODELS, parameters_of, record_of
 from cubicfish_cli.formats.fields import size
+from cubicfish_cli.formats.lens_rig import LensRig
 from cubicfish_cli.model.lens_record import LensRecord
 from cubicfish_cli.wording import did_you_mean, quoted
 
@@ -45,6 +50,34 @@ def colmap_text(record: LensRecord, note: Sequence[str]) -> str:
             "",
         ]
     )
+
+
+def colmap_rig_text(rig: LensRig) -> str:
+    """Records of :data:`colmap_models.WRITTEN`'s models as rig_config.json, with their cameras.
+
+    The photos of each camera are in a folder of its name; lengths are the rig's own.
+
+    Raises:
+        CameraFileError: a lens's values lie outside what COLMAP takes.
+
+    """
+    cameras = []
+    for number, one in enumerate(rig.lenses):
+        name, parameters = parameters_of(one.record)
+        camera: dict[str, Any] = {
+            "image_prefix": f"{one.name}/",
+            "camera_model_name": name,
+            "camera_params": list(parameters),
+        }
+        if number:
+            turn, shift = rig.between(number, 0)
+            x, y, z, w = Rotation.from_matrix(turn).as_quat().tolist()
+            camera["cam_from_rig_rotation"] = [w, x, y, z]
+            camera["cam_from_rig_translation"] = shift.tolist()
+        else:
+            camera["ref_sensor"] = True
+        cameras.append({**camera, "made_by": list(one.note)})
+    return json.dumps([{"cameras": cameras}], indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def looks_like_cameras_txt(text: str) -> bool:

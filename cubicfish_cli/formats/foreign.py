@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,24 +12,36 @@ import numpy.typing as npt
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.bounded import read_bounded, read_bounded_bytes
 from cubicfish_cli.formats.colmap_cameras import (
+    colmap_rig_text,
     colmap_text,
     looks_like_cameras_bin,
     looks_like_cameras_txt,
     read_colmap,
 )
 from cubicfish_cli.formats.colmap_models import WRITTEN as COLMAP_MODELS
+from cubicfish_cli.formats.gyroflow_json import gyroflow_text
 from cubicfish_cli.formats.kalibr_yaml import LENSES as KALIBR_LENSES
-from cubicfish_cli.formats.kalibr_yaml import kalibr_text, read_kalibr
-from cubicfish_cli.formats.mrcal_model import mrcal_text, read_mrcal
-from cubicfish_cli.formats.nerfstudio_json import nerfstudio_text, read_nerfstudio
+from cubicfish_cli.formats.kalibr_yaml import kalibr_rig_text, kalibr_text, read_kalibr
+from cubicfish_cli.formats.lens_rig import LensRig
+from cubicfish_cli.formats.mrcal_model import mrcal_rig_texts, mrcal_text, read_mrcal
+from cubicfish_cli.formats.nerfstudio_json import (
+    nerfstudio_rig_text,
+    nerfstudio_text,
+    read_nerfstudio,
+)
 from cubicfish_cli.formats.ocamcalib import (
     ocamcalib_text,
     pyocamcalib_text,
     read_ocamcalib,
     read_pyocamcalib,
 )
-from cubicfish_cli.formats.opencv_cameras import looks_like_opencv, opencv_text, read_opencv
-from cubicfish_cli.formats.ros_yaml import read_ros, ros_text
+from cubicfish_cli.formats.opencv_cameras import (
+    looks_like_opencv,
+    opencv_stereo_text,
+    opencv_text,
+    read_opencv,
+)
+from cubicfish_cli.formats.ros_yaml import read_ros, ros_rig_texts, ros_text
 from cubicfish_cli.model.lens_record import LensRecord
 
 FloatArray = npt.NDArray[np.float64]
@@ -50,6 +62,7 @@ LENS_OF = {
     "pyocamcalib": "ocam",
     **_COLMAP,
     "nerfstudio": "kannala_brandt",
+    "gyroflow": "kannala_brandt",
     "mrcal": "mrcal_splined",
 }
 """Format -> the model of the lens that it holds."""
@@ -62,9 +75,24 @@ FILE_NAMES = {
     "pyocamcalib": "calibration.json",
     **dict.fromkeys(_COLMAP, "cameras.txt"),
     "nerfstudio": "transforms.json",
+    "gyroflow": "lens_profile.json",
     "mrcal": "camera.cameramodel",
 }
 """Format -> what its file is usually called."""
+
+_RIG_WRITERS: Mapping[str, tuple[str, Callable[[LensRig], str | dict[str, str]]]] = {
+    "opencv": ("stereo.opencv.yaml", opencv_stereo_text),
+    "ros": ("ros", ros_rig_texts),
+    **dict.fromkeys(
+        (f"kalibr-{name}" for name in KALIBR_LENSES), ("camchain.yaml", kalibr_rig_text)
+    ),
+    **dict.fromkeys(_COLMAP, ("rig_config.json", colmap_rig_text)),
+    "nerfstudio": ("transforms.json", nerfstudio_rig_text),
+    "mrcal": ("mrcal", mrcal_rig_texts),
+}
+
+RIG_FILE_NAMES = {name: usual for name, (usual, _) in _RIG_WRITERS.items()}
+"""Format that holds rigs -> what its file is usually called, or the folder of its files."""
 
 FRONT_ONLY = {
     "opencv": "cv2.fisheye",
@@ -104,11 +132,31 @@ def foreign_text(name: str, record: LensRecord, note: Sequence[str], poses: Pose
         return colmap_text(record, note)
     if name == "nerfstudio":
         return nerfstudio_text(record, note, poses)
+    if name == "gyroflow":
+        return gyroflow_text(record, note)
     if name == "ocamcalib":  # readers count its lines: comments go nowhere but the end
         return ocamcalib_text(record) + "".join(f"#{line}\n" for line in note)
     if name == "pyocamcalib":
         return pyocamcalib_text(record)
-    return "".join(f"# {line}\n" for line in note) + mrcal_text(record)
+    return mrcal_text(record, note)
+
+
+def rig_texts(name: str, rig: LensRig, path: Path) -> dict[Path, str]:
+    """The files of a rig in a format of :data:`RIG_FILE_NAMES`: path -> text.
+
+    Args:
+        name: the format.
+        rig: lenses of its model, and where they stand.
+        path: of the file, or of the folder of several.
+
+    Raises:
+        CameraFileError: the format does not take such a rig, such lenses or such units.
+
+    """
+    made = _RIG_WRITERS[name][1](rig)
+    if isinstance(made, str):
+        return {path: made}
+    return {path / own: text for own, text in made.items()}
 
 
 def read_foreign(

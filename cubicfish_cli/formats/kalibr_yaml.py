@@ -1,5 +1,6 @@
 """Kalibr's camchain.yaml: one or more cameras, cam0, cam1, ...
 
+Of several cameras, ``T_cn_cnm1`` takes points of the camera before to each one's frame, metres.
 ``pinhole`` with radtan, equidistant, fov or no distortion, ``omni`` with radtan or none, ``eucm``
 and ``ds`` with none; intrinsics in Kalibr's order.
 """
@@ -14,6 +15,7 @@ import numpy as np
 
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.fields import focal, mapping, numbers, size
+from cubicfish_cli.formats.lens_rig import LensRig, matrix_rows
 from cubicfish_cli.model.lens_record import LensRecord
 from cubicfish_cli.plain_yaml import load_plain_yaml
 from cubicfish_cli.wording import quoted
@@ -44,6 +46,30 @@ def kalibr_text(record: LensRecord, note: Sequence[str]) -> str:
         CameraFileError: the lens's values lie outside what Kalibr takes.
 
     """
+    return "\n".join([*(f"# {line}" for line in note), *_camera_lines(record, 0, []), ""])
+
+
+def kalibr_rig_text(rig: LensRig) -> str:
+    """Lenses of one of :data:`LENSES`' models as a camchain.
+
+    Raises:
+        CameraFileError: a lens's values lie outside what Kalibr takes, or the rig's unit of length
+            is not known.
+
+    """
+    lines = []
+    for number, one in enumerate(rig.lenses):
+        overlaps = np.flatnonzero(rig.overlaps[number]).tolist()
+        lines += [f"# cam{number} is {one.name}", *(f"# {line}" for line in one.note)]
+        lines += _camera_lines(one.record, number, overlaps)
+        if number:
+            turn, shift = rig.between(number, number - 1)
+            rows = matrix_rows(turn, shift * rig.metres)
+            lines += ["  T_cn_cnm1:", *(f"  - {_list(row)}" for row in rows)]
+    return "\n".join([*lines, ""])
+
+
+def _camera_lines(record: LensRecord, number: int, overlaps: Sequence[int]) -> list[str]:
     values = record.values
     camera, distortion, key = {
         "kannala_brandt": ("pinhole", "equidistant", "k"),
@@ -56,20 +82,16 @@ def kalibr_text(record: LensRecord, note: Sequence[str]) -> str:
     _check(Path("camchain.yaml"), camera, own)
     intrinsics = [*own, *(float(values[key]) for key in _CORE)]
     width, height = record.image_size
-    return "\n".join(
-        [
-            *(f"# {line}" for line in note),
-            "cam0:",
-            "  cam_overlaps: []",
-            f"  camera_model: {camera}",
-            f"  distortion_coeffs: {_list(d.tolist())}",
-            f"  distortion_model: {distortion}",
-            f"  intrinsics: {_list(intrinsics)}",
-            f"  resolution: [{width}, {height}]",
-            "  rostopic: /cam0/image_raw",
-            "",
-        ]
-    )
+    return [
+        f"cam{number}:",
+        f"  cam_overlaps: {list(overlaps)}",
+        f"  camera_model: {camera}",
+        f"  distortion_coeffs: {_list(d.tolist())}",
+        f"  distortion_model: {distortion}",
+        f"  intrinsics: {_list(intrinsics)}",
+        f"  resolution: [{width}, {height}]",
+        f"  rostopic: /cam{number}/image_raw",
+    ]
 
 
 def _list(values: Sequence[float]) -> str:

@@ -1,9 +1,10 @@
 """mrcal's ``.cameramodel``: a Python dictionary as text.
 
 ``lensmodel``, ``intrinsics`` (fx, fy, cx, cy and what the model has beside them), ``imagersize``
-[width, height], ``extrinsics`` (rt from the reference frame, of no use here) and maybe
-``valid_intrinsics_region``, a closed outline in pixels. Pixel (0, 0) is the middle of the top-left
-pixel, x to the right, y down and z forward, as here.
+[width, height], ``extrinsics`` (camera from the reference frame: a rotation vector and a shift in
+metres, written of rigs and not read) and maybe ``valid_intrinsics_region``, a closed outline in
+pixels. Pixel (0, 0) is the middle of the top-left pixel, x to the right, y down and z forward, as
+here.
 
 LENSMODEL_SPLINED_STEREOGRAPHIC_order=.._Nx=.._Ny=.._fov_x_deg=.. is written and read, its control
 points row by row with Δx and Δy of each together. LENSMODEL_STEREOGRAPHIC is read as a spline of
@@ -14,14 +15,17 @@ from __future__ import annotations
 
 import ast
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.bounded import read_bounded
+from cubicfish_cli.formats.lens_rig import LensRig
 from cubicfish_cli.model.lens_record import LensRecord
 from cubicfish_cli.wording import did_you_mean, quoted
 
@@ -56,8 +60,37 @@ _SUM_OR_SIGN = re.compile(r"[-+](?![0-9.])|[0-9.\])}]\s*[-+]")
 _PLAIN = re.compile(r"(?:[\s{}\[\](),:0-9eE.+\-]|\"\"|None)*", re.ASCII)
 
 
-def mrcal_text(record: LensRecord) -> str:
-    """A record ``mrcal_splined`` as the text of a .cameramodel, numbers at full precision."""
+def mrcal_rig_texts(rig: LensRig) -> dict[str, str]:
+    """Records ``mrcal_splined`` as a .cameramodel each; the rig's frame is the reference.
+
+    Raises:
+        CameraFileError: the rig's unit of length is not known.
+
+    """
+    return {
+        f"{one.name}.cameramodel": mrcal_text(
+            one.record,
+            one.note,
+            [
+                *Rotation.from_matrix(one.rotation).as_rotvec().tolist(),
+                *(one.translation * rig.metres).tolist(),
+            ],
+        )
+        for one in rig.lenses
+    }
+
+
+def mrcal_text(
+    record: LensRecord, note: Sequence[str] = (), extrinsics: Sequence[float] = (0.0,) * 6
+) -> str:
+    """A record ``mrcal_splined`` as the text of a .cameramodel, numbers at full precision.
+
+    Args:
+        record: the lens.
+        note: how it was made, a line each.
+        extrinsics: camera from reference, a rotation vector and a shift in metres.
+
+    """
     values = record.values
     control = np.asarray(values["control"], float)
     lens = (
@@ -71,6 +104,7 @@ def mrcal_text(record: LensRecord) -> str:
     width, height = record.image_size
     return "\n".join(
         [
+            *(f"# {line}" for line in note),
             "{",
             f"    'lensmodel':  '{lens}',",
             "",
@@ -81,7 +115,7 @@ def mrcal_text(record: LensRecord) -> str:
             "",
             *(["    'valid_intrinsics_region': [", *outline, "    ],", ""] if outline else []),
             "    # rt from the reference frame",
-            "    'extrinsics': [0, 0, 0, 0, 0, 0],",
+            f"    'extrinsics': [{', '.join(repr(float(value)) for value in extrinsics)}],",
             "",
             f"    'imagersize': [{width}, {height}],",
             "}",

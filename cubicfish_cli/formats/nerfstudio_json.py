@@ -18,6 +18,7 @@ import numpy.typing as npt
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.bounded import read_bounded
 from cubicfish_cli.formats.fields import focal, mapping, number, size
+from cubicfish_cli.formats.lens_rig import LensRig
 from cubicfish_cli.formats.plain_json import parse_plain_json
 from cubicfish_cli.model.lens_record import LensRecord
 from cubicfish_cli.wording import quoted
@@ -45,24 +46,55 @@ def nerfstudio_text(
         poses: rotation (3, 3) and translation (3,) of camera_from_world, by the photo's name.
 
     """
+    return _text(
+        {**_lens(record), "made_by": list(note)},
+        [{"file_path": name, "transform_matrix": _matrix(*pose)} for name, pose in poses.items()],
+    )
+
+
+def nerfstudio_rig_text(rig: LensRig) -> str:
+    """Records ``kannala_brandt`` and camera_from_world of their photos as transforms.json.
+
+    Every frame has its own lens; the photos of a camera are in a folder of its name.
+    """
+    frames = [
+        {
+            "file_path": f"{one.name}/{name}",
+            "transform_matrix": _matrix(*pose),
+            **_lens(one.record),
+        }
+        for one in rig.lenses
+        for name, pose in one.poses.items()
+    ]
+    note = [f"{one.name}: {line}" for one in rig.lenses for line in one.note]
+    return _text({"camera_model": "OPENCV_FISHEYE", "made_by": note}, frames)
+
+
+def _lens(record: LensRecord) -> dict[str, Any]:
     values = record.values
     width, height = record.image_size
-    frames = []
-    for name, (rotation, translation) in poses.items():
-        world_from_camera = np.eye(4)
-        world_from_camera[:3, :3] = rotation.T
-        world_from_camera[:3, 3] = -rotation.T @ translation
-        frames.append({"file_path": name, "transform_matrix": (world_from_camera @ _FLIP).tolist()})
-    data = {
+    return {
         "camera_model": "OPENCV_FISHEYE",
         **{theirs: float(values[ours]) + _SHIFT[ours] for ours, theirs in _CORE.items()},
         "w": width,
         "h": height,
         **dict(zip(_FISHEYE, np.asarray(values["k"], float).tolist(), strict=True)),
-        "made_by": list(note),
-        "frames": frames,
     }
-    return json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _matrix(
+    rotation: npt.NDArray[np.float64], translation: npt.NDArray[np.float64]
+) -> list[list[float]]:
+    world_from_camera = np.eye(4)
+    world_from_camera[:3, :3] = rotation.T
+    world_from_camera[:3, 3] = -rotation.T @ translation
+    rows: list[list[float]] = (world_from_camera @ _FLIP).tolist()
+    return rows
+
+
+def _text(data: Mapping[str, Any], frames: Sequence[Mapping[str, Any]]) -> str:
+    whole = {**data, "frames": list(frames)}
+    return json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def read_nerfstudio(path: Path) -> LensRecord:

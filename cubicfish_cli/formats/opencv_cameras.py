@@ -23,6 +23,7 @@ import numpy.typing as npt
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.fields import focal, numbers, size
 from cubicfish_cli.formats.file_storage import read_file_storage
+from cubicfish_cli.formats.lens_rig import LensRig
 from cubicfish_cli.model.lens_record import LensRecord
 from cubicfish_cli.wording import quoted
 
@@ -56,24 +57,65 @@ _COUNTS = (0, 4, 5, 8, 12, 14)
 
 def opencv_text(record: LensRecord, note: Sequence[str]) -> str:
     """A record ``kannala_brandt`` as FileStorage YAML, for cv2.fisheye."""
-    values = record.values
-    fx, fy, cx, cy = (float(values[key]) for key in ("fx", "fy", "cx", "cy"))
     width, height = record.image_size
     return "\n".join(
         [
-            "%YAML:1.0",
-            "---",
-            *(f"# {line}" for line in note),
-            "model: fisheye",
+            *_head(note),
             f"image_width: {width}",
             f"image_height: {height}",
-            *_matrix_lines("camera_matrix", 3, 3, [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
-            *_matrix_lines(
-                "distortion_coefficients", 4, 1, np.asarray(values["k"], float).tolist()
-            ),
+            *_lens_lines(record, "camera_matrix", "distortion_coefficients"),
             "",
         ]
     )
+
+
+def opencv_stereo_text(rig: LensRig) -> str:
+    """Two records ``kannala_brandt`` as FileStorage YAML, for cv2.fisheye's stereo functions.
+
+    M1, D1, M2, D2, and R, T with X2 = R X1 + T in the rig's units; where flat pictures with common
+    rows exist, R1, R2, P1, P2 and Q of :class:`~cubicfish_cli.formats.lens_rig.FlatPair`.
+
+    Raises:
+        CameraFileError: the rig has more cameras than two.
+
+    """
+    if len(rig.lenses) != 2:
+        names = ",".join(one.name for one in rig.lenses[:2])
+        raise CameraFileError(
+            f"OpenCV's stereo files hold two cameras, and the rig has {len(rig.lenses)}: name two "
+            f"with --pair, such as --pair {names}"
+        )
+    note = [f"{one.name}: {line}" for one in rig.lenses for line in one.note]
+    lines = [*_head([*note, f"T, P1, P2 and Q are in {rig.units or 'units of the target'}"])]
+    for number, one in enumerate(rig.lenses, start=1):
+        width, height = one.record.image_size
+        lines += [f"image_width{number}: {width}", f"image_height{number}: {height}"]
+        lines += _lens_lines(one.record, f"M{number}", f"D{number}")
+    turn, shift = rig.between(1, 0)
+    lines += _matrix_lines("R", 3, 3, turn.ravel().tolist())
+    lines += _matrix_lines("T", 3, 1, shift.tolist())
+    if rig.flat is not None:
+        width, height = rig.flat.size
+        lines += [f"rectified_width: {width}", f"rectified_height: {height}"]
+        for name, matrices in (("R", rig.flat.rotations), ("P", rig.flat.projections)):
+            for number, matrix in enumerate(matrices, start=1):
+                rows, columns = matrix.shape
+                lines += _matrix_lines(f"{name}{number}", rows, columns, matrix.ravel().tolist())
+        lines += _matrix_lines("Q", 4, 4, rig.flat.Q.ravel().tolist())
+    return "\n".join([*lines, ""])
+
+
+def _head(note: Sequence[str]) -> list[str]:
+    return ["%YAML:1.0", "---", *(f"# {line}" for line in note), "model: fisheye"]
+
+
+def _lens_lines(record: LensRecord, matrix: str, coefficients: str) -> list[str]:
+    values = record.values
+    fx, fy, cx, cy = (float(values[key]) for key in ("fx", "fy", "cx", "cy"))
+    return [
+        *_matrix_lines(matrix, 3, 3, [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
+        *_matrix_lines(coefficients, 4, 1, np.asarray(values["k"], float).tolist()),
+    ]
 
 
 def _matrix_lines(name: str, rows: int, columns: int, data: Sequence[float]) -> list[str]:

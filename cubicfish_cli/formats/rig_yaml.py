@@ -81,6 +81,20 @@ class RigFile:
     fit: Mapping[str, Any]
     made_by: Mapping[str, Any]
 
+    def camera(self, name: str) -> RigFileCamera:
+        """The camera of a name.
+
+        Raises:
+            CameraFileError: there is none.
+
+        """
+        names = [one.name for one in self.cameras]
+        if name not in names:
+            raise CameraFileError(
+                f"the rig has no camera {quoted(name)}: {did_you_mean(name, names)}"
+            )
+        return self.cameras[names.index(name)]
+
 
 def rig_text(record: Mapping[str, Any]) -> str:
     """The text of a rig.yaml from its plain data, without the version."""

@@ -3,18 +3,25 @@
 ``equidistant`` holds the four coefficients of OpenCV's fisheye module; ``plumb_bob`` and
 ``rational_polynomial`` are OpenCV's pinhole lens. The projection matrix is that of the rectified
 picture: here of one with the same focal lengths and centre.
+
+Of a rig there are a CameraInfo for each camera and, for tf2, where each stands: as records of
+geometry_msgs/TransformStamped in YAML, and as fixed joints in URDF. Lengths are metres.
 """
 
 from __future__ import annotations
 
+import re
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.fields import focal, mapping, numbers, size
+from cubicfish_cli.formats.lens_rig import LensRig
 from cubicfish_cli.model.lens_record import LensRecord
 from cubicfish_cli.plain_yaml import load_plain_yaml
 from cubicfish_cli.wording import quoted
@@ -41,6 +48,57 @@ def ros_text(record: LensRecord, note: Sequence[str], *, name: str = "camera") -
             "",
         ]
     )
+
+
+def ros_rig_texts(rig: LensRig) -> dict[str, str]:
+    """Records ``kannala_brandt`` as CameraInfo, static transforms and URDF: name -> text.
+
+    The frame ``rig`` is the first camera's as it was calibrated, and ``NAME_optical_frame`` that
+    of a camera's lens: x to the right, y down, z forward.
+
+    Raises:
+        CameraFileError: the rig's unit of length is not known.
+
+    """
+    places = [rig.rig_from_lens(number) for number in range(len(rig.lenses))]
+    frames = [f"{re.sub('[^A-Za-z0-9_]', '_', one.name)}_optical_frame" for one in rig.lenses]
+    texts = {
+        f"{one.name}.camera_info.yaml": ros_text(one.record, one.note, name=one.name)
+        for one in rig.lenses
+    }
+    lines = ["# geometry_msgs/TransformStamped: where each camera stands in the rig, metres"]
+    urdf = ['<?xml version="1.0"?>', '<robot name="rig">', '  <link name="rig"/>']
+    for frame, (turn, shift) in zip(frames, places, strict=True):
+        rotation, metres = Rotation.from_matrix(turn), (shift * rig.metres + 0.0).tolist()
+        lines += [
+            "- header: {frame_id: rig}",
+            f"  child_frame_id: {frame}",
+            "  transform:",
+            f"    translation: {_named('xyz', metres)}",
+            f"    rotation: {_named('xyzw', rotation.as_quat().tolist())}",
+        ]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # turns by 90 degrees about y have several angles
+            angles = rotation.as_euler("xyz").tolist()
+        urdf += [
+            f'  <link name="{frame}"/>',
+            f'  <joint name="rig_to_{frame}" type="fixed">',
+            '    <parent link="rig"/>',
+            f'    <child link="{frame}"/>',
+            f'    <origin xyz="{_spaced(metres)}" rpy="{_spaced(angles)}"/>',
+            "  </joint>",
+        ]
+    texts["static_transforms.yaml"] = "\n".join([*lines, ""])
+    texts["rig.urdf"] = "\n".join([*urdf, "</robot>", ""])
+    return texts
+
+
+def _named(names: str, values: Sequence[float]) -> str:
+    return "{" + ", ".join(f"{a}: {v!r}" for a, v in zip(names, values, strict=True)) + "}"
+
+
+def _spaced(values: Sequence[float]) -> str:
+    return " ".join(map(repr, values))
 
 
 def _matrix(name: str, rows: int, columns: int, data: Sequence[float]) -> list[str]:

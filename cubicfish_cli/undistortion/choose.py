@@ -7,6 +7,7 @@ from typing import Literal
 
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.undistortion.fit import INNER, OUTER, Fitted, cropped_view, fit_view
+from cubicfish_cli.undistortion.projections import CylindricalView, EquirectangularView
 from cubicfish_cli.undistortion.view import Camera, CentralView, Rotation, is_numbers
 from cubicfish_cli.undistortion.views import (
     CENTRAL_KINDS,
@@ -16,7 +17,15 @@ from cubicfish_cli.undistortion.views import (
 )
 from cubicfish_cli.wording import did_you_mean, quoted
 
-Kind = Literal["perspective", "cylindrical", "equirectangular", "stereographic", "equidistant"]
+Kind = Literal[
+    "perspective",
+    "cylindrical",
+    "equirectangular",
+    "epipolar-cylindrical",
+    "epipolar-equirectangular",
+    "stereographic",
+    "equidistant",
+]
 Share = float | Literal["inner", "outer"]
 
 _ENDS = {"inner": INNER, "outer": OUTER}
@@ -110,7 +119,7 @@ def choose_view(
         ViewError: the view is not one that can be rendered.
 
     """
-    if kind is CENTRAL_KINDS["equirectangular"] and (size, hfov_deg, vfov_deg, focal, share) == (
+    if issubclass(kind, EquirectangularView) and (size, hfov_deg, vfov_deg, focal, share) == (
         (None,) * 5
     ):
         return _fixed(cropped_view(camera, kind, axis_focal(camera), rotation))
@@ -126,7 +135,7 @@ def choose_view(
         scaled = default.focal * size[0] / default.size[0]
         return _fixed(kind(size=size, focal=scaled, rotation=rotation))
     fitted = fit_view(camera, kind, size, rotation, share=OUTER if share is None else share)
-    if share is None and kind is CENTRAL_KINDS["cylindrical"] and fitted.at_limit:
+    if share is None and issubclass(kind, CylindricalView) and fitted.at_limit:
         # All round, for the sake of what is nearly overhead, is not what anyone means.
         least = axis_focal(camera) * size[0] / camera.image_size[0]
         return _fixed(kind(size=size, focal=max(fitted.view.focal, least), rotation=rotation))

@@ -19,6 +19,8 @@ from cubicfish_cli.model.lift import EXPONENTS, lift, lift_rotation
 from cubicfish_cli.undistortion.plane import PlaneView
 from cubicfish_cli.undistortion.projections import (
     CylindricalView,
+    EpipolarCylindricalView,
+    EpipolarEquirectangularView,
     EquidistantView,
     EquirectangularView,
     PerspectiveView,
@@ -28,6 +30,7 @@ from cubicfish_cli.undistortion.view import CentralView, FloatArray, View
 
 _MONOMIALS = [(i, j, k, column) for column, (i, j, k) in enumerate(EXPONENTS.tolist())]
 _SLACK = 1e-9
+_ALL = slice(None)
 # Nodes beyond the highest frequency: 13 leave 1e-5 px at most, and mostly 1e-8.
 _CHEBYSHEV_MARGIN = 13
 
@@ -65,14 +68,13 @@ def grid_of(camera: CubicCamera, view: View) -> CubicGrid | None:
         return None
     turn = view.camera_from_view
     x, y = view.slopes()
+    sideways = turn[:, [1, 0, 2]]
     makers: dict[type[View], Callable[[], CubicGrid]] = {
         PerspectiveView: lambda: _FlatGrid(camera, turn, x, y),
-        CylindricalView: lambda: _TurningGrid(
-            camera, turn, x, 1 / np.sqrt(1 + y * y), y / np.sqrt(1 + y * y), np.zeros(len(y), bool)
-        ),
-        EquirectangularView: lambda: _TurningGrid(
-            camera, turn, x, np.cos(y), np.sin(y), np.abs(y) > np.pi / 2 * (1 + _SLACK)
-        ),
+        CylindricalView: lambda: _cylinder(camera, turn, x, y),
+        EquirectangularView: lambda: _sphere(camera, turn, x, y),
+        EpipolarCylindricalView: lambda: _SidewaysGrid(_cylinder(camera, sideways, y, x)),
+        EpipolarEquirectangularView: lambda: _SidewaysGrid(_sphere(camera, sideways, y, x)),
         StereographicView: lambda: _StereographicGrid(camera, turn, x, y),
         EquidistantView: lambda: _EquidistantGrid(camera, turn, x, y),
     }
@@ -193,17 +195,44 @@ class _TurningGrid(CubicGrid):
         self._least_cosine = float(np.cos(np.deg2rad(camera.max_angle_deg) + _SLACK))
         self._off_rows, self._off_columns = off, np.abs(x) > np.pi * (1 + _SLACK)
 
+    def homogeneous(
+        self, rows: slice, columns: slice = _ALL
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        u, v, w = (part[rows] @ self._columns[:, columns] for part in self._rows)
+        return u, v, w
+
+    def outside(self, rows: slice, columns: slice = _ALL) -> npt.NDArray[np.bool_]:
+        along = self._across[rows, None] * self._along_x[columns]
+        along += self._along_y[rows, None]
+        outside = along < self._least_cosine
+        outside |= self._off_columns[columns]
+        outside[self._off_rows[rows]] = True
+        return np.asarray(outside)
+
+
+def _cylinder(camera: CubicCamera, turn: FloatArray, x: FloatArray, y: FloatArray) -> _TurningGrid:
+    length = np.sqrt(1 + y * y)
+    return _TurningGrid(camera, turn, x, 1 / length, y / length, np.zeros(len(y), bool))
+
+
+def _sphere(camera: CubicCamera, turn: FloatArray, x: FloatArray, y: FloatArray) -> _TurningGrid:
+    off = np.abs(y) > np.pi / 2 * (1 + _SLACK)
+    return _TurningGrid(camera, turn, x, np.cos(y), np.sin(y), off)
+
+
+class _SidewaysGrid(CubicGrid):
+    """Rows and columns of another grid exchanged."""
+
+    def __init__(self, upright: _TurningGrid) -> None:
+        """Prepare for the grid whose columns are the rows here."""
+        self._upright = upright
+
     def homogeneous(self, rows: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
-        u, v, w = (part[rows] @ self._columns for part in self._rows)
+        u, v, w = (part.T for part in self._upright.homogeneous(_ALL, rows))
         return u, v, w
 
     def outside(self, rows: slice) -> npt.NDArray[np.bool_] | None:
-        along = self._across[rows, None] * self._along_x
-        along += self._along_y[rows, None]
-        outside = along < self._least_cosine
-        outside |= self._off_columns
-        outside[self._off_rows[rows]] = True
-        return np.asarray(outside)
+        return self._upright.outside(_ALL, rows).T
 
 
 class _StereographicGrid(CubicGrid):

@@ -6,8 +6,13 @@ middle in focal lengths:
 - perspective: (x, y) = (X, Y) / Z. Straight lines are straight.
 - cylindrical: x = azimuth about the vertical, y = Y / √(X² + Z²). Verticals are straight.
 - equirectangular: x = azimuth, y = elevation below the horizon.
+- epipolar-cylindrical: x = X / √(Y² + Z²), y = angle about the horizontal, downwards.
+- epipolar-equirectangular: x = angle from the plane X = 0, y = angle about the horizontal.
 - stereographic: radius 2·tan(θ/2), θ from the axis. Shapes are kept in the small.
 - equidistant: radius θ. What "fisheye" means in most programs.
+
+The epipolar ones are those of the same name on their sides. Where x points from one camera to
+another, all that a row shows lies in one plane through both: their rows agree beyond 180° too.
 """
 
 from __future__ import annotations
@@ -137,6 +142,50 @@ class EquirectangularView(CentralView):
     def least_focal(cls, size: tuple[int, int]) -> float:
         """The whole sphere."""
         return min(size[0] / (2 * math.pi), size[1] / math.pi) * _BEYOND
+
+
+class _OnItsSide(CentralView):
+    """A kind of view with x and y exchanged; the kind itself comes behind it in the bases."""
+
+    @classmethod
+    def offset(cls, angle: float, axis: int) -> float:
+        """See :meth:`CentralView.offset`."""
+        return super().offset(angle, 1 - axis)  # type: ignore[safe-super]
+
+    @classmethod
+    def half_field(cls, offset: float, axis: int) -> float:
+        """See :meth:`CentralView.half_field`."""
+        return super().half_field(offset, 1 - axis)  # type: ignore[safe-super]
+
+    @classmethod
+    def flat_rays(cls, flat: FloatArray) -> FloatArray:
+        """See :meth:`CentralView.flat_rays`."""
+        return super().flat_rays(flat[..., ::-1])[..., [1, 0, 2]]  # type: ignore[safe-super]
+
+    @classmethod
+    def ray_offsets(cls, rays: FloatArray) -> FloatArray:
+        """See :meth:`CentralView.ray_offsets`."""
+        return super().ray_offsets(rays[..., [1, 0, 2]])[..., ::-1]  # type: ignore[safe-super]
+
+    @classmethod
+    def least_focal(cls, size: tuple[int, int]) -> float:
+        """See :meth:`CentralView.least_focal`."""
+        return super().least_focal((size[1], size[0]))  # type: ignore[safe-super]
+
+
+class EpipolarCylindricalView(_OnItsSide, CylindricalView):
+    """A picture on a cylinder that lies on its side, unrolled."""
+
+    kind: ClassVar[str] = "epipolar-cylindrical"
+    max_hfov_deg, max_vfov_deg = 180.0, 360.0
+    closed = (False, True)
+
+
+class EpipolarEquirectangularView(_OnItsSide, EquirectangularView):
+    """Angles along, and about, the horizontal."""
+
+    kind: ClassVar[str] = "epipolar-equirectangular"
+    max_hfov_deg, max_vfov_deg = 180.0, 360.0
 
 
 class StereographicView(CentralView):

@@ -13,6 +13,8 @@ from cubicfish_cli.undistortion.cube import CrossView
 from cubicfish_cli.undistortion.plane import PlaneView
 from cubicfish_cli.undistortion.projections import (
     CylindricalView,
+    EpipolarCylindricalView,
+    EpipolarEquirectangularView,
     EquidistantView,
     EquirectangularView,
     PerspectiveView,
@@ -49,6 +51,8 @@ CENTRAL_KINDS: Mapping[str, type[CentralView]] = {
         PerspectiveView,
         CylindricalView,
         EquirectangularView,
+        EpipolarCylindricalView,
+        EpipolarEquirectangularView,
         StereographicView,
         EquidistantView,
     )

@@ -1,0 +1,102 @@
+"""A rig as other tools' lenses, and where they stand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cubicfish_cli.errors import ViewError
+from cubicfish_cli.fitting.conversion.to_lens import Conversion
+from cubicfish_cli.fitting.statistics import poses_on_record
+from cubicfish_cli.formats.lens_rig import FlatPair, LensRig, PlacedLens
+from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
+from cubicfish_cli.model.soundness import cone_rays
+from cubicfish_cli.rendering.pose import rotation_matrix
+from cubicfish_cli.undistortion.fit import sees
+from cubicfish_cli.undistortion.stereo import RectifiedPair, rectified_pair
+from cubicfish_cli.undistortion.views import default_view
+
+_OVERLAP_RAYS = 2000
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ConvertedCamera:
+    """A camera of a rig as another tool's lens: the lens, and what is told of it."""
+
+    camera: RigFileCamera
+    conversion: Conversion
+    note: Sequence[str]
+
+
+def lens_rig(rig: RigFile, converted: Sequence[ConvertedCamera]) -> LensRig:
+    """The rig of some of its cameras' lenses: what other tools' files hold.
+
+    Args:
+        rig: the rig.
+        converted: those of its cameras that are wanted.
+
+    """
+    cameras = [one.camera for one in converted]
+    return LensRig(
+        lenses=tuple(map(_placed, converted)),
+        units=rig.units,
+        overlaps=np.array([[a is not b and _overlap(a, b) for b in cameras] for a in cameras]),
+        flat=_flat(converted) if len(converted) == 2 else None,
+    )
+
+
+def pair_of(first: RigFileCamera, second: RigFileCamera) -> RectifiedPair:
+    """Two cameras of a rig, turned so that their pictures' rows agree.
+
+    Raises:
+        ViewError: they stand at one place.
+
+    """
+    turn = second.rotation @ first.rotation.T
+    shift = second.translation - turn @ first.translation
+    return rectified_pair(first.file.camera, second.file.camera, turn, shift)
+
+
+def _placed(one: ConvertedCamera) -> PlacedLens:
+    turn, camera = one.conversion.lens_from_camera, one.camera
+    return PlacedLens(
+        name=camera.name,
+        record=one.conversion.record,
+        note=one.note,
+        rotation=turn @ camera.rotation,
+        translation=turn @ camera.translation,
+        max_angle_deg=camera.file.camera.max_angle_deg,
+        poses={
+            name: (turn @ rotation_matrix(vector), turn @ np.asarray(translation))
+            for name, (vector, translation) in poses_on_record(camera.file.fit).items()
+        },
+    )
+
+
+def _overlap(first: RigFileCamera, second: RigFileCamera) -> bool:
+    """Whether two cameras see some far thing both."""
+    rays = cone_rays(np.deg2rad(first.file.camera.max_angle_deg), _OVERLAP_RAYS)
+    own = rays[sees(first.file.camera, rays)]
+    return bool(sees(second.file.camera, own @ first.rotation @ second.rotation.T).any())
+
+
+def _flat(converted: Sequence[ConvertedCamera]) -> FlatPair | None:
+    """Flat pictures of a pair; None where the cameras have no direction in common ahead."""
+    first, second = converted
+    try:
+        pair = pair_of(first.camera, second.camera)
+        view = default_view(pair)
+    except ViewError:
+        return None
+    turns = [
+        rotation @ one.conversion.lens_from_camera.T
+        for rotation, one in zip(pair.rotations, converted, strict=True)
+    ]
+    return FlatPair(
+        size=view.size,
+        rotations=(turns[0], turns[1]),
+        projections=pair.projections(view),
+        Q=pair.Q(view),
+    )
