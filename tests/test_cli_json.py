@@ -35,7 +35,12 @@ KEYS: dict[str, Mapping[str, str]] = {
 
 
 # Keys that only cameras and rigs have which are tested elsewhere.
-RARE = {"export": {"beyond", "files", "cameras"}, "import": {"fold_deg"}, "info": {"rig"}}
+RARE = {
+    "export": {"beyond", "files", "cameras"},
+    "import": {"fold_deg"},
+    "info": {"rig"},
+    "map": {"stereo"},
+}
 
 
 def records(run: Run, *lines: tuple[object, ...]) -> list[dict[str, Any]]:

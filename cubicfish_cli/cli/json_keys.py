@@ -233,6 +233,8 @@ MAP = {
     "extra_files": "the virtual camera, and the mask where it was asked for",
     "image_size": "[width, height] of the photos that the map is for",
     "view": _VIEW,
+    "stereo": "with --pair, what OUT.stereo.yaml holds: cameras, units, baseline, focal, depth and "
+    "what else it takes to measure",
     "ffmpeg": "for .pgm, a command a part that applies the map",
 }
 EXPORT = {

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli.map_pair import write_pair
 from cubicfish_cli.cli.mask_limit import (
     check_mask_limit,
     mask_limit_option,
@@ -36,6 +37,12 @@ _HELP = """Write where each pixel of a view comes from in the photo, and the vie
 .exr  STMap: x and y in R and G, 0 to 1 across the frame, 32-bit float
 .png  the same as two 16-bit grey pictures, OUT_x.png and OUT_y.png
 .pgm  the pair that ffmpeg's remap filter takes; the command is printed
+
+With --pair two maps of a rig, OUT_left.npz and OUT_right.npz, after which what one camera shows in
+a row the other shows in the same row. Flat pictures end before 180°; --view cylindrical and
+equirectangular are then about the line between the cameras and go on all around it. OUT.stereo.yaml
+has what it takes to get from disparities to points: baseline, focal length, and of flat ones P1,
+P2 and Q.
 """
 
 
@@ -48,6 +55,7 @@ _HELP = """Write where each pixel of a view comes from in the photo, and the vie
         "cubicfish map undistort.exr --fit outer",
         "cubicfish map redistort.exr --fit outer --redistort",
         "cubicfish map flat.pgm --size 1920x1080",
+        "cubicfish map stereo.npz --pair left,right --rig rig --view equirectangular",
     ),
 )
 @options.argument(
@@ -57,6 +65,8 @@ _HELP = """Write where each pixel of a view comes from in the photo, and the vie
     missing="OUT is needed: 'cubicfish map undistort.npz', or a name in .exr, .png or .pgm",
 )
 @options.model_option
+@options.rig_option
+@options.pair_option
 @view_options
 @click.option(
     "--photo-size",
@@ -86,6 +96,8 @@ _HELP = """Write where each pixel of a view comes from in the photo, and the vie
 def command(
     output: Path,
     model: Path | None,
+    rig: Path | None,
+    pair: tuple[str, str] | None,
     view: ViewOptions,
     photo_size: tuple[int, int] | None,
     crop: Crop | None,
@@ -121,6 +133,26 @@ def command(
         raise click.UsageError(
             "--mask-limit is for the map that undistorts: leave it out, or --redistort"
         )
+    if rig is not None or pair is not None:
+        for given, option in (
+            (redistort, "--redistort"),
+            (crop, "--crop"),
+            (mask_limit, "--mask-limit"),
+        ):
+            if given:
+                raise click.UsageError(f"{option} is for the map of one camera: leave it out")
+        write_pair(
+            output,
+            options.rig_file(rig),
+            pair,
+            view,
+            photo_size,
+            partial(map_writer, fixed_point=fixed_point, origin=origin),
+            mask=mask,
+            overwrite=overwrite,
+            as_json=as_json,
+        )
+        return
     parts = {
         part: map_writer(part_name(output, part), fixed_point=fixed_point, origin=origin)
         for part in view.parts

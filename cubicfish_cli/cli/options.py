@@ -21,6 +21,7 @@ Decorated = TypeVar("Decorated", bound=Callable[..., Any])
 DEBUG_KEY = "cubicfish.debug"
 VERBOSITY_KEY = "cubicfish.verbosity"
 DEFAULT_MODEL = Path("calibration") / "camera.yaml"
+DEFAULT_RIG = Path("rig") / "rig.yaml"
 
 FILE = click.Path(path_type=Path)
 
@@ -286,8 +287,33 @@ pair_option = click.option(
     "--pair",
     type=Parsed("NAME,NAME", _pair),
     metavar="NAME,NAME",
-    help="Two cameras of the rig, the first one's frame first. [default: all of the rig]",
+    help="Two cameras of the rig, such as left,right. [default: those that it has]",
 )
+
+rig_option = click.option(
+    "--rig",
+    "rig",
+    type=FILE,
+    metavar="FILE",
+    help="Several cameras on one body: the rig.yaml, or the folder that rig wrote. "
+    "[default, where a rig is needed: rig/rig.yaml]",
+)
+
+
+def rig_file(given: Path | None) -> Path:
+    """The rig's file: the one that was given, or in that folder, else the default one.
+
+    Raises:
+        CameraFileError: it is not there.
+
+    """
+    path = given or DEFAULT_RIG
+    path = path / DEFAULT_RIG.name if path.is_dir() else path
+    if not path.is_file():
+        raise CameraFileError(
+            f"there is no {path}: name the rig.yaml that 'cubicfish rig' wrote with --rig"
+        )
+    return path
 
 
 def model_path(given: Path | None) -> Path:

@@ -14,8 +14,7 @@ from cubicfish_cli.cli.options import SIZE, Parsed, bundle
 from cubicfish_cli.wording import either
 
 if TYPE_CHECKING:
-    from cubicfish_cli.model.cubic import CubicCamera
-    from cubicfish_cli.undistortion.view import Rotation, View
+    from cubicfish_cli.undistortion.view import Camera, Rotation, View
 
 KINDS = (
     "perspective",
@@ -130,7 +129,7 @@ class ChosenView:
         words = first.scale_in(self.unit) if isinstance(first, PlaneView) else first.describe()
         return f"{width}x{height} pixels, {words}"
 
-    def seen_by(self, camera: CubicCamera) -> SeenField | None:
+    def seen_by(self, camera: Camera) -> SeenField | None:
         """What a camera sees of the view's field; None of a cube and of a plane."""
         from cubicfish_cli.undistortion.fit import seen_field_deg
         from cubicfish_cli.undistortion.view import CentralView
@@ -198,6 +197,12 @@ class ViewOptions:
         return self.kind != "perspective" or any(self.rotate) or asked != (None,) * len(asked)
 
     @property
+    def leaves_field_open(self) -> bool:
+        """Whether neither size nor field were asked."""
+        asked = (self.size, self.hfov_deg, self.vfov_deg, self.focal, self.fit)
+        return asked == (None,) * len(asked)
+
+    @property
     def parts(self) -> tuple[str, ...]:
         """Names of the pictures that a photo becomes; one without a name unless it is a cube."""
         if self.kind == "cube" and self.layout != "cross":
@@ -206,7 +211,7 @@ class ViewOptions:
             return tuple(FACES)
         return ("",)
 
-    def chosen(self, camera: CubicCamera) -> ChosenView:
+    def chosen(self, camera: Camera) -> ChosenView:
         """The view of this camera.
 
         Raises:
@@ -232,7 +237,7 @@ class ViewOptions:
         )
         return ChosenView(views={"": fitted.view}, at_limit=fitted.at_limit)
 
-    def _cube(self, camera: CubicCamera, rotation: Rotation) -> ChosenView:
+    def _cube(self, camera: Camera, rotation: Rotation) -> ChosenView:
         from cubicfish_cli.undistortion.cube import CrossView, face_views
         from cubicfish_cli.undistortion.views import axis_focal
 

@@ -8,6 +8,7 @@ all around it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import ViewError
-from cubicfish_cli.undistortion.fit import sees
+from cubicfish_cli.undistortion.fit import seen_field_deg, sees
 from cubicfish_cli.undistortion.projections import (
     EpipolarCylindricalView,
     EpipolarEquirectangularView,
@@ -27,13 +28,23 @@ FORMAT_VERSION = 1
 
 # What is left of a direction across the line between the cameras, for it to say anything.
 _LEAST_AHEAD = 0.1
-_DEPTHS = {
-    PerspectiveView: "Z = focal * baseline_x / disparity",
-    EpipolarCylindricalView: "sqrt(Y^2 + Z^2) = focal * baseline_x / disparity",
-    EpipolarEquirectangularView: "sqrt(Y^2 + Z^2) = baseline_x / (tan(a1) - tan(a2)), "
-    "a = (column - middle_x) / focal",
+_DEPTHS: Mapping[type[CentralView], tuple[str, str]] = {
+    PerspectiveView: (
+        "Z = focal * baseline_x / disparity",
+        "X = Z * (column - middle[0]) / focal, Y = Z * (row - middle[1]) / focal",
+    ),
+    EpipolarCylindricalView: (
+        "r = focal * baseline_x / disparity",
+        "X = r * (column - middle[0]) / focal, Y = r * sin(b), Z = r * cos(b), "
+        "b = (row - middle[1]) / focal",
+    ),
+    EpipolarEquirectangularView: (
+        "r = baseline_x / (tan(a) - tan(a - disparity / focal)), a = (column - middle[0]) / focal",
+        "X = r * tan(a), Y = r * sin(b), Z = r * cos(b), b = (row - middle[1]) / focal",
+    ),
 }
-"""Kinds of views whose rows agree -> how far a point is, in the rectified frame of the first."""
+"""Kinds of views whose rows agree -> how far a point is from the line between the cameras (or, of
+flat ones, how far ahead), and where; in the first camera's rectified frame."""
 
 ROW_ALIGNED = tuple(kind.kind for kind in _DEPTHS)
 
@@ -76,6 +87,14 @@ class RectifiedPair:
         both = sees(first, rays @ self.rotations[0]) & sees(second, rays @ self.rotations[1])
         return np.where(both[..., None], pixel, np.nan)
 
+    def field_view(self, view: CentralView) -> CentralView:
+        """A view with as many rows as the middle column shows of what both see.
+
+        Near the line between the cameras, where there is no depth, all rows show something.
+        """
+        down = np.radians(seen_field_deg(self, view)[1])
+        return replace(view, size=(view.size[0], max(2, 2 * round(view.focal * down / 2))))
+
     def views(self, view: CentralView) -> tuple[CentralView, CentralView]:
         """A view from the rectified frame as that of either camera.
 
@@ -112,9 +131,32 @@ class RectifiedPair:
             ]
         )
 
+    def points(self, view: CentralView, pixel: FloatArray, disparity: FloatArray) -> FloatArray:
+        """What both pictures show, in the first camera's rectified frame.
+
+        Args:
+            view: whose pictures they are, in the rectified frame.
+            pixel: (..., 2) of the first picture.
+            disparity: (...,) column there less that in the second picture.
+
+        Returns:
+            (..., 3) points in the unit of the baseline; behind, or of no end, where the disparity
+            has the wrong sign or is 0.
+
+        """
+        other = pixel - np.stack([disparity, np.zeros_like(disparity)], axis=-1)
+        along = []
+        for one in (pixel, other):
+            rays = view.rays(one)
+            along.append(rays / np.hypot(rays[..., 1], rays[..., 2])[..., None])
+        with np.errstate(divide="ignore"):
+            distance = self.baseline_x / (along[0][..., 0] - along[1][..., 0])
+        return np.asarray(along[0] * distance[..., None])
+
     def as_record(self, view: CentralView) -> dict[str, Any]:
         """What it takes to get from disparities to points, plain data."""
         x, y = view.middle
+        depth, point = _DEPTHS[type(view)]
         record: dict[str, Any] = {
             "cubicfish_stereo": FORMAT_VERSION,
             "kind": view.kind,
@@ -124,7 +166,8 @@ class RectifiedPair:
             "baseline": abs(self.baseline_x),
             "baseline_x": self.baseline_x,
             "disparity": "column in the first picture - column in the second",
-            "depth": _DEPTHS[type(view)],  # type: ignore[index]
+            "depth": depth,
+            "point": point,
             "pixels_per_degree": view.focal * np.pi / 180,
             "view_from_camera": [
                 (view.camera_from_view.T @ turn).tolist() for turn in self.rotations

@@ -1,0 +1,161 @@
+"""``cubicfish map --pair``: the maps of two cameras whose pictures have common rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from cubicfish_cli.cli.terminal import print_json, result
+from cubicfish_cli.cli.view_options import ChosenView, ViewOptions
+from cubicfish_cli.cli.view_outputs import part_name, view_writers, write_all
+from cubicfish_cli.errors import CameraFileError, ViewError
+from cubicfish_cli.wording import either
+
+if TYPE_CHECKING:
+    from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
+    from cubicfish_cli.undistortion.map_formats import Writer
+    from cubicfish_cli.undistortion.stereo import RectifiedPair
+
+
+def write_pair(
+    output: Path,
+    rig_file: Path,
+    pair: tuple[str, str] | None,
+    view: ViewOptions,
+    photo_size: tuple[int, int] | None,
+    writer: Callable[[Path], tuple[tuple[Path, ...], Writer]],
+    *,
+    mask: Path | None,
+    overwrite: bool,
+    as_json: bool,
+) -> None:
+    """Write a map for each of two cameras of a rig, and what it takes to measure with them.
+
+    Args:
+        output: what the maps are called, before the cameras' names.
+        rig_file: the rig.
+        pair: names of its cameras; None for a rig of two.
+        view: what was asked of the pictures.
+        photo_size: of the photos, where it is not the calibrated one.
+        writer: the files of a map of some name, and what writes each.
+        mask: where the masks go.
+        overwrite: whether existing files may be replaced.
+        as_json: whether to print JSON.
+
+    """
+    from cubicfish_cli.files import refuse_existing, write_text
+    from cubicfish_cli.formats.rig_yaml import load_rig
+    from cubicfish_cli.library.rig_files import pair_of
+    from cubicfish_cli.plain_yaml import plain_yaml_text
+    from cubicfish_cli.undistortion.frames import camera_for_photos
+    from cubicfish_cli.undistortion.map_formats import PixelMap
+    from cubicfish_cli.undistortion.maps import build_map
+    from cubicfish_cli.undistortion.view import CentralView
+
+    view = row_aligned(view)
+    rig = load_rig(rig_file)
+    both = two_cameras(rig, pair)
+    parts = {one.name: writer(part_name(output, one.name)) for one in both}
+    about = output.with_suffix(".stereo.yaml")
+    for path in (*(path for paths, _ in parts.values() for path in paths), about):
+        refuse_existing(path, overwrite=overwrite)
+    rectified = pair_of(*both)
+    if photo_size is not None:
+        cameras = [camera_for_photos(one.file.camera, photo_size) for one in both]
+        rectified = replace(rectified, cameras=(cameras[0], cameras[1]))
+    _check_common(rectified)
+    chosen = view.chosen(rectified)
+    common = chosen.first
+    assert isinstance(common, CentralView)  # row_aligned
+    if view.leaves_field_open and view.kind == "epipolar-equirectangular":
+        common = rectified.field_view(common)
+        chosen = ChosenView(views={"": common})
+    maps = {
+        one.name: PixelMap.of(build_map(camera, own))
+        for one, camera, own in zip(both, rectified.cameras, rectified.views(common), strict=True)
+    }
+    record = {
+        "cameras": [one.name for one in both],
+        "units": rig.units,
+        "photo_sizes": [list(camera.image_size) for camera in rectified.cameras],
+        **rectified.as_record(common),
+    }
+    writers: dict[Path, Callable[[Path], object]] = {}
+    for name, (paths, write) in parts.items():
+        for index, path in enumerate(paths):
+            writers[path] = partial(write, index, maps[name])
+    text = plain_yaml_text(record)
+    writers[about] = lambda path: write_text(path, text, overwrite=True)
+    writers |= view_writers(maps, mask=mask, beside=output)
+    written = write_all(writers, overwrite=overwrite)
+    if as_json:
+        own_files = [path for paths, _ in parts.values() for path in paths]
+        print_json(
+            {
+                "model": str(rig_file),
+                "files": list(map(str, own_files)),
+                "extra_files": [str(path) for path in written if path not in own_files],
+                "image_size": rectified.image_size,
+                "view": chosen.as_record(),
+                "stereo": record,
+                "ffmpeg": [],
+            }
+        )
+        return
+    result(f"wrote {written[0]}: {chosen.describe()}")
+    for path in written[1:]:
+        result(f"wrote {path}")
+    unit = f" {rig.units}" if rig.units else ""
+    result(f"baseline {record['baseline']:.3f}{unit}; {record['depth']}")
+
+
+def row_aligned(view: ViewOptions) -> ViewOptions:
+    """What was asked of a picture, as of one whose rows agree with another camera's."""
+    from cubicfish_cli.undistortion.stereo import ROW_ALIGNED
+
+    yaw, _, roll = view.rotate
+    if yaw or roll:
+        raise click.UsageError(
+            "rows of both pictures agree as long as they look up or down only: write --rotate "
+            "0,PITCH,0"
+        )
+    if view.kind in ("cylindrical", "equirectangular"):
+        view = replace(view, kind=f"epipolar-{view.kind}")
+    if view.kind not in ROW_ALIGNED:
+        kinds = either([kind.removeprefix("epipolar-") for kind in ROW_ALIGNED])
+        raise click.UsageError(
+            f"rows of {view.kind} pictures do not agree between cameras: choose --view {kinds}"
+        )
+    return view
+
+
+def two_cameras(rig: RigFile, pair: tuple[str, str] | None) -> tuple[RigFileCamera, RigFileCamera]:
+    """The cameras that are named, or those of a rig of two.
+
+    Raises:
+        CameraFileError: the rig has no such cameras, or more than two and none are named.
+
+    """
+    if pair is not None:
+        return rig.camera(pair[0]), rig.camera(pair[1])
+    if len(rig.cameras) != 2:
+        names = ", ".join(one.name for one in rig.cameras)
+        raise CameraFileError(f"name two of the rig's cameras with --pair: {names}")
+    return rig.cameras[0], rig.cameras[1]
+
+
+def _check_common(rectified: RectifiedPair) -> None:
+    """Refuse pictures of a direction that not both cameras see."""
+    import numpy as np
+
+    from cubicfish_cli.undistortion.fit import sees
+
+    if not sees(rectified, np.array([0.0, 0.0, 1.0])):
+        raise ViewError(
+            "the two cameras see nothing in common where both look: name two others with --pair"
+        )
