@@ -31,6 +31,7 @@ from cubicfish_cli.cli.rendering_options import (
     crop_option,
     rendering_options,
 )
+from cubicfish_cli.cli.rig_options import RigOptions, rig_options
 from cubicfish_cli.cli.scheduler_options import SchedulerOptions, scheduler_options
 from cubicfish_cli.cli.terminal import print_json, progress, result, say, tell
 from cubicfish_cli.cli.undistort_failures import ending, failure_lines, share_a_reason
@@ -41,6 +42,7 @@ from cubicfish_cli.cli.undistort_outlook import (
     warn_of_limit,
 )
 from cubicfish_cli.cli.undistort_plan import Plan, plan_of
+from cubicfish_cli.cli.undistort_rig import undistort_rig
 from cubicfish_cli.cli.video_options import EncodingOptions, encoding_options
 from cubicfish_cli.cli.view_options import ViewOptions, view_options
 
@@ -65,6 +67,8 @@ if TYPE_CHECKING:
         "cubicfish undistort photo.jpg floor.png --plane floor --target target.yaml",
         "cubicfish undistort drive.mp4 flat.mp4 --hfov 100 --crf 20",
         "cubicfish undistort photos/ flat/ --scheduler tcp://node1:8786",
+        "cubicfish undistort left/1.png right/1.png all.png --rig rig",
+        "cubicfish undistort shots/ above/ --rig rig --ground 1200,-10",
     ),
 )
 @options.argument(
@@ -81,6 +85,7 @@ if TYPE_CHECKING:
     "destination", "The picture or video that is made of one; of several, a folder.", metavar="OUT"
 )
 @options.model_option
+@rig_options
 @view_options
 @plane_options
 @crop_option
@@ -107,6 +112,7 @@ def command(
     sources: tuple[str, ...],
     destination: Path,
     model: Path | None,
+    rig: RigOptions,
     view: ViewOptions,
     plane: PlaneOptions,
     crop: Crop | None,
@@ -128,11 +134,39 @@ def command(
     their names; '-' reads the photos' names from stdin. Pixels that the camera does not see are
     black. Depth, channels, and a JPEG's EXIF record and quality are kept, and so are a video's
     audio and timestamps.
+
+    With --rig the photos are those of a rig's cameras, and each shot becomes one picture: a
+    panorama in any --view (equirectangular unless another is named), the ground from above with
+    --ground or --plane, or with --view cube flat faces about each camera, with masks and poses.
     """
     from cubicfish_cli.undistortion.batch import undistort_photos
 
     if skip_existing and overwrite:
         raise click.UsageError("--skip-existing and --overwrite exclude each other")
+    if rig.is_asked:
+        refused = {
+            "--crop": crop,
+            "--mask-limit": mask_limit,
+            "--skip-existing": skip_existing,
+            "--dry-run": dry_run,
+            "--scheduler": scheduler.address,
+        }
+        for name, given in refused.items():
+            if given:
+                raise click.UsageError(f"{name} is for the photos of one camera: leave it out")
+        undistort_rig(
+            sources,
+            destination,
+            rig,
+            view,
+            plane,
+            pixels.rendering(),
+            mask=mask,
+            camera_out=camera_out,
+            overwrite=overwrite,
+            as_json=as_json,
+        )
+        return
     scheduler.check(jobs)
     check_mask_limit(mask_limit, mask)
     plane.check(view)

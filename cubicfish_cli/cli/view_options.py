@@ -262,7 +262,11 @@ def _too_wide(kind: str, axis: int, option: str, angle_deg: float) -> str:
     flat = "about 120 or less, or " * (kind == "perspective")
     view = f"{'an' if kind.startswith('e') else 'a'} {kind} view"
     way = ("across", "down")[axis]
-    others = [name for name in WIDEST if _shows(name, axis, angle_deg)]
+    others = [
+        name
+        for name in WIDEST
+        if _shows(name, axis, angle_deg) and kind.startswith("epi") >= name.startswith("epi")
+    ]
     return f"{option} is too wide: {view} shows {most} {way}: choose {flat}--view {either(others)}"
 
 

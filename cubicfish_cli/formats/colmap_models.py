@@ -84,11 +84,13 @@ _PINHOLE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 def parameters_of(record: LensRecord) -> tuple[str, list[float]]:
     """The COLMAP model and parameters of a record of one of :data:`WRITTEN`'s models.
 
+    A pinhole's distortion is left out: a flat picture has none.
+
     Raises:
         CameraFileError: the lens's values lie outside what COLMAP takes.
 
     """
-    name = WRITTEN[record.model]
+    name = {**WRITTEN, "pinhole": "PINHOLE"}[record.model]
     own: dict[str, float] = {}
     for key, value in record.values.items():
         if np.ndim(value):

@@ -29,6 +29,7 @@ _SHIFT = {"fx": 0.0, "fy": 0.0, "cx": 0.5, "cy": 0.5}
 _FISHEYE = ("k1", "k2", "k3", "k4")
 _PINHOLE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 _MODELS = ("OPENCV", "OPENCV_FISHEYE", "PINHOLE", "SIMPLE_PINHOLE")
+_CAMERA_MODELS = {"kannala_brandt": "OPENCV_FISHEYE", "pinhole": "PINHOLE"}
 # From nerfstudio's camera axes to those here.
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 
@@ -52,14 +53,22 @@ def nerfstudio_text(
     )
 
 
-def nerfstudio_rig_text(rig: LensRig) -> str:
-    """Records ``kannala_brandt`` and camera_from_world of their photos as transforms.json.
+def nerfstudio_rig_text(rig: LensRig, *, images: str = "", masks: str | None = None) -> str:
+    """Records and camera_from_world of their photos as transforms.json.
 
-    Every frame has its own lens; the photos of a camera are in a folder of its name.
+    Every frame has its own lens, ``kannala_brandt`` or a ``pinhole`` without distortion.
+
+    Args:
+        rig: the lenses; the photos of each are in a folder of its name.
+        images: the folder of those folders.
+        masks: the same of the masks, ``0001.png.png`` for ``0001.png``; None for no masks.
+
     """
+    start = f"{images}/" if images else ""
     frames = [
         {
-            "file_path": f"{one.name}/{name}",
+            "file_path": f"{start}{one.name}/{name}",
+            **({} if masks is None else {"mask_path": f"{masks}/{one.name}/{name}.png"}),
             "transform_matrix": _matrix(*pose),
             **_lens(one.record),
         }
@@ -67,18 +76,23 @@ def nerfstudio_rig_text(rig: LensRig) -> str:
         for name, pose in one.poses.items()
     ]
     note = [f"{one.name}: {line}" for one in rig.lenses for line in one.note]
-    return _text({"camera_model": "OPENCV_FISHEYE", "made_by": note}, frames)
+    model = _CAMERA_MODELS[rig.lenses[0].record.model]
+    return _text({"camera_model": model, "made_by": note}, frames)
 
 
 def _lens(record: LensRecord) -> dict[str, Any]:
     values = record.values
     width, height = record.image_size
     return {
-        "camera_model": "OPENCV_FISHEYE",
+        "camera_model": _CAMERA_MODELS[record.model],
         **{theirs: float(values[ours]) + _SHIFT[ours] for ours, theirs in _CORE.items()},
         "w": width,
         "h": height,
-        **dict(zip(_FISHEYE, np.asarray(values["k"], float).tolist(), strict=True)),
+        **(
+            dict(zip(_FISHEYE, np.asarray(values["k"], float).tolist(), strict=True))
+            if record.model == "kannala_brandt"
+            else {}
+        ),
     }
 
 
