@@ -18,8 +18,10 @@ from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.formats.foreign import FILE_NAMES
 from cubicfish_cli.geometry import inside_polygon
 
-# The other lenses of COLMAP are in test_formats_colmap; Gyroflow's profiles are not read.
-LENS_FORMATS = sorted({*foreign.LENS_OF} - {"colmap-eucm", "colmap-thin-prism-fisheye", "gyroflow"})
+# The other lenses of COLMAP are in test_formats_colmap; the last two are not read.
+LENS_FORMATS = sorted(
+    {*foreign.LENS_OF} - {"colmap-eucm", "colmap-thin-prism-fisheye", "gyroflow", "nvidia"}
+)
 
 
 @pytest.fixture(scope="module")

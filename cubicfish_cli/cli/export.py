@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 FORMATS = (
     "opencv", "ros", "kalibr-pinhole-equi", "kalibr-omni", "kalibr-eucm", "kalibr-ds",
     "ocamcalib", "pyocamcalib", "colmap", "colmap-thin-prism-fisheye",
-    "colmap-rad-tan-thin-prism-fisheye", "colmap-eucm", "nerfstudio", "gyroflow", "mrcal", "maps",
+    "colmap-rad-tan-thin-prism-fisheye", "colmap-eucm", "nerfstudio", "gyroflow", "nvidia",
+    "mrcal", "maps",
 )  # fmt: skip
 
 # Of formats of one tool, the one that follows decentred lenses best.
@@ -51,13 +52,15 @@ colmap-rad-tan-thin-prism-fisheye  cameras.txt; the nearest of COLMAP's
 colmap-eucm                        cameras.txt
 nerfstudio                         transforms.json, with poses
 gyroflow                           lens_profile.json
+nvidia                             rig.json; f-theta
 mrcal                              .cameramodel; holds any lens
 maps                               .npz for cv2.remap; holds any lens
 
 Of a rig.yaml each camera's lens is written with its place on the body: opencv as stereo.opencv.yaml
 with R, T and, for flat pictures, R1, R2, P1, P2 and Q; ros as a folder of camera_info.yaml, static
 transforms and URDF; Kalibr's as one camchain.yaml; COLMAP's as rig_config.json; nerfstudio's as one
-transforms.json; mrcal as a folder of .cameramodel. ros, Kalibr's and mrcal are in metres.
+transforms.json; nvidia as one rig.json; mrcal as a folder of .cameramodel. ros, Kalibr's, nvidia
+and mrcal are in metres.
 
 None of these formats holds a 3x20 matrix: each one's own lens is fitted to the camera over its
 field, in pixels. The RMS, the largest error and the angle up to which they hold are printed,

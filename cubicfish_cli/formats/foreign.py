@@ -29,6 +29,7 @@ from cubicfish_cli.formats.nerfstudio_json import (
     nerfstudio_text,
     read_nerfstudio,
 )
+from cubicfish_cli.formats.nvidia_json import nvidia_rig_text, nvidia_text
 from cubicfish_cli.formats.ocamcalib import (
     ocamcalib_text,
     pyocamcalib_text,
@@ -63,6 +64,7 @@ LENS_OF = {
     **_COLMAP,
     "nerfstudio": "kannala_brandt",
     "gyroflow": "kannala_brandt",
+    "nvidia": "ftheta",
     "mrcal": "mrcal_splined",
 }
 """Format -> the model of the lens that it holds."""
@@ -76,6 +78,7 @@ FILE_NAMES = {
     **dict.fromkeys(_COLMAP, "cameras.txt"),
     "nerfstudio": "transforms.json",
     "gyroflow": "lens_profile.json",
+    "nvidia": "rig.json",
     "mrcal": "camera.cameramodel",
 }
 """Format -> what its file is usually called."""
@@ -88,6 +91,7 @@ _RIG_WRITERS: Mapping[str, tuple[str, Callable[[LensRig], str | dict[str, str]]]
     ),
     **dict.fromkeys(_COLMAP, ("rig_config.json", colmap_rig_text)),
     "nerfstudio": ("transforms.json", nerfstudio_rig_text),
+    "nvidia": ("rig.json", nvidia_rig_text),
     "mrcal": ("mrcal", mrcal_rig_texts),
 }
 
@@ -134,6 +138,8 @@ def foreign_text(name: str, record: LensRecord, note: Sequence[str], poses: Pose
         return nerfstudio_text(record, note, poses)
     if name == "gyroflow":
         return gyroflow_text(record, note)
+    if name == "nvidia":
+        return nvidia_text(record, note)
     if name == "ocamcalib":  # readers count its lines: comments go nowhere but the end
         return ocamcalib_text(record) + "".join(f"#{line}\n" for line in note)
     if name == "pyocamcalib":

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from cubicfish_cli.fitting.conversion import central, mrcal_splined, ocam, pinhole, thin_prism
+from cubicfish_cli.fitting.conversion import (
+    central,
+    ftheta,
+    mrcal_splined,
+    ocam,
+    pinhole,
+    thin_prism,
+)
 from cubicfish_cli.fitting.conversion.lens_model import LensModel
 
 MODELS: dict[str, LensModel] = {
@@ -11,6 +18,7 @@ MODELS: dict[str, LensModel] = {
         *central.MODELS,
         *thin_prism.MODELS,
         pinhole.MODEL,
+        ftheta.MODEL,
         ocam.MODEL,
         mrcal_splined.MODEL,
     )

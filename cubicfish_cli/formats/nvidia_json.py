@@ -1,0 +1,77 @@
+"""NVIDIA's rig.json (DriveWorks, NCore, Cosmos): f-theta lenses and where they stand, metres.
+
+Frames are FLU: x forward, y to the left, z up; angles are degrees about fixed x, y and z. Pixel
+(0, 0) is the middle of the first pixel, as here. The rig's frame is the first camera's.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from cubicfish_cli.formats.lens_rig import FloatArray, LensRig
+from cubicfish_cli.model.lens_record import LensRecord
+
+_VERSION = 7
+# x right, y down, z forward -> forward, left, up.
+_FLU = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+
+
+def nvidia_text(record: LensRecord, note: Sequence[str]) -> str:
+    """A record ``ftheta`` as a rig.json of one camera."""
+    return _text([_sensor("camera", record, note, np.eye(3), np.zeros(3))])
+
+
+def nvidia_rig_text(rig: LensRig) -> str:
+    """Records ``ftheta`` as a rig.json.
+
+    Raises:
+        CameraFileError: the rig's unit of length is not known.
+
+    """
+    sensors = []
+    for number, one in enumerate(rig.lenses):
+        turn, shift = rig.rig_from_lens(number)
+        sensors.append(_sensor(one.name, one.record, one.note, turn, shift * rig.metres))
+    return _text(sensors)
+
+
+def _sensor(
+    name: str, record: LensRecord, note: Sequence[str], turn: FloatArray, metres: FloatArray
+) -> dict[str, Any]:
+    values = record.values
+    angles = Rotation.from_matrix(_FLU @ turn @ _FLU.T).as_euler("xyz", degrees=True)
+    coefficients = np.asarray(values["polynomial"], float).tolist()
+    polynomial = " ".join(map(repr, coefficients))
+    width, height = record.image_size
+    linear = dict(zip("cde", np.asarray(values["linear"], float).tolist(), strict=True))
+    return {
+        "name": f"camera:{name}",
+        "protocol": "camera.virtual",
+        "parameter": "",
+        "nominalSensor2Rig_FLU": {
+            "roll-pitch-yaw": angles.tolist(),
+            "t": (_FLU @ metres + 0.0).tolist(),
+        },
+        "properties": {
+            "Model": "ftheta",
+            "width": str(width),
+            "height": str(height),
+            "cx": repr(float(values["cx"])),
+            "cy": repr(float(values["cy"])),
+            "polynomial": polynomial,
+            "polynomial-type": "pixeldistance-to-angle",
+            "bw-poly": polynomial,
+            **{f"linear-{key}": repr(value) for key, value in linear.items()},
+        },
+        "made_by": list(note),
+    }
+
+
+def _text(sensors: Sequence[dict[str, Any]]) -> str:
+    data = {"rig": {"properties": {}, "sensors": list(sensors), "vehicle": {}}, "version": _VERSION}
+    return json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
