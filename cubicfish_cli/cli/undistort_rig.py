@@ -146,6 +146,7 @@ def _board_ground(known: Mapping[str, Mapping[str, Any]], shot: str, plane: Plan
     import numpy as np
 
     from cubicfish_cli.cli.target_choice import target_path
+    from cubicfish_cli.library.planes import board_with_plane
     from cubicfish_cli.target import load_target
     from cubicfish_cli.undistortion.ground import Ground
     from cubicfish_cli.undistortion.view import matrix_of_rotation
@@ -158,15 +159,7 @@ def _board_ground(known: Mapping[str, Mapping[str, Any]], shot: str, plane: Plan
     target = target_path(plane.target)
     if target is None:
         raise click.UsageError("--plane needs the target: name it with --target target.yaml")
-    boards = {board.name: board for board in load_target(target).boards}
-    if plane.board not in boards:
-        raise click.UsageError(
-            f"the target has no board {quoted(str(plane.board))}: "
-            f"{did_you_mean(str(plane.board), sorted(boards))}"
-        )
-    board = boards[plane.board]
-    if board.points is not None:
-        raise click.UsageError(f"board {quoted(board.name)} is a list of points and has no plane")
+    board = board_with_plane(load_target(target), str(plane.board))
     pose = known[shot]["rig_from_world"]
     turn = matrix_of_rotation(np.array(pose["rotation_vector"], float))
     ends = np.array([[0, 0], [board.columns - 1, board.rows - 1]])
