@@ -9,6 +9,7 @@ from cubicfish_cli import CubicCamera as CubicCamera
 from cubicfish_cli import CubicfishError as CubicfishError
 from cubicfish_cli import Detection as Detection
 from cubicfish_cli import Evaluation as Evaluation
+from cubicfish_cli import RectifiedPair as RectifiedPair
 from cubicfish_cli import RigCalibration as RigCalibration
 from cubicfish_cli import RigFile as RigFile
 from cubicfish_cli import Target as Target
@@ -29,11 +30,13 @@ from cubicfish_cli import load_corners as load_corners
 from cubicfish_cli import load_map as load_map
 from cubicfish_cli import load_rig as load_rig
 from cubicfish_cli import read_picture as read_picture
+from cubicfish_cli import rectify as rectify
 from cubicfish_cli import save_camera as save_camera
 from cubicfish_cli import save_corners as save_corners
 from cubicfish_cli import save_map as save_map
 from cubicfish_cli import save_rig as save_rig
 from cubicfish_cli import save_target as save_target
+from cubicfish_cli import stitch as stitch
 from cubicfish_cli import uncertainty as uncertainty
 from cubicfish_cli import undistort as undistort
 

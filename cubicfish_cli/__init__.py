@@ -42,6 +42,7 @@ _PLACES = {
     "library.detection": ("detect",),
     "library.pictures": ("undistort",),
     "library.planes": ("build_plane",),
+    "library.rig_pictures": ("rectify", "stitch"),
     "library.rigs": ("calibrate_rig", "save_rig"),
     "model.cubic": ("CubicCamera",),
     "naming.detect": ("Detection",),
@@ -49,6 +50,7 @@ _PLACES = {
     "target": ("Target",),
     "undistortion.choose": ("build_view",),
     "undistortion.maps": ("UndistortMap", "build_map", "load_map", "save_map"),
+    "undistortion.stereo": ("RectifiedPair",),
     "undistortion.view": ("View",),
 }
 _MODULES = {name: module for module, names in _PLACES.items() for name in names}

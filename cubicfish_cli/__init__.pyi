@@ -24,6 +24,8 @@ from cubicfish_cli.library.cameras import save_target as save_target
 from cubicfish_cli.library.detection import detect as detect
 from cubicfish_cli.library.pictures import undistort as undistort
 from cubicfish_cli.library.planes import build_plane as build_plane
+from cubicfish_cli.library.rig_pictures import rectify as rectify
+from cubicfish_cli.library.rig_pictures import stitch as stitch
 from cubicfish_cli.library.rigs import calibrate_rig as calibrate_rig
 from cubicfish_cli.library.rigs import save_rig as save_rig
 from cubicfish_cli.model.cubic import CubicCamera as CubicCamera
@@ -35,6 +37,7 @@ from cubicfish_cli.undistortion.maps import UndistortMap as UndistortMap
 from cubicfish_cli.undistortion.maps import build_map as build_map
 from cubicfish_cli.undistortion.maps import load_map as load_map
 from cubicfish_cli.undistortion.maps import save_map as save_map
+from cubicfish_cli.undistortion.stereo import RectifiedPair as RectifiedPair
 from cubicfish_cli.undistortion.view import View as View
 
 __version__: str

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from test_undistortion_stereo import calibrated as calibrated_pair
 
+from cubicfish_cli import stitch
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.formats.camera_yaml import load_camera
@@ -194,24 +195,13 @@ def test_what_does_not_go_together_is_said(ring: Body) -> None:
 @pytest.mark.slow
 def test_a_calibrated_rig_joins_what_its_true_lenses_see() -> None:
     rig, truth = calibrated_pair()
-    body = Body(
-        cameras=tuple(
-            BodyCamera(
-                name=one.name,
-                camera=one.camera,
-                rotation=one.rotation,
-                translation=one.translation,
-            )
-            for one in rig.cameras
-        )
-    )
     photos = {}
     for one, own, place in zip(rig.cameras, truth.cameras, truth.camera_from_rig, strict=True):
         rays = rays_of(own.lens, own.lens.image_size) @ rotation_matrix(place[0])
         light = 127 + 100 * np.sin(rays @ [20.0, 0, 0]) * np.sin(rays @ [0, 20.0, 0])
         photos[one.name] = np.nan_to_num(light).astype(np.float32)
     view = CylindricalView.with_field(120, (700, 300))
-    picture, shown = mosaic_of(body, view).render(photos)
+    picture = stitch(rig, photos, view)
     rays = view.rays(view.pixel_grid())
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     # A fitted lens may turn its rays a little, and the rig's frame is the first one's.
@@ -220,5 +210,6 @@ def test_a_calibrated_rig_joins_what_its_true_lenses_see() -> None:
     rays = rays @ turn.T
     true = 127 + 100 * np.sin(rays @ [20.0, 0, 0]) * np.sin(rays @ [0, 20.0, 0])
     # 2,000 grey levels a radian at the steepest, 230 pixels of the photo a radian.
-    assert shown.all()
     assert np.sqrt(np.mean((picture - true) ** 2)) < 1.5
+    with pytest.raises(ViewError, match="no camera 'rear'"):
+        stitch(rig, {"rear": photos["left"]}, view)

@@ -10,7 +10,7 @@ from simulated import CornerErrors
 from simulated_rig import RigTruth, simulated_rig
 from synthetic import TRUE_LENS
 
-from cubicfish_cli import calibrate_rig
+from cubicfish_cli import calibrate_rig, rectify
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.fitting.rig.calibrate import RigCalibration
 from cubicfish_cli.geometry import camera_centre
@@ -72,8 +72,7 @@ def calibrated() -> tuple[RigCalibration, RigTruth]:
 
 
 def pair_of(rig: RigCalibration) -> RectifiedPair:
-    first, second = rig.cameras
-    return rectified_pair(first.camera, second.camera, second.rotation, second.translation)
+    return rectify(rig, "left", "right")
 
 
 def shown(

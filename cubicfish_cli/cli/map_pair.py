@@ -50,7 +50,7 @@ def write_pair(
     """
     from cubicfish_cli.files import refuse_existing, write_text
     from cubicfish_cli.formats.rig_yaml import load_rig
-    from cubicfish_cli.library.rig_files import pair_of
+    from cubicfish_cli.library.rig_pictures import rectify
     from cubicfish_cli.plain_yaml import plain_yaml_text
     from cubicfish_cli.undistortion.frames import camera_for_photos
     from cubicfish_cli.undistortion.map_formats import PixelMap
@@ -64,9 +64,9 @@ def write_pair(
     about = output.with_suffix(".stereo.yaml")
     for path in (*(path for paths, _ in parts.values() for path in paths), about):
         refuse_existing(path, overwrite=overwrite)
-    rectified = pair_of(*both)
+    rectified = rectify(rig, both[0].name, both[1].name)
     if photo_size is not None:
-        cameras = [camera_for_photos(one.file.camera, photo_size) for one in both]
+        cameras = [camera_for_photos(one.camera, photo_size) for one in both]
         rectified = replace(rectified, cameras=(cameras[0], cameras[1]))
     _check_common(rectified)
     chosen = view.chosen(rectified)

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.camera_yaml import CameraFile, load_camera
 from cubicfish_cli.formats.fields import mapping, numbers
+from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.plain_yaml import load_plain_yaml, plain_yaml_text
 from cubicfish_cli.wording import did_you_mean, quoted
 
@@ -60,6 +61,11 @@ class RigFileCamera:
     translation: FloatArray
     covariance: FloatArray | None
     fit: Mapping[str, Any]
+
+    @property
+    def camera(self) -> CubicCamera:
+        """The camera itself."""
+        return self.file.camera
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -12,10 +12,10 @@ from cubicfish_cli.fitting.conversion.to_lens import Conversion
 from cubicfish_cli.fitting.statistics import poses_on_record
 from cubicfish_cli.formats.lens_rig import FlatPair, LensRig, PlacedLens
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
+from cubicfish_cli.library.rig_pictures import rectify
 from cubicfish_cli.model.soundness import cone_rays
 from cubicfish_cli.rendering.pose import rotation_matrix
 from cubicfish_cli.undistortion.fit import sees
-from cubicfish_cli.undistortion.stereo import RectifiedPair, rectified_pair
 from cubicfish_cli.undistortion.views import default_view
 
 _OVERLAP_RAYS = 2000
@@ -43,20 +43,8 @@ def lens_rig(rig: RigFile, converted: Sequence[ConvertedCamera]) -> LensRig:
         lenses=tuple(map(_placed, converted)),
         units=rig.units,
         overlaps=np.array([[a is not b and _overlap(a, b) for b in cameras] for a in cameras]),
-        flat=_flat(converted) if len(converted) == 2 else None,
+        flat=_flat(rig, converted) if len(converted) == 2 else None,
     )
-
-
-def pair_of(first: RigFileCamera, second: RigFileCamera) -> RectifiedPair:
-    """Two cameras of a rig, turned so that their pictures' rows agree.
-
-    Raises:
-        ViewError: they stand at one place.
-
-    """
-    turn = second.rotation @ first.rotation.T
-    shift = second.translation - turn @ first.translation
-    return rectified_pair(first.file.camera, second.file.camera, turn, shift)
 
 
 def _placed(one: ConvertedCamera) -> PlacedLens:
@@ -67,7 +55,7 @@ def _placed(one: ConvertedCamera) -> PlacedLens:
         note=one.note,
         rotation=turn @ camera.rotation,
         translation=turn @ camera.translation,
-        max_angle_deg=camera.file.camera.max_angle_deg,
+        max_angle_deg=camera.camera.max_angle_deg,
         poses={
             name: (turn @ rotation_matrix(vector), turn @ np.asarray(translation))
             for name, (vector, translation) in poses_on_record(camera.file.fit).items()
@@ -77,16 +65,16 @@ def _placed(one: ConvertedCamera) -> PlacedLens:
 
 def _overlap(first: RigFileCamera, second: RigFileCamera) -> bool:
     """Whether two cameras see some far thing both."""
-    rays = cone_rays(np.deg2rad(first.file.camera.max_angle_deg), _OVERLAP_RAYS)
-    own = rays[sees(first.file.camera, rays)]
-    return bool(sees(second.file.camera, own @ first.rotation @ second.rotation.T).any())
+    rays = cone_rays(np.deg2rad(first.camera.max_angle_deg), _OVERLAP_RAYS)
+    own = rays[sees(first.camera, rays)]
+    return bool(sees(second.camera, own @ first.rotation @ second.rotation.T).any())
 
 
-def _flat(converted: Sequence[ConvertedCamera]) -> FlatPair | None:
+def _flat(rig: RigFile, converted: Sequence[ConvertedCamera]) -> FlatPair | None:
     """Flat pictures of a pair; None where the cameras have no direction in common ahead."""
     first, second = converted
     try:
-        pair = pair_of(first.camera, second.camera)
+        pair = rectify(rig, first.camera.name, second.camera.name)
         view = default_view(pair)
     except ViewError:
         return None
