@@ -60,7 +60,7 @@ def kannala_brandt(points, fx, fy, cx, cy, k):
 
 
 def test_the_commands_know_the_formats_that_there_are():
-    assert set(export_command.FORMATS) == {*foreign.LENS_OF, "maps"}
+    assert set(export_command.FORMATS) == {*foreign.LENS_OF, "maps", "usd"}
     assert set(foreign.FILE_NAMES) == set(foreign.LENS_OF)
     assert import_camera.FORMATS == foreign.READABLE
 
@@ -231,7 +231,7 @@ def test_a_lens_that_is_not_near_enough_is_refused(run, calibrated, tmp_path):
     ).stderr  # fmt: skip
     assert "the lens of opencv misses the camera by up to" in said
     assert "more than the 0.01 px of --max-error: " in said
-    assert "or export to mrcal or maps" in said
+    assert "or export to mrcal, maps or usd" in said
     assert not path.exists()
     enough = said.partition("raise it to ")[2].split()[0]
     assert len(enough.replace(".", "").lstrip("0")) <= 2

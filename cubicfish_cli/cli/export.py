@@ -11,6 +11,7 @@ import click
 
 from cubicfish_cli import __version__
 from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli.export_usd import write_usd
 from cubicfish_cli.cli.numbers import FloatRange
 from cubicfish_cli.cli.options import rig_path
 from cubicfish_cli.cli.terminal import print_json, result, say, working
@@ -26,7 +27,7 @@ FORMATS = (
     "opencv", "ros", "kalibr-pinhole-equi", "kalibr-omni", "kalibr-eucm", "kalibr-ds",
     "ocamcalib", "pyocamcalib", "colmap", "colmap-thin-prism-fisheye",
     "colmap-rad-tan-thin-prism-fisheye", "colmap-eucm", "nerfstudio", "gyroflow", "nvidia",
-    "mrcal", "maps",
+    "mrcal", "maps", "usd",
 )  # fmt: skip
 
 # Of formats of one tool, the one that follows decentred lenses best.
@@ -34,6 +35,7 @@ _NEAREST = {"colmap": "colmap-rad-tan-thin-prism-fisheye", "kalibr": "kalibr-omn
 # Formats whose files take no comment.
 _NO_COMMENTS = ("pyocamcalib",)
 _BEHIND_DEG = 90.0
+_USD = Path("usd")
 
 _HELP = """Write the camera for another tool, and say how near its lens model comes.
 
@@ -55,6 +57,7 @@ gyroflow                           lens_profile.json
 nvidia                             rig.json; f-theta
 mrcal                              .cameramodel; holds any lens
 maps                               .npz for cv2.remap; holds any lens
+usd                                .usda and .exr in a folder; holds any lens
 
 Of a rig.yaml each camera's lens is written with its place on the body: opencv as stereo.opencv.yaml
 with R, T and, for flat pictures, R1, R2, P1, P2 and Q; ros as a folder of camera_info.yaml, static
@@ -146,6 +149,17 @@ def command(
         return
     if pair is not None:
         raise click.UsageError("--pair names two cameras of a rig: name the rig.yaml")
+    if name == "usd":
+        alone = load_camera(options.model_path(calibration or model)).camera
+        write_usd(
+            output or _USD,
+            [("camera", alone, None)],
+            None,
+            max_error=max_error,
+            overwrite=overwrite,
+            as_json=as_json,
+        )
+        return
     path = output or Path(FILE_NAMES.get(name, "undistort_map.npz"))
     refuse_existing(path, overwrite=overwrite)
     loaded = load_camera(options.model_path(calibration or model))
@@ -182,14 +196,24 @@ def _export_rig(
     from cubicfish_cli.library.rig_files import ConvertedCamera, lens_rig
 
     rig = load_rig(path)
+    chosen = rig.cameras if pair is None else tuple(map(rig.camera, pair))
+    if name == "usd":
+        write_usd(
+            output or _USD,
+            [(one.name, one.camera, (one.rotation, one.translation)) for one in chosen],
+            rig.units,
+            max_error=max_error,
+            overwrite=overwrite,
+            as_json=as_json,
+        )
+        return
     if name not in RIG_FILE_NAMES:
         one = path.parent / rig.cameras[0].path
         raise click.UsageError(
             f"--to {name} holds one camera: name one of the rig's, such as {one}, or choose one of "
-            + ", ".join(RIG_FILE_NAMES)
+            + ", ".join([*RIG_FILE_NAMES, "usd"])
         )
     goal = output or Path(RIG_FILE_NAMES[name])
-    chosen = rig.cameras if pair is None else tuple(map(rig.camera, pair))
     converted = []
     with working("Fitting the other lenses"):
         for camera in chosen:
@@ -332,7 +356,7 @@ def _too_far(conversion: Conversion, name: str, max_error: float) -> str:
         ways.append(f"try --max-angle {max(r['to_deg'] for r in good):.0f}")
     if error.max_px < float("inf"):
         ways.append(f"raise it to {_rounded_up(error.max_px)}")
-    others = "mrcal or maps, which hold any lens"
+    others = "mrcal, maps or usd, which hold any lens"
     nearest = _NEAREST.get(name.split("-")[0], name)
     if nearest != name:
         others = f"{nearest}, which comes nearer to most, or to {others}"

@@ -7,7 +7,7 @@ nowhere is negative, or beyond the frame where a format has no negative numbers.
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -146,19 +146,34 @@ def write_exr(path: Path, pixel_map: PixelMap, origin: Origin) -> None:
         OSError: the file cannot be written.
 
     """
-    library = _openexr(path)
     u, v = stmap(pixel_map, origin)
+    write_float_exr(path, {"R": u, "G": v, "B": np.zeros_like(u)})
+
+
+def write_float_exr(path: Path, channels: Mapping[str, Floats]) -> None:
+    """Channels (H, W) as 32-bit floats, by name.
+
+    Raises:
+        OutputError: the extra ``exr`` is not installed.
+        OSError: the file cannot be written.
+
+    """
+    library = require_exr(path)
     header = {"compression": library.ZIP_COMPRESSION, "type": library.scanlineimage}
-    channels = {"R": u, "G": v, "B": np.zeros_like(u)}
-    with library.File(header, channels) as file:
+    with library.File(header, dict(channels)) as file:
         try:
             file.write(str(path))
         except RuntimeError as problem:  # '... image file "NAME". No space left on device.'
             raise OSError(str(problem).rpartition('". ')[2].rstrip(".")) from problem
 
 
-def _openexr(path: Path) -> Any:
-    """The library, for a file that the user named."""
+def require_exr(path: Path) -> Any:
+    """The library, for a file that the user named.
+
+    Raises:
+        OutputError: the extra ``exr`` is not installed.
+
+    """
     try:
         import OpenEXR
     except ImportError as problem:
@@ -216,7 +231,7 @@ def map_writer(
         write = write_fixed_point if fixed_point else write_npz
         return (output,), lambda _, made, path: write(path, made)
     if suffix == ".exr":
-        _openexr(output)  # before the work, and by the name that the user knows
+        require_exr(output)  # before the work, and by the name that the user knows
         return (output,), lambda _, made, path: write_exr(path, made, origin)
     if suffix == ".png":
         return pair, lambda axis, made, path: _write(path, png_values(made, origin, axis))
