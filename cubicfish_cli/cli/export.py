@@ -11,7 +11,6 @@ import click
 
 from cubicfish_cli import __version__
 from cubicfish_cli.cli import json_keys, options
-from cubicfish_cli.cli.export_usd import write_usd
 from cubicfish_cli.cli.numbers import FloatRange
 from cubicfish_cli.cli.options import rig_path
 from cubicfish_cli.cli.terminal import print_json, result, say, working
@@ -150,6 +149,8 @@ def command(
     if pair is not None:
         raise click.UsageError("--pair names two cameras of a rig: name the rig.yaml")
     if name == "usd":
+        from cubicfish_cli.cli.export_usd import write_usd
+
         alone = load_camera(options.model_path(calibration or model)).camera
         write_usd(
             output or _USD,
@@ -198,6 +199,8 @@ def _export_rig(
     rig = load_rig(path)
     chosen = rig.cameras if pair is None else tuple(map(rig.camera, pair))
     if name == "usd":
+        from cubicfish_cli.cli.export_usd import write_usd
+
         write_usd(
             output or _USD,
             [(one.name, one.camera, (one.rotation, one.translation)) for one in chosen],

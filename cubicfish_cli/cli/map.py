@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli import json_keys, options
-from cubicfish_cli.cli.map_pair import write_pair
 from cubicfish_cli.cli.mask_limit import (
     check_mask_limit,
     mask_limit_option,
@@ -141,6 +140,8 @@ def command(
         ):
             if given:
                 raise click.UsageError(f"{option} is for the map of one camera: leave it out")
+        from cubicfish_cli.cli.map_pair import write_pair
+
         write_pair(
             output,
             options.rig_file(rig),

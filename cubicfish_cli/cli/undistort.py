@@ -42,7 +42,6 @@ from cubicfish_cli.cli.undistort_outlook import (
     warn_of_limit,
 )
 from cubicfish_cli.cli.undistort_plan import Plan, plan_of
-from cubicfish_cli.cli.undistort_rig import undistort_rig
 from cubicfish_cli.cli.video_options import EncodingOptions, encoding_options
 from cubicfish_cli.cli.view_options import ViewOptions, view_options
 
@@ -154,6 +153,8 @@ def command(
         for name, given in refused.items():
             if given:
                 raise click.UsageError(f"{name} is for the photos of one camera: leave it out")
+        from cubicfish_cli.cli.undistort_rig import undistort_rig
+
         undistort_rig(
             sources,
             destination,
