@@ -139,6 +139,48 @@ def advice(folder: Path) -> None:
     cubicfish("advise", "few", "-o", PICTURES / "advise.svg", "--overwrite", folder=folder)
 
 
+def rig(folder: Path) -> None:
+    """Four rendered photos of one moment, and what a calibrated rig makes of them."""
+    sys.path[:0] = [str(HERE.parent / "benchmarks"), str(HERE.parent / "tests")]
+    from rigs import NOISE, SETUPS, lens_of  # type: ignore[import-not-found]
+    from simulated_rig import combined, simulated_rig  # type: ignore[import-not-found]
+
+    from cubicfish_cli import save_corners, save_target
+    from cubicfish_cli.rendering.render import render
+
+    setup, names = SETUPS["four"], ("front", "right", "rear", "left")
+    lenses = [lens_of(field, number) for number, field in enumerate(setup.fields)]
+    corners, truth = simulated_rig(
+        lenses, setup.places, setup.target, setup.shots, distances=setup.distances,
+        middle=setup.middle, errors=NOISE,
+    )  # fmt: skip
+    save_target(folder / "box.yaml", setup.target)
+    for name, own in zip(names, corners, strict=True):
+        save_corners(folder / f"{name}.csv", own)
+    cubicfish("rig", *(f"{name}.csv" for name in names), "-t", "box.yaml", folder=folder)
+    photos = []
+    for name, lens, place in zip(names, lenses, truth.camera_from_rig, strict=True):
+        pose = combined(place, truth.rig_from_world[0])
+        photo = render(
+            setup.target, lens.unproject, pose, lens.image_size, supersample=2, edges_only=True
+        )
+        (folder / name).mkdir()
+        cv2.imwrite(str(folder / name / "shot_001.png"), photo)
+        photos.append(cv2.resize(photo, (302, 302 * photo.shape[0] // photo.shape[1])))
+    shot = [f"{name}/shot_001.png" for name in names]
+    cubicfish("undistort", *shot, "all.png", "--rig", "rig", "--distance", 800, folder=folder)
+    ground = ("--plane", "floor", "-t", "box.yaml", "--margin", 500)
+    cubicfish("undistort", *shot, "above.png", "--rig", "rig", *ground, folder=folder)
+    height = min(len(photo) for photo in photos)
+    row = beside(*(cv2.cvtColor(photo[:height], cv2.COLOR_GRAY2BGR) for photo in photos))
+    all_round = scaled(cv2.imread(str(folder / "all.png")), 816)
+    above = cv2.imread(str(folder / "above.png"))
+    side = min(above.shape[:2])
+    above = cv2.resize(above[:side, :side], (row.shape[1] - 816 - 8, len(all_round)))
+    gap = np.full((8, row.shape[1], 3), 255, np.uint8)
+    jpeg("rig.jpg", np.vstack([row, gap, beside(all_round, above)]))
+
+
 def chromium(page: Path, picture: Path, width: int, height: int) -> bool:
     """A page as a picture; whether there is a Chromium."""
     program = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)
@@ -179,6 +221,7 @@ def main() -> None:
         views()
         detected(folder)
         advice(folder)
+        rig(folder)
         report(folder)
     total = sum(path.stat().st_size for path in PICTURES.iterdir())
     for path in sorted(PICTURES.iterdir()):

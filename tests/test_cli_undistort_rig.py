@@ -208,6 +208,22 @@ def test_what_does_not_go_together_is_said(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_photos_may_be_an_exact_rescale(run: Run, rig: Path, shots: Path, tmp_path: Path) -> None:
+    photos = [shots / name / "0001.png" for name in ("left", "right")]
+    half = [tmp_path / f"{path.parent.name}.png" for path in photos]
+    for path, small in zip(photos, half, strict=True):
+        picture = cv2.imread(str(path))
+        cv2.imwrite(str(small), cv2.resize(picture, (480, 360), interpolation=cv2.INTER_AREA))
+    args = ["--rig", rig, *SMALL]
+    run("undistort", *photos, tmp_path / "a.png", *args)
+    run("undistort", *half, tmp_path / "b.png", *args)
+    a, b = (cv2.imread(str(tmp_path / f"{name}.png")).astype(int) for name in "ab")
+    assert np.median(np.abs(a - b)) <= 1
+    cv2.imwrite(str(half[1]), np.zeros((100, 480, 3), np.uint8))
+    said = run("undistort", *half, tmp_path / "c.png", *args, code=1).stderr
+    assert "Error: camera right: " in said
+
+
 def test_options_of_rigs_need_one(run: Run, shots: Path, tmp_path: Path) -> None:
     photo = shots / "left" / "0001.png"
     said = run("undistort", photo, tmp_path / "x.png", "--ground", "5", code=2).stderr

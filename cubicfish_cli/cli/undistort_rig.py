@@ -72,8 +72,8 @@ def undistort_rig(
         raise click.UsageError("the ground has a distance of its own: leave out --distance")
     path = options.rig_file(rig_options.rig)
     rig = load_rig(path)
-    body = replace(body_of_rig(rig), distance=rig_options.distance)
     shots = shots_of(sources, [one.name for one in rig.cameras])
+    body = _for_photos(replace(body_of_rig(rig), distance=rig_options.distance), shots)
     asked = click.get_current_context().get_parameter_source("kind")
     if view.kind == "perspective" and asked is not ParameterSource.COMMANDLINE:
         view = replace(view, kind="equirectangular")
@@ -91,6 +91,23 @@ def undistort_rig(
         chosen = view.chosen(body)
         work = _Views(body, dict.fromkeys(shots, chosen))
     _pictures(work, shots, destination, rendering, path, mask, camera_out, overwrite, as_json)
+
+
+def _for_photos(body: Body, shots: Mapping[str, Shot]) -> Body:
+    """The cameras for photos of the size of each one's first, an exact rescale where it differs."""
+    from cubicfish_cli.photos import photo_size
+    from cubicfish_cli.undistortion.frames import camera_for_photos
+
+    cameras = []
+    for one in body.cameras:
+        first = next((photos[one.name] for photos in shots.values() if one.name in photos), None)
+        if first is not None:
+            try:
+                one = replace(one, camera=camera_for_photos(one.camera, photo_size(first)))
+            except ViewError as problem:
+                raise ViewError(f"camera {one.name}: {problem}") from problem
+        cameras.append(one)
+    return replace(body, cameras=tuple(cameras))
 
 
 class _Views:

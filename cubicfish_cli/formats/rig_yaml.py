@@ -109,6 +109,8 @@ def rig_text(record: Mapping[str, Any]) -> str:
 
 def is_rig(path: Path) -> bool:
     """Whether a file says in its first line that it is a rig.yaml."""
+    if not path.is_file():  # opening a pipe would wait for somebody to write
+        return False
     try:
         with path.open(encoding="utf-8", errors="replace") as file:
             return file.read(len(KEY) + 1) == f"{KEY}:"
