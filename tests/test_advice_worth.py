@@ -7,9 +7,11 @@ import pytest
 from simulated import simulated_corners
 from synthetic import flat_board, lens_of_size
 
-from cubicfish_cli.advice.worth import Worth
+from cubicfish_cli.advice.worth import Worth, _told
 from cubicfish_cli.correspondences import pair
 from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.poses import cross_matrix
+from cubicfish_cli.model.radial import project_jacobian
 
 LENS = lens_of_size(1.0)
 
@@ -78,3 +80,14 @@ def test_photos_that_fit_no_common_lens_add_nothing(pairs) -> None:
     random = np.random.default_rng(2).uniform(0, 700, pairs.pixel.shape)
     with pytest.raises(FitError):
         Worth(replace(pairs, pixel=random), even(pairs))
+
+
+def test_what_a_pose_would_explain_tells_nothing_of_the_lens() -> None:
+    points = np.random.default_rng(4).normal(size=(40, 3)) * [1, 1, 0.2] + [0, 0, 3]
+    _, by_point, _ = project_jacobian(np.array([300.0, 300, 0, 0, 0, 0, 0, 0]), points)
+    shift = by_point.reshape(80, 3)
+    turn = (-by_point @ cross_matrix(points)).reshape(80, 3)
+    other = np.random.default_rng(5).normal(size=(80, 1))
+    told = _told(np.concatenate([shift, turn, other], axis=1), by_point, points)
+    assert np.abs(told[:6, :6]).max() < 1e-9 * np.square(shift).sum()
+    assert told[6, 6] > 0.7 * float((other**2).sum())

@@ -382,12 +382,13 @@ def test_near_copies_are_told_before_corners_are_looked_for(tmp_path: Path) -> N
     from cubicfish_cli.photos import Photo
 
     one, other = photos()[:2]
-    pictures = [one, one, np.roll(one, (9, 9), (0, 1)), other, one]
-    sharp = [0.5, 0.6, 0.6, 0.6, 0.2]
+    pictures = [one, one, np.roll(one, (9, 9), (0, 1)), other, one, other]
+    sharp = [0.5, 0.6, 0.6, 0.6, 0.2, 0.5]
     frames = [Photo(name=str(n), path=tmp_path, picture=p) for n, p in enumerate(pictures)]
     measured = [Seen(patches=(), sharpness=value) for value in sharp]
     why = choosing._passed_over(frames, measured, SIZE)
-    assert why == [choosing._REPEATED, None, None, None, "blurred"]
+    repeated = choosing._REPEATED
+    assert why == [repeated, None, None, None, "blurred", repeated]
 
 
 @pytest.mark.parametrize(
