@@ -7,7 +7,6 @@ from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import least_squares
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
@@ -72,6 +71,8 @@ def _small_turn(
     common: npt.NDArray[np.intp],
 ) -> Rotation:
     """The turn on the left of ``rotation`` with the smallest Huber loss."""
+    # Only here, since it takes a tenth of a second to load and calibrations do not come here.
+    from scipy.optimize import least_squares
 
     def residual(vector: FloatArray) -> FloatArray:
         # A ray that leaves the field as R changes pulls neither way.

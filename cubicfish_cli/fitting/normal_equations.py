@@ -343,6 +343,9 @@ class NormalSums:
         light = np.flatnonzero(root != 1)
         jacobian[light] *= root[light, None, None]
         bounds = np.searchsorted(image, np.arange(photos.start, photos.stop + 1))
+        if len(bounds) > 2 and bounds[1] > 0 and not np.diff(bounds, 2).any():
+            self._add_alike(jacobian, total, own, terms.pose[bounds[:-1]])
+            bounds = bounds[:0]
         for start, stop in pairwise(bounds):
             if start == stop:
                 continue
@@ -356,6 +359,25 @@ class NormalSums:
         if self._corners and terms.d_corner is not None:
             d_corner = terms.d_corner * root[:, None, None]
             self._add_corners(jacobian, d_corner, own, terms.pose, self._world.corner[pairs])
+
+    def _add_alike(
+        self, jacobian: FloatArray, total: FloatArray, own: IntArray | slice, pose: IntArray
+    ) -> None:
+        """The blocks of photos of equally many pairs each, all at once: (n, 2, k + 7), (photos,).
+
+        A small board is seen whole in most photos.
+        """
+        count = jacobian.shape[2] - 7
+        rows = jacobian.reshape(len(pose), -1, count + 7)
+        gram = rows.transpose(0, 2, 1) @ rows
+        total += gram[:, :count].sum(axis=0)
+        self._pose[pose] += gram[:, count:-1, count:-1]
+        self._pose_gradient[pose] += gram[:, count:-1, -1]
+        across = gram[:, :count, count:-1].transpose(1, 0, 2)
+        if isinstance(own, slice):
+            self._shared_pose[:, pose] += across
+        else:
+            self._shared_pose[np.ix_(own, pose)] += across
 
     def _add_corners(
         self,

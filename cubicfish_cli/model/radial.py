@@ -81,7 +81,8 @@ class RadialCamera:
         rho = np.hypot(x, y)
         theta = np.arctan2(rho, z)
         radius = self.profile(theta)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        # Both ways are worked out everywhere, the one that serves is taken.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             scale = np.where(rho > _NEAR_AXIS, radius / rho, 1 / z)
             pixel = np.stack(
                 [self.fx * x * scale + self.cx, self.fy * y * scale + self.cy], axis=-1

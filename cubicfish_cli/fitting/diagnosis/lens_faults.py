@@ -12,7 +12,7 @@ from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.companion import Companion, fit_companion, refit_companion
-from cubicfish_cli.fitting.cubic_fit import fit_cubic
+from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
 from cubicfish_cli.fitting.diagnosis.few_photos import enough_photos, fit_of_few, spread_out
 from cubicfish_cli.fitting.diagnosis.photo_lenses import (
     BY_CHANCE,
@@ -161,24 +161,28 @@ def _followed(
 
     """
     pairs, apart = fit.companion.pairs, None
-    given = np.zeros((len(pairs.images), 3))
-    for _ in range(_ROUNDS):
+    noticed = _NOTICED_PX * max(1.0, max(pairs.image_size) / _SIDE)
+    given, gains = np.zeros((len(pairs.images), 3)), list[float]()
+    for left in reversed(range(_ROUNDS)):
         wanted = _given(split, photos, given)
         if apart is not None and np.abs(wanted - given).max() < _SETTLED_PX:
             break
         given = wanted
-        apart = _fitted_apart(
-            fit, fit.companion if apart is None else apart.companion, given, photos.reach
-        )
+        apart = _fitted_apart(fit, fit if apart is None else apart, given, photos.reach)
         new = None if apart is None else two_lenses(apart.photos)
         if apart is None or new is None:
             return None
         photos, split = apart.photos, new
+        gains.append(together**2 - apart.rms_px**2)
+        # What a round gains hardly grows from one to the next.
+        if len(gains) > 1 and (
+            gains[-1] + left * max(gains[-1] - gains[-2], 0) < _worthy_gain(together, noticed)
+        ):
+            return None
     if apart is None or split.chance > BY_CHANCE:
         return None
     if split.kind == "order":
         split, apart = _at_the_boundary(fit, split, apart, given)
-    noticed = _NOTICED_PX * max(1.0, max(pairs.image_size) / _SIDE)
     unforeseen = left_out_share(apart.photos, split.second)
     if split.explained < _MOST or not worth_it(together, apart.rms_px, unforeseen, noticed):
         return None
@@ -215,7 +219,12 @@ def worth_it(together: float, apart: float, unforeseen: float, noticed: float) -
     not_foretold = left * (unforeseen - 1)
     if not_foretold > max(_FORETOLD * left, _FORETOLD_OF_GAIN * gain):
         return False
-    return gain - not_foretold >= max(_CLEAR_MARGIN * together**2, noticed**2)
+    return gain - not_foretold >= _worthy_gain(together, noticed)
+
+
+def _worthy_gain(together: float, noticed: float) -> float:
+    """By how much two lenses have to lower the mean squared error, pixels²."""
+    return max(_CLEAR_MARGIN * together**2, noticed**2)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -224,14 +233,19 @@ class _Apart:
 
     Attributes:
         companion: the radial fit, to pixels as one lens would have taken them.
-        rms_px: of the cubic.
+        cubic: the cubic one.
         photos: what each photo has of its own in all.
 
     """
 
     companion: Companion
-    rms_px: float
+    cubic: CubicResult
     photos: PhotoLenses
+
+    @property
+    def rms_px(self) -> float:
+        """Of the cubic."""
+        return rms_px(self.cubic.residual)
 
 
 def _given(split: TwoLenses, photos: PhotoLenses, like: FloatArray) -> FloatArray:
@@ -242,13 +256,15 @@ def _given(split: TwoLenses, photos: PhotoLenses, like: FloatArray) -> FloatArra
 
 
 def _fitted_apart(
-    fit: ObjectFit, start: Companion, given: FloatArray, reach: float
+    fit: ObjectFit, start: ObjectFit | _Apart, given: FloatArray, reach: float
 ) -> _Apart | None:
     """Fit with these scales and shifts (photos, 3); None where there is no camera."""
     alike = replace(fit.companion.pairs, pixel=_as_one(fit.companion.pairs, given, reach))
     try:
-        companion = refit_companion(start, alike, start.poses)
-        cubic = fit_cubic(companion, fit.cubic.hold, relative_decrease=_ROUGH_DECREASE)
+        companion = refit_companion(start.companion, alike, start.companion.poses)
+        cubic = fit_cubic(
+            companion, fit.cubic.hold, start=start.cubic, relative_decrease=_ROUGH_DECREASE
+        )
     except (FitError, np.linalg.LinAlgError):
         return None
     photos = photo_lenses(cubic.lens, cubic.poses, alike, alike.world)
@@ -256,7 +272,7 @@ def _fitted_apart(
     total[:, :3] += given[photos.photos]
     return _Apart(
         companion=companion,
-        rms_px=rms_px(cubic.residual),
+        cubic=cubic,
         photos=replace(photos, own=total),
     )
 
@@ -273,9 +289,8 @@ def _at_the_boundary(
         second = split.second.copy()
         second[place] = not second[place]
         moved = replace(split, second=second)
-        other = _fitted_apart(
-            fit, apart.companion, _given(moved, apart.photos, given), apart.photos.reach
-        )
+        wanted = _given(moved, apart.photos, given)
+        other = _fitted_apart(fit, apart, wanted, apart.photos.reach)
         if other is not None and other.rms_px**2 < (1 - WORTH) * apart.rms_px**2:
             return moved, other
     return split, apart

@@ -14,7 +14,6 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize_scalar
 
 from cubicfish_cli.geometry import similarity
 from cubicfish_cli.target import Board, Target
@@ -199,6 +198,9 @@ def _resized(grid: _Grid, ratio: float) -> FloatArray:
 
 
 def _squares(search: _Search) -> Iterator[Fault]:
+    # Only here, since it takes a tenth of a second to load and few calibrations come this far.
+    from scipy.optimize import minimize_scalar
+
     grids = search.grids
     drawn = [grid.drawn() for grid in grids]
 
