@@ -20,6 +20,7 @@ from cubicfish_cli.fitting.calibrate import RefineTarget, calibrate
 from cubicfish_cli.fitting.companion import companion_near
 from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
 from cubicfish_cli.fitting.fit_lens import FitLens
+from cubicfish_cli.fitting.folds import FOLDS, MIN_PHOTOS, dealt_out
 from cubicfish_cli.fitting.frame import in_companions_frame
 from cubicfish_cli.fitting.hold import UNTOLD
 from cubicfish_cli.fitting.known_lens import fit_poses
@@ -28,8 +29,9 @@ from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.refinement import LEVELS, Level, settled_spread
+from cubicfish_cli.fitting.rig.clocks import Clocks, Moving, fitted_clocks
 from cubicfish_cli.fitting.rig.exchanged import refuse_exchanged
-from cubicfish_cli.fitting.rig.findings import RigFinding, find_rig_faults
+from cubicfish_cli.fitting.rig.findings import RigFinding, find_rig_faults, of_camera
 from cubicfish_cli.fitting.rig.shots import Shots
 from cubicfish_cli.fitting.rig.spread import place_covariances
 from cubicfish_cli.fitting.rig.start import RigStart, common_shots, start_rig
@@ -48,6 +50,7 @@ from cubicfish_cli.geometry import camera_centre, total_sigma
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.soundness import check_soundness, cone_rays
 from cubicfish_cli.target import Target
+from cubicfish_cli.words.codes import Severity
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
@@ -56,10 +59,10 @@ IntArray = npt.NDArray[np.intp]
 _WIDE_HUBER_PX = 50.0
 _ROUGH_DECREASE = 1e-5
 _FINE_DECREASE = 1e-9
-# More folds than these say little more.
-_FOLDS = 5
 _RAYS = 300
 _FIRST_OFFSET = 1e-4
+# The way back to a shot's moment is a step along the motion, and is taken a few times.
+_CLOCK_ROUNDS = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,6 +75,8 @@ class RigCamera:
         camera: its lens, where it is calibrated already, and is left as it is; None to calibrate
             it from its pairs.
         fit: the record of that calibration; empty where there is none.
+        moving: how its corners move, where that is known: photos of a shot then need not be of
+            one moment.
 
     """
 
@@ -79,6 +84,7 @@ class RigCamera:
     pairs: Correspondences
     camera: CubicCamera | None = None
     fit: Mapping[str, Any] | None = None
+    moving: Moving | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,6 +102,9 @@ class PlacedCamera:
         alone_rms_px: RMS of the same corners with each photo's pose free, the lens as it is.
         held_out_rms_px: RMS on shots that were left out; None where there are too few.
         fit: the record of its lens, for its camera.yaml.
+        late_s: by how much its photos are later than the first camera's, which was taken out;
+            None where that could not be told.
+        late_sigma_s: its standard deviation.
 
     """
 
@@ -108,6 +117,8 @@ class PlacedCamera:
     alone_rms_px: float
     held_out_rms_px: float | None
     fit: Mapping[str, Any]
+    late_s: float | None = None
+    late_sigma_s: float | None = None
 
     @property
     def position(self) -> FloatArray:
@@ -189,6 +200,7 @@ class _Alone:
     level: Level
     pairs: Correspondences
     poses: Poses
+    told: tuple[RigFinding, ...]
 
 
 def calibrate_rig(
@@ -229,13 +241,17 @@ def calibrate_rig(
     if progress is not None:
         progress("all cameras together", 0.8)
     names = [camera.name for camera in cameras]
-    lens, views, pairs, seen = _gathered(alone, shots)
-    start = start_rig(names, lens, views, pairs)
+    lens, views, pairs, seen, moving = _gathered(cameras, alone, shots)
+    try:
+        start = start_rig(names, lens, views, pairs, seen.shot)
+    except FitError as error:
+        told = [one for camera in alone for one in camera.told if one.severity is Severity.BAD]
+        raise FitError(f"{error}; {told[0].line}" if told else str(error)) from error
     lens, poses, seen = _without_strays(lens, start, views, seen)
-    fit, level = _fitted(alone, lens, poses, pairs, target, scale, origin)
+    fit, level, pairs, clocks = _fitted(alone, lens, poses, pairs, moving, target, scale, origin)
     if progress is not None:
         progress("how certain it is", 0.95)
-    return _calibration(names, alone, fit, pairs, start, seen, level, target, scale, origin)
+    return _calibration(names, alone, fit, pairs, clocks, start, seen, level, target, scale, origin)
 
 
 def _alone(
@@ -254,6 +270,7 @@ def _alone(
             raise FitError(f"camera {camera.name}: {error}") from error
         lens, record, pairs, poses = found.camera, found.as_record(), found.pairs, found.poses
         level, held_by = found.refined, found.hold
+        told = tuple(of_camera(camera.name, one) for one in found.findings)
     else:
         lens, record, hold = camera.camera, dict(camera.fit or {}), True
         placed, pairs, _ = fit_poses(lens.radial, camera.pairs)
@@ -262,7 +279,7 @@ def _alone(
                 f"camera {camera.name}: none of its photos can be placed with its lens: check "
                 "that they are of this camera and of this target"
             )
-        poses, level, held_by = placed.poses, "off", UNTOLD
+        poses, level, held_by, told = placed.poses, "off", UNTOLD, ()
     pairs = with_mean_weight_one(replace(pairs, world=(pairs.world - origin) / scale))
     poses = poses.of_world(-origin)
     poses = replace(poses, translation=poses.translation / scale)
@@ -274,7 +291,15 @@ def _alone(
     else:
         result = _cubic_fit(lens, pairs, poses, held_by)
         free, poses = result.lens, result.poses
-    return _Alone(camera=lens, lens=free, record=record, level=level, pairs=pairs, poses=poses)
+    return _Alone(
+        camera=lens,
+        lens=free,
+        record=record,
+        level=level,
+        pairs=pairs,
+        poses=poses,
+        told=told,
+    )
 
 
 def _cubic_fit(
@@ -294,16 +319,21 @@ class _Seen:
 
 
 def _gathered(
-    alone: Sequence[_Alone], shots: Shots
-) -> tuple[RigLens, Poses, Correspondences, _Seen]:
+    cameras: Sequence[RigCamera], alone: Sequence[_Alone], shots: Shots
+) -> tuple[RigLens, Poses, Correspondences, _Seen, Moving | None]:
     """All cameras' photos as the views of one rig, sorted by camera."""
-    parts, own_views = [], []
+    parts, own_views, moves = [], [], []
     camera: list[int] = []
     shot: list[int] = []
     photo: list[str] = []
-    for number, (one, of_shot) in enumerate(zip(alone, shots.photos, strict=True)):
+    for number, (given, one, of_shot) in enumerate(zip(cameras, alone, shots.photos, strict=True)):
         listed = np.array([name in of_shot for name in one.pairs.images])
         own, kept = select(one.pairs, listed[one.pairs.image])
+        moves.append(
+            Moving.still(len(own.pixel))
+            if given.moving is None
+            else given.moving.of(given.pairs, own)
+        )
         parts.append(replace(own, image=own.image + len(camera)))
         camera += [number] * len(kept)
         shot += [of_shot[name] for name in own.images]
@@ -334,7 +364,11 @@ def _gathered(
         certain=np.concatenate([part.certain for part in parts]),
     )
     names = tuple(shots.names[number] for number in used)
-    return lens, Poses.joined(own_views), pairs, _Seen(photo=tuple(photo), shot=names)
+    moving = None
+    if any(given.moving is not None for given in cameras):
+        moving = Moving.joined(moves)
+        pairs = replace(pairs, pixel=moving.at_once(pairs.pixel, moving.late))
+    return lens, Poses.joined(own_views), pairs, _Seen(photo=tuple(photo), shot=names), moving
 
 
 def _without_strays(
@@ -361,11 +395,12 @@ def _fitted(
     lens: RigLens,
     poses: Poses,
     pairs: Correspondences,
+    moving: Moving | None,
     target: Target | None,
     scale: float,
     origin: FloatArray,
-) -> tuple[Adjustment, Level]:
-    """Places and shots first, the lenses held; then all at once."""
+) -> tuple[Adjustment, Level, Correspondences, Clocks | None]:
+    """Places, shots and clocks first, the lenses held; then all at once."""
     level: Level = "off"
     if target is not None:
         level = max((one.level for one in alone), key=LEVELS.index)
@@ -381,6 +416,9 @@ def _fitted(
         relative_decrease=_ROUGH_DECREASE,
     )
     fit = _further(fit, pairs, fit.lens, DrawnWorld(pairs.world), _ROUGH_DECREASE)
+    clocks = None
+    if moving is not None:
+        fit, pairs, clocks = _on_time(fit, pairs, moving)
     world: World = DrawnWorld(pairs.world)
     if level != "off" and target is not None:
         world = _free_world(fit, pairs, target.moved(-origin), level, scale)
@@ -391,8 +429,26 @@ def _fitted(
         joint = _further(fit, pairs, free, fit.world, _ROUGH_DECREASE)
         joint = _further(joint, pairs, joint.lens, joint.world, _FINE_DECREASE)
         if all(_sound(own, one) for own, one in zip(_rig_of(joint).lenses, alone, strict=True)):
-            return joint, level
-    return _further(fit, pairs, fit.lens, fit.world, _FINE_DECREASE), level
+            return joint, level, pairs, clocks
+    return _further(fit, pairs, fit.lens, fit.world, _FINE_DECREASE), level, pairs, clocks
+
+
+def _on_time(
+    fit: Adjustment, pairs: Correspondences, moving: Moving
+) -> tuple[Adjustment, Correspondences, Clocks]:
+    """The fit with corners where they were at their shot's moment, and what clocks say of it."""
+    camera = _rig_of(fit).camera[pairs.image]
+    late = np.zeros(len(_rig_of(fit).lenses))
+    for _ in range(_CLOCK_ROUNDS):
+        found = fitted_clocks(fit, pairs, moving)
+        if not found.late.any():
+            break
+        late += found.late
+        pairs = replace(pairs, pixel=moving.at_once(pairs.pixel, found.late[camera]))
+        fit = _further(fit, pairs, fit.lens, DrawnWorld(pairs.world), _ROUGH_DECREASE)
+    speed = np.nan_to_num(np.hypot(moving.velocity[:, 0], moving.velocity[:, 1]))
+    effect = [rms_px(np.outer(speed[camera == own], [abs(one), 0])) for own, one in enumerate(late)]
+    return fit, pairs, Clocks(late=late, sigma=found.sigma, effect_px=np.array(effect))
 
 
 def _further(
@@ -446,6 +502,7 @@ def _calibration(
     alone: Sequence[_Alone],
     fit: Adjustment,
     pairs: Correspondences,
+    clocks: Clocks | None,
     start: RigStart,
     seen: _Seen,
     level: Level,
@@ -457,10 +514,10 @@ def _calibration(
     limit = huber_px(fit.residual)
     drawn = replace(pairs, world=fit.world.points)
     rays = [cone_rays(np.deg2rad(_covered_deg(one)), _RAYS) for one in alone]
-    covariance = place_covariances(fit, drawn, limit, rays)
+    covariance = place_covariances(fit, drawn, limit, rays, seen.shot)
     covariance[:, 3:] *= scale
     covariance[:, :, 3:] *= scale
-    held_out = _held_out(fit, drawn, limit)
+    held_out = _held_out(fit, drawn, limit, seen.shot)
     turned, places = _in_companions_frames(lens, alone)
     zero = places[np.array([0])]
     poses = zero @ fit.poses
@@ -502,6 +559,8 @@ def _calibration(
                 alone_rms_px=rms_px(alone_px[own]),
                 held_out_rms_px=out,
                 fit=record,
+                late_s=None if clocks is None else float(clocks.late[number]),
+                late_sigma_s=None if clocks is None else float(clocks.sigma[number]),
             )
         )
     refined = target
@@ -519,7 +578,10 @@ def _calibration(
         refined=level,
         target=refined,
         held_lenses=not any(isinstance(own, CubicFit) for own in lens.lenses),
-        findings=tuple(find_rig_faults(names, fit, drawn, start, seen.photo, seen.shot, scale)),
+        findings=(
+            *(told for one in alone for told in one.told),
+            *find_rig_faults(names, fit, drawn, clocks, start, seen.photo, seen.shot, scale),
+        ),
     )
 
 
@@ -545,13 +607,14 @@ def _in_companions_frames(
     return cameras, Poses.joined(places)
 
 
-def _held_out(fit: Adjustment, pairs: Correspondences, limit: float) -> FloatArray | None:
+def _held_out(
+    fit: Adjustment, pairs: Correspondences, limit: float, shots: Sequence[str]
+) -> FloatArray | None:
     """(N, 2) residuals of each corner under a fit without its shot, to first order."""
     count = len(fit.poses)
-    folds = min(_FOLDS, count)
-    if count < 3:
+    if count < MIN_PHOTOS:
         return None
-    groups = [np.flatnonzero(np.arange(count) % folds == fold) for fold in range(folds)]
+    groups = dealt_out(np.arange(count), shots, min(FOLDS, count))
     shot = _rig_of(fit).shot[pairs.image]
     found = np.empty_like(fit.residual)
     for one in Leaving(fit, pairs, limit, groups).left_out():
