@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -21,6 +22,7 @@ from cubicfish_cli.films.source import decode, opened
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
+Picture = npt.NDArray[Any]
 
 # The flow of a corner is measured in a window of so many pixels, coarse to fine.
 _WINDOW, _LEVELS = 21, 4
@@ -147,17 +149,17 @@ def take_out(
                 return
 
 
-def flow(
-    picture: npt.NDArray[np.uint8], after: npt.NDArray[np.uint8], pixel: FloatArray
-) -> FloatArray:
+def flow(picture: Picture, after: Picture, pixel: FloatArray) -> FloatArray:
     """How far points (N, 2) of a grey picture are elsewhere in the next one, (N, 2) pixels.
 
     NaN where that cannot be told: the way there and back again does not end where it began.
     """
     if not len(pixel):
         return np.zeros((0, 2))
+    picture, after = (_eight_bits(one) for one in (picture, after))
     start = np.ascontiguousarray(pixel, np.float32)[:, None]
-    there, back = start.copy(), start.copy()
+    there: Any = start.copy()
+    back: Any = start.copy()
     size = (_WINDOW, _WINDOW)
     there, found, _ = cv2.calcOpticalFlowPyrLK(
         picture, after, start, there, winSize=size, maxLevel=_LEVELS
@@ -170,3 +172,7 @@ def flow(
     lost = (found[:, 0] == 0) | (again[:, 0] == 0) | (off > _THERE_AND_BACK_PX)
     moved[lost] = np.nan
     return moved
+
+
+def _eight_bits(picture: Picture) -> npt.NDArray[np.uint8]:
+    return np.asarray(picture if picture.dtype == np.uint8 else picture >> 8, np.uint8)

@@ -128,12 +128,12 @@ def start_rig(
 
 
 def _refuse_exchanged(first: str, second: str, relative: Poses, shots: Sequence[str]) -> None:
-    found = np.flatnonzero(exchanged_shots(relative))
-    if found.size:
+    found = [shots[number] for number in np.flatnonzero(exchanged_shots(relative)).tolist()]
+    if found:
         raise FitError(
             f"cameras {first} and {second} are exchanged in {plural(len(found), 'shot')} of "
-            f"{len(shots)} ({listed([shots[number] for number in found.tolist()], 'shots')}): each stands "
-            "there where the other one does: exchange these photos"
+            f"{len(shots)} ({listed(found, 'shots')}): each stands there where the other one does: "
+            "exchange these photos"
         )
 
 

@@ -1,0 +1,281 @@
+"""Films of a rig's cameras: the moments to calibrate from, their frames, and how these move."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cubicfish_cli.cli.choosing import say_of_film, seen_in
+from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.target_choice import TargetChoice
+from cubicfish_cli.cli.terminal import progress, say
+from cubicfish_cli.errors import DetectionError, PhotoError
+from cubicfish_cli.frame_names import frame_name
+
+if TYPE_CHECKING:
+    from cubicfish_cli.correspondences import Correspondences
+    from cubicfish_cli.films.scan import Measured
+    from cubicfish_cli.films.shots import Moments
+    from cubicfish_cli.fitting.rig.clocks import Moving
+
+# Of so many moments for each that may be chosen the corners are looked for.
+_LOOKED_AT = 2
+_UNFINISHED = ".unfinished"
+# Frames are kept of a pass in stretches of so many: where that is broken off, it goes on there.
+_STRETCH = 50
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigFrames:
+    """Frames of films, chosen together.
+
+    Attributes:
+        photos: of each camera by name, the pictures.
+        shots: rows (shot, camera, picture's name).
+        late: of each camera and picture's name, seconds after the shot's moment.
+        after: of each camera and picture's name, the film's next frame, and seconds to it.
+        folder: what is only kept until all is done.
+
+    """
+
+    photos: Mapping[str, tuple[Path, ...]]
+    shots: list[tuple[str, str, str]]
+    late: Mapping[str, Mapping[str, float]]
+    after: Mapping[str, Mapping[str, tuple[Path, float]]]
+    folder: Path
+
+    def moving(self, camera: str, pairs: Correspondences) -> Moving:
+        """How the corners of a camera's pictures move."""
+        import numpy as np
+
+        from cubicfish_cli.films.shots import flow
+        from cubicfish_cli.fitting.rig.clocks import Moving
+        from cubicfish_cli.photos import read_grey
+
+        files = {path.name: path for path in self.photos[camera]}
+        late, velocity = np.zeros(len(pairs.pixel)), np.full((len(pairs.pixel), 2), np.nan)
+        with progress(f"Measuring motion in {camera}") as callback:
+            for number, image in enumerate(pairs.images):
+                callback(number, len(pairs.images))
+                name, own = Path(image).name, pairs.image == number
+                late[own] = self.late[camera].get(name, 0.0)
+                if name in self.after[camera]:
+                    after, seconds = self.after[camera][name]
+                    moved = flow(read_grey(files[name]), read_grey(after), pairs.pixel[own])
+                    velocity[own] = moved / seconds
+        return Moving(late=late, velocity=velocity)
+
+    def done(self) -> None:
+        """Remove what is no longer needed."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def rig_frames(
+    films: Mapping[str, Path],
+    folder: Path,
+    target: TargetChoice,
+    *,
+    most: int,
+    tolerance: float | None,
+    jobs: int | None,
+    no_cache: bool,
+    overwrite: bool,
+) -> RigFrames:
+    """Choose moments at which cameras see the target sharply at once, and write their frames.
+
+    Args:
+        films: of each camera by name.
+        folder: where frames go, in a folder for each camera, and shots.csv.
+        target: the object.
+        most: how many moments are chosen at most.
+        tolerance: how far apart frames of a moment may be, seconds; None for half a frame.
+        jobs: how many photos are searched at once.
+        no_cache: whether nothing found before is used.
+        overwrite: whether frames of an earlier run may be replaced.
+
+    Raises:
+        CubicfishError: a film cannot be used, films share no time, or show no board.
+
+    """
+    from cubicfish_cli.files import refuse_existing
+    from cubicfish_cli.films.film import open_films
+    from cubicfish_cli.films.scan import scan
+
+    table = folder / "shots.csv"
+    refuse_existing(table, overwrite=overwrite)
+    unfinished = folder / _UNFINISHED
+    measured = []
+    for name, path in films.items():
+        (film,) = open_films([path])
+        with progress(f"Reading {film.path.name}") as callback:
+            measured.append(scan(film, unfinished / name, _STRETCH, callback))
+        say_of_film(measured[-1])
+    names = list(films)
+    ahead = _clocks(names, measured)
+    found = _moments(names, measured, ahead, _LOOKED_AT * most, tolerance)
+    say(f"{count(len(found.time), 'moment')} of the films are searched for boards.")
+    taken = {
+        name: _taken(name, one, found, column, unfinished)
+        for column, (name, one) in enumerate(zip(names, measured, strict=True))
+    }
+    chosen = _chosen(names, measured, found, taken, target, most, jobs, no_cache=no_cache)
+    return _written(names, measured, found, taken, chosen, folder, overwrite=overwrite)
+
+
+def _clocks(names: Sequence[str], measured: Sequence[Measured]) -> list[float]:
+    """By how much each film's own time is ahead of the first's, seconds."""
+    from cubicfish_cli.films.clocks import film_offset
+    from cubicfish_cli.films.shots import begins_at
+
+    begins = [begins_at(one.film) for one in measured]
+    ahead = [0.0]
+    for name, one, begin in zip(names[1:], measured[1:], begins[1:], strict=True):
+        told = begins[0] - begin  # what both clocks say, where both have one
+        first = [time + told for time in measured[0].time]
+        differs = film_offset((first, one.time), (measured[0].motion, one.motion))
+        if differs:
+            say(
+                f"note: the clock of {name} is {1e3 * abs(differs):.0f} ms "
+                f"{'ahead of' if differs > 0 else 'behind'} that of {names[0]}, by when they move; "
+                "it is matched so."
+            )
+        ahead.append(told + differs)
+    return ahead
+
+
+def _moments(
+    names: Sequence[str],
+    measured: Sequence[Measured],
+    ahead: Sequence[float],
+    most: int,
+    tolerance: float | None,
+) -> Moments:
+    from cubicfish_cli.films.shots import moments
+
+    found = moments(measured, ahead, most, tolerance)
+    if not len(found.time):
+        raise PhotoError(
+            f"the films of {' and '.join(names)} have no frame at the same time: check that they "
+            "were taken together, or say a larger --tolerance"
+        )
+    return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Taken:
+    """Frames that were taken out of a film: of each moment's row the picture, and the next."""
+
+    picture: dict[int, Path]
+    after: dict[int, Path]
+
+
+def _taken(name: str, measured: Measured, found: Moments, column: int, folder: Path) -> _Taken:
+    from cubicfish_cli.films.shots import take_out
+
+    place = folder / f"{name} frames"
+    place.mkdir(parents=True, exist_ok=True)
+    rows = {row: index for row, index in enumerate(found.frame[:, column].tolist()) if index >= 0}
+    picture = {row: place / f"{index}.png" for row, index in rows.items()}
+    after = {
+        row: place / f"{index} after.png"
+        for row, index in rows.items()
+        if index + 1 < len(measured)
+    }
+    with progress(f"Taking frames of {name}") as callback:
+        take_out(
+            measured.film,
+            {rows[row]: path for row, path in picture.items()},
+            {rows[row]: path for row, path in after.items()},
+            callback,
+        )
+    return _Taken(picture=picture, after=after)
+
+
+def _chosen(
+    names: Sequence[str],
+    measured: Sequence[Measured],
+    found: Moments,
+    taken: Mapping[str, _Taken],
+    target: TargetChoice,
+    most: int,
+    jobs: int | None,
+    *,
+    no_cache: bool,
+) -> list[int]:
+    """Rows of the moments that add most."""
+    from cubicfish_cli.films.choose import Seen, choose_shots
+    from cubicfish_cli.films.scan import still_px
+    from cubicfish_cli.photos import Photo
+
+    shots: list[list[Seen | None]] = [[None] * len(names) for _ in found.time]
+    for column, (name, film) in enumerate(zip(names, measured, strict=True)):
+        rows = list(taken[name].picture)
+        photos = [Photo(name=f"{name} {row}", path=taken[name].picture[row]) for row in rows]
+        try:
+            seen = seen_in(photos, target, jobs, no_cache=no_cache)
+        except DetectionError as error:
+            raise DetectionError(f"camera {name}: no frame can be chosen: {error}") from error
+        for row, one in zip(rows, seen, strict=True):
+            index = int(found.frame[row, column])
+            shots[row][column] = Seen(
+                patches=one.patches,
+                sharpness=film.sharpness[index],
+                motion=film.motion[index],
+            )
+    sizes = [one.film.size for one in measured]
+    choice = choose_shots(shots, sizes, most, [still_px(size) for size in sizes])
+    say(f"{count(len(choice.order), 'shot')} of {len(shots)} chosen, which add most.")
+    return sorted(choice.order)
+
+
+def _written(
+    names: Sequence[str],
+    measured: Sequence[Measured],
+    found: Moments,
+    taken: Mapping[str, _Taken],
+    chosen: Sequence[int],
+    folder: Path,
+    *,
+    overwrite: bool,
+) -> RigFrames:
+    """Write the chosen frames and shots.csv, all or none."""
+    from cubicfish_cli.files import whole_files, write_text
+    from cubicfish_cli.tables import csv_text
+
+    start = min(0.0, float(found.time.min()))
+    rows: list[tuple[str, str, str]] = []
+    sources: dict[Path, Path] = {}
+    late: dict[str, dict[str, float]] = {name: {} for name in names}
+    after: dict[str, dict[str, tuple[Path, float]]] = {name: {} for name in names}
+    for row in chosen:
+        shot = frame_name("shot", float(found.time[row]) - start)
+        for column, (name, film) in enumerate(zip(names, measured, strict=True)):
+            if row not in taken[name].picture:
+                continue
+            index = int(found.frame[row, column])
+            picture = f"{frame_name(name, film.time[index])}.png"
+            if picture in late[name]:
+                continue  # one frame for two moments
+            sources[folder / name / picture] = taken[name].picture[row]
+            rows.append((shot, name, picture))
+            late[name][picture] = float(found.late[row, column])
+            if row in taken[name].after:
+                step = film.time[index + 1] - film.time[index]
+                after[name][picture] = (taken[name].after[row], step)
+    table = folder / "shots.csv"
+    with whole_files([table, *sources], overwrite=overwrite) as temporaries:
+        write_text(temporaries[0], csv_text([("shot", "camera", "image"), *rows]), overwrite=False)
+        for temporary, source in zip(temporaries[1:], sources.values(), strict=True):
+            shutil.copyfile(source, temporary)
+    return RigFrames(
+        photos={
+            name: tuple(path for path in sources if path.parent.name == name) for name in names
+        },
+        shots=rows,
+        late=late,
+        after=after,
+        folder=folder / _UNFINISHED,
+    )
