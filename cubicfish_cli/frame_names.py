@@ -25,7 +25,8 @@ def frame_name(film: str, seconds: float) -> str:
 
 def film_and_time(photo: str) -> tuple[str, float] | None:
     """The film and the seconds of a photo's name; None where it is no frame of a film."""
-    found = _FRAME.fullmatch(PurePath(photo).stem)
+    path = PurePath(photo)  # with a suffix or without: a time has a point of its own
+    found = _FRAME.fullmatch(path.name) or _FRAME.fullmatch(path.stem)
     return (found["film"], float(found["seconds"])) if found else None
 
 

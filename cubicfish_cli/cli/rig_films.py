@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from cubicfish_cli.films.shots import Moments
     from cubicfish_cli.fitting.rig.clocks import Moving
 
+_Beside = tuple[Path | None, float]
+
 # Of so many moments for each that may be chosen the corners are looked for.
 _LOOKED_AT = 2
 _UNFINISHED = ".unfinished"
@@ -36,7 +38,8 @@ class RigFrames:
         photos: of each camera by name, the pictures.
         shots: rows (shot, camera, picture's name).
         late: of each camera and picture's name, seconds after the shot's moment.
-        after: of each camera and picture's name, the film's next frame, and seconds to it.
+        beside: of each camera and picture's name, the film's frames before and after it, and
+            seconds to them.
         folder: what is only kept until all is done.
 
     """
@@ -44,7 +47,7 @@ class RigFrames:
     photos: Mapping[str, tuple[Path, ...]]
     shots: list[tuple[str, str, str]]
     late: Mapping[str, Mapping[str, float]]
-    after: Mapping[str, Mapping[str, tuple[Path, float]]]
+    beside: Mapping[str, Mapping[str, tuple[_Beside, _Beside]]]
     folder: Path
 
     def moving(self, camera: str, pairs: Correspondences) -> Moving:
@@ -56,17 +59,20 @@ class RigFrames:
         from cubicfish_cli.photos import read_grey
 
         files = {path.name: path for path in self.photos[camera]}
-        late, velocity = np.zeros(len(pairs.pixel)), np.full((len(pairs.pixel), 2), np.nan)
+        parts = []
         with progress(f"Measuring motion in {camera}") as callback:
             for number, image in enumerate(pairs.images):
                 callback(number, len(pairs.images))
                 name, own = Path(image).name, pairs.image == number
-                late[own] = self.late[camera].get(name, 0.0)
-                if name in self.after[camera]:
-                    after, seconds = self.after[camera][name]
-                    moved = flow(read_grey(files[name]), read_grey(after), pairs.pixel[own])
-                    velocity[own] = moved / seconds
-        return Moving(late=late, velocity=velocity)
+                late = np.full(int(own.sum()), self.late[camera][name])
+                picture, beside = read_grey(files[name]), self.beside[camera][name]
+                before, after = (
+                    None if path is None else flow(picture, read_grey(path), pairs.pixel[own])
+                    for path, _ in beside
+                )
+                moving = Moving.between(before, after, (beside[0][1], beside[1][1]))
+                parts.append(replace(moving, late=late))
+        return Moving.joined(parts)
 
     def done(self) -> None:
         """Remove what is no longer needed."""
@@ -118,7 +124,7 @@ def rig_frames(
     found = _moments(names, measured, ahead, _LOOKED_AT * most, tolerance)
     say(f"{count(len(found.time), 'moment')} of the films are searched for boards.")
     taken = {
-        name: _taken(name, one, found, column, unfinished)
+        name: _taken(one, found, column, unfinished / f"{name} frames")
         for column, (name, one) in enumerate(zip(names, measured, strict=True))
     }
     chosen = _chosen(names, measured, found, taken, target, most, jobs, no_cache=no_cache)
@@ -164,41 +170,28 @@ def _moments(
     return found
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Taken:
-    """Frames that were taken out of a film: of each moment's row the picture, and the next."""
-
-    picture: dict[int, Path]
-    after: dict[int, Path]
-
-
-def _taken(name: str, measured: Measured, found: Moments, column: int, folder: Path) -> _Taken:
+def _taken(measured: Measured, found: Moments, column: int, folder: Path) -> dict[int, Path]:
+    """Take the moments' frames out of a film, and their neighbours: by index, their pictures."""
     from cubicfish_cli.films.shots import take_out
 
-    place = folder / f"{name} frames"
-    place.mkdir(parents=True, exist_ok=True)
-    rows = {row: index for row, index in enumerate(found.frame[:, column].tolist()) if index >= 0}
-    picture = {row: place / f"{index}.png" for row, index in rows.items()}
-    after = {
-        row: place / f"{index} after.png"
-        for row, index in rows.items()
-        if index + 1 < len(measured)
+    folder.mkdir(parents=True, exist_ok=True)
+    wanted = {
+        index + step
+        for index in found.frame[:, column].tolist()
+        for step in (-1, 0, 1)
+        if index >= 0 and 0 <= index + step < len(measured)
     }
-    with progress(f"Taking frames of {name}") as callback:
-        take_out(
-            measured.film,
-            {rows[row]: path for row, path in picture.items()},
-            {rows[row]: path for row, path in after.items()},
-            callback,
-        )
-    return _Taken(picture=picture, after=after)
+    paths = {index: folder / f"{index}.png" for index in sorted(wanted)}
+    with progress(f"Taking frames of {measured.film.path.name}") as callback:
+        take_out(measured.film, paths, callback)
+    return paths
 
 
 def _chosen(
     names: Sequence[str],
     measured: Sequence[Measured],
     found: Moments,
-    taken: Mapping[str, _Taken],
+    taken: Mapping[str, Mapping[int, Path]],
     target: TargetChoice,
     most: int,
     jobs: int | None,
@@ -206,20 +199,22 @@ def _chosen(
     no_cache: bool,
 ) -> list[int]:
     """Rows of the moments that add most."""
+    import numpy as np
+
     from cubicfish_cli.films.choose import Seen, choose_shots
     from cubicfish_cli.films.scan import still_px
     from cubicfish_cli.photos import Photo
 
     shots: list[list[Seen | None]] = [[None] * len(names) for _ in found.time]
     for column, (name, film) in enumerate(zip(names, measured, strict=True)):
-        rows = list(taken[name].picture)
-        photos = [Photo(name=f"{name} {row}", path=taken[name].picture[row]) for row in rows]
+        rows = np.flatnonzero(found.frame[:, column] >= 0).tolist()
+        frames = found.frame[rows, column].tolist()
+        photos = [Photo(name=f"{name} {index}", path=taken[name][index]) for index in frames]
         try:
             seen = seen_in(photos, target, jobs, no_cache=no_cache)
         except DetectionError as error:
             raise DetectionError(f"camera {name}: no frame can be chosen: {error}") from error
-        for row, one in zip(rows, seen, strict=True):
-            index = int(found.frame[row, column])
+        for row, index, one in zip(rows, frames, seen, strict=True):
             shots[row][column] = Seen(
                 patches=one.patches,
                 sharpness=film.sharpness[index],
@@ -235,7 +230,7 @@ def _written(
     names: Sequence[str],
     measured: Sequence[Measured],
     found: Moments,
-    taken: Mapping[str, _Taken],
+    taken: Mapping[str, Mapping[int, Path]],
     chosen: Sequence[int],
     folder: Path,
     *,
@@ -249,22 +244,23 @@ def _written(
     rows: list[tuple[str, str, str]] = []
     sources: dict[Path, Path] = {}
     late: dict[str, dict[str, float]] = {name: {} for name in names}
-    after: dict[str, dict[str, tuple[Path, float]]] = {name: {} for name in names}
+    beside: dict[str, dict[str, tuple[_Beside, _Beside]]] = {name: {} for name in names}
     for row in chosen:
         shot = frame_name("shot", float(found.time[row]) - start)
         for column, (name, film) in enumerate(zip(names, measured, strict=True)):
-            if row not in taken[name].picture:
-                continue
             index = int(found.frame[row, column])
+            if index < 0:
+                continue
             picture = f"{frame_name(name, film.time[index])}.png"
             if picture in late[name]:
                 continue  # one frame for two moments
-            sources[folder / name / picture] = taken[name].picture[row]
+            sources[folder / name / picture] = taken[name][index]
             rows.append((shot, name, picture))
             late[name][picture] = float(found.late[row, column])
-            if row in taken[name].after:
-                step = film.time[index + 1] - film.time[index]
-                after[name][picture] = (taken[name].after[row], step)
+            beside[name][picture] = (
+                _beside(film, taken[name], index, -1),
+                _beside(film, taken[name], index, 1),
+            )
     table = folder / "shots.csv"
     with whole_files([table, *sources], overwrite=overwrite) as temporaries:
         write_text(temporaries[0], csv_text([("shot", "camera", "image"), *rows]), overwrite=False)
@@ -276,6 +272,14 @@ def _written(
         },
         shots=rows,
         late=late,
-        after=after,
+        beside=beside,
         folder=folder / _UNFINISHED,
     )
+
+
+def _beside(measured: Measured, taken: Mapping[int, Path], index: int, step: int) -> _Beside:
+    """A frame's neighbour: its picture, None where there is none, and seconds to it."""
+    if index + step not in taken:
+        return None, float(step)
+    seconds = measured.time[index + step] - measured.time[index]
+    return (taken[index + step], seconds) if seconds * step > 0 else (None, float(step))

@@ -1,7 +1,7 @@
 """Films of several cameras on one body -> the moments at which all are sharp and still.
 
 Films are read twice: every frame is measured (``scan.py``), then the frames of those moments are
-taken out, each with a neighbour, by which it is told how fast what it shows moves.
+taken out, each with its neighbours, by which it is told how what it shows moves.
 """
 
 from __future__ import annotations
@@ -122,15 +122,13 @@ def _nearest(time: FloatArray, wanted: FloatArray) -> IntArray:
 def take_out(
     film: Film,
     paths: Mapping[int, Path],
-    neighbours: Mapping[int, Path],
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> None:
-    """Write some frames of a film as PNGs, and of each the next one where there is one.
+    """Write some frames of a film as PNGs.
 
     Args:
         film: the film.
         paths: frames (by index) -> their pictures.
-        neighbours: the same frames -> the pictures of the frames after them.
         progress: called with frames done and all frames.
 
     Raises:
@@ -142,10 +140,8 @@ def take_out(
         for index, frame in enumerate(decode(film.path, container, stream, sound=False)):
             if index in paths:
                 write_frame(paths[index], frame)
-            if index - 1 in neighbours:
-                write_frame(neighbours[index - 1], frame)
             progress(index, last + 1)
-            if index > last:
+            if index >= last:
                 return
 
 

@@ -35,11 +35,13 @@ class Moving:
     Attributes:
         late: (N,) by how much each corner's photo is later than its shot's moment, seconds.
         velocity: (N, 2) pixels a second; NaN where not known.
+        acceleration: (N, 2) pixels a second squared; NaN where not known.
 
     """
 
     late: FloatArray
     velocity: FloatArray
+    acceleration: FloatArray
 
     def of(self, pairs: Correspondences, others: Correspondences) -> Moving:
         """The same for other pairs of the same corners; nothing is known of those not here."""
@@ -49,6 +51,7 @@ class Moving:
         return Moving(
             late=np.where(known, self.late[at], 0.0),
             velocity=np.where(known[:, None], self.velocity[at], np.nan),
+            acceleration=np.where(known[:, None], self.acceleration[at], np.nan),
         )
 
     @classmethod
@@ -57,17 +60,42 @@ class Moving:
         return cls(
             late=np.concatenate([part.late for part in parts]),
             velocity=np.concatenate([part.velocity for part in parts]),
+            acceleration=np.concatenate([part.acceleration for part in parts]),
         )
 
     @classmethod
     def still(cls, count: int) -> Moving:
         """Corners of whose motion nothing is known."""
-        return cls(late=np.zeros(count), velocity=np.full((count, 2), np.nan))
+        unknown = np.full((count, 2), np.nan)
+        return cls(late=np.zeros(count), velocity=unknown, acceleration=unknown)
+
+    @classmethod
+    def between(
+        cls, before: FloatArray | None, after: FloatArray | None, seconds: tuple[float, float]
+    ) -> Moving:
+        """Of one photo's corners, by where they are in the frames before and after it.
+
+        Args:
+            before: (N, 2) how far they are elsewhere in the frame before, pixels; NaN where not
+                known, None where there is no such frame.
+            after: the same of the frame after.
+            seconds: to the frame before (less than 0) and to that after.
+
+        """
+        count = len(before if before is not None else after if after is not None else ())
+        back, on = (np.full((count, 2), np.nan) if one is None else one for one in (before, after))
+        first, second = (way / time for way, time in zip((back, on), seconds, strict=True))
+        # A parabola through three places, or a line where one is not known.
+        bend = (second - first) / (seconds[1] - seconds[0])
+        speed = second - bend * seconds[1]
+        speed = np.where(np.isfinite(speed), speed, np.where(np.isfinite(second), second, first))
+        return cls(late=np.zeros(count), velocity=speed, acceleration=2 * bend)
 
     def at_once(self, pixel: FloatArray, late: FloatArray) -> FloatArray:
         """Pixels (N, 2) of corners that are ``late`` (N,), as they were at their moment."""
-        way = self.velocity * late[:, None]
-        return np.asarray(pixel - np.where(np.isfinite(way), way, 0.0))
+        late = late[:, None]
+        way = np.nan_to_num(self.velocity) - 0.5 * late * np.nan_to_num(self.acceleration)
+        return np.asarray(pixel - way * late)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -34,7 +34,9 @@ _LEAST_SHOTS = 3
 _RCOND = 1e-10
 # Shots are not of one moment where the usual one is off by more of its corners' noise; one shot
 # stands out that is off by more of it, and by so many times more than the usual one.
-_OFF, _APART, _STANDS_OUT = 1.0, 2.0, 6.0
+_OFF, _APART, _STANDS_OUT = 1.5, 2.0, 6.0
+# Less than that, in pixels, is not worth words, however quiet the corners are.
+_LEAST_PX = 0.25
 # Of more of the shots than these, it is no longer single ones that stand out.
 _SINGLE = 0.2
 # A camera has moved where so little chance would show as much,
@@ -280,10 +282,10 @@ def _not_at_once(
         return []
     worst = off.max(axis=0)
     usual = float(np.median(worst[shared]))
-    if usual > _OFF * noise:
+    if usual > max(_OFF * noise, _LEAST_PX):
         whom = int(np.argmax(np.sum(np.square(off), axis=1) / np.maximum((off > 0).sum(axis=1), 1)))
         return [_off(Code.NOT_AT_ONCE, names, (whom,), (), usual)]
-    limit = max(_APART * noise, _STANDS_OUT * usual)
+    limit = max(_APART * noise, _STANDS_OUT * usual, _LEAST_PX)
     out = np.flatnonzero(shared & (worst > limit))
     if len(out) > max(1.0, _SINGLE * shared.sum()):
         return []
