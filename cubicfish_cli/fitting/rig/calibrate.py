@@ -32,9 +32,16 @@ from cubicfish_cli.fitting.refinement import LEVELS, Level, settled_spread
 from cubicfish_cli.fitting.rig.clocks import Clocks, Moving, fitted_clocks
 from cubicfish_cli.fitting.rig.exchanged import refuse_exchanged
 from cubicfish_cli.fitting.rig.findings import RigFinding, find_rig_faults, of_camera
+from cubicfish_cli.fitting.rig.gather import Seen, gathered, without_strays
 from cubicfish_cli.fitting.rig.shots import Shots
 from cubicfish_cli.fitting.rig.spread import place_covariances
-from cubicfish_cli.fitting.rig.start import RigStart, common_shots, start_rig
+from cubicfish_cli.fitting.rig.start import RigStart, start_rig
+from cubicfish_cli.fitting.rig.summary import (
+    CameraPair,
+    alone_residual,
+    camera_pairs,
+    shot_records,
+)
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.stages import Progress
@@ -44,7 +51,7 @@ from cubicfish_cli.fitting.statistics import (
     photo_records,
     rms_px,
 )
-from cubicfish_cli.fitting.subset import select, with_mean_weight_one, world_scale
+from cubicfish_cli.fitting.subset import with_mean_weight_one, world_scale
 from cubicfish_cli.fitting.world import DrawnWorld, World
 from cubicfish_cli.geometry import camera_centre, total_sigma
 from cubicfish_cli.model.cubic import CubicCamera
@@ -136,23 +143,6 @@ class PlacedCamera:
         return total_sigma(self.covariance[3:, 3:])
 
 
-@dataclass(frozen=True, kw_only=True)
-class CameraPair:
-    """Two cameras and what connects them.
-
-    Attributes:
-        first, second: names of the cameras.
-        shots: in how many shots both see the target.
-        rms_px: RMS of the corners of both in these shots, pixels; None without any.
-
-    """
-
-    first: str
-    second: str
-    shots: int
-    rms_px: float | None
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RigCalibration:
     """A fitted rig and how well it fits.
@@ -241,13 +231,14 @@ def calibrate_rig(
     if progress is not None:
         progress("all cameras together", 0.8)
     names = [camera.name for camera in cameras]
-    lens, views, pairs, seen, moving = _gathered(cameras, alone, shots)
+    moves = [None if one.moving is None else (one.pairs, one.moving) for one in cameras]
+    lens, views, pairs, seen, moving = gathered(alone, shots, moves)
     try:
         start = start_rig(names, lens, views, pairs, seen.shot)
     except FitError as error:
         told = [one for camera in alone for one in camera.told if one.severity is Severity.BAD]
         raise FitError(f"{error}; {told[0].line}" if told else str(error)) from error
-    lens, poses, seen = _without_strays(lens, start, views, seen)
+    lens, poses, seen = without_strays(lens, start, views, seen)
     fit, level, pairs, clocks = _fitted(alone, lens, poses, pairs, moving, target, scale, origin)
     if progress is not None:
         progress("how certain it is", 0.95)
@@ -308,86 +299,6 @@ def _cubic_fit(
     """A calibration's fit again, in this scale, as firmly held as it was."""
     companion = companion_near(camera.radial, pairs, poses)
     return fit_cubic(companion, hold, relative_decrease=_ROUGH_DECREASE)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Seen:
-    """Which photo each view is: its camera's photo, and the shot's name."""
-
-    photo: tuple[str, ...]
-    shot: tuple[str, ...]
-
-
-def _gathered(
-    cameras: Sequence[RigCamera], alone: Sequence[_Alone], shots: Shots
-) -> tuple[RigLens, Poses, Correspondences, _Seen, Moving | None]:
-    """All cameras' photos as the views of one rig, sorted by camera."""
-    parts, own_views, moves = [], [], []
-    camera: list[int] = []
-    shot: list[int] = []
-    photo: list[str] = []
-    for number, (given, one, of_shot) in enumerate(zip(cameras, alone, shots.photos, strict=True)):
-        listed = np.array([name in of_shot for name in one.pairs.images])
-        own, kept = select(one.pairs, listed[one.pairs.image])
-        moves.append(
-            Moving.still(len(own.pixel))
-            if given.moving is None
-            else given.moving.of(given.pairs, own)
-        )
-        parts.append(replace(own, image=own.image + len(camera)))
-        camera += [number] * len(kept)
-        shot += [of_shot[name] for name in own.images]
-        photo += own.images
-        own_views.append(one.poses[kept])
-    used, index = np.unique(shot, return_inverse=True)
-    lens = RigLens(
-        lenses=tuple(one.lens for one in alone),
-        places=Poses(
-            rotation=np.repeat(np.eye(3)[None], len(alone), axis=0),
-            translation=np.zeros((len(alone), 3)),
-        ),
-        camera=np.array(camera, np.intp),
-        shot=index.astype(np.intp),
-    )
-    width, height = np.max([part.image_size for part in parts], axis=0).tolist()
-    pairs = Correspondences(
-        image_size=(width, height),
-        images=tuple(photo),
-        boards=parts[0].boards,
-        image=np.concatenate([part.image for part in parts]),
-        world=np.concatenate([part.world for part in parts]),
-        pixel=np.concatenate([part.pixel for part in parts]),
-        weight=np.concatenate([part.weight for part in parts]),
-        board=np.concatenate([part.board for part in parts]),
-        column=np.concatenate([part.column for part in parts]),
-        row=np.concatenate([part.row for part in parts]),
-        certain=np.concatenate([part.certain for part in parts]),
-    )
-    names = tuple(shots.names[number] for number in used)
-    moving = None
-    if any(given.moving is not None for given in cameras):
-        moving = Moving.joined(moves)
-        pairs = replace(pairs, pixel=moving.at_once(pairs.pixel, moving.late))
-    return lens, Poses.joined(own_views), pairs, _Seen(photo=tuple(photo), shot=names), moving
-
-
-def _without_strays(
-    lens: RigLens, start: RigStart, views: Poses, seen: _Seen
-) -> tuple[RigLens, Poses, _Seen]:
-    """Views that are of another shot than they are said to be get a shot of their own."""
-    lens = replace(lens, places=start.places)
-    stray = np.flatnonzero(start.apart)
-    if not stray.size:
-        return lens, start.shots, seen
-    shot = lens.shot.copy()
-    shot[stray] = len(start.shots) + np.arange(len(stray))
-    own = start.places[lens.camera[stray]].inverse() @ views[stray]
-    poses = Poses.joined([start.shots, own])
-    names = (*seen.shot, *(f"{seen.shot[lens.shot[view]]} ({seen.photo[view]})" for view in stray))
-    # A shot may be left without any view.
-    used, shot = np.unique(shot, return_inverse=True)
-    lens = replace(lens, shot=shot.astype(np.intp))
-    return lens, poses[used], replace(seen, shot=tuple(names[number] for number in used))
 
 
 def _fitted(
@@ -504,7 +415,7 @@ def _calibration(
     pairs: Correspondences,
     clocks: Clocks | None,
     start: RigStart,
-    seen: _Seen,
+    seen: Seen,
     level: Level,
     target: Target | None,
     scale: float,
@@ -527,7 +438,10 @@ def _calibration(
     places = places.scaled(scale)
     views = places[lens.camera] @ poses[lens.shot]
     camera_of = lens.camera[pairs.image]
-    alone_px = _alone_residual(fit, drawn, alone, limit)
+    held = [
+        FixedLens(camera=_as_camera(own, one)) for own, one in zip(lens.lenses, alone, strict=True)
+    ]
+    alone_px = alone_residual(fit, lens, drawn, held, limit)
     placed = []
     for number, (name, one) in enumerate(zip(names, alone, strict=True)):
         own = camera_of == number
@@ -573,8 +487,8 @@ def _calibration(
         poses=poses,
         errors=error_statistics(fit.residual),
         held_out_rms_px=None if held_out is None else rms_px(held_out),
-        pairs=tuple(_pairs(names, lens, pairs, fit.residual)),
-        per_shot=tuple(_per_shot(seen, lens, pairs, fit.residual, names)),
+        pairs=tuple(camera_pairs(names, lens, pairs, fit.residual)),
+        per_shot=tuple(shot_records(seen.shot, lens, pairs, fit.residual, names)),
         refined=level,
         target=refined,
         held_lenses=not any(isinstance(own, CubicFit) for own in lens.lenses),
@@ -624,55 +538,3 @@ def _held_out(
             found[own] = one.residual[done : done + len(own)]
             done += len(own)
     return found
-
-
-def _alone_residual(
-    fit: Adjustment, pairs: Correspondences, alone: Sequence[_Alone], limit: float
-) -> FloatArray:
-    """(N, 2) residuals with every view's pose free, lenses as they are."""
-    lens = _rig_of(fit)
-    views = lens.views(fit.poses)
-    found = np.empty_like(fit.residual)
-    for camera, own in enumerate(lens.lenses):
-        mine = lens.camera[pairs.image] == camera
-        part, kept = select(pairs, mine)
-        if len(part.pixel):
-            held = FixedLens(camera=_as_camera(own, alone[camera]))
-            found[mine] = adjust(held, views[kept], part, huber_px=limit).residual
-    return found
-
-
-def _pairs(
-    names: Sequence[str], lens: RigLens, pairs: Correspondences, residual: FloatArray
-) -> list[CameraPair]:
-    common = common_shots(lens, len(names))
-    camera, shot = lens.camera[pairs.image], lens.shot[pairs.image]
-    found = []
-    for a in range(len(names)):
-        for b in range(a + 1, len(names)):
-            both = np.intersect1d(lens.shot[lens.camera == a], lens.shot[lens.camera == b])
-            own = np.isin(shot, both) & ((camera == a) | (camera == b))
-            found.append(
-                CameraPair(
-                    first=names[a],
-                    second=names[b],
-                    shots=int(common[a, b]),
-                    rms_px=rms_px(residual[own]) if own.any() else None,
-                )
-            )
-    return found
-
-
-def _per_shot(
-    seen: _Seen, lens: RigLens, pairs: Correspondences, residual: FloatArray, names: Sequence[str]
-) -> list[dict[str, Any]]:
-    shot = lens.shot[pairs.image]
-    return [
-        {
-            "shot": name,
-            "rms_px": rms_px(residual[shot == number]),
-            "corners": int(np.sum(shot == number)),
-            "cameras": [names[camera] for camera in lens.camera[lens.shot == number]],
-        }
-        for number, name in enumerate(seen.shot)
-    ]

@@ -121,7 +121,7 @@ def start_rig(
                 "taken at the same moment and are matched rightly, and that no camera moved"
             )
         typical = max(typical, error)
-    shots, misfit = _place_shots(lens, views, pairs)
+    shots, misfit = place_shots(lens, views, pairs)
     several = np.bincount(lens.shot, minlength=len(shots))[lens.shot] > 1
     apart = several & (misfit > np.maximum(_GROSS_TIMES * typical, _GROSS_SHARE * size))
     return RigStart(places=places, shots=shots, misfit=misfit, apart=apart)
@@ -193,7 +193,7 @@ def _unconnected(names: Sequence[str], found: dict[int, Poses]) -> str:
     )
 
 
-def _place_shots(lens: RigLens, views: Poses, pairs: Correspondences) -> tuple[Poses, FloatArray]:
+def place_shots(lens: RigLens, views: Poses, pairs: Correspondences) -> tuple[Poses, FloatArray]:
     """rig_from_world of each shot, by the view with which the shot's others agree best."""
     proposed = lens.places[lens.camera].inverse() @ views
     count = int(lens.shot.max()) + 1
