@@ -118,6 +118,81 @@ def test_known_lenses_stay_and_exchanged_ones_are_named(
     assert not (tmp_path / "wrong").exists()
 
 
+def test_a_rig_is_evaluated_on_shots(
+    run: Run, folder: Path, made: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    rig, record = made
+    args = [folder / "left.csv", folder / "right.csv", "-t", folder / "target.yaml"]
+    found = json.loads(run("evaluate", rig / "rig.yaml", *args, "--json").stdout)
+    assert set(found) <= set(json_keys.EVALUATE)
+    # The very shots that it was fitted to: no more error than then, and none less.
+    assert found["rms_px"] == pytest.approx(record["fit"]["rms_px"], rel=0.02)
+    assert found["alone_rms_px"] < found["rms_px"]
+    assert [one["images"] for one in found["cameras"]] == [8, 8]
+    assert found["pairs"][0]["rms_px"] == pytest.approx(found["rms_px"], rel=1e-6)
+    said = run("evaluate", *args, "--model", rig).stdout
+    assert "8 shots" in said
+    # A rig that stands 5 mm elsewhere explains them worse, and each camera alone as before.
+    held = yaml.safe_load((rig / "rig.yaml").read_text())
+    held["cameras"][1]["camera_from_rig"]["translation"][0] += 5.0
+    for name in ("left", "right"):
+        (tmp_path / name).mkdir()
+        text = (rig / name / "camera.yaml").read_text()
+        (tmp_path / name / "camera.yaml").write_text(text)
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(held, sort_keys=False))
+    worse = json.loads(run("evaluate", tmp_path / "rig.yaml", *args, "--json").stdout)
+    assert worse["rms_px"] > 3 * found["rms_px"]
+    assert worse["alone_rms_px"] == pytest.approx(found["alone_rms_px"], rel=0.05)
+
+
+def test_two_rigs_are_compared(
+    run: Run, folder: Path, made: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    rig, _ = made
+    held = yaml.safe_load((rig / "rig.yaml").read_text())
+    turn = np.array(held["cameras"][1]["camera_from_rig"]["rotation"])
+    shift = held["cameras"][1]["camera_from_rig"]["translation"]
+    held["cameras"][1]["camera_from_rig"]["translation"] = (turn @ [0, 0, -3] + shift).tolist()
+    for name in ("left", "right"):
+        (tmp_path / name).mkdir()
+        text = (rig / name / "camera.yaml").read_text()
+        (tmp_path / name / "camera.yaml").write_text(text)
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(held, sort_keys=False))
+    found = json.loads(run("compare", rig, tmp_path, "--json").stdout)
+    assert set(found) <= set(json_keys.COMPARE)
+    left, right = found["cameras"]
+    assert left["shift"] == [0, 0, 0]
+    assert left["sigmas"] is None
+    assert right["shift"] == pytest.approx([0, 0, 3], abs=1e-6)
+    assert right["turn_deg"] < 1e-6
+    assert right["shift_sigma"] > 0
+    assert right["sigmas"] > 1
+    assert right["lens"]["rms_px"] < 1e-6
+    said = run("compare", rig, tmp_path).stdout
+    assert "3.000" in said
+    said = run("compare", rig, rig / "left" / "camera.yaml", code=2).stderr
+    assert "is a rig and" in " ".join(said.split())
+
+
+def test_photos_are_matched_by_times_in_a_table(
+    run: Run, folder: Path, made: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    rig, _ = made
+    rows = [
+        f"{camera},shot_00{n},{n + late}"
+        for n in range(1, 9)
+        for camera, late in (("left", 0), ("right", 0.004))
+    ]
+    (tmp_path / "times.csv").write_text("camera,image,time\n" + "\n".join(rows) + "\n")
+    args = ["rig", folder / "left.csv", folder / "right.csv", "-t", folder / "target.yaml"]
+    args += ["--lens", f"left={rig / 'left'}", "--lens", f"right={rig / 'right'}"]
+    args += ["--shots", tmp_path / "times.csv", "-o", tmp_path / "rig"]
+    record = json.loads(run(*args, "--json").stdout)
+    assert record["pairs"][0]["shots"] == 8
+    said = run(*args, "--tolerance", "1ms", "--overwrite", code=1).stderr
+    assert "no two cameras have photos within 1 ms" in " ".join(said.split())
+
+
 def test_shots_may_be_listed(
     run: Run, folder: Path, made: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
@@ -139,7 +214,9 @@ def test_shots_may_be_listed(
         (["left.csv", "right.csv", "--names", "a"], 2, "--names has 1 names for 2 cameras"),
         (["left.csv", "right.csv", "--by-order", "--shots", "s.csv"], 2, "leave --by-order out"),
         (["left.csv", "right.csv", "--lens", "rear=x.yaml"], 2, "names no camera"),
-        (["left.csv", "film.mp4"], 2, "is a film"),
+        (["left.csv", "film.mp4"], 2, "is a film, and other cameras have none"),
+        (["a.mp4", "b.mp4", "--by-order"], 2, "films are matched by time"),
+        (["left.csv", "right.csv", "--tolerance", "5"], 2, "write 5ms"),
         (["left.csv", "nothing.csv"], 1, "does not exist"),
     ],
 )

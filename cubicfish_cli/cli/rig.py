@@ -197,7 +197,7 @@ def command(
     for name, path in zip(called, inputs, strict=True):
         say(f"Camera {name}: {path}.")
         sources = (path,) if frames is None else frames.photos[name]
-        loaded[name], camera = _loaded(sources, target, jobs, no_cache)
+        loaded[name], camera = loaded_camera(sources, target, jobs, no_cache)
         if camera is not None:
             known.setdefault(name, camera)
     moving = None
@@ -258,7 +258,7 @@ def _names(inputs: Sequence[Path], given: str | None) -> list[str]:
         for path in inputs:
             own = path.absolute()
             own = own.parent if own.name in ("corners.csv", "camera.yaml") else own
-            names.append(_named_by(own))
+            names.append(named_by(own))
     if len(set(names)) < len(names) or not all(names):
         raise click.UsageError(
             f"the cameras would be called {', '.join(names)}: give each a name of its own with "
@@ -267,7 +267,8 @@ def _names(inputs: Sequence[Path], given: str | None) -> list[str]:
     return names
 
 
-def _named_by(path: Path) -> str:
+def named_by(path: Path) -> str:
+    """What a camera is called by where its photos are."""
     from cubicfish_cli.films.recordings import is_recording, label_of
 
     if is_recording(path):
@@ -292,7 +293,7 @@ def _lenses(given: Sequence[Path], names: Sequence[str]) -> dict[str, CameraFile
     return known
 
 
-def _loaded(
+def loaded_camera(
     sources: tuple[Path, ...], target: TargetChoice, jobs: int | None, no_cache: bool
 ) -> tuple[Pairs, CameraFile | None]:
     """One camera's pairs, and its lens where it is calibrated already."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,8 +18,12 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.files import whole_files, write_text
 from cubicfish_cli.fitting.calibrate import RefineTarget
 from cubicfish_cli.fitting.rig import calibrate as fitting
+from cubicfish_cli.fitting.rig import compare as rig_comparison
+from cubicfish_cli.fitting.rig import evaluate as rig_evaluation
 from cubicfish_cli.fitting.rig.calibrate import PlacedCamera, RigCalibration, RigCamera
 from cubicfish_cli.fitting.rig.clocks import Moving
+from cubicfish_cli.fitting.rig.compare import ComparedCamera
+from cubicfish_cli.fitting.rig.evaluate import RigEvaluation
 from cubicfish_cli.fitting.rig.shots import (
     Shots,
     shots_by_name,
@@ -34,6 +39,7 @@ from cubicfish_cli.formats.target_yaml import target_text
 from cubicfish_cli.frame_names import time_of
 from cubicfish_cli.geometry import camera_centre, total_sigma
 from cubicfish_cli.library.pairs import pairs_of
+from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.naming.detect import Detection
 from cubicfish_cli.target import Target
 from cubicfish_cli.wording import quoted
@@ -151,6 +157,28 @@ def _matched(
     return shots_of_table(names, photos, shots)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KnownPlace:
+    """A camera of a rig's file, as what judges rigs asks for it."""
+
+    name: str
+    camera: CubicCamera
+    rotation: FloatArray
+    translation: FloatArray
+    covariance: FloatArray | None
+
+    @classmethod
+    def of(cls, camera: RigFileCamera) -> KnownPlace:
+        """The same camera."""
+        return cls(
+            name=camera.name,
+            camera=camera.file.camera,
+            rotation=camera.rotation,
+            translation=camera.translation,
+            covariance=camera.covariance,
+        )
+
+
 def _times_of_names(photos: Sequence[str]) -> dict[str, float]:
     found = ((photo, time_of(photo)) for photo in photos)
     return {photo: time for photo, time in found if time is not None}
@@ -259,6 +287,73 @@ def save_rig(
         for path, text in zip(temporary, texts.values(), strict=True):
             write_text(path, text, overwrite=False)
     return list(texts)
+
+
+def evaluate_rig(
+    rig: RigFile,
+    cameras: Mapping[str, Correspondences | Corners | Detection],
+    target: Target | None = None,
+    *,
+    shots: Matching | Sequence[tuple[str, str, str]] = "name",
+    tolerance: float = TOLERANCE,
+    times: Mapping[str, Mapping[str, float]] | None = None,
+) -> RigEvaluation:
+    """Measure a known rig on other shots: where it was is fitted, nothing else.
+
+    Args:
+        rig: as ``load_rig`` gives it.
+        cameras: by the rig's names, as for :func:`calibrate_rig`.
+        target: the object, in the rig's units; pairs need none.
+        shots: as for :func:`calibrate_rig`.
+        tolerance: likewise.
+        times: likewise.
+
+    Raises:
+        CorrespondenceError: corners come without their target, or do not fit it.
+        FitError: the rig has no such camera, or other units than the target; photos are of
+            another size, or cannot be placed.
+
+    """
+    known = {one.name: one for one in rig.cameras}
+    for name in cameras:
+        if name not in known:
+            raise FitError(
+                f"the rig has no camera {quoted(name)}: its cameras are {', '.join(known)}"
+            )
+    if target is not None and rig.units is not None and target.units != rig.units:
+        raise FitError(
+            f"the rig's lengths are in {rig.units} and the target's in {target.units}: write the "
+            "target in the rig's units"
+        )
+    pairs = [pairs_of(own, target) for own in cameras.values()]
+    names = list(cameras)
+    return rig_evaluation.evaluate_rig(
+        [KnownPlace.of(known[name]) for name in names],
+        pairs,
+        _matched(names, [one.images for one in pairs], shots, tolerance, times or {}),
+    )
+
+
+def compare_rigs(first: RigFile, second: RigFile) -> list[ComparedCamera]:
+    """How far apart the cameras of two rigs stand, and their lenses are.
+
+    Args:
+        first: one rig.
+        second: another one, whose cameras have the same names.
+
+    Raises:
+        FitError: the rigs have fewer than two cameras in common, or other units.
+
+    """
+    if first.units != second.units:
+        raise FitError(
+            f"one rig's lengths are in {first.units} and the other's in {second.units}: calibrate "
+            "both with targets of one unit"
+        )
+    return rig_comparison.compare_rigs(
+        [KnownPlace.of(one) for one in first.cameras],
+        [KnownPlace.of(one) for one in second.cameras],
+    )
 
 
 def loaded_record(rig: RigFile) -> dict[str, Any]:

@@ -177,7 +177,9 @@ def _placed(camera: KnownCamera, pairs: Correspondences) -> tuple[_Placed, int, 
             "they are of this camera and of this target"
         )
     lens = FixedLens(camera=camera.camera)
-    inside = np.isfinite(lens.project(found.poses.apply(own.image, own.world))).all(axis=1)
+    inside = np.asarray(
+        np.isfinite(lens.project(found.poses.apply(own.image, own.world))).all(axis=1), bool
+    )
     counted, kept = select(own, inside)
     if not len(kept):
         raise FitError(
