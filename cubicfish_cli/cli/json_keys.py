@@ -160,6 +160,7 @@ RIG = {
     "fit": "of all: errors in pixels, held_out_rms_px, shots, refine_target, held_lenses, "
     "findings (with the keys of everything that is told, cameras, shots and line), per_shot",
     "model": "the rig's file",
+    "verdict": _VERDICT,
 }
 EVALUATE = {
     **_ERRORS,

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli import json_keys, report_step
 from cubicfish_cli.cli.choosing import MOST, films_among
-from cubicfish_cli.cli.figures import count, hold_gate, print_errors, px
+from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_verdict, px
 from cubicfish_cli.cli.inputs import load_pairs, say_photo_problems
 from cubicfish_cli.cli.made_by import made_at, made_by_record
 from cubicfish_cli.cli.numbers import IntRange, Seconds
@@ -123,6 +123,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="Fit the object too, as 'cubicfish calibrate' does.",
 )
+@report_step.report_option
 @max_rms_option
 @overwrite_option
 @json_option(json_keys.RIG)
@@ -141,6 +142,7 @@ def command(
     most: int,
     hold_lenses: bool,
     refine_target: RefineTarget,
+    report: bool,
     max_rms: float | None,
     overwrite: bool,
     as_json: bool,
@@ -173,11 +175,15 @@ def command(
             else f"{quoted(str(films[0]))} is a film, and other cameras have none: give a film of "
             "each camera, or take its frames with 'cubicfish frames'"
         )
+    from cubicfish_cli.cli.kept import keep_fonts
+    from cubicfish_cli.cli.rig_report import write_page
     from cubicfish_cli.files import refuse_existing
+    from cubicfish_cli.fitting.rig.verdict import rig_verdict
     from cubicfish_cli.library.rigs import calibrate_rig, rig_record, save_rig
 
     made_at()  # said before the work if it cannot be
-    for path in (output / "rig.yaml", *(output / name / "camera.yaml" for name in called)):
+    pages = [output / report_step.NAME] if report and report_step.is_possible() else []
+    for path in (output / "rig.yaml", *pages, *(output / name / "camera.yaml" for name in called)):
         refuse_existing(path, overwrite=overwrite)
     loaded, known = {}, _lenses(lenses, called)
     frames = None
@@ -233,14 +239,22 @@ def command(
     if frames is not None:
         frames.done()
     record = rig_record(rig)
+    judged = rig_verdict(record)
+    if report and report_step.is_possible():
+        keep_fonts(not no_cache)
+        page = output / report_step.NAME
+        write_page(written[0], page, overwrite=overwrite)
+        written.append(page)
     if as_json:
-        print_json({**record, "model": str(written[0])})
+        print_json({**record, "model": str(written[0]), "verdict": judged.as_record()})
     for finding in rig.findings:
         told = "note" if finding.severity is Severity.NOTE else "warning"
         say(f"{told}: {finding.line}")
     if not as_json:
         apart()
         print_rig(record)
+        result()
+        print_verdict(judged)
         result()
         for path in written:
             result(f"wrote {path}")

@@ -145,8 +145,8 @@ def _clocks(names: Sequence[str], measured: Sequence[Measured]) -> list[float]:
         if differs:
             say(
                 f"note: the clock of {name} is {1e3 * abs(differs):.0f} ms "
-                f"{'ahead of' if differs > 0 else 'behind'} that of {names[0]}, by when they move (to "
-                "about a frame): it is matched so."
+                f"{'ahead of' if differs > 0 else 'behind'} that of {names[0]}, by when they move "
+                "(to about a frame): it is matched so."
             )
         ahead.append(told + differs)
     return ahead

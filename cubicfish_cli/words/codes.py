@@ -127,5 +127,7 @@ class Code(StrEnum):
     CLOCKS_DIFFER = "clocks_differ"
     NOT_AT_ONCE = "not_at_once"
     SHOT_APART = "shot_apart"
+    RIG_STRAINED = "rig_strained"
+    PLACE_UNCERTAIN = "place_uncertain"
     # Why a photo could not be undistorted.
     FAILED = "failed"
