@@ -1,6 +1,7 @@
 """``cubicfish rig``: corners of several cameras to rig.yaml, and reading it again."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from simulated_rig import simulated_rig
 from cubicfish_cli import load_rig, save_corners, save_target
 from cubicfish_cli.cli import json_keys
 from cubicfish_cli.errors import CameraFileError
+from cubicfish_cli.fitting.rig.verdict import rig_verdict
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.target import Target
@@ -116,6 +118,63 @@ def test_known_lenses_stay_and_exchanged_ones_are_named(
     said = run(*args, *wrong, "-o", tmp_path / "wrong", code=1).stderr
     assert "cameras left and right are exchanged" in said
     assert not (tmp_path / "wrong").exists()
+
+
+def test_a_page_shows_the_rig(run: Run, made: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    rig, record = made
+    page = (rig / "report.html").read_text()
+    for name in ("rig-top", "rig-side", "rig-fields", "rig-shots"):
+        assert f'id="{name}-title"' in page
+    assert "1 left" in page
+    assert "2 right" in page
+    assert f"{record['cameras'][1]['shift_sigma']:.3f}" in page
+    assert "<h2" in page
+    assert "Good" in page
+    said = run("report", rig, "-o", tmp_path / "again.html").stdout
+    assert "verdict: good" in said
+    assert (tmp_path / "again.html").read_text() == page
+    assert "exists" in run("report", rig, "-o", tmp_path / "again.html", code=1).stderr
+
+
+@pytest.mark.parametrize(
+    ("change", "words", "level"),
+    [
+        ({"rms_px": 2.0, "alone_rms_px": 0.2}, "is off by 2.00 px on the body", "bad"),
+        ({"rms_px": 0.4, "alone_rms_px": 0.2}, "is off by 0.40 px on the body", "care"),
+        ({"shift_sigma": 5.0}, "not well known how camera right stands", "care"),
+        ({"turn_sigma_deg": 2.0}, "not well known how camera right stands", "bad"),
+        ({"turn_sigma_deg": "many", "fit": 3}, "", "good"),
+    ],
+)
+def test_a_rig_is_judged_by_its_record(
+    made: tuple[Path, dict[str, Any]], change: dict[str, Any], words: str, level: str
+) -> None:
+    record = json.loads(json.dumps(made[1]))
+    right = record["cameras"][1]
+    for key, value in change.items():
+        (right["fit"] if key.endswith("rms_px") else right)[key] = value
+    judged = rig_verdict(record)
+    assert judged.level == level
+    assert words in " ".join(one.what for one in judged.reasons)
+    assert made[1]["verdict"]["level"] == "good"
+    assert rig_verdict({}).level == "good"
+
+
+def test_names_on_a_rigs_page_are_only_text(
+    made: tuple[Path, dict[str, Any]],
+) -> None:
+    pytest.importorskip("matplotlib")
+    from cubicfish_cli.report.rig_page import rig_html
+
+    rig = load_rig(made[0])
+    cameras = tuple(replace(one, name=f"<b>{one.name}") for one in rig.cameras)
+    record = json.loads(json.dumps(made[1]))
+    for one in record["cameras"]:
+        one["name"] = f"<b>{one['name']}"
+    page = rig_html(replace(rig, cameras=cameras), record)
+    assert "<b>" not in page
+    assert "&lt;b&gt;left" in page
 
 
 def test_a_rig_is_evaluated_on_shots(

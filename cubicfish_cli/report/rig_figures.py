@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from matplotlib.ticker import MaxNLocator
 
 from cubicfish_cli.report.facts import finite, mappings
 from cubicfish_cli.report.figures import BOARD_COLOURS, Drawn, Key, key
@@ -162,7 +163,10 @@ def _view(
     for number, (at, body) in enumerate(zip(centre, drawn, strict=True)):
         strokes(axes, body[None], colour_of(number), 1.4)
         dots(axes, at[None], colour_of(number), 4.0)
-        axes.annotate(str(number + 1), at, xytext=(5, 5), textcoords="offset points", color=INK)
+        # Beside the numbers of cameras that stand behind each other here.
+        behind = int(np.sum(np.linalg.norm(centre[:number] - at, axis=1) < 12 * unit))
+        place = (5 + 10 * behind, 5)
+        axes.annotate(str(number + 1), at, xytext=place, textcoords="offset points", color=INK)
     length = scale_bar(figure, unit, _HEIGHT)
     return Drawn(
         name=name,
@@ -272,6 +276,7 @@ def _shots(records: Sequence[Mapping[str, Any]], outlying: Sequence[str]) -> Dra
     dots(axes, at[odd], RED, 6.0)
     axes.set_xlim(0, len(records) + 1)
     axes.set_ylim(0, 1.15 * float(at[:, 1].max()))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("shot")
     axes.set_ylabel("RMS, px")
     keys = (key("dot", RED, "something is told of it"),) if odd.any() else ()

@@ -18,7 +18,7 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.calibrate import RefineTarget, calibrate
 from cubicfish_cli.fitting.companion import companion_near
-from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import fit_cubic, held
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import FOLDS, MIN_PHOTOS, dealt_out
 from cubicfish_cli.fitting.frame import in_companions_frame
@@ -181,11 +181,13 @@ class RigCalibration:
 class _Alone:
     """One camera calibrated alone, in the common scale of all.
 
-    Its lens is free, or fixed where it is held.
+    Its lens is free, or fixed where it is held. The rival has the prior of the hold that predicted
+    best, where another one was taken.
     """
 
     camera: CubicCamera
     lens: FitLens
+    rival: FitLens | None
     record: Mapping[str, Any]
     level: Level
     pairs: Correspondences
@@ -260,7 +262,7 @@ def _alone(
         except FitError as error:
             raise FitError(f"camera {camera.name}: {error}") from error
         lens, record, pairs, poses = found.camera, found.as_record(), found.pairs, found.poses
-        level, held_by = found.refined, found.hold
+        level, held_by, rival = found.refined, found.hold, found.rival
         told = tuple(of_camera(camera.name, one) for one in found.findings)
     else:
         lens, record, hold = camera.camera, dict(camera.fit or {}), True
@@ -270,35 +272,31 @@ def _alone(
                 f"camera {camera.name}: none of its photos can be placed with its lens: check "
                 "that they are of this camera and of this target"
             )
-        poses, level, held_by, told = placed.poses, "off", UNTOLD, ()
+        poses, level, held_by, rival, told = placed.poses, "off", UNTOLD, None, ()
     pairs = with_mean_weight_one(replace(pairs, world=(pairs.world - origin) / scale))
     poses = poses.of_world(-origin)
     poses = replace(poses, translation=poses.translation / scale)
     free: FitLens
+    other: FitLens | None = None
     if hold:
         free = FixedLens(camera=lens)
         fit = adjust(free, poses, pairs, huber_px=_WIDE_HUBER_PX, relative_decrease=_ROUGH_DECREASE)
         poses = adjust(free, fit.poses, pairs, huber_px=huber_px(fit.residual)).poses
     else:
-        result = _cubic_fit(lens, pairs, poses, held_by)
+        companion = companion_near(lens.radial, pairs, poses)
+        result = fit_cubic(companion, held_by, relative_decrease=_ROUGH_DECREASE)
         free, poses = result.lens, result.poses
+        other = None if rival is None else held(result.lens, companion, rival)
     return _Alone(
         camera=lens,
         lens=free,
+        rival=other,
         record=record,
         level=level,
         pairs=pairs,
         poses=poses,
         told=told,
     )
-
-
-def _cubic_fit(
-    camera: CubicCamera, pairs: Correspondences, poses: Poses, hold: Hold
-) -> CubicResult:
-    """A calibration's fit again, in this scale, as firmly held as it was."""
-    companion = companion_near(camera.radial, pairs, poses)
-    return fit_cubic(companion, hold, relative_decrease=_ROUGH_DECREASE)
 
 
 def _fitted(
@@ -425,7 +423,8 @@ def _calibration(
     limit = huber_px(fit.residual)
     drawn = replace(pairs, world=fit.world.points)
     rays = [cone_rays(np.deg2rad(_covered_deg(one)), _RAYS) for one in alone]
-    covariance = place_covariances(fit, drawn, limit, rays, seen.shot)
+    rivals = [one.rival for one in alone]
+    covariance = place_covariances(fit, drawn, limit, rays, seen.shot, rivals)
     covariance[:, 3:] *= scale
     covariance[:, :, 3:] *= scale
     held_out = _held_out(fit, drawn, limit, seen.shot)

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import Adjustment
+from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import MIN_PHOTOS, dealt_out
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.photo_spread import MOST_CLUSTERS, variance_of_few
@@ -31,6 +32,7 @@ def place_covariances(
     limit: float,
     rays: list[FloatArray],
     shots: Sequence[str],
+    rivals: Sequence[FitLens | None],
 ) -> FloatArray:
     """Covariance (C, 6, 6) of camera_from_rig: turn (radians, camera frame), then shift.
 
@@ -43,6 +45,8 @@ def place_covariances(
         limit: where its loss turns linear, pixels.
         rays: for each camera (M, 3) unit rays over its field.
         shots: names of the shots.
+        rivals: for each camera its lens as the hold that predicted best has it; None where it is
+            held so.
 
     """
     lens = fit.lens
@@ -61,7 +65,33 @@ def place_covariances(
             _larger(one, _of_shots(left_out @ by.T, influence @ by.T))
             for one, by in zip(found, by_shared, strict=True)
         ]
+    for step in _of_rivals(fit, pairs, limit, lens, rivals):
+        found = [
+            one + np.outer(by @ step, by @ step) for one, by in zip(found, by_shared, strict=True)
+        ]
     return np.array(found)
+
+
+def _of_rivals(
+    fit: Adjustment,
+    pairs: Correspondences,
+    limit: float,
+    lens: RigLens,
+    rivals: Sequence[FitLens | None],
+) -> list[FloatArray]:
+    """Steps (K,) to the rig with each lens held as its rival: how it should be is in doubt."""
+    if not any(rivals):
+        return []
+    leaving = Leaving(fit, pairs, limit, [])
+    found = []
+    for camera, rival in enumerate(rivals):
+        own = lens.lenses[camera]
+        if rival is None or not len(own.parameters):
+            continue
+        others = list(lens.lenses)
+        others[camera] = rival.with_parameters(own.parameters)
+        found.append(leaving.held_as(lens.with_lenses(others))[: len(lens.parameters)])
+    return found
 
 
 def _by_shared(lens: RigLens, rays: list[FloatArray]) -> list[FloatArray]:
