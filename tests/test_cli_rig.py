@@ -120,9 +120,14 @@ def test_known_lenses_stay_and_exchanged_ones_are_named(
     assert not (tmp_path / "wrong").exists()
 
 
-def test_a_page_shows_the_rig(run: Run, made: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
-    rig, record = made
+@pytest.mark.usefixtures("with_report")
+def test_a_page_shows_the_rig(
+    run: Run, folder: Path, made: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    lenses = [f"--lens={name}={made[0] / name}" for name in ("left", "right")]
+    rig = tmp_path / "rig"
+    args = ["rig", folder / "left.csv", folder / "right.csv", "-t", folder / "target.yaml"]
+    record = json.loads(run(*args, *lenses, "-o", rig, "--json").stdout)
     page = (rig / "report.html").read_text()
     for name in ("rig-top", "rig-side", "rig-fields", "rig-shots"):
         assert f'id="{name}-title"' in page
@@ -131,7 +136,7 @@ def test_a_page_shows_the_rig(run: Run, made: tuple[Path, dict[str, Any]], tmp_p
     assert f"{record['cameras'][1]['shift_sigma']:.3f}" in page
     assert "<h2" in page
     assert "Good" in page
-    said = run("report", rig, "-o", tmp_path / "again.html").stdout
+    said = run("report", rig / "rig.yaml", "-o", tmp_path / "again.html").stdout
     assert "verdict: good" in said
     assert (tmp_path / "again.html").read_text() == page
     assert "exists" in run("report", rig, "-o", tmp_path / "again.html", code=1).stderr
@@ -250,6 +255,32 @@ def test_photos_are_matched_by_times_in_a_table(
     assert record["pairs"][0]["shots"] == 8
     said = run(*args, "--tolerance", "1ms", "--overwrite", code=1).stderr
     assert "no two cameras have photos within 1 ms" in " ".join(said.split())
+
+
+def test_finished_calibrations_are_inputs_and_stay(
+    run: Run, folder: Path, made: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    rig, record = made
+    for name in ("left", "right"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "camera.yaml").write_text((rig / name / "camera.yaml").read_text())
+        (tmp_path / name / "corners.csv").write_text((folder / f"{name}.csv").read_text())
+    held = json.loads(
+        run("rig", tmp_path / "left", tmp_path / "right" / "camera.yaml", "--hold-lenses",
+            "-t", folder / "target.yaml", "-o", tmp_path / "rig", "--json").stdout
+    )  # fmt: skip
+    assert [one["name"] for one in held["cameras"]] == ["left", "right"]
+    assert held["fit"]["held_lenses"]
+    for name in ("left", "right"):
+        before, after = (load_camera(at / name / "camera.yaml") for at in (rig, tmp_path / "rig"))
+        assert (before.camera.P == after.camera.P).all()
+    own, then = (one["cameras"][1] for one in (held, record))
+    assert own["position"] == pytest.approx(then["position"], abs=0.1)
+    assert own["shift_sigma"] < then["shift_sigma"]  # a lens that is held leaves less in doubt
+    (tmp_path / "left" / "corners.csv").unlink()
+    said = run("rig", tmp_path / "left", tmp_path / "right", "-t", folder / "target.yaml",
+               "-o", tmp_path / "never", code=1).stderr  # fmt: skip
+    assert "has a camera.yaml and no corners.csv" in " ".join(said.split())
 
 
 def test_shots_may_be_listed(

@@ -237,6 +237,7 @@ def command(
     with working("Writing"):
         written = save_rig(output, rig, made_by=made_by, overwrite=overwrite)
     if frames is not None:
+        frames.say_clocks({one.name: one.late_s for one in rig.cameras})
         frames.done()
     record = rig_record(rig)
     judged = rig_verdict(record)

@@ -40,6 +40,7 @@ class RigFrames:
         late: of each camera and picture's name, seconds after the shot's moment.
         beside: of each camera and picture's name, the film's frames before and after it, and
             seconds to them.
+        ahead: of each camera, by how much its clock was found to be ahead of the first's, seconds.
         folder: what is only kept until all is done.
 
     """
@@ -48,7 +49,24 @@ class RigFrames:
     shots: list[tuple[str, str, str]]
     late: Mapping[str, Mapping[str, float]]
     beside: Mapping[str, Mapping[str, tuple[_Beside, _Beside]]]
+    ahead: Mapping[str, float]
     folder: Path
+
+    def say_clocks(self, late: Mapping[str, float | None]) -> None:
+        """Say how far clocks differ in all, by when films move and by the fit.
+
+        Args:
+            late: of each camera, by how much it was found to be later still, seconds.
+
+        """
+        first = next(iter(self.ahead))
+        for name, ahead in self.ahead.items():
+            total = ahead - (late.get(name) or 0.0)
+            if total:
+                say(
+                    f"note: in all, the clock of {name} is {1e3 * abs(total):.1f} ms "
+                    f"{'ahead of' if total > 0 else 'behind'} that of {first}."
+                )
 
     def moving(self, camera: str, pairs: Correspondences) -> Moving:
         """How the corners of a camera's pictures move."""
@@ -120,27 +138,30 @@ def rig_frames(
             measured.append(scan(film, unfinished / name, _STRETCH, callback))
         say_of_film(measured[-1])
     names = list(films)
-    ahead = _clocks(names, measured)
-    found = _moments(names, measured, ahead, _LOOKED_AT * most, tolerance)
+    told, ahead = _clocks(names, measured)
+    apart = [one + other for one, other in zip(told, ahead, strict=True)]
+    found = _moments(names, measured, apart, _LOOKED_AT * most, tolerance)
     say(f"{count(len(found.time), 'moment')} of the films are searched for boards.")
     taken = {
         name: _taken(one, found, column, unfinished / f"{name} frames")
         for column, (name, one) in enumerate(zip(names, measured, strict=True))
     }
     chosen = _chosen(names, measured, found, taken, target, most, jobs, no_cache=no_cache)
-    return _written(names, measured, found, taken, chosen, folder, overwrite=overwrite)
+    written = _written(names, measured, found, taken, chosen, folder, overwrite=overwrite)
+    return replace(written, ahead=dict(zip(names, ahead, strict=True)))
 
 
-def _clocks(names: Sequence[str], measured: Sequence[Measured]) -> list[float]:
-    """By how much each film's own time is ahead of the first's, seconds."""
+def _clocks(names: Sequence[str], measured: Sequence[Measured]) -> tuple[list[float], list[float]]:
+    """By how much each film's own time is ahead of the first's, seconds: as told, and as found."""
     from cubicfish_cli.films.clocks import film_offset
     from cubicfish_cli.films.shots import begins_at
 
     begins = [begins_at(one.film) for one in measured]
+    # What clocks say themselves, where they say it.
+    told = [begins[0] - begin for begin in begins]
     ahead = [0.0]
-    for name, one, begin in zip(names[1:], measured[1:], begins[1:], strict=True):
-        told = begins[0] - begin  # what both clocks say, where both have one
-        first = [time + told for time in measured[0].time]
+    for name, one, known in zip(names[1:], measured[1:], told[1:], strict=True):
+        first = [time + known for time in measured[0].time]
         differs = film_offset((first, one.time), (measured[0].motion, one.motion))
         if differs:
             say(
@@ -148,8 +169,8 @@ def _clocks(names: Sequence[str], measured: Sequence[Measured]) -> list[float]:
                 f"{'ahead of' if differs > 0 else 'behind'} that of {names[0]}, by when they move "
                 "(to about a frame): it is matched so."
             )
-        ahead.append(told + differs)
-    return ahead
+        ahead.append(differs)
+    return told, ahead
 
 
 def _moments(
@@ -273,6 +294,7 @@ def _written(
         shots=rows,
         late=late,
         beside=beside,
+        ahead=dict.fromkeys(names, 0.0),
         folder=folder / _UNFINISHED,
     )
 
