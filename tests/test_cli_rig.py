@@ -13,9 +13,9 @@ from simulated import CornerErrors
 from simulated_rig import simulated_rig
 
 from cubicfish_cli import load_rig, save_corners, save_target
+from cubicfish_cli.assess.rig_verdict import rig_verdict
 from cubicfish_cli.cli import json_keys
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.fitting.rig.verdict import rig_verdict
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.target import Target

@@ -122,12 +122,12 @@ def command(
 
 def _rig(inputs: tuple[Path, ...], model: Path | None) -> Path | None:
     """The rig's file, where one is meant."""
+    given = model or (inputs[0] if inputs and inputs[0].suffix in (".yaml", ".yml") else None)
+    if given is None:
+        return None
     from cubicfish_cli.cli.info import rig_path
 
-    if model is not None:
-        return rig_path(model)
-    first = inputs[0] if inputs else None
-    return rig_path(first) if first is not None and not first.is_dir() else None
+    return rig_path(given)
 
 
 def _print(

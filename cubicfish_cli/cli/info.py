@@ -57,8 +57,8 @@ def command(calibration: Path | None, model: Path | None, as_json: bool) -> None
 
 
 def _rig(path: Path, *, as_json: bool) -> None:
+    from cubicfish_cli.assess.rig_verdict import rig_verdict
     from cubicfish_cli.cli.rig import print_rig
-    from cubicfish_cli.fitting.rig.verdict import rig_verdict
     from cubicfish_cli.formats.rig_yaml import load_rig
     from cubicfish_cli.library.rigs import loaded_record
 

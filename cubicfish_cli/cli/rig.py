@@ -175,10 +175,10 @@ def command(
             else f"{quoted(str(films[0]))} is a film, and other cameras have none: give a film of "
             "each camera, or take its frames with 'cubicfish frames'"
         )
+    from cubicfish_cli.assess.rig_verdict import rig_verdict
     from cubicfish_cli.cli.kept import keep_fonts
     from cubicfish_cli.cli.rig_report import write_page
     from cubicfish_cli.files import refuse_existing
-    from cubicfish_cli.fitting.rig.verdict import rig_verdict
     from cubicfish_cli.library.rigs import calibrate_rig, rig_record, save_rig
 
     made_at()  # said before the work if it cannot be

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from cubicfish_cli.cli.terminal import working
 
 if TYPE_CHECKING:
-    from cubicfish_cli.fitting.verdict import Verdict
+    from cubicfish_cli.assess.verdict import Verdict
 
 
 def write_page(rig: Path, page: Path, *, overwrite: bool) -> Verdict:
@@ -19,8 +19,8 @@ def write_page(rig: Path, page: Path, *, overwrite: bool) -> Verdict:
         OutputError: the page is there, or cannot be written.
 
     """
+    from cubicfish_cli.assess.rig_verdict import rig_verdict
     from cubicfish_cli.files import write_text
-    from cubicfish_cli.fitting.rig.verdict import rig_verdict
     from cubicfish_cli.formats.rig_yaml import load_rig
     from cubicfish_cli.library.rigs import loaded_record
     from cubicfish_cli.report.extra import quiet

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.fitting.rig.verdict import rig_verdict
-from cubicfish_cli.fitting.verdict import WORDS
+from cubicfish_cli.assess.rig_verdict import rig_verdict
+from cubicfish_cli.assess.verdict import WORDS
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
 from cubicfish_cli.report.facts import finite, mappings
 from cubicfish_cli.report.figures import key

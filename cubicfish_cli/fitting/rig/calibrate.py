@@ -31,7 +31,7 @@ from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.refinement import LEVELS, Level, settled_spread
 from cubicfish_cli.fitting.rig.clocks import Clocks, Moving, fitted_clocks
 from cubicfish_cli.fitting.rig.exchanged import refuse_exchanged
-from cubicfish_cli.fitting.rig.findings import RigFinding, find_rig_faults, of_camera
+from cubicfish_cli.fitting.rig.findings import find_rig_faults, of_camera
 from cubicfish_cli.fitting.rig.gather import Seen, gathered, without_strays
 from cubicfish_cli.fitting.rig.shots import Shots
 from cubicfish_cli.fitting.rig.spread import place_covariances
@@ -58,6 +58,7 @@ from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.soundness import check_soundness, cone_rays
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Severity
+from cubicfish_cli.words.rig_finding import RigFinding
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]

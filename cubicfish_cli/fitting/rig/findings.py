@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +19,7 @@ from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.words.catalogue import Saying
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
+from cubicfish_cli.words.rig_finding import RigFinding
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
@@ -43,33 +43,6 @@ _SINGLE = 0.2
 _CHANCE = 1e-5
 # and what it does to its corners is as large as so much of their noise.
 _VISIBLE = 0.5
-
-
-@dataclass(frozen=True, kw_only=True)
-class RigFinding(Finding):
-    """Something that is likely wrong with a rig.
-
-    Attributes:
-        cameras: whose.
-        shots: of which shots, or of which photos where these are not of their shot.
-
-    """
-
-    cameras: tuple[str, ...] = ()
-    shots: tuple[str, ...] = ()
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data for JSON and YAML."""
-        return {
-            **super().as_record(),
-            "cameras": list(self.cameras),
-            "shots": list(self.shots),
-            "line": self.line,
-        }
-
-    @property
-    def _about(self) -> dict[str, tuple[str, ...]]:
-        return {**super()._about, "cameras": self.cameras, "of_shots": self.shots}
 
 
 def of_camera(name: str, finding: Finding) -> RigFinding:
