@@ -15,6 +15,7 @@ from simulated_rig import simulated_rig
 from cubicfish_cli import load_rig, save_corners, save_target
 from cubicfish_cli.assess.rig_verdict import rig_verdict
 from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli.rig import named_by
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.rendering.outside import outside_lens
@@ -294,6 +295,22 @@ def test_shots_may_be_listed(
     args += [*models, "--shots", tmp_path / "shots.csv", "-o", tmp_path / "rig", "--json"]
     record = json.loads(run(*args).stdout)
     assert [one["shot"] for one in record["fit"]["per_shot"]] == ["s1", "s2", "s3", "s4", "s5"]
+
+
+@pytest.mark.parametrize(
+    ("path", "name"),
+    [
+        ("photos/left*.png", "left"),
+        ("photos/left_[0-9]*.png", "left"),
+        ("left/*.png", "left"),
+        ("left", "left"),
+        ("left.csv", "left"),
+        ("left.cam.mp4", "left.cam"),
+        ("run.bag:/cam0/image_raw", "run_cam0_image_raw"),
+    ],
+)
+def test_cameras_are_called_as_their_photos_are(path: str, name: str) -> None:
+    assert named_by(Path(path)) == name
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from glob import has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -288,6 +290,9 @@ def named_by(path: Path) -> str:
 
     if is_recording(path):
         return label_of(path)
+    if has_magic(path.name) and not path.exists():  # left*.png, or left/*.png
+        begin = re.split(r"[*?[]", path.name)[0].rstrip("_-. ")
+        return begin or path.parent.name
     return path.stem if path.suffix.lower() == ".csv" or is_video_name(path) else path.name
 
 
