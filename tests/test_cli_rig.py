@@ -18,7 +18,10 @@ from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.rig import named_by
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.camera_yaml import load_camera
+from cubicfish_cli.library.rigs import compare_rigs
+from cubicfish_cli.model.lift import lift_rotation
 from cubicfish_cli.rendering.outside import outside_lens
+from cubicfish_cli.rendering.pose import rotation_matrix
 from cubicfish_cli.target import Target
 
 BOARDS = [
@@ -148,6 +151,7 @@ def test_a_page_shows_the_rig(
     [
         ({"rms_px": 2.0, "alone_rms_px": 0.2}, "is off by 2.00 px on the body", "bad"),
         ({"rms_px": 0.4, "alone_rms_px": 0.2}, "is off by 0.40 px on the body", "care"),
+        ({"rms_px": 0.2, "alone_rms_px": 0.05}, "", "good"),
         ({"shift_sigma": 5.0}, "not well known how camera right stands", "care"),
         ({"turn_sigma_deg": 2.0}, "not well known how camera right stands", "bad"),
         ({"turn_sigma_deg": "many", "fit": 3}, "", "good"),
@@ -237,6 +241,30 @@ def test_two_rigs_are_compared(
     assert "3.000" in said
     said = run("compare", rig, rig / "left" / "camera.yaml", code=2).stderr
     assert "is a rig and" in " ".join(said.split())
+
+
+def test_a_lens_that_turns_its_rays_where_its_camera_turns_back_is_the_same(
+    made: tuple[Path, dict[str, Any]],
+) -> None:
+    rig = load_rig(made[0])
+    left, right = rig.cameras
+    turn = rotation_matrix(np.array([0.01, -0.02, 0.015]))
+    lens = replace(right.file.camera, P=right.file.camera.P @ lift_rotation(turn))
+    other = replace(
+        right,
+        file=replace(right.file, camera=lens),
+        rotation=turn.T @ right.rotation,
+        translation=turn.T @ right.translation,
+    )
+    _, found = compare_rigs(rig, replace(rig, cameras=(left, other)))
+    assert found.lens.statistics.rms_px < 1e-3
+    assert found.turn_deg < 1e-3
+    assert np.linalg.norm(found.shift) < 1e-2
+    # Nor does it count which camera is named first.
+    back = rig.cameras[::-1]
+    _, found = compare_rigs(rig, replace(rig, cameras=back))
+    assert found.turn_deg < 1e-6
+    assert np.linalg.norm(found.shift) < 1e-6
 
 
 def test_photos_are_matched_by_times_in_a_table(
