@@ -218,8 +218,8 @@ def _chosen(
     jobs: int | None,
     *,
     no_cache: bool,
-) -> list[int]:
-    """Rows of the moments that add most."""
+) -> dict[int, list[int]]:
+    """Rows of the moments that add most, and which cameras show something there."""
     import numpy as np
 
     from cubicfish_cli.films.choose import Seen, choose_shots
@@ -244,7 +244,10 @@ def _chosen(
     sizes = [one.film.size for one in measured]
     choice = choose_shots(shots, sizes, most, [still_px(size) for size in sizes])
     say(f"{count(len(choice.order), 'shot')} of {len(shots)} chosen, which add most.")
-    return sorted(choice.order)
+    return {
+        row: [column for column, one in enumerate(shots[row]) if one is not None and one.corners]
+        for row in sorted(choice.order)
+    }
 
 
 def _written(
@@ -252,7 +255,7 @@ def _written(
     measured: Sequence[Measured],
     found: Moments,
     taken: Mapping[str, Mapping[int, Path]],
-    chosen: Sequence[int],
+    chosen: Mapping[int, Sequence[int]],
     folder: Path,
     *,
     overwrite: bool,
@@ -266,12 +269,11 @@ def _written(
     sources: dict[Path, Path] = {}
     late: dict[str, dict[str, float]] = {name: {} for name in names}
     beside: dict[str, dict[str, tuple[_Beside, _Beside]]] = {name: {} for name in names}
-    for row in chosen:
+    for row, showing in chosen.items():
         shot = frame_name("shot", float(found.time[row]) - start)
-        for column, (name, film) in enumerate(zip(names, measured, strict=True)):
+        for column in showing:
+            name, film = names[column], measured[column]
             index = int(found.frame[row, column])
-            if index < 0:
-                continue
             picture = f"{frame_name(name, film.time[index])}.png"
             if picture in late[name]:
                 continue  # one frame for two moments
@@ -281,6 +283,12 @@ def _written(
             beside[name][picture] = (
                 _beside(film, taken[name], index, -1),
                 _beside(film, taken[name], index, 1),
+            )
+    for name in names:
+        if not late[name]:
+            raise DetectionError(
+                f"camera {name}: no board was found in any frame that was chosen: is one in view "
+                "while the others see the target too?"
             )
     table = folder / "shots.csv"
     with whole_files([table, *sources], overwrite=overwrite) as temporaries:
