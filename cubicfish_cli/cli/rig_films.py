@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.cli.choosing import say_of_film, seen_in
+from cubicfish_cli.cli.choosing import found_in, say_of_film
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.target_choice import TargetChoice
 from cubicfish_cli.cli.terminal import progress, say
@@ -232,12 +232,12 @@ def _chosen(
         frames = found.frame[rows, column].tolist()
         photos = [Photo(name=f"{name} {index}", path=taken[name][index]) for index in frames]
         try:
-            seen = seen_in(photos, target, jobs, no_cache=no_cache)
+            patches = found_in(photos, target.load(), jobs, no_cache).patches
         except DetectionError as error:
             raise DetectionError(f"camera {name}: no frame can be chosen: {error}") from error
-        for row, index, one in zip(rows, frames, seen, strict=True):
+        for row, index, photo in zip(rows, frames, photos, strict=True):
             shots[row][column] = Seen(
-                patches=one.patches,
+                patches=patches.get(photo.name, ()),
                 sharpness=film.sharpness[index],
                 motion=film.motion[index],
             )
