@@ -59,7 +59,13 @@ def test_clocks_that_agree_are_left_alone_and_what_is_not_sure_too() -> None:
 
 def measured(times: list[float], motion: list[float]) -> Measured:
     film = Film(
-        path=Path("film.mp4"), label="film", size=SIZE, frames=0, counted=False, stamp=(0, 0)
+        path=Path("film.mp4"),
+        label="film",
+        size=SIZE,
+        frames=0,
+        counted=False,
+        rate=10.0,
+        stamp=(0, 0),
     )
     return Measured(
         film=film,
