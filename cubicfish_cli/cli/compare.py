@@ -68,12 +68,11 @@ def command(
     Two rigs (rig.yaml, or its folder) are compared camera by camera: how far apart they stand
     beside the first, with how sure that is, and how far apart their lenses are.
     """
-    from cubicfish_cli.cli.info import rig_path
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.fitting.comparison import compare
     from cubicfish_cli.undistortion.images import check_suffix
 
-    rigs = rig_path(first), rig_path(second)
+    rigs = options.rig_path(first), options.rig_path(second)
     if rigs[0] is not None and rigs[1] is not None:
         from cubicfish_cli.cli.rig_judged import print_comparison
 

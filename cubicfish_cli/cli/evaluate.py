@@ -125,9 +125,8 @@ def _rig(inputs: tuple[Path, ...], model: Path | None) -> Path | None:
     given = model or (inputs[0] if inputs and inputs[0].suffix in (".yaml", ".yml") else None)
     if given is None:
         return None
-    from cubicfish_cli.cli.info import rig_path
 
-    return rig_path(given)
+    return options.rig_path(given)
 
 
 def _print(

@@ -55,7 +55,6 @@ def command(
 
     Of a rig (its folder or rig.yaml) the page shows where the cameras stand and what they see.
     """
-    from cubicfish_cli.cli.info import rig_path
     from cubicfish_cli.cli.rig_report import write_page
     from cubicfish_cli.errors import CubicfishError
     from cubicfish_cli.files import refuse_existing, write_text
@@ -63,7 +62,7 @@ def command(
 
     if missing():
         raise CubicfishError(f"a report needs {' and '.join(missing())}: {INSTALL}")
-    rig = rig_path(calibration or model)
+    rig = options.rig_path(calibration or model)
     camera = rig or options.model_path(calibration or model)
     page = output or camera.parent / "report.html"
     refuse_existing(page, overwrite=overwrite)
