@@ -43,7 +43,7 @@ _PLACES = {
     "library.pictures": ("undistort",),
     "library.planes": ("build_plane",),
     "library.rig_pictures": ("rectify", "stitch"),
-    "library.rigs": ("calibrate_rig", "save_rig"),
+    "library.rigs": ("calibrate_rig", "compare_rigs", "evaluate_rig", "save_rig"),
     "model.cubic": ("CubicCamera",),
     "naming.detect": ("Detection",),
     "photos": ("read_picture",),

@@ -27,6 +27,8 @@ from cubicfish_cli.library.planes import build_plane as build_plane
 from cubicfish_cli.library.rig_pictures import rectify as rectify
 from cubicfish_cli.library.rig_pictures import stitch as stitch
 from cubicfish_cli.library.rigs import calibrate_rig as calibrate_rig
+from cubicfish_cli.library.rigs import compare_rigs as compare_rigs
+from cubicfish_cli.library.rigs import evaluate_rig as evaluate_rig
 from cubicfish_cli.library.rigs import save_rig as save_rig
 from cubicfish_cli.model.cubic import CubicCamera as CubicCamera
 from cubicfish_cli.naming.detect import Detection as Detection

@@ -12,10 +12,18 @@ from simulated_rig import RigTruth, simulated_rig
 from cubicfish_cli.correspondences import Correspondences, pair
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust, linearised, views_of
+from cubicfish_cli.fitting.folds import dealt_out
 from cubicfish_cli.fitting.lenses import RadialFit
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.rig.calibrate import RigCalibration, RigCamera, calibrate_rig
-from cubicfish_cli.fitting.rig.shots import Shots, shots_by_name, shots_by_order, shots_of_table
+from cubicfish_cli.fitting.rig.clocks import Moving
+from cubicfish_cli.fitting.rig.shots import (
+    Shots,
+    shots_by_name,
+    shots_by_order,
+    shots_by_time,
+    shots_of_table,
+)
 from cubicfish_cli.fitting.rig.start import median_pose
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.subset import select
@@ -144,6 +152,11 @@ def joined(first: Correspondences, second: Correspondences, half: str) -> Corres
     """The photos of the first up to ``half``, and those of the second after it."""
     one, _ = select(first, np.array([name <= half for name in first.images])[first.image])
     two, _ = select(second, np.array([name > half for name in second.images])[second.image])
+    return in_line(one, two)
+
+
+def in_line(one: Correspondences, two: Correspondences) -> Correspondences:
+    """The photos of the first, then those of the second."""
     names = ("world", "pixel", "weight", "board", "column", "row", "certain")
     return replace(
         one,
@@ -161,6 +174,130 @@ def test_a_camera_that_moved_half_way_is_found() -> None:
     assert set(found.cameras) == set(NAMES)
     assert found.shots == ("shot_006",)
     assert found.figures["shift"] == pytest.approx(2.0, rel=0.3)
+
+
+def in_motion(
+    seed: int = 1, late: tuple[float, float] = (0.0, 0.0)
+) -> tuple[list[Correspondences], list[Moving]]:
+    """The same shots with rig and target in motion, cameras late by some seconds."""
+    pairs, truth = simulated()
+    rng = np.random.default_rng(seed)
+    count = 20
+    turns, shifts = 0.3 * rng.standard_normal((count, 3)), 80 * rng.standard_normal((count, 3))
+    found, moving = [], []
+    for one, true, place, own in zip(
+        pairs, truth.cameras, truth.camera_from_rig, late, strict=True
+    ):
+        turn = rotation_matrix(place[0])
+
+        def pixel(time: float, one=one, true=true, place=place, turn=turn) -> np.ndarray:
+            seen = np.empty_like(one.pixel)
+            for number, (name, pose) in enumerate(zip(one.images, true.poses, strict=True)):
+                rows, shot = one.image == number, int(name[-3:])
+                points = one.world[rows] @ rotation_matrix(pose[0]).T + pose[1]
+                in_rig = (points - place[1]) @ turn
+                # The target as the rig sees it, some time later.
+                in_rig = in_rig @ rotation_matrix(time * turns[shot]).T + time * shifts[shot]
+                seen[rows] = true.lens.project(in_rig @ turn.T + place[1])
+            return seen
+
+        now, before, after = (pixel(time) for time in (0.0, -0.05, 0.05))
+        step = pixel(own) - now if own else 0.0
+        found.append(replace(one, pixel=one.pixel + step))
+        noise = 0.1 * rng.standard_normal((2, *now.shape))
+        moves = (before - now + noise[0], after - now + noise[1])
+        moving.append(Moving.between(*moves, (-0.05, 0.05)))
+    return found, moving
+
+
+def test_a_clock_that_is_late_is_found_and_taken_out() -> None:
+    pairs, moving = in_motion(late=(0.0, 0.03))
+    cameras = [
+        RigCamera(name=name, pairs=one, moving=own)
+        for name, one, own in zip(NAMES, pairs, moving, strict=True)
+    ]
+    rig = calibrate_rig(cameras, matched(pairs), target=target(), refine_target="off")
+    (found,) = rig.findings
+    assert (found.code, found.cameras) == ("clocks_differ", ("right", "left"))
+    right = rig.cameras[1]
+    assert right.late_s == pytest.approx(0.03, abs=5 * right.late_sigma_s)
+    assert 0 < right.late_sigma_s < 1e-3
+    assert rig.errors.rms_px < 1.1 * plain().errors.rms_px
+    assert np.allclose(right.translation, plain().cameras[1].translation, atol=0.5)
+
+
+def test_photos_whose_lateness_is_known_are_taken_as_of_their_moment() -> None:
+    pairs, moving = in_motion(late=(0.0, 0.03))
+    late = [
+        replace(own, late=np.full(len(own.late), ms))
+        for own, ms in zip(moving, (0, 0.03), strict=True)
+    ]
+    cameras = [
+        RigCamera(name=name, pairs=one, moving=own)
+        for name, one, own in zip(NAMES, pairs, late, strict=True)
+    ]
+    rig = calibrate_rig(cameras, matched(pairs), target=target(), refine_target="off")
+    assert rig.findings == ()
+    assert rig.cameras[1].late_s == 0
+    assert rig.errors.rms_px < 1.1 * plain().errors.rms_px
+
+
+def test_cameras_that_are_not_triggered_at_once_are_named() -> None:
+    pairs, _ = in_motion(late=(0.0, 0.03))
+    (found,) = fitted(pairs).findings
+    assert (found.code, set(found.cameras)) == ("not_at_once", set(NAMES))
+    assert found.figures["off_px"] > 1
+
+
+def test_one_shot_in_which_something_moved_is_named() -> None:
+    pairs, _ = simulated()
+    moved, _ = in_motion(late=(0.0, 0.03))
+    own = pairs[1].image == 4
+    wrong = replace(pairs[1], pixel=np.where(own[:, None], moved[1].pixel, pairs[1].pixel))
+    (found,) = fitted((pairs[0], wrong)).findings
+    assert (found.code, found.shots) == ("shot_apart", (pairs[1].images[4],))
+
+
+def test_cameras_that_were_exchanged_for_some_shots_are_named() -> None:
+    pairs, _ = simulated()
+    first, second = (one.images for one in pairs)
+    both = sorted(set(first) & set(second))[-3:]
+    lens = outside_lens("equisolid", (800, 600))
+    corners, _ = simulated_rig(
+        [lens, lens],
+        [(np.zeros(3), np.zeros(3)), APART],
+        target(),
+        10,
+        distances=(50, 300),
+        middle=(330, 330, 300),
+        errors=CornerErrors(noise=0.1, shared=0, spread=0),
+    )
+    pairs = tuple(pair(one, target()) for one in corners)
+    halves = [
+        [
+            select(one, np.array([(name in both) == late for name in one.images])[one.image])[0]
+            for late in (False, True)
+        ]
+        for one in pairs
+    ]
+    wrong = [in_line(halves[number][0], halves[1 - number][1]) for number in range(2)]
+    with pytest.raises(FitError, match="left and right are exchanged in 3 shots of 10"):
+        fitted(wrong)
+
+
+def test_a_mirrored_camera_is_named() -> None:
+    pairs, _ = simulated()
+    mirrored = pairs[1].pixel * [-1, 1] + [pairs[1].image_size[0] - 1, 0]
+    with pytest.raises(FitError, match=r"camera right.*mirrored"):
+        fitted((pairs[0], replace(pairs[1], pixel=mirrored)))
+
+
+def test_folds_of_films_are_blocks_of_time() -> None:
+    shots = [f"shot_{time:010.3f}s" for time in range(6)]
+    parts = [one.tolist() for one in dealt_out(np.arange(6), shots, 3)]
+    assert parts == [[0, 1], [2, 3], [4, 5]]
+    parts = [one.tolist() for one in dealt_out(np.arange(6), list("abcdef"), 3)]
+    assert parts == [[0, 3], [1, 4], [2, 5]]
 
 
 def test_a_lens_that_is_known_stays_as_it_is() -> None:
@@ -319,6 +456,20 @@ def test_names_that_tell_no_shot_are_refused() -> None:
         shots_by_name(NAMES, [["a/1.png", "b/1.png"], ["1.png", "2.png"]])
     with pytest.raises(FitError, match=r"different numbers of photos \(left 1, right 2\)"):
         shots_by_order(NAMES, [["1.png"], ["1.png", "2.png"]])
+
+
+def test_photos_of_one_time_are_one_shot() -> None:
+    photos = [["a.png", "b.png", "c.png"], ["x.png", "y.png"]]
+    times = [{"a.png": 1.0, "b.png": 2.0, "c.png": 3.0}, {"x.png": 2.004, "y.png": 3.006}]
+    shots = shots_by_time(NAMES, photos, times, 5e-3)
+    assert shots.photos == (
+        {"a.png": 0, "b.png": 1, "c.png": 2},
+        {"x.png": 1, "y.png": 3},
+    )
+    with pytest.raises(FitError, match="no two cameras have photos within 1 ms"):
+        shots_by_time(NAMES, photos, times, 1e-3)
+    with pytest.raises(FitError, match=r"'y.png' has no time in its name"):
+        shots_by_time(NAMES, photos, [times[0], {"x.png": 1.0}], 5e-3)
 
 
 def test_a_table_says_which_photos_are_of_one_shot() -> None:

@@ -139,7 +139,7 @@ def choose_frames(
     for film in films:
         with progress(f"Reading {film.path.name}") as callback:
             measured.append(scan(film, unfinished / film.label, every, callback))
-        _say_of_film(measured[-1])
+        say_of_film(measured[-1])
     names = {
         (number, index): name
         for number, film in enumerate(measured)
@@ -253,7 +253,7 @@ def best_photos(
     from cubicfish_cli.films.measure import sharpness
     from cubicfish_cli.photos import photo_size
 
-    found = _found(photos, target.load(), jobs, no_cache)
+    found = found_in(photos, target.load(), jobs, no_cache)
     seen = []
     with progress("Measuring sharpness") as callback:
         for at, photo in enumerate(photos):
@@ -382,7 +382,7 @@ class _Search:
             for first in range(rounds):
                 some = numbers[first::rounds]  # from the beginning to the end
                 try:
-                    more = _found([self.photos[at] for at in some], targets, jobs, no_cache)
+                    more = found_in([self.photos[at] for at in some], targets, jobs, no_cache)
                 except DetectionError as error:
                     failure, more = error, _Found(patches={}, pairs=None)
                 found = found.with_more(more)
@@ -443,7 +443,7 @@ def _passed_over(
     return why
 
 
-def _found(
+def found_in(
     photos: Sequence[Photo], targets: Sequence[Target] | None, jobs: int | None, no_cache: bool
 ) -> _Found:
     """Find the named corners of a target, or else grids as they are."""
@@ -605,7 +605,8 @@ def _listed(films: Sequence[Film]) -> str:
     return ", ".join(names[:4]) + f" and {len(names) - 4} more" * (len(names) > 4)
 
 
-def _say_of_film(measured: Measured) -> None:
+def say_of_film(measured: Measured) -> None:
+    """Say what is odd about a film."""
     from cubicfish_cli.photos import shown
 
     name = shown(measured.film.path)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         "cubicfish compare last_year/camera.yaml calibration/camera.yaml",
         "cubicfish compare a.yaml b.yaml --picture difference.png --max-rms 0.3",
         "cubicfish compare simulated/true_camera.yaml calibration/camera.yaml",
+        "cubicfish compare last_year/rig.yaml rig/rig.yaml",
     ),
 )
 @options.argument(
@@ -63,11 +64,27 @@ def command(
     that simulate writes beside its photos. The rotation between the two camera frames that makes
     the differences smallest is taken out first, since poses make up for it. Photos of one size, or
     of sizes that are an exact rescale; differences are in A's pixels.
+
+    Two rigs (rig.yaml, or its folder) are compared camera by camera: how far apart they stand
+    beside the first, with how sure that is, and how far apart their lenses are.
     """
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.fitting.comparison import compare
     from cubicfish_cli.undistortion.images import check_suffix
 
+    rigs = options.rig_path(first), options.rig_path(second)
+    if rigs[0] is not None and rigs[1] is not None:
+        from cubicfish_cli.cli.rig_judged import print_comparison
+
+        if picture is not None or max_rms is not None:
+            raise click.UsageError("--picture and --max-rms are for two cameras, not for two rigs")
+        print_comparison(rigs[0], rigs[1], as_json=as_json)
+        return
+    for one, other, rig in ((first, second, rigs[0]), (second, first, rigs[1])):
+        if rig is not None:
+            raise click.UsageError(
+                f"{one} is a rig and {other} is none: name two rigs, or one of the rig's cameras"
+            )
     if picture is not None:
         refuse_existing(picture, overwrite=overwrite)
         check_suffix(picture)

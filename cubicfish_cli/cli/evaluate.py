@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     epilog=options.examples(
         "cubicfish evaluate new_photos/ --target target.yaml",
         "cubicfish evaluate corners.csv --target target.yaml --max-rms 0.5",
+        "cubicfish evaluate rig/rig.yaml left/ right/ --target target.yaml",
     ),
 )
 @options.argument(
@@ -64,7 +65,21 @@ def command(
     """Measure the reprojection error of a camera on PHOTOS, corners.csv or correspondences.csv.
 
     The camera stays as it is; only the pose of each photo is fitted. No corner is dropped.
+
+    With a rig (rig.yaml as the first name, or as --model), name photos or corners of each of its
+    cameras: the rig stays as it is, and only where it was in each shot is fitted.
     """
+    rig = _rig(inputs, model)
+    if rig is not None:
+        from cubicfish_cli.cli.rig_judged import print_evaluation
+
+        if size is not None:
+            raise click.UsageError("--size is for one camera: the rig knows its cameras' sizes")
+        sources = inputs if model is not None else inputs[1:]
+        print_evaluation(
+            rig, sources, target, jobs, no_cache=no_cache, max_rms=max_rms, as_json=as_json
+        )
+        return
     check_inputs(inputs, correspondences=None, target=target)
     from cubicfish_cli.assess.verdict import evaluation_verdict
     from cubicfish_cli.fitting.evaluate import evaluate
@@ -103,6 +118,15 @@ def command(
         judged = evaluation_verdict(record, file.fit, camera.image_size)
         _print(record, judged, evaluation, loaded)
     hold_gate(record["rms_px"], max_rms)
+
+
+def _rig(inputs: tuple[Path, ...], model: Path | None) -> Path | None:
+    """The rig's file, where one is meant."""
+    given = model or (inputs[0] if inputs and inputs[0].suffix in (".yaml", ".yml") else None)
+    if given is None:
+        return None
+
+    return options.rig_path(given)
 
 
 def _print(

@@ -57,6 +57,7 @@ def command(calibration: Path | None, model: Path | None, as_json: bool) -> None
 
 
 def _rig(path: Path, *, as_json: bool) -> None:
+    from cubicfish_cli.assess.rig_verdict import rig_verdict
     from cubicfish_cli.cli.rig import print_rig
     from cubicfish_cli.formats.rig_yaml import load_rig
     from cubicfish_cli.library.rigs import loaded_record
@@ -67,6 +68,8 @@ def _rig(path: Path, *, as_json: bool) -> None:
         print_json({"model": str(path), "rig": {**record, "made_by": dict(loaded.made_by)}})
         return
     print_rig(record)
+    result()
+    print_verdict(rig_verdict(record))
 
 
 def _rows(facts: CameraFacts) -> list[tuple[str, str]]:

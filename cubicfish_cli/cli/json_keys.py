@@ -160,6 +160,7 @@ RIG = {
     "fit": "of all: errors in pixels, held_out_rms_px, shots, refine_target, held_lenses, "
     "findings (with the keys of everything that is told, cameras, shots and line), per_shot",
     "model": "the rig's file",
+    "verdict": _VERDICT,
 }
 EVALUATE = {
     **_ERRORS,
@@ -169,6 +170,11 @@ EVALUATE = {
     "uncertainty": "of the camera itself at these corners: median_px, p95_px, max_px; null where "
     "its file does not say",
     "per_image": "a record a photo: image, its errors, corners, camera_from_world",
+    "model": "the rig's file; of a rig only, as the keys that follow",
+    "alone_rms_px": "of the same corners with each photo's own pose, pixels",
+    "cameras": "a record a camera: name, images, its errors, alone_rms_px, outside_field, unplaced",
+    "pairs": "a record for every two cameras: cameras, shots (in common), rms_px",
+    "per_shot": "a record a shot: shot, rms_px, corners, cameras",
 }
 COMPARE = {
     "rms_px": "sqrt(mean(dx² + dy²)) over pixels of the common field",
@@ -181,6 +187,10 @@ COMPARE = {
     "scale": "A's pixels for one of B's",
     "by_angle": "a record a ring about the axis: from_deg, to_deg, rms_px, max_px, pixels",
     "picture": "the file of --picture, where it was asked for",
+    "units": "of lengths, of two rigs only",
+    "cameras": "of two rigs only, a record a camera: name, shift and turn_deg beside the first "
+    "camera, shift_sigma, turn_sigma_deg, sigmas (all of it over its standard deviations) and lens "
+    "(with the keys for two cameras)",
 }
 REPORT = {
     "report": "the page",

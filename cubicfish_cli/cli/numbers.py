@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any, NoReturn
 
 import click
@@ -54,6 +55,23 @@ class IntRange(click.IntRange):
         except click.BadParameter:
             _fail(self, "a whole number", "", value, param, ctx)
         return number
+
+
+class Seconds(click.ParamType):
+    """A length of time with its unit, such as 5ms, as seconds."""
+
+    name = "time"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Parse, or fail as a usage error."""
+        if isinstance(value, float):
+            return value
+        found = re.fullmatch(r"([0-9]*\.?[0-9]+) *(us|ms|s)", str(value).strip())
+        if found is None or not float(found[1]) > 0:
+            self.fail(f"{quoted(str(value))} is no time: write 5ms, 200us or 0.01s", param, ctx)
+        return float(found[1]) * {"us": 1e-6, "ms": 1e-3, "s": 1.0}[found[2]]
 
 
 def _fail(

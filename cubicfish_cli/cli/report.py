@@ -18,6 +18,7 @@ from cubicfish_cli.cli.terminal import print_json, result, say, working
     epilog=options.examples(
         "cubicfish report",
         "cubicfish report calibration/ --photos photos/ -o lens.html",
+        "cubicfish report rig/",
         "cubicfish report --model camera.yaml --target target.yaml --overwrite",
     ),
 )
@@ -51,18 +52,31 @@ def command(
     photos are looked for beside the camera and where the calibration found them; what is no
     longer there, or has changed, is left out, and the page says so. The errors are worked out
     again from camera.yaml and corners.csv.
+
+    Of a rig (its folder or rig.yaml) the page shows where the cameras stand and what they see.
     """
+    from cubicfish_cli.cli.rig_report import write_page
     from cubicfish_cli.errors import CubicfishError
     from cubicfish_cli.files import refuse_existing, write_text
     from cubicfish_cli.report.extra import INSTALL, missing, quiet
 
     if missing():
         raise CubicfishError(f"a report needs {' and '.join(missing())}: {INSTALL}")
-    camera = options.model_path(calibration or model)
+    rig = options.rig_path(calibration or model)
+    camera = rig or options.model_path(calibration or model)
     page = output or camera.parent / "report.html"
     refuse_existing(page, overwrite=overwrite)
 
     keep_fonts()
+    if rig is not None:
+        judged = write_page(rig, page, overwrite=overwrite)
+        if as_json:
+            named = {"report": str(page), "model": str(rig)}
+            print_json({**named, "verdict": judged.as_record(), "absent": []})
+            return
+        print_verdict(judged)
+        result(f"\nwrote {page}")
+        return
     with quiet():
         from cubicfish_cli.report.from_files import facts_of_files
         from cubicfish_cli.report.page import report_html

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from glob import has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys
-from cubicfish_cli.cli.choosing import films_among
-from cubicfish_cli.cli.figures import count, hold_gate, print_errors, px
+from cubicfish_cli.cli import json_keys, report_step
+from cubicfish_cli.cli.choosing import MOST, films_among
+from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_verdict, px
 from cubicfish_cli.cli.inputs import load_pairs, say_photo_problems
 from cubicfish_cli.cli.made_by import made_at, made_by_record
+from cubicfish_cli.cli.numbers import IntRange, Seconds
 from cubicfish_cli.cli.options import (
     FILE,
     FOLDER,
@@ -28,6 +31,7 @@ from cubicfish_cli.cli.options import (
 )
 from cubicfish_cli.cli.target_choice import TargetChoice, target_options
 from cubicfish_cli.cli.terminal import apart, print_json, print_table, result, say, stages, working
+from cubicfish_cli.cli.video_options import is_video_name
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.wording import quoted
 from cubicfish_cli.words.codes import Severity
@@ -36,6 +40,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from cubicfish_cli.cli.inputs import Pairs
+    from cubicfish_cli.cli.rig_films import RigFrames
     from cubicfish_cli.fitting.calibrate import RefineTarget
     from cubicfish_cli.formats.camera_yaml import CameraFile
 
@@ -47,6 +52,8 @@ if TYPE_CHECKING:
         "cubicfish rig left/ right/ --target target.yaml",
         "cubicfish rig left.csv right.csv rear.csv --target target.yaml -o rig",
         "cubicfish rig left/ right/ --lens left=left_calibration --lens right=right_calibration",
+        "cubicfish rig cam0.mp4 cam1.mp4 cam2.mp4 cam3.mp4 --target target.yaml",
+        "cubicfish rig run.bag:/cam0/image_raw run.bag:/cam1/image_raw --names cam0,cam1",
     ),
 )
 @click.argument(
@@ -55,9 +62,9 @@ if TYPE_CHECKING:
     nargs=-1,
     metavar="CAMERA CAMERA...",
     cls=Argument,
-    meaning="For each camera a folder of photos, a corners.csv, or the folder that calibrate "
-    "wrote (camera.yaml and corners.csv), whose lens stays as it is. The first camera's frame is "
-    "the rig's.",
+    meaning="For each camera a folder of photos, a film, a corners.csv, or the folder that "
+    "calibrate wrote (camera.yaml and corners.csv), whose lens stays as it is. The first camera's "
+    "frame is the rig's.",
 )
 @target_options
 @click.option(
@@ -88,8 +95,23 @@ if TYPE_CHECKING:
     "--shots",
     type=FILE,
     metavar="FILE",
-    help="Which photos are of one shot: a CSV file with the columns shot,camera,image. "
-    "[default: photos of the same name]",
+    help="Which photos are of one shot: a CSV file with the columns shot,camera,image, or "
+    "camera,image,time (seconds) for photos of one time. [default: photos of the same name]",
+)
+@click.option(
+    "--tolerance",
+    type=Seconds(),
+    metavar="TIME",
+    help="Photos taken within this are one shot, by the times in their names or in --shots, such "
+    "as 5ms. [default for films: half a frame]",
+)
+@click.option(
+    "--most",
+    type=IntRange(min=1),
+    default=MOST,
+    show_default=True,
+    metavar="N",
+    help="Choose no more shots of films than these.",
 )
 @click.option(
     "--hold-lenses",
@@ -103,6 +125,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="Fit the object too, as 'cubicfish calibrate' does.",
 )
+@report_step.report_option
 @max_rms_option
 @overwrite_option
 @json_option(json_keys.RIG)
@@ -117,8 +140,11 @@ def command(
     lenses: tuple[Path, ...],
     by_order: bool,
     shots: Path | None,
+    tolerance: float | None,
+    most: int,
     hold_lenses: bool,
     refine_target: RefineTarget,
+    report: bool,
     max_rms: float | None,
     overwrite: bool,
     as_json: bool,
@@ -128,8 +154,9 @@ def command(
     """Calibrate several cameras on one body: their lenses, and where each stands.
 
     Move the rig about the target, or the target about the rig. Photos of one shot have the same
-    name in each camera's folder. The cameras' fields need not overlap: two cameras are connected
-    where each sees some board of the target in the same shot.
+    name in each camera's folder. Of films, moments are chosen at which several cameras see the
+    target sharply, and how far their clocks differ is fitted. The cameras' fields need not overlap:
+    two cameras are connected where each sees some board of the target in the same shot.
     """
     if len(inputs) < 2:
         raise click.UsageError(
@@ -137,27 +164,54 @@ def command(
         )
     if by_order and shots is not None:
         raise click.UsageError("--shots lists the shots: leave --by-order out")
+    if by_order and tolerance is not None:
+        raise click.UsageError("--tolerance matches by time: leave --by-order out")
     target.check()
     called = _names(inputs, names)
     films = films_among(inputs)
-    if films:
+    if films and (len(films) < len(inputs) or by_order or shots is not None):
         raise click.UsageError(
-            f"{quoted(str(films[0]))} is a film, and films are not matched in time: make photos of "
-            "the same moments with the same names in a folder for each camera"
+            f"{quoted(str(films[0]))} is a film: films are matched by time, and with films alone"
+            " (without --by-order and --shots); of some calibrated cameras say --lens"
+            if len(films) == len(inputs)
+            else f"{quoted(str(films[0]))} is a film, and other cameras have none: give a film of "
+            "each camera, or take its frames with 'cubicfish frames'"
         )
+    from cubicfish_cli.assess.rig_verdict import rig_verdict
+    from cubicfish_cli.cli.kept import keep_fonts
+    from cubicfish_cli.cli.rig_report import write_page
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.library.rigs import calibrate_rig, rig_record, save_rig
 
     made_at()  # said before the work if it cannot be
-    for path in (output / "rig.yaml", *(output / name / "camera.yaml" for name in called)):
+    pages = [output / report_step.NAME] if report and report_step.is_possible() else []
+    for path in (output / "rig.yaml", *pages, *(output / name / "camera.yaml" for name in called)):
         refuse_existing(path, overwrite=overwrite)
     loaded, known = {}, _lenses(lenses, called)
+    frames = None
+    if films:
+        from cubicfish_cli.cli.rig_films import rig_frames
+
+        frames = rig_frames(
+            dict(zip(called, inputs, strict=True)),
+            output / "frames",
+            target,
+            most=most,
+            tolerance=tolerance,
+            jobs=jobs,
+            no_cache=no_cache,
+            overwrite=overwrite,
+        )
     for name, path in zip(called, inputs, strict=True):
         say(f"Camera {name}: {path}.")
-        loaded[name], camera = _loaded(path, target, jobs, no_cache)
+        sources = (path,) if frames is None else frames.photos[name]
+        loaded[name], camera = loaded_camera(sources, target, jobs, no_cache)
         if camera is not None:
             known.setdefault(name, camera)
-    matching: Any = "order" if by_order else "name" if shots is None else _table(shots)
+    moving = None
+    if frames is not None:
+        moving = {name: frames.moving(name, own.pairs) for name, own in loaded.items()}
+    matched = _matching(by_order, shots, tolerance, frames)
     one = loaded[called[0]]
     with stages("Fitting") as progress:
         rig = calibrate_rig(
@@ -166,7 +220,10 @@ def command(
                 for name, own in loaded.items()
             },
             one.target,
-            shots=matching,
+            shots=matched.shots,
+            tolerance=matched.tolerance,
+            times=matched.times,
+            moving=moving,
             known=known,
             hold_lenses=hold_lenses,
             refine_target=refine_target,
@@ -176,20 +233,31 @@ def command(
     options = {
         "hold_lenses": hold_lenses,
         "refine_target": refine_target,
-        "shots": "order" if by_order else "name" if shots is None else str(shots),
+        "shots": matched.said,
     }
     made_by = made_by_record(options, one.target_file, files)
     with working("Writing"):
         written = save_rig(output, rig, made_by=made_by, overwrite=overwrite)
+    if frames is not None:
+        frames.say_clocks({one.name: one.late_s for one in rig.cameras})
+        frames.done()
     record = rig_record(rig)
+    judged = rig_verdict(record)
+    if report and report_step.is_possible():
+        keep_fonts(not no_cache)
+        page = output / report_step.NAME
+        write_page(written[0], page, overwrite=overwrite)
+        written.append(page)
     if as_json:
-        print_json({**record, "model": str(written[0])})
+        print_json({**record, "model": str(written[0]), "verdict": judged.as_record()})
     for finding in rig.findings:
         told = "note" if finding.severity is Severity.NOTE else "warning"
         say(f"{told}: {finding.line}")
     if not as_json:
         apart()
         print_rig(record)
+        result()
+        print_verdict(judged)
         result()
         for path in written:
             result(f"wrote {path}")
@@ -207,13 +275,25 @@ def _names(inputs: Sequence[Path], given: str | None) -> list[str]:
         for path in inputs:
             own = path.absolute()
             own = own.parent if own.name in ("corners.csv", "camera.yaml") else own
-            names.append(own.stem if own.suffix.lower() == ".csv" else own.name)
+            names.append(named_by(own))
     if len(set(names)) < len(names) or not all(names):
         raise click.UsageError(
             f"the cameras would be called {', '.join(names)}: give each a name of its own with "
             "--names"
         )
     return names
+
+
+def named_by(path: Path) -> str:
+    """What a camera is called by where its photos are."""
+    from cubicfish_cli.films.recordings import is_recording, label_of
+
+    if is_recording(path):
+        return label_of(path)
+    if has_magic(path.name) and not path.exists():  # left*.png, or left/*.png
+        begin = re.split(r"[*?[]", path.name)[0].rstrip("_-. ")
+        return begin or path.parent.name
+    return path.stem if path.suffix.lower() == ".csv" or is_video_name(path) else path.name
 
 
 def _lenses(given: Sequence[Path], names: Sequence[str]) -> dict[str, CameraFile]:
@@ -233,25 +313,25 @@ def _lenses(given: Sequence[Path], names: Sequence[str]) -> dict[str, CameraFile
     return known
 
 
-def _loaded(
-    path: Path, target: TargetChoice, jobs: int | None, no_cache: bool
+def loaded_camera(
+    sources: tuple[Path, ...], target: TargetChoice, jobs: int | None, no_cache: bool
 ) -> tuple[Pairs, CameraFile | None]:
     """One camera's pairs, and its lens where it is calibrated already."""
     from cubicfish_cli.files import fingerprint
     from cubicfish_cli.formats.camera_yaml import load_camera
 
-    camera, source = None, path
+    camera, path = None, sources[0] if sources else Path()
     model = path / "camera.yaml" if path.is_dir() else path
     if model.name.endswith((".yaml", ".yml")) and model.is_file():
         camera = load_camera(model)
-        source = model.parent / "corners.csv"
-        if not source.is_file():
+        sources = (model.parent / "corners.csv",)
+        if not sources[0].is_file():
             raise CorrespondenceError(
                 f"{model.parent} has a camera.yaml and no corners.csv: calibrate it again, or name "
                 "the camera's photos or its corners.csv"
             )
     loaded = load_pairs(
-        (source,), correspondences=None, target=target, size=None, jobs=jobs, no_cache=no_cache
+        sources, correspondences=None, target=target, size=None, jobs=jobs, no_cache=no_cache
     )
     if loaded.detection is not None:
         say_photo_problems(loaded.detection)
@@ -260,14 +340,49 @@ def _loaded(
     return loaded, camera
 
 
-def _table(path: Path) -> list[tuple[str, str, str]]:
+@dataclass(frozen=True, kw_only=True)
+class _Matched:
+    """How photos are matched to shots: as ``calibrate_rig`` takes it, and in words."""
+
+    shots: Any
+    said: str
+    tolerance: float
+    times: Mapping[str, Mapping[str, float]] | None = None
+
+
+def _matching(
+    by_order: bool, shots: Path | None, tolerance: float | None, frames: RigFrames | None
+) -> _Matched:
+    from cubicfish_cli.library.rigs import TOLERANCE
+
+    wanted = TOLERANCE if tolerance is None else tolerance
+    if frames is not None:
+        return _Matched(shots=frames.shots, said="films", tolerance=wanted)
+    if shots is None:
+        by = "order" if by_order else "name" if tolerance is None else "time"
+        return _Matched(shots=by, said=by, tolerance=wanted)
     from cubicfish_cli.tables import read_table
 
     table = read_table(
-        path, required=("shot", "camera", "image"), optional=(), error=CorrespondenceError
+        shots,
+        required=("camera", "image"),
+        optional=("shot", "time"),
+        error=CorrespondenceError,
     )
-    columns = (table.columns[name] for name in ("shot", "camera", "image"))
-    return list(zip(*columns, strict=True))
+    columns = table.columns
+    if "shot" in columns:
+        if tolerance is not None:
+            raise click.UsageError(f"{shots} says which photos are a shot: leave --tolerance out")
+        rows = zip(columns["shot"], columns["camera"], columns["image"], strict=True)
+        return _Matched(shots=list(rows), said=str(shots), tolerance=wanted)
+    if "time" not in columns:
+        raise CorrespondenceError(f"{shots} has neither a column shot nor a column time: add one")
+    times: dict[str, dict[str, float]] = {}
+    for camera, image, time in zip(
+        columns["camera"], columns["image"], table.floats("time").tolist(), strict=True
+    ):
+        times.setdefault(camera, {})[image] = time
+    return _Matched(shots="time", said=str(shots), tolerance=wanted, times=times)
 
 
 def print_rig(record: Mapping[str, Any]) -> None:

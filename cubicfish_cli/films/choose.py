@@ -7,9 +7,10 @@ taken.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 from typing import Protocol
 
 import numpy as np
@@ -144,9 +145,12 @@ class Coverage:
             weight * _shown(picture, size)
             for picture, weight in zip(pictures, quality, strict=True)
         ]
+        self._begin()
+
+    def _begin(self) -> None:
         self._known = np.zeros_like(self._shown[0])
         # A share of what the first may add.
-        self.flat = 0.02 * max(self.of(number) for number in range(len(pictures)))
+        self.flat = 0.02 * max(self.of(number) for number in range(len(self._shown)))
 
     def of(self, picture: int) -> float:
         """See :class:`Gains`."""
@@ -177,15 +181,132 @@ def choose(
     """
     why = ["" if picture.corners else "no corners" for picture in pictures]
     usable = [index for index, picture in enumerate(pictures) if picture.corners]
-    gain = np.full(len(pictures), np.nan)
     if not usable:
-        return Choice(order=(), gain=gain, why_not=tuple(why))
+        return Choice(order=(), gain=np.full(len(pictures), np.nan), why_not=tuple(why))
     scale = Scale.of([pictures[index] for index in usable], still_px)
     quality = np.array([scale.quality(picture) for picture in pictures])
     spoilt = {
         index: word for index in usable if (word := scale.spoilt(pictures[index])) is not None
     }
     gains = gains_of(quality) or Coverage(pictures, size, quality)
+
+    def same(one: int, other: int) -> bool:
+        apart = _apart(pictures[one], pictures[other])
+        return apart is not None and apart < _SAME_VIEW * float(np.hypot(*size))
+
+    return _greedy(usable, why, spoilt, gains, same, most)
+
+
+def choose_shots(
+    shots: Sequence[Sequence[Seen | None]],
+    sizes: Sequence[tuple[int, int]],
+    most: int,
+    still_px: Sequence[float],
+) -> Choice:
+    """Choose at most ``most`` shots of several cameras, each a picture of every camera.
+
+    A shot adds what its pictures add to their cameras, and what two cameras show at once. In one
+    that is good for some camera, pictures that are spoilt add nothing.
+
+    Args:
+        shots: for each shot a picture of every camera; None where that camera has none.
+        sizes: (width, height) of each camera's pictures.
+        most: how many may be chosen.
+        still_px: for each camera the motion below which a picture counts as still, pixels.
+
+    """
+    nothing = Seen(patches=(), sharpness=0.0)
+    pictures = [[nothing if one is None else one for one in shot] for shot in shots]
+    scales = []
+    for own, still in zip(zip(*pictures, strict=True), still_px, strict=True):
+        scales.append(Scale.of([one for one in own if one.corners] or [nothing], still))
+    why, spoilt, usable = [""] * len(shots), {}, []
+    quality = np.zeros((len(shots), len(sizes)))
+    for index, shot in enumerate(pictures):
+        words = [scale.spoilt(one) for one, scale in zip(shot, scales, strict=True) if one.corners]
+        if not words:
+            why[index] = "no corners"
+            continue
+        usable.append(index)
+        bad = None not in words
+        if bad:
+            spoilt[index] = str(words[0])
+        for camera, (one, scale) in enumerate(zip(shot, scales, strict=True)):
+            if one.corners and (bad or scale.spoilt(one) is None):
+                quality[index, camera] = scale.quality(one)
+    if not usable:
+        return Choice(order=(), gain=np.full(len(shots), np.nan), why_not=tuple(why))
+
+    def same(one: int, other: int) -> bool:
+        pairs = zip(pictures[one], pictures[other], sizes, strict=True)
+        return all(_same_view(*pair) for pair in pairs if pair[0].corners or pair[1].corners)
+
+    return _greedy(usable, why, spoilt, ShotCoverage(pictures, sizes, quality), same, most)
+
+
+def _same_view(one: Seen, other: Seen, size: tuple[int, int]) -> bool:
+    if not (one.corners and other.corners):
+        return False
+    apart = _apart(one, other)
+    return apart is not None and apart < _SAME_VIEW * float(np.hypot(*size))
+
+
+class ShotCoverage(Coverage):
+    """What the pictures of a shot show their cameras, and what each two cameras show at once."""
+
+    def __init__(
+        self,
+        shots: Sequence[Sequence[Seen]],
+        sizes: Sequence[tuple[int, int]],
+        quality: FloatArray,
+    ) -> None:
+        """Look at what each of the shots shows.
+
+        Args:
+            shots: for each a picture of every camera.
+            sizes: (width, height) of each camera's pictures.
+            quality: (S, C) how much each picture weighs, 0 to 1.
+
+        """
+        self._shown = [
+            _shown_at_once(shot, sizes, weight) for shot, weight in zip(shots, quality, strict=True)
+        ]
+        self._begin()
+
+
+def _shown_at_once(
+    shot: Sequence[Seen], sizes: Sequence[tuple[int, int]], weight: FloatArray
+) -> FloatArray:
+    parts = [own * _shown(one, size) for one, size, own in zip(shot, sizes, weight, strict=True)]
+    # Wider parts of the picture, whatever a board's tilt.
+    fine = _FINE[0] * _FINE[1]
+    wide = [part[fine:].reshape(_COARSE[0] * _COARSE[1], -1).sum(axis=1) for part in parts]
+    for first, second in combinations(range(len(shot)), 2):
+        both = wide[first].any() and wide[second].any()
+        parts += [np.minimum(1.0, both * wide[own]) for own in (first, second)]
+    return np.concatenate(parts)
+
+
+def _greedy(
+    usable: Sequence[int],
+    why: list[str],
+    spoilt: Mapping[int, str],
+    gains: Gains,
+    same: Callable[[int, int], bool],
+    most: int,
+) -> Choice:
+    """Take what adds most, then what adds most to that; spoilt ones where there is too little.
+
+    Args:
+        usable: those that show something.
+        why: a few words for each of the others.
+        spoilt: a word for each of those that are worse than the others.
+        gains: what they add.
+        same: whether two are nearly the same view.
+        most: how many may be taken.
+
+    """
+    gain = np.full(len(why), np.nan)
     order: list[int] = []
     good = [index for index in usable if index not in spoilt]
     for pool, enough in ((good, most), (sorted(spoilt), min(_ENOUGH, most))):
@@ -199,10 +320,8 @@ def choose(
             gains.take(best)
             left.remove(best)
             for index in usable:
-                if index not in order and not why[index]:
-                    apart = _apart(pictures[best], pictures[index])
-                    if apart is not None and apart < _SAME_VIEW * float(np.hypot(*size)):
-                        why[index] = "nearly the same view as one that was chosen"
+                if index not in order and not why[index] and same(best, index):
+                    why[index] = "nearly the same view as one that was chosen"
             left = [index for index in left if not why[index]]
     for index in usable:
         if index in order:

@@ -290,7 +290,7 @@ class _Scan:
             return
         _, index, frame = self._best
         path = self._folder / f"{index}.png"
-        _write(path, frame)
+        write_frame(path, frame)
         self.measured.kept[index] = path
         self._rows[-1] += str(index)
         self._append("".join(f"{row}\n" for row in self._rows))
@@ -319,7 +319,7 @@ def _brightness(frame: Any) -> Grey:
     return np.asarray(rows[:, : plane.width])
 
 
-def _write(path: Path, frame: Any) -> None:
+def write_frame(path: Path, frame: Any) -> None:
     """A frame as a PNG of 8 bits: grey where the film is grey."""
     grey = frame.format.name.startswith("gray")
     picture = frame.to_ndarray(format="gray" if grey else "bgr24")

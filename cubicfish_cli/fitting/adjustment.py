@@ -235,9 +235,10 @@ def linearised(
     d_turn, d_shift = -d_point @ cross_matrix(rotated), d_point
     if through.place is not None:
         turned, shift = through.place
-        # A turn of the camera on the body swings the whole way from the body's origin with it.
-        arm = cross_matrix(views.translation[image] - shift)
-        d_lens = np.concatenate([d_lens, d_turn - d_shift @ arm, d_shift], axis=2)
+        if through.free:
+            # A turn of the camera on the body swings the whole way from the body's origin with it.
+            arm = cross_matrix(views.translation[image] - shift)
+            d_lens = np.concatenate([d_lens, d_turn - d_shift @ arm, d_shift], axis=2)
         d_turn, d_shift = d_turn @ turned, d_shift @ turned
     return Linearised(
         residual=pixel - pairs.pixel[run],

@@ -126,6 +126,7 @@ class Calibration(Calibrated):
         covered_deg: angle from the axis of the farthest used corner.
         reach: what corners say of the field's rim.
         hold: how P was held to the companion.
+        rival: how photos that were left out would rather have it held; None where as it is.
         dropped: corners left out because they were grossly off.
         unfit: photos left out, with the reason.
         refined: what of the object was fitted: ``off``, ``shape`` or ``points``.
@@ -155,6 +156,7 @@ class Calibration(Calibrated):
     covered_deg: float
     reach: Reach
     hold: Hold
+    rival: Hold | None
     dropped: tuple[DroppedCorner, ...]
     unfit: dict[str, Finding]
     refined: Level
@@ -336,6 +338,7 @@ def _calibrated(
         covered_deg=covered_deg,
         reach=rim,
         hold=cubic.hold,
+        rival=cubic.rival,
         dropped=dropped,
         unfit=companion.unfit,
         refined=fit.level,

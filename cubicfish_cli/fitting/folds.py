@@ -42,10 +42,13 @@ def photo_folds(poses: Poses, pairs: Correspondences, focal: float) -> list[IntA
     group = repeated_groups(poses, pairs, focal)
     places = int(group.max()) + 1
     folds = min(FOLDS, places) if places >= MIN_PHOTOS else 0
-    part = dealt(group, pairs.images, max(folds, 1))
-    return [
-        fold for fold in (np.flatnonzero(part == number) for number in range(folds)) if fold.size
-    ]
+    return dealt_out(group, pairs.images, folds) if folds else []
+
+
+def dealt_out(group: IntArray, images: Sequence[str], parts: int) -> list[IntArray]:
+    """Indices of the photos of each part, see :func:`dealt`; parts that stay empty are left out."""
+    part = dealt(group, images, parts)
+    return [np.flatnonzero(part == number) for number in np.unique(part)]
 
 
 def dealt(group: IntArray, images: Sequence[str], parts: int) -> IntArray:

@@ -23,7 +23,7 @@ import numpy.typing as npt
 from cubicfish_cli.fitting.bent import BentFit
 from cubicfish_cli.fitting.companion import MARGIN_DEG, Companion
 from cubicfish_cli.fitting.cubic_fit import CubicResult, held
-from cubicfish_cli.fitting.folds import dealt
+from cubicfish_cli.fitting.folds import dealt_out
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.fitting.robust import huber_px
@@ -161,5 +161,4 @@ def _clusters(places: IntArray, images: Sequence[str]) -> list[IntArray]:
     clusters = min(int(places.max()) + 1, MOST_CLUSTERS)
     if clusters < 2:
         return []
-    part = dealt(places, images, clusters)
-    return [np.flatnonzero(part == cluster) for cluster in np.unique(part)]
+    return dealt_out(places, images, clusters)

@@ -32,12 +32,14 @@ class Through:
         lens: of one camera: points in its frame -> pixels.
         columns: where its parameters stand among all lenses'; those of its place come last.
         place: camera_from_rig, (3, 3) and (3,); None where the camera's frame is the rig's.
+        free: whether that place is a parameter.
 
     """
 
     lens: FitLens
     columns: slice
     place: tuple[FloatArray, FloatArray] | None = None
+    free: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +78,7 @@ class RigLens:
         places: camera_from_rig of each camera; the first is the identity.
         camera: (V,) camera of each view, non-decreasing.
         shot: (V,) shot of each view.
+        held: whether the places are as they are, and no parameters.
 
     """
 
@@ -83,12 +86,13 @@ class RigLens:
     places: Poses
     camera: IntArray
     shot: IntArray
+    held: bool = False
 
     @cached_property
     def columns(self) -> tuple[slice, ...]:
         """Where each camera's parameters stand: its lens's, then the six of its place."""
         sizes = [
-            len(lens.parameters) + (_PLACE if number else 0)
+            len(lens.parameters) + (_PLACE if number and not self.held else 0)
             for number, lens in enumerate(self.lenses)
         ]
         ends = np.cumsum([0, *sizes])
@@ -104,7 +108,7 @@ class RigLens:
         parts = []
         for number, lens in enumerate(self.lenses):
             parts.append(lens.parameters)
-            if number:
+            if number and not self.held:
                 parts += [np.zeros(3), self.places.translation[number]]
         return np.concatenate(parts)
 
@@ -113,7 +117,7 @@ class RigLens:
         lenses, step = [], np.zeros((len(self.lenses), _PLACE))
         for number, (lens, columns) in enumerate(zip(self.lenses, self.columns, strict=True)):
             own = parameters[columns]
-            if number:
+            if number and not self.held:
                 step[number] = own[-_PLACE:]
                 step[number, 3:] -= self.places.translation[number]
                 own = own[:-_PLACE]
@@ -145,6 +149,7 @@ class RigLens:
             lens=self.lenses[camera],
             columns=self.columns[camera],
             place=own if camera else None,
+            free=not self.held,
         )
 
     def prior(self) -> tuple[FloatArray, FloatArray]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,21 +18,36 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.files import whole_files, write_text
 from cubicfish_cli.fitting.calibrate import RefineTarget
 from cubicfish_cli.fitting.rig import calibrate as fitting
+from cubicfish_cli.fitting.rig import compare as rig_comparison
+from cubicfish_cli.fitting.rig import evaluate as rig_evaluation
 from cubicfish_cli.fitting.rig.calibrate import PlacedCamera, RigCalibration, RigCamera
-from cubicfish_cli.fitting.rig.shots import Shots, shots_by_name, shots_by_order, shots_of_table
+from cubicfish_cli.fitting.rig.clocks import Moving
+from cubicfish_cli.fitting.rig.compare import ComparedCamera
+from cubicfish_cli.fitting.rig.evaluate import RigEvaluation
+from cubicfish_cli.fitting.rig.shots import (
+    Shots,
+    shots_by_name,
+    shots_by_order,
+    shots_by_time,
+    shots_of_table,
+)
 from cubicfish_cli.fitting.stages import Progress
 from cubicfish_cli.formats.camera_writer import camera_text
 from cubicfish_cli.formats.camera_yaml import CameraFile
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera, rig_text
 from cubicfish_cli.formats.target_yaml import target_text
+from cubicfish_cli.frame_names import time_of
 from cubicfish_cli.geometry import camera_centre, total_sigma
 from cubicfish_cli.library.pairs import pairs_of
+from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.naming.detect import Detection
 from cubicfish_cli.target import Target
 from cubicfish_cli.wording import quoted
 
 FloatArray = npt.NDArray[np.float64]
-Matching = Literal["name", "order"]
+Matching = Literal["name", "order", "time"]
+TOLERANCE = 5e-3
+"""How far apart photos of one time may be, seconds."""
 _NO_ERRORS: Mapping[str, Any] = {
     "rms_px": None,
     "median_px": None,
@@ -48,6 +64,9 @@ def calibrate_rig(
     target: Target | None = None,
     *,
     shots: Matching | Sequence[tuple[str, str, str]] = "name",
+    tolerance: float = TOLERANCE,
+    times: Mapping[str, Mapping[str, float]] | None = None,
+    moving: Mapping[str, Moving] | None = None,
     known: Mapping[str, CameraFile] | None = None,
     hold_lenses: bool = False,
     refine_target: RefineTarget = "auto",
@@ -63,7 +82,11 @@ def calibrate_rig(
             The first camera's frame is the rig's.
         target: the object; pairs need none.
         shots: which photos are of one shot: those of the same ``name`` (without folder and
-            ending), those at the same place in ``order``, or rows (shot, camera, photo).
+            ending), those at the same place in ``order``, those of one ``time``, or rows (shot,
+            camera, photo).
+        tolerance: how far apart photos of one time may be, seconds.
+        times: by camera and photo, seconds on one clock; by default as photos' names say.
+        moving: by camera, how its corners move: clocks that differ are then fitted too.
         known: cameras that are calibrated already; their lenses stay as they are.
         hold_lenses: leave all lenses as each camera alone has them; only places and shots are
             fitted together.
@@ -94,12 +117,13 @@ def calibrate_rig(
             pairs=pairs_of(own, target),
             camera=known[name].camera if name in known else None,
             fit=known[name].fit if name in known else None,
+            moving=None if moving is None else moving.get(name),
         )
         for name, own in cameras.items()
     ]
     return fitting.calibrate_rig(
         given,
-        _matched(names, [one.pairs.images for one in given], shots),
+        _matched(names, [one.pairs.images for one in given], shots, tolerance, times or {}),
         target=target,
         refine_target=refine_target,
         hold_lenses=hold_lenses,
@@ -111,14 +135,53 @@ def _matched(
     names: Sequence[str],
     photos: Sequence[Sequence[str]],
     shots: Matching | Sequence[tuple[str, str, str]],
+    tolerance: float,
+    times: Mapping[str, Mapping[str, float]],
 ) -> Shots:
     if shots == "name":
         return shots_by_name(names, photos)
     if shots == "order":
         return shots_by_order(names, photos)
+    if shots == "time":
+        return shots_by_time(
+            names,
+            photos,
+            [
+                times[name] if name in times else _times_of_names(own)
+                for name, own in zip(names, photos, strict=True)
+            ],
+            tolerance,
+        )
     if isinstance(shots, str):
-        raise FitError(f"shots {quoted(shots)} is not known: use 'name', 'order', or rows")
+        raise FitError(f"shots {quoted(shots)} is not known: use 'name', 'order', 'time', or rows")
     return shots_of_table(names, photos, shots)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KnownPlace:
+    """A camera of a rig's file, as what judges rigs asks for it."""
+
+    name: str
+    camera: CubicCamera
+    rotation: FloatArray
+    translation: FloatArray
+    covariance: FloatArray | None
+
+    @classmethod
+    def of(cls, camera: RigFileCamera) -> KnownPlace:
+        """The same camera."""
+        return cls(
+            name=camera.name,
+            camera=camera.file.camera,
+            rotation=camera.rotation,
+            translation=camera.translation,
+            covariance=camera.covariance,
+        )
+
+
+def _times_of_names(photos: Sequence[str]) -> dict[str, float]:
+    found = ((photo, time_of(photo)) for photo in photos)
+    return {photo: time for photo, time in found if time is not None}
 
 
 def rig_record(rig: RigCalibration) -> dict[str, Any]:
@@ -135,6 +198,8 @@ def rig_record(rig: RigCalibration) -> dict[str, Any]:
                     "images": int(one.fit["images"]),
                     "held_out_rms_px": one.held_out_rms_px,
                     "alone_rms_px": one.alone_rms_px,
+                    "late_ms": None if one.late_s is None else 1e3 * one.late_s,
+                    "late_sigma_ms": None if one.late_sigma_s is None else 1e3 * one.late_sigma_s,
                 },
             )
             for one in rig.cameras
@@ -222,6 +287,73 @@ def save_rig(
         for path, text in zip(temporary, texts.values(), strict=True):
             write_text(path, text, overwrite=False)
     return list(texts)
+
+
+def evaluate_rig(
+    rig: RigFile,
+    cameras: Mapping[str, Correspondences | Corners | Detection],
+    target: Target | None = None,
+    *,
+    shots: Matching | Sequence[tuple[str, str, str]] = "name",
+    tolerance: float = TOLERANCE,
+    times: Mapping[str, Mapping[str, float]] | None = None,
+) -> RigEvaluation:
+    """Measure a known rig on other shots: where it was is fitted, nothing else.
+
+    Args:
+        rig: as ``load_rig`` gives it.
+        cameras: by the rig's names, as for :func:`calibrate_rig`.
+        target: the object, in the rig's units; pairs need none.
+        shots: as for :func:`calibrate_rig`.
+        tolerance: likewise.
+        times: likewise.
+
+    Raises:
+        CorrespondenceError: corners come without their target, or do not fit it.
+        FitError: the rig has no such camera, or other units than the target; photos are of
+            another size, or cannot be placed.
+
+    """
+    known = {one.name: one for one in rig.cameras}
+    for name in cameras:
+        if name not in known:
+            raise FitError(
+                f"the rig has no camera {quoted(name)}: its cameras are {', '.join(known)}"
+            )
+    if target is not None and rig.units is not None and target.units != rig.units:
+        raise FitError(
+            f"the rig's lengths are in {rig.units} and the target's in {target.units}: write the "
+            "target in the rig's units"
+        )
+    pairs = [pairs_of(own, target) for own in cameras.values()]
+    names = list(cameras)
+    return rig_evaluation.evaluate_rig(
+        [KnownPlace.of(known[name]) for name in names],
+        pairs,
+        _matched(names, [one.images for one in pairs], shots, tolerance, times or {}),
+    )
+
+
+def compare_rigs(first: RigFile, second: RigFile) -> list[ComparedCamera]:
+    """How far apart the cameras of two rigs stand, and their lenses are.
+
+    Args:
+        first: one rig.
+        second: another one, whose cameras have the same names.
+
+    Raises:
+        FitError: the rigs have fewer than two cameras in common, or other units.
+
+    """
+    if first.units != second.units:
+        raise FitError(
+            f"one rig's lengths are in {first.units} and the other's in {second.units}: calibrate "
+            "both with targets of one unit"
+        )
+    return rig_comparison.compare_rigs(
+        [KnownPlace.of(one) for one in first.cameras],
+        [KnownPlace.of(one) for one in second.cameras],
+    )
 
 
 def loaded_record(rig: RigFile) -> dict[str, Any]:

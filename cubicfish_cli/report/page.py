@@ -20,7 +20,7 @@ from cubicfish_cli.fitting.findings import COVERED
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.report.facts import Facts, finite, mappings
-from cubicfish_cli.report.figures import all_figures, arrow_zoom
+from cubicfish_cli.report.figures import Drawn, all_figures, arrow_zoom
 from cubicfish_cli.report.pictures import MOST_CARDS, all_pictures, matched
 from cubicfish_cli.report.scene import scene_figures
 
@@ -52,8 +52,7 @@ def report_html(facts: Facts) -> str:
         absent.append(_POINT_ABSENT)
     names = [photo.name for photo in facts.photos]
     known = camera_facts(facts.camera, facts.fit, facts.made_by)
-    date = _text(facts.made_by.get("date"))
-    return _template().render(
+    return template("report.html").render(
         facts=facts,
         known=known,
         lens=_lens(known),
@@ -65,16 +64,7 @@ def report_html(facts: Facts) -> str:
         words=WORDS,
         camera=facts.camera,
         is_ray=isinstance(facts.camera, CubicCamera),
-        figures={
-            name: {
-                "title": drawn.title,
-                "svg": drawn.svg,
-                "axes": drawn.axes,
-                "caption": drawn.caption,
-                "keys": drawn.keys,
-            }
-            for name, drawn in figures.items()
-        },
+        figures=for_template(figures),
         tiles=_tiles(facts),
         pictures=pictures,
         number_of={name: index for index, name in enumerate(names, start=1)},
@@ -88,14 +78,35 @@ def report_html(facts: Facts) -> str:
         unfit=_pairs(facts.fit.get("unfit_images")),
         notes=_notes(facts.fit),
         dropped=sorted(facts.dropped, key=lambda corner: -(corner.error_px or 0))[:_MOST_DROPPED],
-        made=_made(facts.made_by),
-        day=date.replace("T", " ").replace("+00:00", " UTC") if date else None,
+        made=made_of(facts.made_by),
+        day=day_of(facts.made_by),
         absent=absent,
     )
 
 
+def for_template(figures: Mapping[str, Drawn]) -> dict[str, dict[str, Any]]:
+    """Figures as templates take them, by name."""
+    return {
+        name: {
+            "title": drawn.title,
+            "svg": drawn.svg,
+            "axes": drawn.axes,
+            "caption": drawn.caption,
+            "keys": drawn.keys,
+        }
+        for name, drawn in figures.items()
+    }
+
+
+def day_of(made_by: Mapping[str, Any]) -> str | None:
+    """When it was made, for people."""
+    date = _text(made_by.get("date"))
+    return date.replace("T", " ").replace("+00:00", " UTC") if date else None
+
+
 @cache
-def _template() -> Any:
+def template(name: str) -> Any:
+    """One of the package's pages, which have style, program and figures in common."""
     folder = files("cubicfish_cli.report") / "templates"
     environment = Environment(
         autoescape=True,
@@ -113,7 +124,8 @@ def _template() -> Any:
     environment.globals["script_hash"] = base64.b64encode(
         hashlib.sha256(f"\n{script}".encode()).digest()
     ).decode()
-    return environment.from_string((folder / "report.html").read_text(encoding="utf-8"))
+    texts = [(folder / part).read_text(encoding="utf-8") for part in ("figure.html", name)]
+    return environment.from_string("".join(texts))
 
 
 def _printable(value: Any) -> Any:
@@ -290,7 +302,7 @@ def _notes(fit: Mapping[str, Any]) -> list[str]:
     return [*findings, *_texts(fit.get("notes"))]
 
 
-def _made(made_by: Mapping[str, Any]) -> dict[str, Any]:
+def made_of(made_by: Mapping[str, Any]) -> dict[str, Any]:
     """How the calibration was made, as text."""
     options = made_by.get("options")
     target = made_by.get("target")

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from cubicfish_cli.report.facts import Facts
 from cubicfish_cli.report.figures import (
@@ -111,11 +112,11 @@ def _view(
     flat = np.stack([right, np.cross(forward, right)]).T
     everything = np.concatenate([*plates, loose, centre]) @ flat
     size = _CAMERA * float(np.ptp(everything, axis=0).max() or 1.0)
-    cameras = _frusta(centre, rotation, size) @ flat
+    cameras = frusta(centre, rotation, size) @ flat
     everything = np.concatenate([everything, cameras.reshape(-1, 2)])
     figure = new_figure(_HEIGHT + _FOOT)
     axes = add_axes(figure, Box(left=4, top=4, width=WIDTH - 8, height=_HEIGHT))
-    unit = _frame(axes, everything)
+    unit = at_one_scale(axes, everything)
     keys: list[Key] = []
     boards = facts.target.boards if facts.target else ()
     several = len(plates) <= len(BOARD_COLOURS)
@@ -130,14 +131,7 @@ def _view(
             keys.append(key("area", colour, board.name))
     dots(axes, loose @ flat, BLUE, 1.6)
     strokes(axes, cameras, INK, 0.7, 0.75)
-    length = round_down(90 * unit)
-    place = 8 / (figure.get_figheight() * 72)
-    scale = add_axes(figure, Box(left=8, top=_HEIGHT + 8, width=length / unit, height=8))
-    scale.set_axis_off()
-    scale.set_xlim(0, 1)
-    scale.set_ylim(0, 1)
-    strokes(scale, np.array([[[0.0, 0.5], [1.0, 0.5]]]), INK, 1.6)
-    figure.text((14 + length / unit) / WIDTH, place + 0.012, f"{length:g}", va="center")
+    length = scale_bar(figure, unit, _HEIGHT)
     keys.append(key("line", INK, "a photo: the open side looks at the target"))
     units = f" {facts.units}" if facts.units else " in the units of the target"
     return Drawn(
@@ -151,19 +145,39 @@ def _view(
     )
 
 
-def _frame(axes: Axes, points: FloatArray) -> float:
+def scale_bar(figure: Figure, unit: float, top: float) -> float:
+    """Draw a bar of a round length below a view that ends at ``top``; returns that length.
+
+    Args:
+        figure: that the view is in.
+        unit: the world's length of a unit of the figure.
+        top: where the view ends, in the figure's units.
+
+    """
+    length = round_down(90 * unit)
+    place = 8 / (figure.get_figheight() * 72)
+    scale = add_axes(figure, Box(left=8, top=top + 8, width=length / unit, height=8))
+    scale.set_axis_off()
+    scale.set_xlim(0, 1)
+    scale.set_ylim(0, 1)
+    strokes(scale, np.array([[[0.0, 0.5], [1.0, 0.5]]]), INK, 1.6)
+    figure.text((14 + length / unit) / WIDTH, place + 0.012, f"{length:g}", va="center")
+    return length
+
+
+def at_one_scale(axes: Axes, points: FloatArray, height: float = _HEIGHT) -> float:
     """Show all points at one scale, without axes; returns the world's length of a unit."""
     axes.set_axis_off()
     low, high = points.min(axis=0), points.max(axis=0)
-    room = np.array([WIDTH - 24, _HEIGHT - 16])
+    room = np.array([WIDTH - 24, height - 16])
     unit = float(np.max((high - low) / room)) or 1.0
-    middle, half = (low + high) / 2, unit * np.array([WIDTH - 8, _HEIGHT]) / 2
+    middle, half = (low + high) / 2, unit * np.array([WIDTH - 8, height]) / 2
     axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
     axes.set_ylim(middle[1] - half[1], middle[1] + half[1])
     return unit
 
 
-def _frusta(centre: FloatArray, rotation: FloatArray, size: float) -> FloatArray:
+def frusta(centre: FloatArray, rotation: FloatArray, size: float) -> FloatArray:
     """(N, K, 3) strokes of small pyramids that open the way the cameras look."""
     a, b = size * _HALF_FIELD, 0.75 * size * _HALF_FIELD
     base = np.array([[-a, -b, size], [a, -b, size], [a, b, size], [-a, b, size]])

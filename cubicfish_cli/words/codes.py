@@ -124,5 +124,10 @@ class Code(StrEnum):
     SHOT_MISMATCHED = "shot_mismatched"
     CAMERA_MOVED = "camera_moved"
     FEW_COMMON_SHOTS = "few_common_shots"
+    CLOCKS_DIFFER = "clocks_differ"
+    NOT_AT_ONCE = "not_at_once"
+    SHOT_APART = "shot_apart"
+    RIG_STRAINED = "rig_strained"
+    PLACE_UNCERTAIN = "place_uncertain"
     # Why a photo could not be undistorted.
     FAILED = "failed"

@@ -18,8 +18,9 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.calibrate import RefineTarget, calibrate
 from cubicfish_cli.fitting.companion import companion_near
-from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import fit_cubic, held
 from cubicfish_cli.fitting.fit_lens import FitLens
+from cubicfish_cli.fitting.folds import FOLDS, MIN_PHOTOS, dealt_out
 from cubicfish_cli.fitting.frame import in_companions_frame
 from cubicfish_cli.fitting.hold import UNTOLD
 from cubicfish_cli.fitting.known_lens import fit_poses
@@ -28,11 +29,19 @@ from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.refinement import LEVELS, Level, settled_spread
+from cubicfish_cli.fitting.rig.clocks import Clocks, Moving, fitted_clocks
 from cubicfish_cli.fitting.rig.exchanged import refuse_exchanged
-from cubicfish_cli.fitting.rig.findings import RigFinding, find_rig_faults
+from cubicfish_cli.fitting.rig.findings import find_rig_faults, of_camera
+from cubicfish_cli.fitting.rig.gather import Seen, gathered, without_strays
 from cubicfish_cli.fitting.rig.shots import Shots
 from cubicfish_cli.fitting.rig.spread import place_covariances
-from cubicfish_cli.fitting.rig.start import RigStart, common_shots, start_rig
+from cubicfish_cli.fitting.rig.start import RigStart, start_rig
+from cubicfish_cli.fitting.rig.summary import (
+    CameraPair,
+    alone_residual,
+    camera_pairs,
+    shot_records,
+)
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.stages import Progress
@@ -42,12 +51,14 @@ from cubicfish_cli.fitting.statistics import (
     photo_records,
     rms_px,
 )
-from cubicfish_cli.fitting.subset import select, with_mean_weight_one, world_scale
+from cubicfish_cli.fitting.subset import with_mean_weight_one, world_scale
 from cubicfish_cli.fitting.world import DrawnWorld, World
 from cubicfish_cli.geometry import camera_centre, total_sigma
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.soundness import check_soundness, cone_rays
 from cubicfish_cli.target import Target
+from cubicfish_cli.words.codes import Severity
+from cubicfish_cli.words.rig_finding import RigFinding
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
@@ -56,10 +67,10 @@ IntArray = npt.NDArray[np.intp]
 _WIDE_HUBER_PX = 50.0
 _ROUGH_DECREASE = 1e-5
 _FINE_DECREASE = 1e-9
-# More folds than these say little more.
-_FOLDS = 5
 _RAYS = 300
 _FIRST_OFFSET = 1e-4
+# The way back to a shot's moment is a step along the motion, and is taken a few times.
+_CLOCK_ROUNDS = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,6 +83,8 @@ class RigCamera:
         camera: its lens, where it is calibrated already, and is left as it is; None to calibrate
             it from its pairs.
         fit: the record of that calibration; empty where there is none.
+        moving: how its corners move, where that is known: photos of a shot then need not be of
+            one moment.
 
     """
 
@@ -79,6 +92,7 @@ class RigCamera:
     pairs: Correspondences
     camera: CubicCamera | None = None
     fit: Mapping[str, Any] | None = None
+    moving: Moving | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,6 +110,9 @@ class PlacedCamera:
         alone_rms_px: RMS of the same corners with each photo's pose free, the lens as it is.
         held_out_rms_px: RMS on shots that were left out; None where there are too few.
         fit: the record of its lens, for its camera.yaml.
+        late_s: by how much its photos are later than the first camera's, which was taken out;
+            None where that could not be told.
+        late_sigma_s: its standard deviation.
 
     """
 
@@ -108,6 +125,8 @@ class PlacedCamera:
     alone_rms_px: float
     held_out_rms_px: float | None
     fit: Mapping[str, Any]
+    late_s: float | None = None
+    late_sigma_s: float | None = None
 
     @property
     def position(self) -> FloatArray:
@@ -123,23 +142,6 @@ class PlacedCamera:
     def shift_sigma(self) -> float:
         """Standard deviation of the translation, likewise, in the target's units."""
         return total_sigma(self.covariance[3:, 3:])
-
-
-@dataclass(frozen=True, kw_only=True)
-class CameraPair:
-    """Two cameras and what connects them.
-
-    Attributes:
-        first, second: names of the cameras.
-        shots: in how many shots both see the target.
-        rms_px: RMS of the corners of both in these shots, pixels; None without any.
-
-    """
-
-    first: str
-    second: str
-    shots: int
-    rms_px: float | None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -180,15 +182,18 @@ class RigCalibration:
 class _Alone:
     """One camera calibrated alone, in the common scale of all.
 
-    Its lens is free, or fixed where it is held.
+    Its lens is free, or fixed where it is held. The rival has the prior of the hold that predicted
+    best, where another one was taken.
     """
 
     camera: CubicCamera
     lens: FitLens
+    rival: FitLens | None
     record: Mapping[str, Any]
     level: Level
     pairs: Correspondences
     poses: Poses
+    told: tuple[RigFinding, ...]
 
 
 def calibrate_rig(
@@ -229,13 +234,18 @@ def calibrate_rig(
     if progress is not None:
         progress("all cameras together", 0.8)
     names = [camera.name for camera in cameras]
-    lens, views, pairs, seen = _gathered(alone, shots)
-    start = start_rig(names, lens, views, pairs)
-    lens, poses, seen = _without_strays(lens, start, views, seen)
-    fit, level = _fitted(alone, lens, poses, pairs, target, scale, origin)
+    moves = [None if one.moving is None else (one.pairs, one.moving) for one in cameras]
+    lens, views, pairs, seen, moving = gathered(alone, shots, moves)
+    try:
+        start = start_rig(names, lens, views, pairs, seen.shot)
+    except FitError as error:
+        told = [one for camera in alone for one in camera.told if one.severity is Severity.BAD]
+        raise FitError(f"{error}; {told[0].line}" if told else str(error)) from error
+    lens, poses, seen = without_strays(lens, start, views, seen)
+    fit, level, pairs, clocks = _fitted(alone, lens, poses, pairs, moving, target, scale, origin)
     if progress is not None:
         progress("how certain it is", 0.95)
-    return _calibration(names, alone, fit, pairs, start, seen, level, target, scale, origin)
+    return _calibration(names, alone, fit, pairs, clocks, start, seen, level, target, scale, origin)
 
 
 def _alone(
@@ -253,7 +263,8 @@ def _alone(
         except FitError as error:
             raise FitError(f"camera {camera.name}: {error}") from error
         lens, record, pairs, poses = found.camera, found.as_record(), found.pairs, found.poses
-        level, held_by = found.refined, found.hold
+        level, held_by, rival = found.refined, found.hold, found.rival
+        told = tuple(of_camera(camera.name, one) for one in found.findings)
     else:
         lens, record, hold = camera.camera, dict(camera.fit or {}), True
         placed, pairs, _ = fit_poses(lens.radial, camera.pairs)
@@ -262,98 +273,31 @@ def _alone(
                 f"camera {camera.name}: none of its photos can be placed with its lens: check "
                 "that they are of this camera and of this target"
             )
-        poses, level, held_by = placed.poses, "off", UNTOLD
+        poses, level, held_by, rival, told = placed.poses, "off", UNTOLD, None, ()
     pairs = with_mean_weight_one(replace(pairs, world=(pairs.world - origin) / scale))
     poses = poses.of_world(-origin)
     poses = replace(poses, translation=poses.translation / scale)
     free: FitLens
+    other: FitLens | None = None
     if hold:
         free = FixedLens(camera=lens)
         fit = adjust(free, poses, pairs, huber_px=_WIDE_HUBER_PX, relative_decrease=_ROUGH_DECREASE)
         poses = adjust(free, fit.poses, pairs, huber_px=huber_px(fit.residual)).poses
     else:
-        result = _cubic_fit(lens, pairs, poses, held_by)
+        companion = companion_near(lens.radial, pairs, poses)
+        result = fit_cubic(companion, held_by, relative_decrease=_ROUGH_DECREASE)
         free, poses = result.lens, result.poses
-    return _Alone(camera=lens, lens=free, record=record, level=level, pairs=pairs, poses=poses)
-
-
-def _cubic_fit(
-    camera: CubicCamera, pairs: Correspondences, poses: Poses, hold: Hold
-) -> CubicResult:
-    """A calibration's fit again, in this scale, as firmly held as it was."""
-    companion = companion_near(camera.radial, pairs, poses)
-    return fit_cubic(companion, hold, relative_decrease=_ROUGH_DECREASE)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Seen:
-    """Which photo each view is: its camera's photo, and the shot's name."""
-
-    photo: tuple[str, ...]
-    shot: tuple[str, ...]
-
-
-def _gathered(
-    alone: Sequence[_Alone], shots: Shots
-) -> tuple[RigLens, Poses, Correspondences, _Seen]:
-    """All cameras' photos as the views of one rig, sorted by camera."""
-    parts, own_views = [], []
-    camera: list[int] = []
-    shot: list[int] = []
-    photo: list[str] = []
-    for number, (one, of_shot) in enumerate(zip(alone, shots.photos, strict=True)):
-        listed = np.array([name in of_shot for name in one.pairs.images])
-        own, kept = select(one.pairs, listed[one.pairs.image])
-        parts.append(replace(own, image=own.image + len(camera)))
-        camera += [number] * len(kept)
-        shot += [of_shot[name] for name in own.images]
-        photo += own.images
-        own_views.append(one.poses[kept])
-    used, index = np.unique(shot, return_inverse=True)
-    lens = RigLens(
-        lenses=tuple(one.lens for one in alone),
-        places=Poses(
-            rotation=np.repeat(np.eye(3)[None], len(alone), axis=0),
-            translation=np.zeros((len(alone), 3)),
-        ),
-        camera=np.array(camera, np.intp),
-        shot=index.astype(np.intp),
+        other = None if rival is None else held(result.lens, companion, rival)
+    return _Alone(
+        camera=lens,
+        lens=free,
+        rival=other,
+        record=record,
+        level=level,
+        pairs=pairs,
+        poses=poses,
+        told=told,
     )
-    width, height = np.max([part.image_size for part in parts], axis=0).tolist()
-    pairs = Correspondences(
-        image_size=(width, height),
-        images=tuple(photo),
-        boards=parts[0].boards,
-        image=np.concatenate([part.image for part in parts]),
-        world=np.concatenate([part.world for part in parts]),
-        pixel=np.concatenate([part.pixel for part in parts]),
-        weight=np.concatenate([part.weight for part in parts]),
-        board=np.concatenate([part.board for part in parts]),
-        column=np.concatenate([part.column for part in parts]),
-        row=np.concatenate([part.row for part in parts]),
-        certain=np.concatenate([part.certain for part in parts]),
-    )
-    names = tuple(shots.names[number] for number in used)
-    return lens, Poses.joined(own_views), pairs, _Seen(photo=tuple(photo), shot=names)
-
-
-def _without_strays(
-    lens: RigLens, start: RigStart, views: Poses, seen: _Seen
-) -> tuple[RigLens, Poses, _Seen]:
-    """Views that are of another shot than they are said to be get a shot of their own."""
-    lens = replace(lens, places=start.places)
-    stray = np.flatnonzero(start.apart)
-    if not stray.size:
-        return lens, start.shots, seen
-    shot = lens.shot.copy()
-    shot[stray] = len(start.shots) + np.arange(len(stray))
-    own = start.places[lens.camera[stray]].inverse() @ views[stray]
-    poses = Poses.joined([start.shots, own])
-    names = (*seen.shot, *(f"{seen.shot[lens.shot[view]]} ({seen.photo[view]})" for view in stray))
-    # A shot may be left without any view.
-    used, shot = np.unique(shot, return_inverse=True)
-    lens = replace(lens, shot=shot.astype(np.intp))
-    return lens, poses[used], replace(seen, shot=tuple(names[number] for number in used))
 
 
 def _fitted(
@@ -361,11 +305,12 @@ def _fitted(
     lens: RigLens,
     poses: Poses,
     pairs: Correspondences,
+    moving: Moving | None,
     target: Target | None,
     scale: float,
     origin: FloatArray,
-) -> tuple[Adjustment, Level]:
-    """Places and shots first, the lenses held; then all at once."""
+) -> tuple[Adjustment, Level, Correspondences, Clocks | None]:
+    """Places, shots and clocks first, the lenses held; then all at once."""
     level: Level = "off"
     if target is not None:
         level = max((one.level for one in alone), key=LEVELS.index)
@@ -381,6 +326,9 @@ def _fitted(
         relative_decrease=_ROUGH_DECREASE,
     )
     fit = _further(fit, pairs, fit.lens, DrawnWorld(pairs.world), _ROUGH_DECREASE)
+    clocks = None
+    if moving is not None:
+        fit, pairs, clocks = _on_time(fit, pairs, moving)
     world: World = DrawnWorld(pairs.world)
     if level != "off" and target is not None:
         world = _free_world(fit, pairs, target.moved(-origin), level, scale)
@@ -391,8 +339,26 @@ def _fitted(
         joint = _further(fit, pairs, free, fit.world, _ROUGH_DECREASE)
         joint = _further(joint, pairs, joint.lens, joint.world, _FINE_DECREASE)
         if all(_sound(own, one) for own, one in zip(_rig_of(joint).lenses, alone, strict=True)):
-            return joint, level
-    return _further(fit, pairs, fit.lens, fit.world, _FINE_DECREASE), level
+            return joint, level, pairs, clocks
+    return _further(fit, pairs, fit.lens, fit.world, _FINE_DECREASE), level, pairs, clocks
+
+
+def _on_time(
+    fit: Adjustment, pairs: Correspondences, moving: Moving
+) -> tuple[Adjustment, Correspondences, Clocks]:
+    """The fit with corners where they were at their shot's moment, and what clocks say of it."""
+    camera = _rig_of(fit).camera[pairs.image]
+    late = np.zeros(len(_rig_of(fit).lenses))
+    for _ in range(_CLOCK_ROUNDS):
+        found = fitted_clocks(fit, pairs, moving)
+        if not found.late.any():
+            break
+        late += found.late
+        pairs = replace(pairs, pixel=moving.at_once(pairs.pixel, found.late[camera]))
+        fit = _further(fit, pairs, fit.lens, DrawnWorld(pairs.world), _ROUGH_DECREASE)
+    speed = np.nan_to_num(np.hypot(moving.velocity[:, 0], moving.velocity[:, 1]))
+    effect = [rms_px(np.outer(speed[camera == own], [abs(one), 0])) for own, one in enumerate(late)]
+    return fit, pairs, Clocks(late=late, sigma=found.sigma, effect_px=np.array(effect))
 
 
 def _further(
@@ -446,8 +412,9 @@ def _calibration(
     alone: Sequence[_Alone],
     fit: Adjustment,
     pairs: Correspondences,
+    clocks: Clocks | None,
     start: RigStart,
-    seen: _Seen,
+    seen: Seen,
     level: Level,
     target: Target | None,
     scale: float,
@@ -457,10 +424,11 @@ def _calibration(
     limit = huber_px(fit.residual)
     drawn = replace(pairs, world=fit.world.points)
     rays = [cone_rays(np.deg2rad(_covered_deg(one)), _RAYS) for one in alone]
-    covariance = place_covariances(fit, drawn, limit, rays)
+    rivals = [one.rival for one in alone]
+    covariance = place_covariances(fit, drawn, limit, rays, seen.shot, rivals)
     covariance[:, 3:] *= scale
     covariance[:, :, 3:] *= scale
-    held_out = _held_out(fit, drawn, limit)
+    held_out = _held_out(fit, drawn, limit, seen.shot)
     turned, places = _in_companions_frames(lens, alone)
     zero = places[np.array([0])]
     poses = zero @ fit.poses
@@ -470,7 +438,10 @@ def _calibration(
     places = places.scaled(scale)
     views = places[lens.camera] @ poses[lens.shot]
     camera_of = lens.camera[pairs.image]
-    alone_px = _alone_residual(fit, drawn, alone, limit)
+    held = [
+        FixedLens(camera=_as_camera(own, one)) for own, one in zip(lens.lenses, alone, strict=True)
+    ]
+    alone_px = alone_residual(fit, lens, drawn, held, limit)
     placed = []
     for number, (name, one) in enumerate(zip(names, alone, strict=True)):
         own = camera_of == number
@@ -502,6 +473,8 @@ def _calibration(
                 alone_rms_px=rms_px(alone_px[own]),
                 held_out_rms_px=out,
                 fit=record,
+                late_s=None if clocks is None else float(clocks.late[number]),
+                late_sigma_s=None if clocks is None else float(clocks.sigma[number]),
             )
         )
     refined = target
@@ -514,12 +487,15 @@ def _calibration(
         poses=poses,
         errors=error_statistics(fit.residual),
         held_out_rms_px=None if held_out is None else rms_px(held_out),
-        pairs=tuple(_pairs(names, lens, pairs, fit.residual)),
-        per_shot=tuple(_per_shot(seen, lens, pairs, fit.residual, names)),
+        pairs=tuple(camera_pairs(names, lens, pairs, fit.residual)),
+        per_shot=tuple(shot_records(seen.shot, lens, pairs, fit.residual, names)),
         refined=level,
         target=refined,
         held_lenses=not any(isinstance(own, CubicFit) for own in lens.lenses),
-        findings=tuple(find_rig_faults(names, fit, drawn, start, seen.photo, seen.shot, scale)),
+        findings=(
+            *(told for one in alone for told in one.told),
+            *find_rig_faults(names, fit, drawn, clocks, start, seen.photo, seen.shot, scale),
+        ),
     )
 
 
@@ -545,13 +521,14 @@ def _in_companions_frames(
     return cameras, Poses.joined(places)
 
 
-def _held_out(fit: Adjustment, pairs: Correspondences, limit: float) -> FloatArray | None:
+def _held_out(
+    fit: Adjustment, pairs: Correspondences, limit: float, shots: Sequence[str]
+) -> FloatArray | None:
     """(N, 2) residuals of each corner under a fit without its shot, to first order."""
     count = len(fit.poses)
-    folds = min(_FOLDS, count)
-    if count < 3:
+    if count < MIN_PHOTOS:
         return None
-    groups = [np.flatnonzero(np.arange(count) % folds == fold) for fold in range(folds)]
+    groups = dealt_out(np.arange(count), shots, min(FOLDS, count))
     shot = _rig_of(fit).shot[pairs.image]
     found = np.empty_like(fit.residual)
     for one in Leaving(fit, pairs, limit, groups).left_out():
@@ -561,55 +538,3 @@ def _held_out(fit: Adjustment, pairs: Correspondences, limit: float) -> FloatArr
             found[own] = one.residual[done : done + len(own)]
             done += len(own)
     return found
-
-
-def _alone_residual(
-    fit: Adjustment, pairs: Correspondences, alone: Sequence[_Alone], limit: float
-) -> FloatArray:
-    """(N, 2) residuals with every view's pose free, lenses as they are."""
-    lens = _rig_of(fit)
-    views = lens.views(fit.poses)
-    found = np.empty_like(fit.residual)
-    for camera, own in enumerate(lens.lenses):
-        mine = lens.camera[pairs.image] == camera
-        part, kept = select(pairs, mine)
-        if len(part.pixel):
-            held = FixedLens(camera=_as_camera(own, alone[camera]))
-            found[mine] = adjust(held, views[kept], part, huber_px=limit).residual
-    return found
-
-
-def _pairs(
-    names: Sequence[str], lens: RigLens, pairs: Correspondences, residual: FloatArray
-) -> list[CameraPair]:
-    common = common_shots(lens, len(names))
-    camera, shot = lens.camera[pairs.image], lens.shot[pairs.image]
-    found = []
-    for a in range(len(names)):
-        for b in range(a + 1, len(names)):
-            both = np.intersect1d(lens.shot[lens.camera == a], lens.shot[lens.camera == b])
-            own = np.isin(shot, both) & ((camera == a) | (camera == b))
-            found.append(
-                CameraPair(
-                    first=names[a],
-                    second=names[b],
-                    shots=int(common[a, b]),
-                    rms_px=rms_px(residual[own]) if own.any() else None,
-                )
-            )
-    return found
-
-
-def _per_shot(
-    seen: _Seen, lens: RigLens, pairs: Correspondences, residual: FloatArray, names: Sequence[str]
-) -> list[dict[str, Any]]:
-    shot = lens.shot[pairs.image]
-    return [
-        {
-            "shot": name,
-            "rms_px": rms_px(residual[shot == number]),
-            "corners": int(np.sum(shot == number)),
-            "cameras": [names[camera] for camera in lens.camera[lens.shot == number]],
-        }
-        for number, name in enumerate(seen.shot)
-    ]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,57 +12,58 @@ from scipy.special import fdtrc
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import Adjustment, huber_weight, linearised
+from cubicfish_cli.fitting.rig.clocks import Clocks
 from cubicfish_cli.fitting.rig.start import RigStart, common_shots
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px, noise_px
+from cubicfish_cli.words.catalogue import Saying
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
+from cubicfish_cli.words.rig_finding import RigFinding
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
+
+# Hessian (V, 6, 6) and gradient (V, 6) by each view's shot's pose, and (V,) its corners.
+_ByPose = tuple[FloatArray, FloatArray, IntArray]
 
 # Two cameras that fewer shots connect stand where one shot's errors put them.
 _FEW = 5
 # Shots on either side of where a camera may have moved.
 _LEAST_SHOTS = 3
 _RCOND = 1e-10
+# Shots are not of one moment where the usual one is off by more of its corners' noise; one shot
+# stands out that is off by more of it, and by so many times more than the usual one.
+_OFF, _APART, _STANDS_OUT = 1.5, 2.0, 6.0
+# Less than that, in pixels, is not worth words, however quiet the corners are.
+_LEAST_PX = 0.25
+# Of more of the shots than these, it is no longer single ones that stand out.
+_SINGLE = 0.2
 # A camera has moved where so little chance would show as much,
 _CHANCE = 1e-5
 # and what it does to its corners is as large as so much of their noise.
 _VISIBLE = 0.5
 
 
-@dataclass(frozen=True, kw_only=True)
-class RigFinding(Finding):
-    """Something that is likely wrong with a rig.
-
-    Attributes:
-        cameras: whose.
-        shots: of which shots, or of which photos where these are not of their shot.
-
-    """
-
-    cameras: tuple[str, ...] = ()
-    shots: tuple[str, ...] = ()
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data for JSON and YAML."""
-        return {
-            **super().as_record(),
-            "cameras": list(self.cameras),
-            "shots": list(self.shots),
-            "line": self.line,
-        }
-
-    @property
-    def _about(self) -> dict[str, tuple[str, ...]]:
-        return {**super()._about, "cameras": self.cameras, "of_shots": self.shots}
+def of_camera(name: str, finding: Finding) -> RigFinding:
+    """What is told of one camera alone, as a rig tells it."""
+    said = Saying(f"camera {name}: {finding.what}", finding.evidence, finding.do, finding.remedy)
+    return RigFinding(
+        code=finding.code,
+        severity=finding.severity,
+        images=finding.images,
+        boards=finding.boards,
+        figures=finding.figures,
+        recorded=said,
+        cameras=(name,),
+    )
 
 
 def find_rig_faults(
     names: Sequence[str],
     fit: Adjustment,
     pairs: Correspondences,
+    clocks: Clocks | None,
     start: RigStart,
     photos: Sequence[str],
     shots: Sequence[str],
@@ -75,6 +75,7 @@ def find_rig_faults(
         names: of the cameras.
         fit: of the rig.
         pairs: its pairs.
+        clocks: by how much cameras were late, which was taken out; None where it is not known.
         start: where it started from.
         photos: of each view, its photo's name.
         shots: the shots' names, in the order in which they were taken.
@@ -85,9 +86,14 @@ def find_rig_faults(
     if not isinstance(lens, RigLens):
         raise TypeError("the adjustment must be of a rig")
     found = _mismatched(names, lens, start, photos)
-    moved = camera_moved(lens, fit, pairs)
+    if clocks is not None:
+        found += _clocks(names, clocks)
+    of_views = _by_pose(lens, fit, pairs)
+    moved = camera_moved(lens, fit, of_views)
     if moved is not None:
         found.append(_said(names, shots, moved, scale))
+    else:
+        found += _not_at_once(names, shots, lens, fit, of_views)
     return found + _few(names, lens)
 
 
@@ -111,7 +117,7 @@ class Moved:
     chance: float
 
 
-def camera_moved(lens: RigLens, fit: Adjustment, pairs: Correspondences) -> Moved | None:
+def camera_moved(lens: RigLens, fit: Adjustment, of_views: _ByPose) -> Moved | None:
     """Whether one camera stood elsewhere before some shot than after.
 
     What each shot says of each camera's place beside the others', its pose left free, is linear
@@ -119,7 +125,6 @@ def camera_moved(lens: RigLens, fit: Adjustment, pairs: Correspondences) -> Move
     among themselves (an F test), which knows of all errors that shots do not share.
     """
     best: Moved | None = None
-    of_views = _by_pose(lens, fit, pairs)
     for camera in range(len(lens.lenses)):
         found = _split(*_says(lens, *of_views, camera), camera)
         if found is not None and (best is None or found.chance < best.chance):
@@ -129,9 +134,7 @@ def camera_moved(lens: RigLens, fit: Adjustment, pairs: Correspondences) -> Move
     return best if best.effect_px > _VISIBLE * noise_px(fit.residual) else None
 
 
-def _by_pose(
-    lens: RigLens, fit: Adjustment, pairs: Correspondences
-) -> tuple[FloatArray, FloatArray, IntArray]:
+def _by_pose(lens: RigLens, fit: Adjustment, pairs: Correspondences) -> _ByPose:
     """What each view says of its shot's pose: Hessian (V, 6, 6), gradient (V, 6), and corners."""
     limit = huber_px(fit.residual)
     bounds = np.searchsorted(pairs.image, np.arange(len(lens.shot) + 1))
@@ -222,6 +225,81 @@ def _said(names: Sequence[str], shots: Sequence[str], moved: Moved, scale: float
         shots=(shots[moved.shot],),
         figures={"turn_deg": turn, "shift": shift, "effect_px": moved.effect_px},
     )
+
+
+def _not_at_once(
+    names: Sequence[str],
+    shots: Sequence[str],
+    lens: RigLens,
+    fit: Adjustment,
+    of_views: _ByPose,
+) -> list[RigFinding]:
+    """Shots of which a camera's photo does not go with the others', and it did not move for good.
+
+    All shots where cameras are not triggered at once and something moves; single ones where
+    something was knocked, or a photo is of a neighbouring shot.
+    """
+    noise = noise_px(fit.residual)
+    off = np.zeros((len(lens.lenses), len(shots)))
+    for camera in range(len(lens.lenses)):
+        shot, hessian, gradient, corners = _says(lens, *of_views, camera)
+        gain = [
+            g @ np.linalg.lstsq(h, g, rcond=_RCOND)[0]
+            for h, g in zip(hessian, gradient, strict=True)
+        ]
+        # Six unknowns take so much of the noise, whatever is wrong.
+        more = np.maximum(np.array(gain) - 6 * noise**2, 0) / np.maximum(corners, 1)
+        off[camera, shot] = np.sqrt(more)
+    shared = np.bincount(lens.shot, minlength=len(shots)) > 1
+    if int(shared.sum()) < _LEAST_SHOTS:
+        return []
+    worst = off.max(axis=0)
+    usual = float(np.median(worst[shared]))
+    if usual > max(_OFF * noise, _LEAST_PX):
+        whom = int(np.argmax(np.sum(np.square(off), axis=1) / np.maximum((off > 0).sum(axis=1), 1)))
+        return [_off(Code.NOT_AT_ONCE, names, (whom,), (), usual)]
+    limit = max(_APART * noise, _STANDS_OUT * usual, _LEAST_PX)
+    out = np.flatnonzero(shared & (worst > limit))
+    if len(out) > max(1.0, _SINGLE * shared.sum()):
+        return []
+    found = []
+    for shot in out[np.argsort(-worst[out])].tolist():
+        seen_by = lens.camera[lens.shot == shot].tolist()
+        apart = tuple(seen_by) if len(seen_by) < 3 else (int(np.argmax(off[:, shot])),)
+        found.append(_off(Code.SHOT_APART, names, apart, (shots[shot],), worst[shot]))
+    return found
+
+
+def _off(
+    code: Code, names: Sequence[str], whom: tuple[int, ...], shots: tuple[str, ...], off_px: float
+) -> RigFinding:
+    both = len(names) == 2
+    cameras = tuple(names) if both else tuple(names[one] for one in whom)
+    return RigFinding(
+        code=code,
+        severity=Severity.BAD if code is Code.NOT_AT_ONCE else Severity.CARE,
+        case="either" if len(cameras) > 1 else "",
+        cameras=cameras,
+        shots=shots,
+        figures={"off_px": float(off_px)},
+    )
+
+
+def _clocks(names: Sequence[str], clocks: Clocks) -> list[RigFinding]:
+    return [
+        RigFinding(
+            code=Code.CLOCKS_DIFFER,
+            severity=Severity.NOTE,
+            case="ahead" if clocks.late[camera] < 0 else "",
+            cameras=(names[camera], names[0]),
+            figures={
+                "late_ms": 1e3 * abs(float(clocks.late[camera])),
+                "sigma_ms": 1e3 * float(clocks.sigma[camera]),
+                "effect_px": float(clocks.effect_px[camera]),
+            },
+        )
+        for camera in np.flatnonzero(clocks.late).tolist()
+    ]
 
 
 def _mismatched(

@@ -77,6 +77,62 @@ def shots_by_order(cameras: Sequence[str], photos: Sequence[Sequence[str]]) -> S
     return _shots(photos, [[f"{number:04d}" for number in range(1, counts[0] + 1)]] * len(photos))
 
 
+def shots_by_time(
+    cameras: Sequence[str],
+    photos: Sequence[Sequence[str]],
+    times: Sequence[Mapping[str, float]],
+    tolerance: float,
+) -> Shots:
+    """Photos that were taken at one time are one shot: each with the nearest of other cameras.
+
+    Args:
+        cameras: names of the cameras.
+        photos: for each camera the names of its photos.
+        times: for each camera its photos' times, seconds on one clock.
+        tolerance: how far from the first of a shot the others may be, seconds.
+
+    Raises:
+        FitError: a photo has no time, or no two cameras share one.
+
+    """
+    taken = sorted(
+        (_known_time(camera, name, own), number, name)
+        for number, (camera, names, own) in enumerate(zip(cameras, photos, times, strict=True))
+        for name in names
+    )
+    begins: list[float] = []
+    found: list[list[tuple[float, str] | None]] = []
+    for time, camera, name in taken:
+        if not begins or time - begins[-1] > tolerance or found[-1][camera] is not None:
+            begins.append(time)
+            found.append([None] * len(cameras))
+        found[-1][camera] = (time, name)
+    if all(sum(one is not None for one in shot) < 2 for shot in found):
+        raise FitError(
+            f"no two cameras have photos within {1e3 * tolerance:g} ms: check that their times are "
+            "of one clock, or say a larger --tolerance"
+        )
+    keys = [f"{begin:020.6f}" for begin in begins]
+    of_camera = [
+        [(shot[number], key) for shot, key in zip(found, keys, strict=True)]
+        for number in range(len(cameras))
+    ]
+    kept = [[(one[1], key) for one, key in own if one is not None] for own in of_camera]
+    return _shots(
+        [[name for name, _ in own] for own in kept], [[key for _, key in own] for own in kept]
+    )
+
+
+def _known_time(camera: str, name: str, times: Mapping[str, float]) -> float:
+    name = name if name in times else os.path.basename(name)
+    if name not in times:
+        raise FitError(
+            f"camera {camera}: {quoted(name)} has no time in its name: list the shots with "
+            "--shots, or leave --tolerance out"
+        )
+    return times[name]
+
+
 def shots_of_table(
     cameras: Sequence[str], photos: Sequence[Sequence[str]], rows: Sequence[tuple[str, str, str]]
 ) -> Shots:

@@ -7,11 +7,15 @@ together, beside that of the first camera, whose frame is the rig's.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import Adjustment
+from cubicfish_cli.fitting.fit_lens import FitLens
+from cubicfish_cli.fitting.folds import MIN_PHOTOS, dealt_out
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.photo_spread import MOST_CLUSTERS, variance_of_few
 from cubicfish_cli.fitting.poses import cross_matrix
@@ -23,7 +27,12 @@ IntArray = npt.NDArray[np.intp]
 
 
 def place_covariances(
-    fit: Adjustment, pairs: Correspondences, limit: float, rays: list[FloatArray]
+    fit: Adjustment,
+    pairs: Correspondences,
+    limit: float,
+    rays: list[FloatArray],
+    shots: Sequence[str],
+    rivals: Sequence[FitLens | None],
 ) -> FloatArray:
     """Covariance (C, 6, 6) of camera_from_rig: turn (radians, camera frame), then shift.
 
@@ -35,6 +44,9 @@ def place_covariances(
         pairs: its pairs.
         limit: where its loss turns linear, pixels.
         rays: for each camera (M, 3) unit rays over its field.
+        shots: names of the shots.
+        rivals: for each camera its lens as the hold that predicted best has it; None where it is
+            held so.
 
     """
     lens = fit.lens
@@ -44,7 +56,7 @@ def place_covariances(
     noise = _noise_covariance(fit)
     count = len(fit.lens.parameters)
     found = [by @ noise[:count, :count] @ by.T for by in by_shared]
-    clusters = _clusters(len(fit.poses))
+    clusters = _clusters(shots)
     if clusters:
         leaving = Leaving(fit, pairs, limit, clusters)
         left_out = np.array([one.shared[:count] for one in leaving.left_out()])
@@ -53,7 +65,33 @@ def place_covariances(
             _larger(one, _of_shots(left_out @ by.T, influence @ by.T))
             for one, by in zip(found, by_shared, strict=True)
         ]
+    for step in _of_rivals(fit, pairs, limit, lens, rivals):
+        found = [
+            one + np.outer(by @ step, by @ step) for one, by in zip(found, by_shared, strict=True)
+        ]
     return np.array(found)
+
+
+def _of_rivals(
+    fit: Adjustment,
+    pairs: Correspondences,
+    limit: float,
+    lens: RigLens,
+    rivals: Sequence[FitLens | None],
+) -> list[FloatArray]:
+    """Steps (K,) to the rig with each lens held as its rival: how it should be is in doubt."""
+    if not any(rivals):
+        return []
+    leaving = Leaving(fit, pairs, limit, [])
+    found = []
+    for camera, rival in enumerate(rivals):
+        own = lens.lenses[camera]
+        if rival is None or not len(own.parameters):
+            continue
+        others = list(lens.lenses)
+        others[camera] = rival.with_parameters(own.parameters)
+        found.append(leaving.held_as(lens.with_lenses(others))[: len(lens.parameters)])
+    return found
 
 
 def _by_shared(lens: RigLens, rays: list[FloatArray]) -> list[FloatArray]:
@@ -93,11 +131,9 @@ def _noise_covariance(fit: Adjustment) -> FloatArray:
     return np.asarray(inverse * corner_noise_px(fit) ** 2)
 
 
-def _clusters(shots: int) -> list[IntArray]:
-    clusters = min(shots, MOST_CLUSTERS)
-    if clusters < 3:
-        return []
-    return [np.flatnonzero(np.arange(shots) % clusters == cluster) for cluster in range(clusters)]
+def _clusters(shots: Sequence[str]) -> list[IntArray]:
+    count = min(len(shots), MOST_CLUSTERS)
+    return dealt_out(np.arange(len(shots)), shots, count) if count >= MIN_PHOTOS else []
 
 
 def _of_shots(left_out: FloatArray, influence: FloatArray) -> FloatArray:

@@ -17,7 +17,9 @@ from scipy.spatial.transform import Rotation
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.rig.exchanged import exchanged_shots
 from cubicfish_cli.fitting.rig_lens import RigLens
+from cubicfish_cli.words.phrases import listed, plural
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
@@ -72,7 +74,11 @@ def median_pose(poses: Poses) -> Poses:
 
 
 def start_rig(
-    names: Sequence[str], lens: RigLens, views: Poses, pairs: Correspondences
+    names: Sequence[str],
+    lens: RigLens,
+    views: Poses,
+    pairs: Correspondences,
+    called: Sequence[str],
 ) -> RigStart:
     """Place the cameras and the shots.
 
@@ -80,10 +86,12 @@ def start_rig(
         names: of the cameras, for words.
         lens: the cameras' lenses, and which view is whose; its places are not looked at.
         views: camera_from_world of each view, as its camera found it alone.
-        pairs: pairs of all views, sorted by view.
+        pairs: pairs of all views, sorted by view; the target's lengths are about 1.
+        called: names of the shots, for words.
 
     Raises:
-        FitError: the cameras are not connected, or no one body has them.
+        FitError: the cameras are not connected, two are exchanged in some shots, or no one body
+            has them.
 
     """
     count = len(names)
@@ -94,7 +102,12 @@ def start_rig(
             if a == b or not common[a, b]:
                 continue
             of_a, of_b = _together(lens, a, b)
-            relative[a, b] = median_pose(views[of_b] @ views[of_a].inverse())
+            each = views[of_b] @ views[of_a].inverse()
+            if a < b:
+                _refuse_exchanged(
+                    names[a], names[b], each, [called[n] for n in lens.shot[of_a].tolist()]
+                )
+            relative[a, b] = median_pose(each)
     places, edges = _placed(names, common, relative)
     lens = replace(lens, places=places)
     size = max(pairs.image_size)
@@ -108,10 +121,20 @@ def start_rig(
                 "taken at the same moment and are matched rightly, and that no camera moved"
             )
         typical = max(typical, error)
-    shots, misfit = _place_shots(lens, views, pairs)
+    shots, misfit = place_shots(lens, views, pairs)
     several = np.bincount(lens.shot, minlength=len(shots))[lens.shot] > 1
     apart = several & (misfit > np.maximum(_GROSS_TIMES * typical, _GROSS_SHARE * size))
     return RigStart(places=places, shots=shots, misfit=misfit, apart=apart)
+
+
+def _refuse_exchanged(first: str, second: str, relative: Poses, shots: Sequence[str]) -> None:
+    found = [shots[number] for number in np.flatnonzero(exchanged_shots(relative)).tolist()]
+    if found:
+        raise FitError(
+            f"cameras {first} and {second} are exchanged in {plural(len(found), 'shot')} of "
+            f"{len(shots)} ({listed(found, 'shots')}): each stands there where the other one does: "
+            "exchange these photos"
+        )
 
 
 def common_shots(lens: RigLens, cameras: int) -> IntArray:
@@ -170,7 +193,7 @@ def _unconnected(names: Sequence[str], found: dict[int, Poses]) -> str:
     )
 
 
-def _place_shots(lens: RigLens, views: Poses, pairs: Correspondences) -> tuple[Poses, FloatArray]:
+def place_shots(lens: RigLens, views: Poses, pairs: Correspondences) -> tuple[Poses, FloatArray]:
     """rig_from_world of each shot, by the view with which the shot's others agree best."""
     proposed = lens.places[lens.camera].inverse() @ views
     count = int(lens.shot.max()) + 1

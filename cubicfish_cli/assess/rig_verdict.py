@@ -1,0 +1,103 @@
+"""What a rig is worth by its figures, read from the plain record that rig.yaml keeps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from cubicfish_cli.assess.verdict import Verdict
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding, level_of, of_record
+from cubicfish_cli.words.rig_finding import RigFinding
+
+# A camera's error in the rig over that of its photos alone, and the error from which that matters.
+_STRAINED, _STRAINED_PX = (1.5, 3.0), (0.25, 0.5)
+# Where the rays of a camera may go on the body, by this much, they are not known.
+_TURN_DEG = (0.1, 1.0)
+# Of how far cameras are from each other.
+_SHIFT_SHARE = (0.02, 0.2)
+_ORDER = (Severity.BAD, Severity.CARE, Severity.NOTE)
+
+
+def rig_verdict(record: Mapping[str, Any]) -> Verdict:
+    """Judge a rig.
+
+    Args:
+        record: as rig.yaml has it; what is not what a rig's fit writes is passed over.
+
+    """
+    fit = record.get("fit")
+    fit = fit if isinstance(fit, Mapping) else {}
+    found = [of_record(one) for one in _records(fit, "findings")]
+    reasons = [one for one in found if one is not None and one.severity is not Severity.NOTE]
+    reasons += [*_strained(record), *_uncertain(record)]
+    reasons.sort(key=lambda one: _ORDER.index(one.severity))
+    return Verdict(level=level_of(reasons), figures=_figures(fit), reasons=tuple(reasons))
+
+
+def _strained(record: Mapping[str, Any]) -> Iterator[Finding]:
+    """Cameras whose photos fit well alone, and not on the body."""
+    for camera in _records(record, "cameras"):
+        errors = camera.get("fit")
+        if not isinstance(errors, Mapping):
+            continue
+        rms, alone = _number(errors, "rms_px"), _number(errors, "alone_rms_px")
+        if rms is None or alone is None:
+            continue
+        level = [
+            rms > limit * alone and rms > px
+            for limit, px in zip(_STRAINED, _STRAINED_PX, strict=True)
+        ]
+        if any(level):
+            yield RigFinding(
+                code=Code.RIG_STRAINED,
+                severity=Severity.BAD if level[1] else Severity.CARE,
+                cameras=(str(camera.get("name")),),
+                figures={"rms_px": rms, "alone_px": alone},
+            )
+
+
+def _uncertain(record: Mapping[str, Any]) -> Iterator[Finding]:
+    cameras = [one for one in _records(record, "cameras") if one.get("covariance") is not None]
+    places = [one["position"] for one in cameras if isinstance(one.get("position"), list)]
+    size = max(
+        (float(np.linalg.norm(np.subtract(a, b))) for a, b in pairwise([*places, *places[:1]])),
+        default=0.0,
+    )
+    for camera in cameras:
+        turn = _number(camera, "turn_sigma_deg") or 0.0
+        shift = _number(camera, "shift_sigma") or 0.0
+        level = [
+            turn > turn_limit or (size > 0 and shift > share * size)
+            for turn_limit, share in zip(_TURN_DEG, _SHIFT_SHARE, strict=True)
+        ]
+        if any(level):
+            yield RigFinding(
+                code=Code.PLACE_UNCERTAIN,
+                severity=Severity.BAD if level[1] else Severity.CARE,
+                cameras=(str(camera.get("name")),),
+                figures={"turn_deg": turn, "shift": shift},
+            )
+
+
+def _figures(fit: Mapping[str, Any]) -> str:
+    rms, out = _number(fit, "rms_px"), _number(fit, "held_out_rms_px")
+    said = [] if rms is None else [f"error {rms:.3f} px RMS over all cameras"]
+    if out is not None:
+        said.append(f"{out:.3f} px on shots left out")
+    return ", ".join(said) or "no figures on record"
+
+
+def _number(record: Mapping[str, Any], key: str) -> float | None:
+    """A finite number of a record that nobody vouches for."""
+    value = record.get(key)
+    known = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) if known and np.isfinite(value) else None  # type: ignore[arg-type]
+
+
+def _records(record: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
+    value = record.get(key)
+    return [one for one in value if isinstance(one, Mapping)] if isinstance(value, list) else []

@@ -1,0 +1,202 @@
+"""Cameras whose photos of a shot are not of one moment, where it is known how fast corners move.
+
+A camera that is late by d sees each corner where it is d later: off by its speed in the photo
+times d, which no place of the camera on the body makes up for, since every shot moves otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.fitting.adjustment import Adjustment, huber_weight, linearised
+from cubicfish_cli.fitting.rig_lens import RigLens
+from cubicfish_cli.fitting.robust import huber_px, noise_px
+
+FloatArray = npt.NDArray[np.float64]
+
+# Nobody's clocks differ by much more than that once films are matched: what holds a clock of which
+# still shots say nothing.
+_USUAL_S = 1.0
+# A clock is off where the fit says so at so many standard deviations,
+_SURE = 4.0
+# and what it does to its corners is as large as so much of their noise.
+_VISIBLE = 0.2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Moving:
+    """How the corners of some photos move, row by row.
+
+    Attributes:
+        late: (N,) by how much each corner's photo is later than its shot's moment, seconds.
+        velocity: (N, 2) pixels a second; NaN where not known.
+        acceleration: (N, 2) pixels a second squared; NaN where not known.
+
+    """
+
+    late: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+    def of(self, pairs: Correspondences, others: Correspondences) -> Moving:
+        """The same for other pairs of the same corners; nothing is known of those not here."""
+        row = {key: number for number, key in enumerate(_keys(pairs))}
+        at = np.array([row.get(key, -1) for key in _keys(others)], np.intp)
+        known = at >= 0
+        return Moving(
+            late=np.where(known, self.late[at], 0.0),
+            velocity=np.where(known[:, None], self.velocity[at], np.nan),
+            acceleration=np.where(known[:, None], self.acceleration[at], np.nan),
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence[Moving]) -> Moving:
+        """All of some parts, one after the other."""
+        return cls(
+            late=np.concatenate([part.late for part in parts]),
+            velocity=np.concatenate([part.velocity for part in parts]),
+            acceleration=np.concatenate([part.acceleration for part in parts]),
+        )
+
+    @classmethod
+    def still(cls, count: int) -> Moving:
+        """Corners of whose motion nothing is known."""
+        unknown = np.full((count, 2), np.nan)
+        return cls(late=np.zeros(count), velocity=unknown, acceleration=unknown)
+
+    @classmethod
+    def between(
+        cls, before: FloatArray | None, after: FloatArray | None, seconds: tuple[float, float]
+    ) -> Moving:
+        """Of one photo's corners, by where they are in the frames before and after it.
+
+        Args:
+            before: (N, 2) how far they are elsewhere in the frame before, pixels; NaN where not
+                known, None where there is no such frame.
+            after: the same of the frame after.
+            seconds: to the frame before (less than 0) and to that after.
+
+        """
+        count = len(before if before is not None else after if after is not None else ())
+        back, on = (np.full((count, 2), np.nan) if one is None else one for one in (before, after))
+        first, second = (way / time for way, time in zip((back, on), seconds, strict=True))
+        # A parabola through three places, or a line where one is not known.
+        bend = (second - first) / (seconds[1] - seconds[0])
+        speed = second - bend * seconds[1]
+        speed = np.where(np.isfinite(speed), speed, np.where(np.isfinite(second), second, first))
+        return cls(late=np.zeros(count), velocity=speed, acceleration=2 * bend)
+
+    def at_once(self, pixel: FloatArray, late: FloatArray) -> FloatArray:
+        """Pixels (N, 2) of corners that are ``late`` (N,), as they were at their moment."""
+        late = late[:, None]
+        way = np.nan_to_num(self.velocity) - 0.5 * late * np.nan_to_num(self.acceleration)
+        return np.asarray(pixel - way * late)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Clocks:
+    """By how much each camera is later than the first one.
+
+    Attributes:
+        late: (C,) seconds; 0 where it is not sure that there is a difference.
+        sigma: (C,) standard deviations.
+        effect_px: (C,) RMS of what that does to its corners.
+
+    """
+
+    late: FloatArray
+    sigma: FloatArray
+    effect_px: FloatArray
+
+
+def fitted_clocks(fit: Adjustment, pairs: Correspondences, moving: Moving) -> Clocks:
+    """How late each camera is, beside the first: a step from a fit that takes all as on time.
+
+    Shots' poses and the cameras' places are free, lenses and object are not.
+
+    Args:
+        fit: of a rig.
+        pairs: its pairs.
+        moving: how their corners move.
+
+    """
+    lens = fit.lens
+    if not isinstance(lens, RigLens):
+        raise TypeError("the adjustment must be of a rig")
+    cameras, shots = len(lens.lenses), len(fit.poses)
+    hessian, gradient = _by_shot(lens, fit, pairs, moving, shots)
+    unit = noise_px(fit.residual)
+    whole = hessian.sum(axis=0)
+    late_at = 7 * np.arange(cameras - 1) + 6
+    whole[late_at, late_at] += (unit / _USUAL_S) ** 2
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(whole), 1e-300))
+    inverse = np.linalg.pinv(whole * scale * scale[:, None], hermitian=True, rcond=1e-12)
+    inverse *= scale * scale[:, None]
+    step = -inverse @ gradient.sum(axis=0)
+    # Corners of a shot share their errors: what shots pull says how sure it is.
+    pulls = gradient + hessian @ step
+    spread = inverse @ (pulls.T @ pulls) @ inverse + inverse * unit**2
+    late, sigma, effect = np.zeros(cameras), np.zeros(cameras), np.zeros(cameras)
+    late[1:], sigma[1:] = step[late_at], np.sqrt(np.diagonal(spread)[late_at])
+    speed = np.hypot(moving.velocity[:, 0], moving.velocity[:, 1])
+    for camera in range(1, cameras):
+        own = speed[(lens.camera[pairs.image] == camera) & np.isfinite(speed)]
+        if len(own):
+            effect[camera] = abs(late[camera]) * float(np.sqrt(np.mean(own * own)))
+    sure = (np.abs(late) > _SURE * sigma) & (effect > _VISIBLE * unit)
+    return Clocks(
+        late=np.where(sure, late, 0.0), sigma=sigma, effect_px=np.where(sure, effect, 0.0)
+    )
+
+
+def _by_shot(
+    lens: RigLens, fit: Adjustment, pairs: Correspondences, moving: Moving, shots: int
+) -> tuple[FloatArray, FloatArray]:
+    """Of each shot, its pose eliminated: Hessian (S, K, K) and gradient (S, K).
+
+    Of every camera but the first: the six of its place, then how late it is.
+    """
+    count = 7 * (len(lens.lenses) - 1)
+    limit = huber_px(fit.residual)
+    full = np.zeros((shots, count + 6, count + 6))
+    pull = np.zeros((shots, count + 6))
+    bounds = np.searchsorted(pairs.image, np.arange(len(lens.shot) + 1))
+    for view, (camera, shot) in enumerate(zip(lens.camera, lens.shot, strict=True)):
+        run = slice(int(bounds[view]), int(bounds[view + 1]))
+        if run.stop == run.start:
+            continue
+        terms = linearised(fit.lens, fit.poses, fit.world, pairs, run)
+        length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
+        root = np.sqrt(pairs.weight[run] * huber_weight(length, limit))[:, None, None]
+        part = np.zeros((len(length), 2, count + 6))
+        part[:, :, count : count + 3], part[:, :, count + 3 :] = terms.d_turn, terms.d_shift
+        if camera:
+            first = 7 * (int(camera) - 1)
+            part[:, :, first : first + 6] = terms.d_lens[:, :, -6:]
+            part[:, :, first + 6] = np.nan_to_num(moving.velocity[run])
+        rows = (part * root).reshape(-1, count + 6)
+        full[shot] += rows.T @ rows
+        pull[shot] += rows.T @ (terms.residual[:, :, None] * root).reshape(-1)
+    pose = full[:, count:, count:]
+    share = full[:, :count, count:] @ np.linalg.pinv(pose, hermitian=True)
+    hessian = full[:, :count, :count] - share @ full[:, count:, :count]
+    gradient = pull[:, :count] - (share @ pull[:, count:, None])[:, :, 0]
+    return hessian, gradient
+
+
+def _keys(pairs: Correspondences) -> list[tuple[str, int, int, int]]:
+    images = [pairs.images[image] for image in pairs.image]
+    return list(
+        zip(
+            images,
+            pairs.board.tolist(),
+            pairs.column.tolist(),
+            pairs.row.tolist(),
+            strict=True,
+        )
+    )

@@ -1,0 +1,194 @@
+"""How well a known rig explains other shots: where the rig was is fitted, nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.adjustment import adjust
+from cubicfish_cli.fitting.known_lens import fit_poses
+from cubicfish_cli.fitting.lenses import FixedLens
+from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.rig.gather import gathered
+from cubicfish_cli.fitting.rig.shots import Shots
+from cubicfish_cli.fitting.rig.start import place_shots
+from cubicfish_cli.fitting.rig.summary import (
+    CameraPair,
+    alone_residual,
+    camera_pairs,
+    shot_records,
+)
+from cubicfish_cli.fitting.robust import huber_px
+from cubicfish_cli.fitting.statistics import ErrorStatistics, error_statistics, rms_px
+from cubicfish_cli.fitting.subset import select
+from cubicfish_cli.model.cubic import CubicCamera
+
+FloatArray = npt.NDArray[np.float64]
+
+# While shots are placed by one camera's view, the loss must still feel every corner.
+_WIDE_HUBER_PX = 50.0
+
+
+class KnownCamera(Protocol):
+    """A camera of a rig that is known."""
+
+    @property
+    def name(self) -> str:
+        """Of the camera."""
+
+    @property
+    def camera(self) -> CubicCamera:
+        """Its lens."""
+
+    @property
+    def rotation(self) -> FloatArray:
+        """(3, 3) of camera_from_rig."""
+
+    @property
+    def translation(self) -> FloatArray:
+        """(3,) of camera_from_rig."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraErrors:
+    """What one camera's corners say.
+
+    Attributes:
+        name: of the camera.
+        photos: how many were placed.
+        errors: with the rig as it is, pixels; None without any photo.
+        alone_rms_px: RMS of the same corners with each photo's pose free.
+        outside: corners beyond where its lens may be trusted; not counted.
+        unplaced: photos with too few corners to be placed.
+
+    """
+
+    name: str
+    photos: int
+    errors: ErrorStatistics | None
+    alone_rms_px: float | None
+    outside: int
+    unplaced: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RigEvaluation:
+    """Reprojection errors of a known rig.
+
+    Attributes:
+        errors: over all corners, none dropped.
+        alone_rms_px: RMS of the same corners with each photo's pose free, the lenses as they are:
+            what is more than that is the rig's.
+        cameras: camera by camera.
+        pairs: every two cameras.
+        per_shot: a plain record a shot.
+
+    """
+
+    errors: ErrorStatistics
+    alone_rms_px: float
+    cameras: tuple[CameraErrors, ...]
+    pairs: tuple[CameraPair, ...]
+    per_shot: tuple[dict[str, Any], ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Placed:
+    lens: FixedLens
+    pairs: Correspondences
+    poses: Poses
+
+
+def evaluate_rig(
+    cameras: Sequence[KnownCamera], pairs: Sequence[Correspondences], shots: Shots
+) -> RigEvaluation:
+    """Place every shot with the rig as it is, and measure what is left.
+
+    Args:
+        cameras: the rig's; lengths are in the units of the pairs' world points.
+        pairs: of each camera.
+        shots: which photos are of one shot.
+
+    Raises:
+        FitError: photos are of another size than their camera's, or none can be placed.
+
+    """
+    placed, outside, unplaced = [], [], []
+    for camera, own in zip(cameras, pairs, strict=True):
+        if own.image_size != camera.camera.image_size:
+            raise FitError(
+                "camera {}: its photos have {}x{} pixels and its lens is of {}x{}: use photos of "
+                "its own size, and check that no two cameras are exchanged".format(
+                    camera.name, *own.image_size, *camera.camera.image_size
+                )
+            )
+        one, beyond, lost = _placed(camera, own)
+        placed.append(one)
+        outside.append(beyond)
+        unplaced.append(lost)
+    lens, views, joint, seen, _ = gathered(placed, shots, [None] * len(placed))
+    places = Poses(
+        rotation=np.stack([one.rotation for one in cameras]),
+        translation=np.stack([one.translation for one in cameras]),
+    )
+    lens = replace(lens, places=places, held=True)
+    start, _ = place_shots(lens, views, joint)
+    fit = adjust(lens, start, joint, huber_px=_WIDE_HUBER_PX)
+    limit = huber_px(fit.residual)
+    fit = adjust(lens, fit.poses, joint, huber_px=limit)
+    names = [one.name for one in cameras]
+    alone = alone_residual(fit, lens, joint, lens.lenses, limit)
+    camera_of = lens.camera[joint.image]
+    by_camera = []
+    for number, name in enumerate(names):
+        mine = camera_of == number
+        some = bool(mine.any())
+        by_camera.append(
+            CameraErrors(
+                name=name,
+                photos=int(np.sum(lens.camera == number)),
+                errors=error_statistics(fit.residual[mine]) if some else None,
+                alone_rms_px=rms_px(alone[mine]) if some else None,
+                outside=outside[number],
+                unplaced=unplaced[number],
+            )
+        )
+    return RigEvaluation(
+        errors=error_statistics(fit.residual),
+        alone_rms_px=rms_px(alone),
+        cameras=tuple(by_camera),
+        pairs=tuple(camera_pairs(names, lens, joint, fit.residual)),
+        per_shot=tuple(shot_records(seen.shot, lens, joint, fit.residual, names)),
+    )
+
+
+def _placed(camera: KnownCamera, pairs: Correspondences) -> tuple[_Placed, int, tuple[str, ...]]:
+    """Photos placed by one camera alone, corners beyond its field, photos that cannot be placed."""
+    found, own, photos = fit_poses(camera.camera.radial, pairs)
+    if found is None:
+        raise FitError(
+            f"camera {camera.name}: none of its photos can be placed with its lens: check that "
+            "they are of this camera and of this target"
+        )
+    lens = FixedLens(camera=camera.camera)
+    inside = np.asarray(
+        np.isfinite(lens.project(found.poses.apply(own.image, own.world))).all(axis=1), bool
+    )
+    counted, kept = select(own, inside)
+    if not len(kept):
+        raise FitError(
+            f"camera {camera.name}: no corner lies where its lens may be trusted: check that "
+            "camera and photos belong together"
+        )
+    lost = set(range(len(pairs.images))) - set(photos.tolist())
+    return (
+        _Placed(lens=lens, pairs=counted, poses=found.poses[kept]),
+        int(np.sum(~inside)),
+        tuple(pairs.images[photo] for photo in sorted(lost)),
+    )

@@ -1,0 +1,35 @@
+"""What is told of several cameras on one body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from cubicfish_cli.words.finding import Finding
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigFinding(Finding):
+    """Something that is likely wrong with a rig.
+
+    Attributes:
+        cameras: whose.
+        shots: of which shots, or of which photos where these are not of their shot.
+
+    """
+
+    cameras: tuple[str, ...] = ()
+    shots: tuple[str, ...] = ()
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON and YAML."""
+        return {
+            **super().as_record(),
+            "cameras": list(self.cameras),
+            "shots": list(self.shots),
+            "line": self.line,
+        }
+
+    @property
+    def _about(self) -> dict[str, tuple[str, ...]]:
+        return {**super()._about, "cameras": self.cameras, "of_shots": self.shots}
