@@ -13,7 +13,7 @@ from cubicfish_cli.detection.lattice import LocalFit
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import Pyramid, build_pyramid
 from cubicfish_cli.detection.saddle import fit_saddles
-from cubicfish_cli.detection.verify import whole_corners
+from cubicfish_cli.detection.verify import MOST_TURN, MOST_TURN_MARKED, whole_corners
 
 # Half-size of the window, pixels.
 _SMALLEST_HALF, _USUAL_HALF, _LARGEST_HALF = 3.0, 5.0, 12.0
@@ -205,6 +205,7 @@ def refine_corners(
         np.median(found.blur.max(1)[index], axis=1),
         np.median(found.spread[index], axis=1),
         pyramid.noise,
+        MOST_TURN if clean is None else MOST_TURN_MARKED,
     )
     refined[rows[ok]], good[rows[ok]] = found.pixel[ok], True
     return refined, good
