@@ -108,7 +108,8 @@ def _bleeds_more(
 ) -> BoolArray:
     """Tell which gaps are wider than ``usual`` (N,) between squares as bright as photos get."""
     bright = np.maximum(found.level[:, 0::2].min(1), found.level[:, 1::2].min(1))
-    return np.asarray((found.gap > usual) & (bright > float(image.max()) - _BURNT * noise - 1))
+    brightest = float(image[::3, ::3].max())  # white that burns out covers more than that
+    return np.asarray((found.gap > usual) & (bright > brightest - _BURNT * noise - 1))
 
 
 def _lean_on_saddles(image: npt.NDArray[np.generic], found: Crossings, half: FloatArray) -> None:
