@@ -13,7 +13,7 @@ from cubicfish_cli.detection.lattice import LocalFit
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import Pyramid, build_pyramid
 from cubicfish_cli.detection.saddle import fit_saddles
-from cubicfish_cli.detection.verify import whole_corners
+from cubicfish_cli.detection.verify import MOST_TURN, MOST_TURN_MARKED, whole_corners
 
 # Half-size of the window, pixels.
 _SMALLEST_HALF, _USUAL_HALF, _LARGEST_HALF = 3.0, 5.0, 12.0
@@ -108,7 +108,8 @@ def _bleeds_more(
 ) -> BoolArray:
     """Tell which gaps are wider than ``usual`` (N,) between squares as bright as photos get."""
     bright = np.maximum(found.level[:, 0::2].min(1), found.level[:, 1::2].min(1))
-    return np.asarray((found.gap > usual) & (bright > float(image.max()) - _BURNT * noise - 1))
+    brightest = float(image[::3, ::3].max())  # white that burns out covers more than that
+    return np.asarray((found.gap > usual) & (bright > brightest - _BURNT * noise - 1))
 
 
 def _lean_on_saddles(image: npt.NDArray[np.generic], found: Crossings, half: FloatArray) -> None:
@@ -205,6 +206,7 @@ def refine_corners(
         np.median(found.blur.max(1)[index], axis=1),
         np.median(found.spread[index], axis=1),
         pyramid.noise,
+        MOST_TURN if clean is None else MOST_TURN_MARKED,
     )
     refined[rows[ok]], good[rows[ok]] = found.pixel[ok], True
     return refined, good

@@ -18,7 +18,9 @@ _MISFIT = 0.18  # of the contrast
 _BLUR = 2.5  # times the median around
 # Edges follow the grid, within what its local fit may be wrong by. A lattice of knight's moves, the
 # likeliest wrong one, is off by 0.46.
-_TURN = 0.25  # radians
+MOST_TURN = 0.25  # radians
+# Beside markers blur mixes their ink into the edges, and the markers vouch for the lattice.
+MOST_TURN_MARKED = 0.4
 _TRAVEL = 0.15  # of the side
 _MOST_SPREAD = 0.05  # predicted standard deviation, of the side
 # Times the median around: the edge of a shadow or of the paper within the window shows as a model
@@ -37,15 +39,16 @@ def whole_corners(
     blur_around: FloatArray,
     spread_around: FloatArray,
     noise: float,
+    most_turn: float = MOST_TURN,
 ) -> BoolArray:
-    """Tell which of N corners pass every test."""
+    """Tell which of N corners pass every test; ``most_turn`` is in radians."""
     bright, dark = found.bright(sign), found.dark(sign)
     contrast = found.contrast(sign)
     good = found.ok & (bright.min(1) - dark.max(1) > _SEPARATION * contrast)
     good &= contrast > np.maximum(_CONTRAST * contrast_around, _LEAST_SIGNAL * noise)
     good &= found.misfit < np.maximum(_MISFIT * contrast, 1.5 * noise)
     good &= found.blur.max(1) < _BLUR * blur_around + 0.5
-    good &= found.turn < _TURN
+    good &= found.turn < most_turn
     good &= moved < np.maximum(_TRAVEL * side, 0.5)
     harmless = np.maximum(_HARMLESS, _TRUE_TO * side)
     most_spread = np.hypot(_SPREAD * spread_around, harmless)
