@@ -28,4 +28,4 @@ bench:
 
 # Install, calibrate and print in environments of their own
 packages:
-    python tests/packaging/try_packages.py --quick
+    python tests/system/packaging/try_packages.py --quick

@@ -11,15 +11,13 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_threads, "1")
 
-from collections.abc import Callable, Iterator
-from inspect import signature
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
 from hypothesis import settings
+from running import MISSING, SAMPLE, Run, run_cli
 
-from cubicfish_cli.cli.main import cli
 from cubicfish_cli.correspondences import load_corners, pair
 from cubicfish_cli.fitting import calibrate
 from cubicfish_cli.fitting.calibrate import Calibration
@@ -29,21 +27,6 @@ from cubicfish_cli.target import load_target
 # Loaded machines are slow at times; no test judges by the clock.
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
-
-SAMPLE = Path(__file__).parents[1] / "sample_data"
-
-Run = Callable[..., Result]
-
-
-def run_cli(*args: object, input: str | None = None, code: int = 0) -> Result:
-    """Run the command line in this process and check its exit code."""
-    # Before click 8.2 stderr is kept apart only when asked for, and since then it always is.
-    apart = {"mix_stderr": False} if "mix_stderr" in signature(CliRunner).parameters else {}
-    result = CliRunner(**apart).invoke(
-        cli, [str(arg) for arg in args], input=input, prog_name="cubicfish"
-    )
-    assert result.exit_code == code, (result.output, result.stderr, result.exception)
-    return result
 
 
 @pytest.fixture
@@ -59,9 +42,6 @@ def nothing_from_outside(
     monkeypatch.setenv("CUBICFISH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
 
 
-_MISSING = extra.missing
-
-
 @pytest.fixture(scope="session", autouse=True)
 def no_report() -> Iterator[None]:
     """As if the extra 'report' were absent: what writes pages takes its time, and says so."""
@@ -75,7 +55,7 @@ def with_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """The extra 'report' as it is here; without it the test is skipped."""
     for library in extra.LIBRARIES:
         pytest.importorskip(library)
-    monkeypatch.setattr(extra, "missing", _MISSING)
+    monkeypatch.setattr(extra, "missing", MISSING)
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,6 @@
 """What the object that ``--json`` prints holds, command by command: key -> meaning.
 
-Help lists the keys and docs/cli.md has the meanings; ``tests/test_cli_json.py`` holds both to what
+Help lists the keys and docs/cli.md has the meanings; ``tests/cli/test_json.py`` holds both to what
 is printed. Lengths in keys that end in ``_px`` are pixels, angles in those that end in ``_deg``
 degrees; what is not known or not finite is null.
 """

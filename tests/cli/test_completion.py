@@ -1,0 +1,126 @@
+"""Shell completion through the program's own entry point: the right words, soon and in silence."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cubicfish_cli.cli.main import COMMANDS
+
+HEAVY = {"numpy", "cv2", "scipy", "yaml", "rich", "matplotlib"}
+
+
+def completed(line: str) -> list[str]:
+    """``kind,word`` for each way to complete a line that ends where the cursor is.
+
+    Nothing may be said on stderr, and no heavy library loaded.
+    """
+    done = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "cubicfish_cli"],
+        env={
+            **os.environ,
+            "_CUBICFISH_COMPLETE": "bash_complete",
+            "COMP_WORDS": line,
+            "COMP_CWORD": str(len(line.split()) - (not line.endswith(" "))),
+        },
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    imports = [row.split("|") for row in done.stderr.splitlines()]
+    assert all(len(row) == 3 and row[0].startswith("import time:") for row in imports), done.stderr
+    loaded = {row[2].strip().split(".")[0] for row in imports}
+    assert "click" in loaded
+    assert loaded & HEAVY == set()
+    return done.stdout.split()
+
+
+def plain(*words: str) -> list[str]:
+    return [f"plain,{word}" for word in words]
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("cubicfish ", plain(*COMMANDS)),
+        ("cubicfish un", plain("undistort", "unproject")),
+        ("cubicfish target p", plain("print")),
+        ("cubicfish undistort --vi", plain("--view")),
+        ("cubicfish export --to kalibr-o", plain("kalibr-omni")),
+        # What stands before is parsed: sizes and crops must not load the libraries that use them.
+        (
+            "cubicfish undistort a.png b.png --size 80x60 --crop 9x9+0+0 --view c",
+            plain("cylindrical", "cube"),
+        ),
+        ("cubicfish calibrate pho", ["file,pho"]),
+        ("cubicfish undistort pho", ["file,pho"]),
+        ("cubicfish undistort photos/ fl", ["file,fl"]),
+        ("cubicfish calibrate photos/ --target ta", ["file,ta"]),
+        ("cubicfish calibrate photos/ --output ca", ["dir,ca"]),
+        ("cubicfish detect photos/ --draw se", ["dir,se"]),
+        ("cubicfish nonsense ", plain(*COMMANDS)),
+        ("cubicfish nonsense --wo", []),
+    ],
+    ids=str,
+)
+def test_a_line_is_completed(line: str, expected: list[str]) -> None:
+    assert sorted(completed(line)) == sorted(expected)
+
+
+@pytest.fixture
+def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """``cubicfish`` on the path, as an installation puts it there."""
+    script = tmp_path / "bin" / "cubicfish"
+    script.parent.mkdir()
+    script.write_text(
+        f"#!{sys.executable}\nfrom cubicfish_cli.cli.start import main\nmain()\n", encoding="utf-8"
+    )
+    script.chmod(0o755)
+    monkeypatch.setenv("PATH", str(script.parent), prepend=os.pathsep)
+    root = Path(__file__).parents[2]
+    monkeypatch.setenv("PYTHONPATH", str(root), prepend=os.pathsep)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("program")
+@pytest.mark.parametrize(
+    ("shell", "code"),
+    [
+        (
+            "bash",
+            'eval "$(_CUBICFISH_COMPLETE=bash_source cubicfish)"; '
+            "COMP_WORDS=(cubicfish tar) COMP_CWORD=1; "
+            '"$(complete -p cubicfish | sed "s/.*-F //; s/ .*//")" cubicfish; '
+            'echo "${COMPREPLY[@]}"',
+        ),
+        (
+            "fish",
+            "_CUBICFISH_COMPLETE=fish_source cubicfish | source; complete -C 'cubicfish tar' "
+            "| string split -f1 \\t",
+        ),
+        (
+            "zsh",
+            "autoload -U compinit; compinit -D -u; "
+            'eval "$(_CUBICFISH_COMPLETE=zsh_source cubicfish)"; '
+            "words=(cubicfish tar) CURRENT=2; compadd() { :; }; "
+            '_describe() { local -a found=("${(@P)3}"); print "${found[1]%%:*}"; }; '
+            "${_comps[cubicfish]}",
+        ),
+    ],
+    ids=["bash", "fish", "zsh"],
+)
+def test_a_shell_takes_what_the_readme_says(shell: str, code: str, tmp_path: Path) -> None:
+    if shutil.which(shell) is None:
+        pytest.skip(f"there is no {shell} here")
+    options = {"bash": ["--norc", "--noprofile"], "zsh": ["-f"], "fish": ["--no-config"]}[shell]
+    done = subprocess.run(
+        [shell, *options, "-c", code],
+        env={**os.environ, "HOME": str(tmp_path), "XDG_CONFIG_HOME": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.stdout.split() == ["target"], done.stderr

@@ -1,0 +1,622 @@
+"""The package as a library: loaded late, typed, silent, and the same as the command line."""
+
+import inspect
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from running import SAMPLE, run_cli
+
+import cubicfish
+import cubicfish_cli
+from cubicfish_cli import (
+    Calibration,
+    CameraFile,
+    Corners,
+    Correspondences,
+    CubicfishError,
+    Target,
+    build_map,
+    build_plane,
+    build_view,
+    calibrate,
+    compare,
+    detect,
+    evaluate,
+    judge,
+    load_camera,
+    load_corners,
+    load_map,
+    read_picture,
+    save_camera,
+    save_corners,
+    save_map,
+    save_target,
+    uncertainty,
+    undistort,
+)
+from cubicfish_cli.errors import (
+    CameraFileError,
+    CorrespondenceError,
+    DetectionError,
+    FitError,
+    OutputError,
+    ViewError,
+)
+
+# The last bits of a matrix product depend on where in memory its arrays happen to be.
+P_BITS = 1e-7
+PHOTOS = [SAMPLE / "photos" / f"corner_0{number}.jpg" for number in (1, 4)]
+HEAVY = {"numpy", "cv2", "scipy", "yaml", "click", "rich", "matplotlib"}
+
+
+@pytest.fixture(scope="module")
+def target() -> Target:
+    return Target.load(SAMPLE / "target.yaml")
+
+
+@pytest.fixture(scope="module")
+def corners(target: Target) -> Corners:
+    return load_corners(SAMPLE / "true_corners.csv", target)
+
+
+@pytest.fixture(scope="module")
+def picture() -> np.ndarray:
+    return np.ascontiguousarray(read_picture(PHOTOS[0])[..., 1])  # grey
+
+
+def as_arrays(corners: Corners, target: Target) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    photos = range(len(corners.images))
+    world = target.world_points(corners.board, corners.column, corners.row)
+    return [world[corners.image == photo] for photo in photos], [
+        corners.pixel[corners.image == photo] for photo in photos
+    ]
+
+
+# What is loaded, and when.
+
+
+def heavy_after(code: str) -> set[str]:
+    done = subprocess.run(
+        [sys.executable, "-c", f"{code}\nimport sys\nprint(*sys.modules)"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return set(done.stdout.split()) & HEAVY
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("code", "loaded"),
+    [
+        ("import cubicfish_cli as c; dir(c); c.__all__; c.__version__", set()),
+        ("from cubicfish_cli import CubicfishError", set()),
+        ("from cubicfish_cli import CubicCamera", {"numpy"}),
+        ("from cubicfish_cli import Target, load_camera, load_corners", {"numpy", "yaml"}),
+        ("from cubicfish_cli import calibrate", {"numpy", "yaml", "cv2", "scipy"}),
+    ],
+)
+def test_a_name_loads_what_it_needs_when_it_is_asked_for(code: str, loaded: set[str]) -> None:
+    assert heavy_after(code) == loaded
+
+
+def test_every_name_is_there_and_no_other() -> None:
+    assert sorted(cubicfish_cli.__all__) == cubicfish_cli.__all__
+    assert {*cubicfish_cli.__all__} <= {*dir(cubicfish_cli)}
+    for name in cubicfish_cli.__all__:
+        assert getattr(cubicfish_cli, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'calibrat'"):
+        cubicfish_cli.calibrat  # noqa: B018
+    with pytest.raises(ImportError):
+        exec("from cubicfish_cli import calibrat", {})
+
+
+@pytest.mark.parametrize("package", [cubicfish, cubicfish_cli])
+def test_what_mypy_is_told_is_what_is_loaded(package: ModuleType) -> None:
+    stub = Path(str(package.__file__)).with_suffix(".pyi").read_text(encoding="utf-8")
+    names: dict[str, Any] = {}
+    exec(stub, names)
+    del names["__builtins__"], names["__doc__"], names["__annotations__"]
+    assert sorted(names) == sorted(cubicfish_cli.__all__)
+    for name, value in names.items():
+        assert getattr(cubicfish_cli, name) is value
+
+
+# What is said of each name.
+
+
+def public_functions() -> dict[str, Callable[..., Any]]:
+    """The functions, and the methods that the classes themselves define, by name."""
+    found = {}
+    for name in cubicfish_cli.__all__:
+        thing = getattr(cubicfish_cli, name)
+        if inspect.isfunction(thing):
+            found[name] = thing
+            continue
+        for method, value in vars(thing).items():
+            value = getattr(value, "__func__", value)
+            if not method.startswith("_") and inspect.isfunction(value):
+                found[f"{name}.{method}"] = value
+    return found
+
+
+FUNCTIONS = public_functions()
+ARRAYS = re.compile(r"NDArray|ArrayLike|FloatArray|IntArray|Picture|Image\b|UndistortMap")
+SHAPE = re.compile(r"\((\.\.\.|N|M|H|h|count|\d)?,")
+
+
+@pytest.mark.parametrize("name", cubicfish_cli.__all__)
+def test_every_name_has_words_of_its_own(name: str) -> None:
+    thing = getattr(cubicfish_cli, name)
+    words = thing.__doc__ or ""
+    assert len(words) > 30
+    assert not words.startswith(f"{name}(")  # what a dataclass says of itself
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_every_function_says_shapes_units_and_types(name: str) -> None:
+    function = FUNCTIONS[name]
+    words = function.__doc__ or ""
+    assert words, f"{name} has no docstring"
+    parameters = [p for p in inspect.signature(function).parameters if p not in ("self", "cls")]
+    assert set(parameters) <= set(function.__annotations__), name
+    assert "return" in function.__annotations__, name
+    if ARRAYS.search(" ".join(map(str, function.__annotations__.values()))):
+        assert SHAPE.search(words), f"{name} says no shape"
+        said = re.search(r"pixel|unit|radians|index|0 to 1|ray|bit", words)
+        assert said, f"{name} says no units"
+
+
+# The same as the command line.
+
+
+@pytest.mark.slow
+def test_a_camera_is_that_of_the_command_line(
+    calibrated: Path, corners: Corners, target: Target
+) -> None:
+    calibration = calibrate(corners, target, hold_out=False)
+    loaded = load_camera(calibrated / "camera.yaml")
+    np.testing.assert_allclose(calibration.camera.P, loaded.camera.P, atol=P_BITS)
+    assert compare(calibration.camera, loaded.camera).statistics.max_px < 1e-6
+    assert calibration.camera.max_angle_deg == pytest.approx(loaded.camera.max_angle_deg)
+    assert judge(calibration) == judge(loaded)
+    made = build_map(calibration.camera, build_view(calibration.camera))
+    of_file = load_map(calibrated / "undistort_map.npz")
+    np.testing.assert_allclose(made.map_x, of_file.map_x, atol=1e-3)
+
+
+@pytest.mark.slow
+def test_arrays_give_the_camera_that_named_corners_give(
+    fitted: Calibration, corners: Corners, target: Target
+) -> None:
+    world, pixel = as_arrays(corners, target)
+    pairs = Correspondences.from_arrays(world, pixel, (960, 720))
+    calibration = calibrate(pairs, hold_out=False)
+    np.testing.assert_allclose(calibration.camera.P, fitted.camera.P, atol=P_BITS)
+    np.testing.assert_allclose(calibration.poses.translation, fitted.poses.translation, atol=1e-5)
+    evaluation = evaluate(calibration.camera, pairs)
+    assert evaluation.errors.rms_px == pytest.approx(fitted.errors.rms_px, rel=1e-3)
+    named = evaluate(calibration.camera, corners, target)
+    np.testing.assert_allclose(named.residual, evaluation.residual, atol=1e-7)
+    assert compare(calibration.camera, fitted.camera).statistics.max_px < 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("distance", [1e4, 1e7])
+def test_a_world_counted_from_far_away_gives_the_same_camera(
+    fitted: Calibration, corners: Corners, target: Target, distance: float
+) -> None:
+    origin = distance * np.array([1, 2, -0.5])
+    world, pixel = (arrays[:3] for arrays in as_arrays(corners, target))
+    near = calibrate(Correspondences.from_arrays(world, pixel, (960, 720)), hold_out=False)
+    moved = Correspondences.from_arrays([w + origin for w in world], pixel, (960, 720))
+    far = calibrate(moved, hold_out=False)
+    assert compare(near.camera, far.camera).statistics.max_px < 1e-5
+    np.testing.assert_allclose(far.pairs.world, moved.world)
+    seen = far.camera.project(far.poses.apply(far.pairs.image, far.pairs.world))
+    np.testing.assert_allclose(seen - far.pairs.pixel, far.residual, atol=1e-5)
+    evaluation = evaluate(fitted.camera, moved)
+    assert evaluation.errors.rms_px < 0.03
+    seen = fitted.camera.project(evaluation.poses.apply(moved.image, moved.world))
+    np.testing.assert_allclose(seen - moved.pixel, evaluation.residual, atol=1e-5)
+
+
+@pytest.mark.slow
+def test_photos_in_memory_give_the_corners_of_their_files(tmp_path: Path, target: Target) -> None:
+    run_cli(
+        "detect", *PHOTOS, "--target", SAMPLE / "target.yaml", "-o", tmp_path / "corners.csv",
+        "--jobs", 1,
+    )  # fmt: skip
+    of_files = load_corners(tmp_path / "corners.csv", target)
+    steps: list[tuple[str, float]] = []
+    colours = [np.asfortranarray(read_picture(path)) for path in PHOTOS]
+    detection = detect(
+        dict(zip([path.name for path in PHOTOS], colours, strict=True)),
+        target,
+        progress=lambda words, share: steps.append((words, round(share, 2))),
+    )
+    first, again = "finding corners", "looking again"
+    assert steps == [(first, 0.33), (first, 0.67), (again, 0.83), (again, 1)]
+    assert detection.corners.images == of_files.images
+    for field in ("image", "board", "column", "row"):
+        np.testing.assert_array_equal(
+            getattr(detection.corners, field), getattr(of_files, field), err_msg=field
+        )
+    np.testing.assert_allclose(detection.corners.pixel, of_files.pixel, atol=2e-3)
+    assert [photo.corners for photo in detection.photos] == [145, 131]
+    # The corners as they are found go straight into the fit, with what detection knows.
+    steps.clear()
+    calibration = calibrate(
+        detection, target, hold_out=False, progress=lambda *now: steps.append(now)
+    )
+    assert calibration.errors.rms_px < 0.1
+    assert 0.3 < steps[-1][1] <= 1
+
+
+def test_what_a_photo_was_placed_by_says_nothing_of_the_object(
+    monkeypatch: pytest.MonkeyPatch, corners: Corners, target: Target, fitted: Calibration
+) -> None:
+    from cubicfish_cli.fitting import calibrate as fitting
+    from cubicfish_cli.naming.detect import Detection, PhotoReport
+    from cubicfish_cli.words.finding import Finding
+
+    asked: list[dict[str, Any]] = []
+    monkeypatch.setattr(fitting, "calibrate", lambda pairs, **given: asked.append(given) or fitted)
+    finding: Finding = object()  # type: ignore[assignment]
+    for exact in (True, False):
+        report = PhotoReport(name="a", exact=exact)
+        calibrate(Detection(corners=corners, photos=(report,), findings=(finding,)), target)
+    calibrate(Detection(corners=corners, photos=(report,)), target, refine_target="shape")
+    assert [given["refine_target"] for given in asked] == ["auto", "auto", "shape"]
+    assert asked[0]["known"] == (finding,)
+    assert asked[0]["target"] is target
+
+
+def test_a_picture_is_that_of_the_command_line(calibrated: Path, tmp_path: Path) -> None:
+    model = calibrated / "camera.yaml"
+    run_cli(
+        "undistort", PHOTOS[0], tmp_path / "flat.png", "-m", model, "--view", "cylindrical",
+        "--hfov", "170", "--size", "300x200", "--rotate=-20,10,5", "--interpolation", "cubic",
+    )  # fmt: skip
+    camera = load_camera(model).camera
+    view = build_view(
+        camera, "cylindrical", hfov_deg=170, size=(300, 200), rotate_deg=np.array([-20, 10, 5])
+    )
+    flat = undistort(read_picture(PHOTOS[0]), camera, view, interpolation="cubic")
+    of_file = read_picture(tmp_path / "flat.png").astype(int)
+    np.testing.assert_allclose(flat, of_file, atol=1)
+    assert np.mean(flat != of_file) < 1e-3
+    by_map = undistort(read_picture(PHOTOS[0]), build_map(camera, view), interpolation="cubic")
+    np.testing.assert_allclose(by_map.astype(int), flat, atol=1)
+
+
+# Nothing is said, nothing is written unasked.
+
+
+@pytest.mark.slow
+def test_nothing_is_printed_or_written(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    target: Target,
+    picture: np.ndarray,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("CUBICFISH_CACHE", str(tmp_path / "cache"))
+    calibration = calibrate(detect(PHOTOS[0], target), target, hold_out=False)
+    camera = calibration.camera
+    evaluate(camera, calibration.pairs)
+    judge(calibration)
+    uncertainty(calibration, camera.project(camera.unproject([[480, 360]])))
+    undistort(picture, camera, build_view(camera, "equidistant"))
+    assert capfd.readouterr() == ("", "")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_fit_and_its_file_give_the_same_answers(tmp_path: Path, fitted: Calibration) -> None:
+    path = tmp_path / "camera.yaml"
+    fitted.save(path, made_by={"title": "left"})
+    loaded = Calibration.load(path)
+    assert loaded.verdict == fitted.verdict
+    pixel = [[480, 360], [5, 5]]
+    np.testing.assert_allclose(loaded.uncertainty(pixel), fitted.uncertainty(pixel))
+    assert loaded.facts.title == "left"
+    assert str(loaded) == f"left: {fitted}"
+    assert "array" not in repr(fitted)
+    assert repr(fitted).startswith("<Calibration: 960x720 px, sees ")
+    with pytest.raises(OutputError, match="exists"):
+        loaded.save(path)
+    loaded.save(path, overwrite=True)
+    assert Calibration.load(path).made_by == loaded.made_by
+
+
+def test_a_notebook_shows_words_that_are_no_tags(fitted: Calibration) -> None:
+    named = replace(fitted, made_by={"title": "<b>left"})
+    assert "&lt;b&gt;left: " in named._repr_html_()
+    assert "<br>usable with care: " in named._repr_html_()
+
+
+def test_a_camera_without_a_fit_has_figures_and_no_verdict(fitted: Calibration) -> None:
+    alone = CameraFile(camera=fitted.camera, fit={}, made_by={})
+    assert str(alone) == alone.facts.line
+    assert alone.facts.verdict is None
+
+
+def test_corners_bring_their_target(corners: Corners, target: Target, fitted: Calibration) -> None:
+    assert corners.target is target
+    error = evaluate(fitted.camera, corners).errors
+    assert error == evaluate(fitted.camera, corners, target).errors
+    nameless = replace(corners, target=None)
+    assert "need the target" in refusal(
+        CorrespondenceError, lambda: evaluate(fitted.camera, nameless)
+    )
+
+
+def test_a_board_is_squared_up_at_a_scale(fitted: Calibration, target: Target) -> None:
+    pose = fitted.poses.rotation[0], fitted.poses.translation[0]
+    plane = build_plane(fitted.camera, target, "floor", *pose, pixels_per_unit=2, margin=0)
+    board = target.boards[target.board_names.index("floor")]
+    sides = np.array([board.columns - 1, board.rows - 1]) * board.square
+    assert plane.size == tuple((2 * sides).round().astype(int).tolist())
+    # Each corner of the board is where the scale says, and the photo has it there.
+    pairs = fitted.pairs
+    own = (pairs.image == 0) & (pairs.board == target.board_names.index("floor"))
+    at = np.column_stack([pairs.column[own], pairs.row[own]]) * board.square * 2 - 0.5
+    seen = fitted.camera.project(plane.rays(at))
+    assert np.abs(seen - pairs.pixel[own] - fitted.residual[own]).max() < 1e-6
+
+
+def test_planes_that_are_none_are_refused(fitted: Calibration, target: Target) -> None:
+    rotation, translation = fitted.poses.rotation[0], fitted.poses.translation[0]
+
+    def said(board: str, *pose: Any) -> str:
+        return refusal(ViewError, lambda: build_plane(fitted.camera, target, board, *pose))
+
+    assert "no board 'flor': did you mean" in said("flor", rotation, translation)
+    assert "no rotation matrix" in said("floor", 2 * rotation, translation)
+    assert "no rotation matrix" in said("floor", rotation[:2], translation)
+    assert "not finite" in said("floor", rotation * np.nan, translation)
+    assert "translation has the shape" in said("floor", rotation, translation[:2])
+    assert "mirrored" in said("floor", rotation @ np.diag([1, -1, -1]), translation)
+
+
+def test_the_short_name_is_the_same_library() -> None:
+    assert cubicfish.Target is Target
+    assert cubicfish.__all__ == cubicfish_cli.__all__
+    assert set(cubicfish.__all__) <= set(dir(cubicfish))
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        _ = cubicfish.nonsense
+
+
+def test_files_are_those_of_the_command_line(
+    tmp_path: Path, fitted: Calibration, corners: Corners, target: Target
+) -> None:
+    camera = tmp_path / "made" / "camera.yaml"
+    save_camera(str(camera), fitted, made_by={"station": ("a", 3)})
+    save_corners(tmp_path / "corners.csv", corners)
+    save_target(tmp_path / "target.yaml", target)
+    save_map(tmp_path / "map.npz", build_map(fitted.camera, build_view(fitted.camera)))
+    loaded = load_camera(str(camera))
+    np.testing.assert_array_equal(loaded.camera.P, fitted.camera.P)
+    assert loaded.made_by == {"version": cubicfish_cli.__version__, "station": ["a", 3]}
+    assert judge(loaded) == judge(fitted)
+    np.testing.assert_allclose(
+        uncertainty(loaded, [[480, 360], [5, 5]]), uncertainty(fitted, [[480, 360], [5, 5]])
+    )
+    np.testing.assert_array_equal(Target.load(tmp_path / "target.yaml").corners()[3],
+                                  target.corners()[3])  # fmt: skip
+    again = run_cli("evaluate", tmp_path / "corners.csv", "-t", tmp_path / "target.yaml",
+                    "-m", camera)  # fmt: skip
+    assert "10 photos" in again.output
+    with pytest.raises(OutputError, match="exists already"):
+        save_camera(camera, loaded)
+    save_camera(camera, loaded, overwrite=True)
+    assert load_camera(camera).made_by == loaded.made_by
+    save_camera(camera, fitted.camera, overwrite=True)
+    assert load_camera(camera).fit == {}
+    assert judge(load_camera(camera)).level == "bad"
+
+
+# What cannot be is refused in one line.
+
+
+def refusal(error: type[CubicfishError], call: Callable[[], object]) -> str:
+    with pytest.raises(error) as caught:
+        call()
+    said = str(caught.value)
+    assert "\n" not in said
+    assert isinstance(caught.value, CubicfishError)
+    return said
+
+
+def test_corners_that_cannot_be_fitted_to_are_refused(
+    corners: Corners, target: Target, fitted: Calibration
+) -> None:
+    pairs = fitted.pairs
+    nameless = replace(pairs, boards=(), board=np.full(len(pairs.board), -1))
+    other = Target(units="mm", boards=target.boards[:2])
+
+    def said(given: Any, of: Target | None = None, **more: Any) -> str:
+        return refusal(CorrespondenceError, lambda: calibrate(given, of, **more))
+
+    assert "need the target" in said(replace(corners, target=None))
+    assert "list is neither Correspondences" in said([1, 2])
+    assert "do not say which corners" in said(nameless, target)
+    assert "do not say which corners" in said(pairs, other)
+    assert "board 'right' is not in the target" in said(corners, other)
+    assert "pixel, row 0 is not finite" in said(replace(pairs, pixel=pairs.pixel * np.nan))
+    assert "world has the shape" in said(replace(pairs, world=pairs.world[:, :2]))
+    assert "world has 7 rows" in said(replace(pairs, world=pairs.world[:7]))
+    assert "weight has the shape" in said(replace(pairs, weight=pairs.weight[:7]))
+    assert "image must not decrease" in said(replace(pairs, image=pairs.image[::-1]))
+    assert "image must hold" in said(replace(pairs, image=pairs.image + 0.5))
+    assert "image must count from 0" in said(replace(pairs, image=pairs.image + 1))
+    assert "board must count from 0" in said(replace(corners, board=corners.board - 1), target)
+    assert "column must count from 0" in said(replace(corners, column=corners.column - 1), target)
+    assert "image_size must be" in said(replace(pairs, image_size=(960,)))
+    unknown: Any = "shapes"
+    assert "did you mean 'shape'" in refusal(
+        FitError, lambda: calibrate(corners, target, refine_target=unknown)
+    )
+    few = Correspondences.from_arrays([pairs.world[:9]], [pairs.pixel[:9]], (960, 720))
+    assert "9 corners are too few" in refusal(FitError, lambda: calibrate(few))
+    middle = Correspondences.from_arrays([pairs.world[:99]], [np.zeros((99, 2))], (1, 1))
+    assert "enough corners to be placed" in refusal(FitError, lambda: calibrate(middle))
+    small = Correspondences.from_arrays([pairs.world[:9]], [pairs.pixel[:9] / 10], (96, 72))
+    assert "photos of 96x72" in refusal(FitError, lambda: evaluate(fitted.camera, small))
+
+
+@pytest.mark.parametrize(
+    ("photos", "said"),
+    [
+        ([], "no photo was given"),
+        ({}, "no photo was given"),
+        ([np.zeros((4, 4))], "photo_0 holds float64 numbers"),
+        ([np.zeros((4, 4), bool)], "photo_0 holds bool numbers"),
+        ([np.zeros((4, 4, 5), np.uint8)], "photo_0 has the shape (4, 4, 5)"),
+        (np.zeros((4, 4), np.uint8), "photo_0 has the shape (4,), not (H, W) or (H, W, 1 to 4)"),
+        ([np.zeros((0, 4), np.uint8)], "photo_0 has 4x0 pixels"),
+        ([np.zeros((4, 4), np.uint8), "a.png"], "photo_1 is no array but str"),
+        ({"a\nb": np.zeros((4, 4), np.uint8)}, "must be printable text"),
+        ([np.zeros((40, 40), np.uint8)], "1 photo, no checkerboard"),
+    ],
+)
+def test_pictures_that_are_none_are_refused(photos: Any, said: str, target: Target) -> None:
+    assert said in refusal(DetectionError, lambda: detect(photos, target))
+
+
+def test_pictures_of_other_kinds_are_undistorted_alike(
+    picture: np.ndarray, fitted: Calibration
+) -> None:
+    camera = fitted.camera
+    made = build_map(camera, build_view(camera, size=(64, 48)))
+    grey = undistort(picture, made)
+    for shape in ((), (1,), (2,), (3,), (4,)):
+        given = np.broadcast_to(picture.reshape(720, 960, *(1 for _ in shape)), (720, 960, *shape))
+        out = undistort(given, made)
+        assert out.shape == (48, 64, *shape)
+        # OpenCV blends one channel by other instructions than several.
+        np.testing.assert_allclose(out.reshape(48, 64, -1)[..., 0].astype(int), grey, atol=2)
+    for kind in (np.uint16, np.float32):
+        assert undistort(picture.astype(kind), made).dtype == kind
+    half = undistort(picture[::2, ::2], camera)  # an exact rescale of the calibrated size
+    assert half.shape == (360, 480)
+    assert half.mean() == pytest.approx(undistort(picture, camera).mean(), rel=0.1)
+    outside = undistort(picture, camera, build_view(camera, "equidistant"), border=(1, 1, 1))
+    assert outside[0, 0] == 255
+
+
+def test_pictures_and_views_that_cannot_be_are_refused(
+    picture: np.ndarray, fitted: Calibration
+) -> None:
+    camera = fitted.camera
+    view = build_view(camera)
+    made = build_map(camera, view)
+    odd: Any = None
+
+    def said(*given: Any, **more: Any) -> str:
+        return refusal(ViewError, lambda: undistort(*given, **more))
+
+    assert "no array but str" in said("photo.png", camera)
+    assert "has the shape (720,)" in said(picture[:, 0], camera)
+    assert "has the shape (720, 960, 5)" in said(np.dstack([picture] * 5), camera)
+    assert "holds float64 numbers" in said(picture.astype(float), camera)
+    assert "it is empty" in said(picture[:0], camera)
+    assert "calibrated for 960x720" in said(picture[:-1], camera)
+    assert "the map is for 960x720" in said(picture[::2, ::2], made)
+    assert "a map has its view already" in said(picture, made, view)
+    assert "did you mean 'linear'" in said(picture, camera, interpolation="linaer")
+    assert "border must be three numbers" in said(picture, camera, border=(0, 0, 2))
+
+    def no_view(*given: Any, **more: Any) -> str:
+        return refusal(ViewError, lambda: build_view(camera, *given, **more))
+
+    assert "did you mean 'cylindrical'" in no_view("cylinder")
+    assert "unknown kind of view 'None'" in no_view(odd)
+    assert "hfov_deg and focal say the same thing twice" in no_view(hfov_deg=90, focal=300)
+    assert "hfov_deg and vfov_deg and size" in no_view(hfov_deg=90, vfov_deg=60, size=(9, 9))
+    assert "fit must be 'inner'" in no_view(fit="middle")
+    assert "fit must be 'inner'" in no_view(fit=1.5)
+    assert "fit must be 'inner'" in no_view(fit=float("nan"))
+    assert "rotate_deg must be (yaw, pitch, roll)" in no_view(rotate_deg=(1, 2))
+    assert "rotate_deg must be (yaw, pitch, roll)" in no_view(rotate_deg=5)
+    assert "rotate_deg must be (yaw, pitch, roll)" in no_view(rotate_deg="123")
+    assert "hfov_deg must be a number of degrees" in no_view(hfov_deg="90")
+    assert "must be between 0° and 180°" in no_view(hfov_deg=270)
+    assert "focal length must be positive" in no_view(focal=-3)
+    assert "size must be (width, height)" in no_view(size=())
+    assert "size must be (width, height)" in no_view(size=(9.5, 9))
+    assert "from 1 to" in no_view(size=(0, 9))
+
+
+def test_numbers_of_numpy_are_as_good_as_pythons(fitted: Calibration) -> None:
+    camera = fitted.camera
+    plain = build_view(camera, size=(90, 60), hfov_deg=90, rotate_deg=(5, 0, 0))
+    given = build_view(
+        camera, size=np.array([90, 60]), hfov_deg=np.float32(90), rotate_deg=np.array([5, 0, 0])
+    )
+    assert plain == given
+    inner, outer = (build_view(camera, "equidistant", fit=end) for end in ("inner", "outer"))
+    assert inner == build_view(camera, "equidistant", fit=0)
+    assert inner.focal > 1.2 * outer.focal
+    assert build_view(camera, hfov_deg=90, vfov_deg=90).size == (960, 960)
+
+
+def test_uncertainty_is_known_in_the_field_alone(fitted: Calibration) -> None:
+    pixel = np.array([[[480, 360], [300, 200]], [[-3, 360], [np.nan, 5]]])
+    sigma = uncertainty(fitted, pixel)
+    assert sigma.shape == (2, 2)
+    assert (sigma[0] > 0).all()
+    assert np.isnan(sigma[1]).all()
+    assert uncertainty(fitted, [480, 360]) == sigma[0, 0]
+    narrow = replace(fitted.camera, max_angle_deg=20.0)
+    assert np.isnan(uncertainty(replace(fitted, camera=narrow), [[480, 100]])).all()
+    silent = CameraFile(camera=fitted.camera, fit={}, made_by={})
+    odd = replace(silent, fit={"uncertainty": {"x": [1, 2], "y": "a", "sigma_px": []}})
+    for file in (silent, odd):
+        assert "does not say" in refusal(CameraFileError, lambda f=file: uncertainty(f, [[1, 1]]))
+    assert "not (..., 2)" in refusal(CorrespondenceError, lambda: uncertainty(fitted, [1, 2, 3]))
+
+
+@pytest.mark.parametrize("value", [np.zeros(3), {1: 2}, float("nan"), {"a": {"b": object()}}])
+def test_only_plain_data_are_saved(tmp_path: Path, fitted: Calibration, value: Any) -> None:
+    path = tmp_path / "camera.yaml"
+    said = refusal(CameraFileError, lambda: save_camera(path, fitted, made_by={"a": value}))
+    assert said.startswith("made_by holds")
+    assert not path.exists()
+    odd: Any = fitted.camera.radial
+    assert "RadialCamera is no camera" in refusal(CameraFileError, lambda: save_camera(path, odd))
+
+
+# Threads.
+
+
+@pytest.mark.slow
+def test_threads_do_not_disturb_each_other(
+    corners: Corners, target: Target, picture: np.ndarray, fitted: Calibration
+) -> None:
+    world, pixel = as_arrays(corners, target)
+    views = [build_view(fitted.camera, hfov_deg=angle) for angle in (60, 120)]
+
+    def work(number: int) -> tuple[np.ndarray, ...]:
+        own = slice(number, number + 2)
+        pairs = Correspondences.from_arrays(world[own], pixel[own], (960, 720))
+        flat = undistort(picture, fitted.camera, views[number])
+        rays = fitted.camera.unproject(pixel[number])
+        return calibrate(pairs, hold_out=False).camera.P, flat, rays
+
+    alone = [work(number) for number in range(2)]
+    with ThreadPoolExecutor(4) as threads:
+        together = list(threads.map(work, [0, 1, 0, 1]))
+    for one, other in zip(alone * 2, together, strict=True):
+        for a, b, bits in zip(one, other, (P_BITS, 1, 1e-9), strict=True):
+            np.testing.assert_allclose(a.astype(float), b, atol=bits)

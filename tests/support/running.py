@@ -1,0 +1,30 @@
+"""Running the command line in this process, and where the sample is."""
+
+from collections.abc import Callable
+from inspect import signature
+from pathlib import Path
+
+from click.testing import CliRunner, Result
+
+from cubicfish_cli.cli.main import cli
+from cubicfish_cli.report import extra
+
+ROOT = Path(__file__).parents[2]
+SAMPLE = ROOT / "sample_data"
+
+Run = Callable[..., Result]
+
+
+def run_cli(*args: object, input: str | None = None, code: int = 0) -> Result:
+    """Run the command line in this process and check its exit code."""
+    # Before click 8.2 stderr is kept apart only when asked for, and since then it always is.
+    apart = {"mix_stderr": False} if "mix_stderr" in signature(CliRunner).parameters else {}
+    result = CliRunner(**apart).invoke(
+        cli, [str(arg) for arg in args], input=input, prog_name="cubicfish"
+    )
+    assert result.exit_code == code, (result.output, result.stderr, result.exception)
+    return result
+
+
+MISSING = extra.missing
+"""What tells which libraries of a report are absent; tests go on as if all were."""

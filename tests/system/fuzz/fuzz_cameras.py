@@ -1,0 +1,45 @@
+"""Camera files that are read before they are damaged."""
+
+import tempfile
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+from cubicfish_cli.correspondences import load_corners, pair
+from cubicfish_cli.fitting.calibrate import Calibration, calibrate
+from cubicfish_cli.fitting.point_fit import calibrate_points
+from cubicfish_cli.formats.camera_writer import save_camera
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.target import load_target
+
+SAMPLE = Path(__file__).parents[3] / "sample_data"
+
+
+@cache
+def _calibration() -> Calibration:
+    return calibrate(_pairs(), hold_out=False)
+
+
+@cache
+def _pairs():
+    target = load_target(SAMPLE / "target.yaml")
+    return pair(load_corners(SAMPLE / "true_corners.csv", target), target)
+
+
+def camera() -> CubicCamera:
+    return _calibration().camera
+
+
+@cache
+def camera_files() -> Sequence[bytes]:
+    made_by = {"version": "0", "inputs": []}
+    points = calibrate_points(_pairs(), hold_out=False)
+    files = []
+    with tempfile.TemporaryDirectory() as folder:
+        for number, made in enumerate((_calibration(), points)):
+            path = Path(folder) / f"{number}.yaml"
+            record = made.as_record()
+            record["per_image"] = record["per_image"][:2]
+            save_camera(path, made.camera, fit=record, made_by=made_by, overwrite=False)
+            files.append(path.read_bytes())
+    return files

@@ -1,0 +1,220 @@
+"""Lines of the maths, each with a fault that someone could make, and the tests that must see it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Mutation(NamedTuple):
+    """A line that is right and one that is wrong.
+
+    Attributes:
+        module: path below ``cubicfish_cli``.
+        right: text that stands there exactly once.
+        wrong: what takes its place.
+        tests: test files that must fail then, below ``tests`` and without ``.py``.
+
+    """
+
+    module: str
+    right: str
+    wrong: str
+    tests: tuple[str, ...]
+
+
+MUTATIONS = tuple(
+    Mutation(module, right, wrong, tuple(tests.split()))
+    for module, right, wrong, tests in (
+        # The lift and the camera.
+        ("model/lift.py", "XXY XXZ YYX", "XXY YYX XXZ", "model/test_lift model/test_cameras"),
+        ("model/lift.py", "share = 1 / len", "share = 1.01 / len", "model/test_lift"),
+        (
+            "model/lift.py",
+            "(factor.tolist())], column] -= 1",
+            "(factor.tolist())], column] += 1",
+            "model/test_lift",
+        ),
+        (
+            "model/lift.py",
+            "np.asarray(rotation, float).T)",
+            "np.asarray(rotation, float))",
+            "model/test_lift",
+        ),
+        (
+            "model/cubic.py",
+            "rays = unit_rays(points)\n        with",
+            "rays = points\n        with",
+            "model/test_cameras",
+        ),
+        (
+            "model/cubic.py",
+            "<= np.deg2rad(self.max_angle_deg) + _EDGE_SLACK_RAD",
+            "<= np.pi",
+            "model/test_cameras",
+        ),
+        (
+            "model/cubic.py",
+            "error <= UNPROJECT_TOLERANCE_PX",
+            "error <= 1e3",
+            "model/test_cameras system/test_numerical_truth",
+        ),
+        (
+            "model/cubic.py",
+            "d * miss[:, 0] - b * miss[:, 1]",
+            "d * miss[:, 0] + b * miss[:, 1]",
+            "model/test_cameras system/test_numerical_truth",
+        ),
+        (
+            "geometry.py",
+            "= 1 + s * (3 * k1 + s * (5",
+            "= 1 + s * (3 * k1 + s * (4",
+            "model/test_cameras",
+        ),
+        (
+            "model/radial.py",
+            "slope * z / norm_squared - g",
+            "slope * z / norm_squared + g",
+            "model/test_cameras",
+        ),
+        (
+            "model/soundness.py",
+            "good = (denominator > 0) & (determinant > 0)",
+            "good = denominator > 0",
+            "model/test_soundness",
+        ),
+        # Start poses and the linear solution.
+        ("fitting/radial_pose.py", "b = -b if product < 0 else b", "b = b", "fitting/test_start"),
+        (
+            "fitting/radial_pose.py",
+            "for sign in (1.0, -1.0)",
+            "for sign in (1.0, 1.0)",
+            "fitting/test_start",
+        ),
+        (
+            "fitting/linear.py",
+            "rows = values * (weight / denominator)[:, None]",
+            "rows = values * weight[:, None]",
+            "fitting/test_linear",
+        ),
+        # The adjustment and its priors.
+        (
+            "fitting/adjustment.py",
+            "d_turn, d_shift = -d_point @",
+            "d_turn, d_shift = d_point @",
+            "fitting/test_adjustment",
+        ),
+        (
+            "fitting/adjustment.py",
+            "scale * (distance - 0.5 * scale)",
+            "scale * distance",
+            "fitting/test_adjustment",
+        ),
+        (
+            "fitting/normal_equations.py",
+            "gradient + d_prior.T @ residual",
+            "gradient",
+            "fitting/test_adjustment",
+        ),
+        ("fitting/lenses.py", "slope - radial * rays[:, None, :]", "slope", "model/test_cameras"),
+        (
+            "fitting/lenses.py",
+            "direct - basis @ (basis.T @ direct)",
+            "direct",
+            "model/test_cameras",
+        ),
+        (
+            "fitting/lenses.py",
+            "self.coefficients[2] + self.denominator_basis @ moved",
+            "self.coefficients[2] - self.denominator_basis @ moved",
+            "model/test_cameras",
+        ),
+        (
+            "fitting/bent.py",
+            "6 * p1 * b + 2 * p2 * a",
+            "2 * p1 * b + 2 * p2 * a",
+            "model/test_cameras",
+        ),
+        (
+            "fitting/bent.py",
+            "-(focal * tilted)[:, :, None]",
+            "(focal * tilted)[:, :, None]",
+            "model/test_cameras",
+        ),
+        (
+            "fitting/frame.py",
+            "rotation.T @ poses.rotation",
+            "rotation @ poses.rotation",
+            "fitting/test_frame",
+        ),
+        (
+            "fitting/cubic_fit.py",
+            "if result.soundness.sound:",
+            "if True:",
+            "fitting/test_calibrate",
+        ),
+        # What the fit says of itself.
+        (
+            "fitting/statistics.py",
+            "np.mean(np.sum(residual * residual, axis=-1))",
+            "np.mean(residual * residual)",
+            "fitting/test_calibrate",
+        ),
+        (
+            "fitting/held_out.py",
+            "np.setdiff1d(np.arange(len(pairs.images)), test)",
+            "np.arange(len(pairs.images))",
+            "fitting/test_calibrate fitting/test_refinement",
+        ),
+        (
+            "fitting/uncertainty.py",
+            "turn_by_shared=-(pose_inverse",
+            "turn_by_shared=(pose_inverse",
+            "fitting/test_uncertainty",
+        ),
+        (
+            "fitting/uncertainty.py",
+            "hessian[lens, lens] += by_lens.T @ by_lens - cross",
+            "hessian[lens, lens] += by_lens.T @ by_lens + cross",
+            "advice/test_advice",
+        ),
+        # The object.
+        (
+            "target.py",
+            "tag * (1 + self.spacing) + (index",
+            "tag * (2 + self.spacing) + (index",
+            "test_target",
+        ),
+        (
+            "target.py",
+            "np.cross(self.x_axis, self.y_axis)",
+            "np.cross(self.y_axis, self.x_axis)",
+            "test_target",
+        ),
+        # Other tools' lenses.
+        (
+            "fitting/conversion/pinhole.py",
+            "p2 * (r2 + 2 * x * x)",
+            "p2 * (r2 + x * x)",
+            "fitting/conversion/test_pinhole",
+        ),
+        (
+            "fitting/conversion/ocam.py",
+            "angle_from_axis(points) - np.pi / 2",
+            "np.pi / 2 - angle_from_axis(points)",
+            "fitting/conversion/test_ocam",
+        ),
+        # Views and maps.
+        (
+            "undistortion/frames.py",
+            "scale * (0.5 - start) - 0.5",
+            "-scale * start",
+            "undistortion/test_frames",
+        ),
+        (
+            "undistortion/projections.py",
+            "np.arctan2(x, z), np.nan), slope",
+            "np.arctan2(z, x), np.nan), slope",
+            "undistortion/test_projections",
+        ),
+    )
+)

@@ -1,0 +1,150 @@
+"""What README.md and the pages of docs/ say works: commands parse, Python runs, files exist."""
+
+import re
+import shlex
+import warnings
+from pathlib import Path
+
+import click
+import cv2
+import numpy as np
+import pytest
+import yaml
+from running import SAMPLE, run_cli
+
+from cubicfish_cli.cli.main import COMMANDS, cli
+from cubicfish_cli.formats.camera_yaml import load_camera
+from cubicfish_cli.target import load_target
+from cubicfish_cli.undistortion.maps import load_map
+
+ROOT = Path(__file__).parents[2]
+TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
+# cli.md is made from the commands, and has a test of its own.
+PAGES = sorted(path for path in (ROOT / "docs").rglob("*.md") if path.name != "cli.md")
+ALL = {path: path.read_text(encoding="utf-8") for path in (ROOT / "README.md", *PAGES)}
+
+
+def blocks(language: str, text: str) -> list[str]:
+    found = re.findall(r"^```(\w*)\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+    return [block for kind, block in found if kind == language]
+
+
+def python_block(page: str, word: str) -> str:
+    return next(text for text in blocks("python", ALL[ROOT / "docs" / page]) if word in text)
+
+
+def command_lines(text: str) -> list[list[str]]:
+    """Every use of cubicfish in the shell blocks, as its arguments."""
+    lines = []
+    for line in "\n".join(blocks("sh", text)).splitlines():
+        for part in re.split(r"&&|\|", line):
+            words = shlex.split(part)
+            if words and Path(words[0]).name == "cubicfish":
+                lines.append(words[1:])
+    return lines
+
+
+@pytest.mark.parametrize("args", command_lines(TEXT), ids=" ".join)
+def test_a_command_of_the_readme_parses(args: list[str]) -> None:
+    group = click.Context(cli, info_name="cubicfish", **cli.context_settings)
+    command = cli.get_command(group, args[0])
+    assert command is not None
+    command.make_context(args[0], args[1:], parent=group)
+
+
+def test_every_command_is_shown_on_some_page() -> None:
+    shown = {args[0] for text in ALL.values() for args in command_lines(text)}
+    assert shown == set(COMMANDS)
+
+
+def test_the_readme_is_short() -> None:
+    assert len(TEXT.splitlines()) <= 170
+
+
+def test_every_page_is_on_the_site_and_can_be_reached() -> None:
+    site = yaml.safe_load(re.sub(r"!!\S+", "", (ROOT / "mkdocs.yml").read_text(encoding="utf-8")))
+    named = re.findall(r"[\w/-]+\.md", str(site["nav"]))
+    assert sorted(ROOT / "docs" / name for name in named) == sorted([*PAGES, ROOT / "docs/cli.md"])
+
+
+def test_the_quick_start_works_as_pasted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "sample_data").symlink_to(SAMPLE)
+    monkeypatch.chdir(tmp_path)
+    quick = TEXT.split("## Quick start")[1].split("\n## ")[0]
+    commands = command_lines(quick)
+    assert [args[0] for args in commands] == ["calibrate", "undistort"]
+    for args in commands:
+        run_cli(*args)
+    flat = cv2.imread("flat.jpg")
+    assert flat.shape == (720, 960, 3)
+    assert 60 < flat.mean() < 200
+
+
+def test_the_setup_is_two_commands_on_files_that_exist() -> None:
+    after = TEXT.split("<!-- setup -->\n```sh\n")[1]
+    commands = after.split("```")[0].splitlines()
+    assert len(commands) == 2
+    named = re.findall(r"sample_data/[\w./]+", commands[0])
+    assert len(named) == 2
+    assert all((ROOT / name).exists() for name in named)
+
+
+@pytest.mark.parametrize("page", ALL, ids=lambda path: path.name)
+def test_local_links_lead_somewhere(page: Path) -> None:
+    links = re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", ALL[page])
+    local = [link.replace("\n", " ") for link in links if "://" not in link]
+    assert len(local) >= (20 if page == ROOT / "README.md" else 0)
+    assert [link for link in local if not (page.parent / link).exists()] == []
+
+
+def test_the_target_is_one_that_is_read(tmp_path: Path) -> None:
+    (text,) = blocks("yaml", ALL[ROOT / "docs" / "targets.md"])
+    path = tmp_path / "target.yaml"
+    path.write_text(text)
+    target = load_target(path)
+    sample = load_target(SAMPLE / "target.yaml")
+    for board, other in zip(target.boards, sample.boards, strict=False):
+        corners = ([0, 1, 2], [0, 2, 1])
+        np.testing.assert_allclose(board.world_points(*corners), other.world_points(*corners))
+
+
+def test_the_reader_of_camera_yaml_projects_as_the_library_does(
+    calibrated: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = python_block("points.md", "def project")
+    code = [line for line in text.splitlines() if line.strip()]
+    assert len(code) <= 10
+    monkeypatch.chdir(calibrated.parent)
+    names: dict[str, object] = {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ResourceWarning)  # the example leaves closing to Python
+        exec(text, names)
+    points = np.random.default_rng(3).normal(size=(300, 3)) * 40
+    expected = load_camera(calibrated / "camera.yaml").camera.project(points)
+    assert 30 < np.isnan(expected[:, 0]).sum() < 270
+    np.testing.assert_allclose(names["project"](points), expected, atol=1e-9)  # type: ignore[operator]
+
+
+def test_the_map_is_all_that_opencv_needs(
+    calibrated: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    photo = cv2.imread(str(SAMPLE / "photos" / "corner_01.jpg"))
+    cv2.imwrite(str(tmp_path / "photo.png"), photo)
+    (tmp_path / "calibration").symlink_to(calibrated)
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ResourceWarning)
+        exec(python_block("undistort.md", "cv2.remap"), names)
+    flat = names["flat"]
+    assert isinstance(flat, np.ndarray)
+    valid = load_map(calibrated / "undistort_map.npz").valid
+    assert flat.shape == photo.shape
+    assert flat[valid].mean() > 30
+    assert not flat[~valid].any() or valid.all()
+
+
+def test_the_camera_file_is_plain_yaml(calibrated: Path) -> None:
+    data = yaml.safe_load((calibrated / "camera.yaml").read_text(encoding="utf-8"))
+    assert np.array(data["P"], float).shape == (3, 20)
+    assert np.linalg.norm(np.array(data["P"])) == pytest.approx(1)
