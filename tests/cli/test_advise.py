@@ -14,7 +14,7 @@ TARGET = SAMPLE / "target.yaml"
 @pytest.fixture(scope="module")
 def poor(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A calibration from three photos with noise, and nothing on the right of them."""
-    from conftest import run_cli
+    from running import run_cli
 
     folder = tmp_path_factory.mktemp("poor")
     noise = np.random.default_rng(0)

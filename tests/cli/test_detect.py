@@ -28,7 +28,7 @@ PHOTOS = [SAMPLE / "photos" / f"corner_{number:02d}.jpg" for number in (1, 3)]
 @pytest.fixture(scope="module")
 def detected(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """corners.csv of two sample photos and a black one, with what was printed beside it."""
-    from conftest import run_cli
+    from running import run_cli
 
     folder = tmp_path_factory.mktemp("detected")
     cv2.imwrite(str(folder / "black.png"), np.zeros((720, 960), np.uint8))

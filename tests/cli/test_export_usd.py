@@ -24,7 +24,7 @@ def channels(path: Path) -> dict[str, np.ndarray]:
 
 @pytest.fixture(scope="module")
 def written(calibrated: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Any]:
-    from conftest import run_cli
+    from running import run_cli
 
     pytest.importorskip("OpenEXR")
     folder = tmp_path_factory.mktemp("usd")

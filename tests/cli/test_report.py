@@ -99,7 +99,7 @@ def test_without_the_extra_one_line_says_how_to_get_it(run: Run, tmp_path: Path)
 def test_what_is_missing_is_found_without_loading_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()
     monkeypatch.setattr(extra, "LIBRARIES", ("json", "no_such_library"))
-    from conftest import MISSING
+    from running import MISSING
 
     assert MISSING() == ["no_such_library"]
 

@@ -13,7 +13,7 @@ from cubicfish_cli.correspondences import load_corners
 from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.target import load_target
 
-SAMPLE = Path(__file__).parent.parent / "sample_data"
+SAMPLE = Path(__file__).parents[2] / "sample_data"
 
 
 @pytest.fixture(scope="module")

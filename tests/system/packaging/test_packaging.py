@@ -197,7 +197,15 @@ def test_a_wheel_holds_every_file_of_the_package() -> None:
 
 def test_a_source_distribution_holds_every_file() -> None:
     words = (PROJECT / "MANIFEST.in").read_text(encoding="utf-8").split()
-    always = ("cubicfish_cli/", "LICENSE", "README.md", "pyproject.toml", "MANIFEST.in", ".ci/")
+    always = (
+        "cubicfish/",
+        "cubicfish_cli/",
+        "LICENSE",
+        "README.md",
+        "pyproject.toml",
+        "MANIFEST.in",
+        ".ci/",
+    )
     rest = [name for name in project_files(PROJECT) if not name.startswith((*always, ".git"))]
     assert [name for name in rest if name not in words and name.split("/")[0] not in words] == []
 
