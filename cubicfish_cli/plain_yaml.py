@@ -30,7 +30,7 @@ class _PlainLoader(_Base):  # libyaml's parser where PyYAML was built with it: 1
     yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
 
 
-for _tag, _pattern, _first in (
+_SCALARS = (
     ("null", r"^(?:~|null|Null|NULL|)$", ["~", "n", "N", ""]),
     ("bool", r"^(?:true|True|TRUE|false|False|FALSE)$", list("tTfF")),
     ("int", r"^[-+]?[0-9]+$", list("-+0123456789")),
@@ -40,7 +40,8 @@ for _tag, _pattern, _first in (
         r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))$",
         list("-+0123456789."),
     ),
-):
+)
+for _tag, _pattern, _first in _SCALARS:
     _PlainLoader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(_pattern), _first)
 
 
@@ -154,6 +155,11 @@ class _Dumper(_SafeDumper):
 
     def ignore_aliases(self, data: object) -> bool:
         return True
+
+
+# Text that the reader would take for a number, such as a shot's name 08, is quoted.
+for _tag, _pattern, _first in _SCALARS:
+    _Dumper.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(_pattern), _first)
 
 
 def plain_yaml_text(record: Any) -> str:

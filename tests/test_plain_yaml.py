@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cubicfish_cli.errors import TargetError
-from cubicfish_cli.plain_yaml import load_plain_yaml
+from cubicfish_cli.plain_yaml import load_plain_yaml, parse_plain_yaml, plain_yaml_text
 
 
 def load(tmp_path: Path, text: str | bytes) -> Any:
@@ -130,3 +130,17 @@ def test_hostile_nesting_is_refused_quickly(tmp_path: Path, text: str) -> None:
 def test_an_unreadable_file_is_named(tmp_path: Path, name: str) -> None:
     with pytest.raises(TargetError, match=r"does not exist|cannot be read: Is a directory"):
         load_plain_yaml(tmp_path / name, error=TargetError)
+
+
+@pytest.mark.parametrize("text", ["08", "1e3", "010", "+4.", "-.inf", "null", "True", "no", "1_0"])
+def test_text_that_looks_like_a_number_stays_text(text: str) -> None:
+    assert written_and_read({text: text}) == {text: text}
+
+
+@given(st.text(alphabet="0123456789eE+-._:xo", max_size=8))
+def test_any_text_of_digits_and_marks_stays_text(text: str) -> None:
+    assert written_and_read([text]) == [text]
+
+
+def written_and_read(record: Any) -> Any:
+    return parse_plain_yaml(Path("a.yaml"), plain_yaml_text(record), error=TargetError)
