@@ -149,7 +149,7 @@ def test_a_search_that_was_interrupted_does_not_read_the_film_again(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(choosing, "_found", stop)
+        patch.setattr(choosing, "found_in", stop)
         run("frames", short, "-o", tmp_path / "p", "-j", 1, code=130)
     monkeypatch.setattr(scan, "decode", stop)
     run("frames", short, "-o", tmp_path / "p", "-j", 1)
@@ -330,7 +330,7 @@ def search(monkeypatch, shows: list[bool], adds: list[bool], most: int = 60) -> 
         return Choice(order=tuple(order), gain=np.zeros(len(seen)), why_not=("",) * len(seen))
 
     monkeypatch.setattr(choosing, "_ROUND", 2)
-    monkeypatch.setattr(choosing, "_found", found)
+    monkeypatch.setattr(choosing, "found_in", found)
     monkeypatch.setattr(choosing, "_choose", choose)
     return choosing._Search(
         photos=[Photo(name=str(at), path=Path(str(at))) for at in range(len(shows))],

@@ -36,6 +36,8 @@ KEYS: dict[str, Mapping[str, str]] = {
 
 # Keys that only cameras and rigs have which are tested elsewhere.
 RARE = {
+    "compare": {"cameras", "units"},
+    "evaluate": {"alone_rms_px", "cameras", "model", "pairs", "per_shot"},
     "export": {"beyond", "files", "cameras"},
     "import": {"fold_deg"},
     "info": {"rig"},
