@@ -149,5 +149,5 @@ def test_a_few_corners_placed_wrongly_are_judged_by_the_lens_of_the_others():
     assert list(companion.unfit) == ["00.png", "01.png", "05.png"]
     by_truth, _, _ = fit_poses(truth, select_photos(pairs, np.array([5])))
     missed = np.median(np.hypot(*by_truth.residual.T))
-    assert missed > 50
+    assert missed > 5  # where the noise is 0.1
     assert companion.unfit["05.png"].figures["error_px"] > 0.75 * missed

@@ -1,52 +1,17 @@
 """mrcal's splined lens: against mrcal itself where it is installed, and against its definition."""
 
-import json
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 from lenses import cubic_camera, random_rays
+from mrcal_itself import ask_mrcal, needs_mrcal
 
 from cubicfish_cli.fitting.conversion import mrcal_splined, pinhole
 from cubicfish_cli.formats.mrcal_model import mrcal_text, read_mrcal
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lens_record import LensRecord
 from cubicfish_cli.model.soundness import cone_rays
-
-PYTHON = Path("/usr/bin/python3")  # mrcal comes as a package of the system
-
-
-def mrcal_here() -> bool:
-    if not PYTHON.exists():
-        return False
-    return subprocess.run([PYTHON, "-c", "import mrcal"], capture_output=True).returncode == 0
-
-
-needs_mrcal = pytest.mark.skipif(not mrcal_here(), reason="mrcal is not installed")
-
-PROJECT = """
-import json, sys
-import mrcal, numpy as np
-model = mrcal.cameramodel(sys.argv[1])
-rays = np.array(json.load(sys.stdin))
-pixel = mrcal.project(rays, *model.intrinsics())
-back = mrcal.unproject(pixel, *model.intrinsics(), normalize=True)
-region = model.valid_intrinsics_region()
-json.dump([pixel.tolist(), back.tolist(), region.tolist(), model.imagersize().tolist()], sys.stdout)
-"""
-
-
-def ask_mrcal(path: Path, rays: np.ndarray) -> list[np.ndarray]:
-    done = subprocess.run(
-        [PYTHON, "-c", PROJECT, path],
-        input=json.dumps(rays.tolist()),
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr
-    assert "Invalid" not in done.stderr
-    return [np.array(part) for part in json.loads(done.stdout)]
 
 
 def field(camera: CubicCamera, count: int = 12_000) -> tuple[np.ndarray, np.ndarray]:
