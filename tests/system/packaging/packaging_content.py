@@ -45,7 +45,9 @@ def wheel_problems(wheel: Path, root: Path) -> list[str]:
         metadata = Parser().parsestr(archive.read(f"{about}/METADATA").decode())
         entries = archive.read(f"{about}/entry_points.txt").decode()
         pure = "py3-none-any" in archive.read(f"{about}/WHEEL").decode()
-    wanted = [name for name in project_files(root) if name.startswith(("cubicfish/", "cubicfish_cli/"))]
+    wanted = [
+        name for name in project_files(root) if name.startswith(("cubicfish/", "cubicfish_cli/"))
+    ]
     code = [name for name in held if not name.startswith(about + "/")]
     wrong = _differences(wanted, code, "the wheel")
     if f"{about}/licenses/LICENSE" not in held:
