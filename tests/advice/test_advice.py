@@ -298,6 +298,7 @@ def test_the_picture_shows_each_proposal(advice):
     ElementTree.fromstring(advice_svg(replace(advice, target=hostile)))
 
 
+@pytest.mark.slow
 def test_a_map_alone_is_as_wide_as_itself(advice):
     wide = ElementTree.fromstring(advice_svg(advice))
     alone = ElementTree.fromstring(advice_svg(replace(advice, proposals=())))

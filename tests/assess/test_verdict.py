@@ -175,6 +175,7 @@ def test_a_field_that_is_a_small_part_of_the_photo_is_told() -> None:
     assert verdict(GOOD, SIZE, whole).level == "good"
 
 
+@pytest.mark.slow
 def test_a_real_fit_is_judged_by_its_record(fitted: Calibration) -> None:
     said = verdict(fitted.as_record(), fitted.camera.image_size, fitted.camera.outline())
     assert [reason.code for reason in said.reasons] == [Code.NOT_HELD_OUT]

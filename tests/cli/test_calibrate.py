@@ -93,6 +93,7 @@ def test_a_gross_corner_is_dropped_and_listed(run: Run, tmp_path: Path) -> None:
     assert "dropped:" not in run(*args, "--overwrite").stderr
 
 
+@pytest.mark.slow
 def test_existing_outputs_are_refused_before_the_work(
     run: Run, calibrated: Path, no_fit: None
 ) -> None:

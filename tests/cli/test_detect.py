@@ -78,6 +78,7 @@ def test_json_has_a_row_for_every_photo(detected: Path) -> None:
     assert f"black.png: {black['problem']}" in said
 
 
+@pytest.mark.slow
 def test_every_photo_is_drawn(detected: Path) -> None:
     names = sorted(path.name for path in (detected / "seen").iterdir())
     assert names == ["black.png", "corner_01.png", "corner_03.png"]

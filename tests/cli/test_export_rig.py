@@ -281,6 +281,7 @@ def test_gyroflow_holds_the_lens_of_one_camera(run: Run, calibrated: Path, tmp_p
     assert json.loads(other)["rms_px"] == own["rms_px"]
 
 
+@pytest.mark.slow
 def test_what_a_format_cannot_hold_is_said(
     run: Run, three: Path, pair: Path, calibrated: Path, tmp_path: Path
 ) -> None:
@@ -297,6 +298,7 @@ def test_what_a_format_cannot_hold_is_said(
     assert not (tmp_path / "x").exists()
 
 
+@pytest.mark.slow
 def test_nothing_is_replaced_unasked(run: Run, pair: Path, tmp_path: Path) -> None:
     folder = tmp_path / "mrcal"
     folder.mkdir()

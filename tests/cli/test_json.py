@@ -137,6 +137,7 @@ def test_evaluate_tells_which_photos_gave_nothing(run: Run, model: Path, tmp_pat
     assert problem.startswith("black.png")
 
 
+@pytest.mark.slow
 def test_detect(run: Run, tmp_path: Path) -> None:
     line = ("detect", PHOTO, "-t", TARGET, "-o", tmp_path / "c.csv")
     (one,) = records(run, (*line, "--draw", tmp_path / "seen"))

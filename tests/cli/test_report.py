@@ -147,6 +147,7 @@ def test_photos_that_are_given_are_shown(run: Run, own: Path) -> None:
     assert page.read_text(encoding="utf-8").count("data:image/jpeg") == 3 + 3 + 2
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("with_report")
 def test_files_that_went_or_changed_are_left_out(run: Run, own: Path, tmp_path: Path) -> None:
     camera = own / "camera.yaml"

@@ -70,6 +70,7 @@ def made(folder: Path) -> tuple[Path, dict[str, Any]]:
     return folder / "rig", json.loads(said.stdout)
 
 
+@pytest.mark.slow
 def test_it_says_in_json_what_it_writes(made: tuple[Path, dict[str, Any]]) -> None:
     rig, record = made
     assert set(record) == set(json_keys.RIG)
@@ -214,6 +215,7 @@ def test_a_rig_is_evaluated_on_shots(
     assert worse["alone_rms_px"] == pytest.approx(found["alone_rms_px"], rel=0.05)
 
 
+@pytest.mark.slow
 def test_two_rigs_are_compared(
     run: Run, folder: Path, made: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:

@@ -326,6 +326,7 @@ def test_json_is_json_in_any_encoding(capsysbinary: pytest.CaptureFixture[bytes]
         assert json.loads(raw.getvalue().decode(encoding)) == {"file": "é二\udcff²"}
 
 
+@pytest.mark.slow
 def test_force_color_paints_a_pipe(
     run: Run, calibrated: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -50,6 +50,7 @@ def shots(rig: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_shot_becomes_a_panorama(run: Run, rig: Path, shots: Path, tmp_path: Path) -> None:
     out = tmp_path / "all.png"
     photos = [shots / name / "0001.png" for name in ("right", "left")]

@@ -218,6 +218,7 @@ def test_a_worker_that_is_killed_loses_nothing(processes: Processes, tmp_path: P
     assert seen == [(done, 12) for done in range(13)]
 
 
+@pytest.mark.slow
 def test_what_exists_is_refused_before_the_work(processes: Processes, tmp_path: Path) -> None:
     jobs = jobs_of(tmp_path, 4)
     jobs[1].source.unlink()
@@ -235,6 +236,7 @@ def test_what_exists_is_refused_before_the_work(processes: Processes, tmp_path: 
     assert jobs[2].outputs[0].read_bytes() != b"old"
 
 
+@pytest.mark.slow
 def test_when_the_last_worker_is_lost_it_ends(processes: Processes, tmp_path: Path) -> None:
     jobs = jobs_of(tmp_path, 9)
     address = processes.have(1)

@@ -226,6 +226,7 @@ def test_texture_is_not_a_board(name):
     assert len(explain_no_grids(image, found).what) < 110
 
 
+@pytest.mark.slow
 def test_growth_over_dots_ends_early(monkeypatch):
     """A lattice of small dots is full of saddles: each piece would grow over the whole photo."""
     j, i = np.meshgrid(np.arange(0, 480, 6), np.arange(0, 640, 6))
@@ -327,6 +328,7 @@ def test_burnt_out_white_is_named_where_dark_squares_no_longer_touch(gap):
     assert (told.code, told.case) == (Code.TOO_BRIGHT, "burnt")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("blur", [7, 12])
 def test_blur_is_named_where_a_board_is_seen_through_it(blur):
     light = cv2.GaussianBlur(drawn_board()[0], (0, 0), 5 * blur)
@@ -339,6 +341,7 @@ def test_small_squares_are_named_with_their_size():
     assert "squares of 3 px; they must be 6 px or more" in told.what
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(without_a_board()))
 def test_no_cause_is_named_for_photos_without_a_board(name):
     assert cause(without_a_board()[name]).code in (Code.NO_CHECKERBOARD, Code.NO_CORNER)

@@ -21,6 +21,7 @@ def at(x: float, y: float, sharp: float = 0.6, moved: float = 0.0) -> Seen:
     return Seen(patches=(Patch(board=0, cells=cells, pixel=pixel),), sharpness=sharp, motion=moved)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turned", [False, True])
 def test_blur_of_any_kind_lowers_sharpness_and_light_does_not(turned: bool) -> None:
     streak = np.zeros((9, 9), np.float32)

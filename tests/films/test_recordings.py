@@ -189,6 +189,7 @@ def test_a_name_says_what_is_a_recording(tmp_path: Path) -> None:
     assert not is_recording(tmp_path)
 
 
+@pytest.mark.slow
 def test_frames_are_chosen_from_a_topic(tmp_path: Path) -> None:
     with Bag(tmp_path, "mcap") as bag:
         for count, photo in enumerate(np.repeat(photos(5), 3, axis=0)):

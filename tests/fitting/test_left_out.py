@@ -108,6 +108,7 @@ def test_without_photos_to_leave_out_the_hold_is_a_middle_one(companion):
     assert choose_hold(companion, []).hold == UNTOLD
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", ["off", "points"])
 def test_folds_that_start_a_step_away_end_where_fits_anew_do(companion, target, level):
     fit = ObjectFit(level="off", companion=companion, cubic=fit_cubic(companion, HOLD))

@@ -98,6 +98,7 @@ def test_variances_add_up_to_sigma():
     assert spread.noise_px == pytest.approx(spread.noise.noise_px)
 
 
+@pytest.mark.slow
 def test_a_rival_hold_adds_how_far_its_camera_is():
     companion, cubic = fitted(5, CornerErrors())
     rays = cone_rays(companion.covered, 60)

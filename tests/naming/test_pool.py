@@ -126,6 +126,7 @@ def test_a_request_to_end_waits_until_a_process_has_started(
     assert signal.getsignal(signal.SIGINT) is before
 
 
+@pytest.mark.slow
 def test_answers_come_in_order() -> None:
     assert outcome(refuses, list("abcdefgh")) == list("abcdefgh")
 

@@ -219,6 +219,7 @@ def shifted_boards(rows: int) -> list[tuple[Grid, np.ndarray, tuple[int, int]]]:
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("why", ["few", "faint"])
 def test_a_line_that_may_be_none_of_a_cut_boards_is_not_certain(why):
     target = Target(units="mm", boards=(checkerboard("b", 10, 7, 30.0),))
@@ -237,6 +238,7 @@ def test_a_line_that_may_be_none_of_a_cut_boards_is_not_certain(why):
         assert name_grids([[whole]], target, size, names(1)).exact.all()
 
 
+@pytest.mark.slow
 def test_colours_tell_whether_a_weak_line_is_the_boards():
     """A board of 10x8 begins with one colour only, whichever way it is turned."""
     target = Target(units="mm", boards=(checkerboard("b", 10, 8, 30.0),))
@@ -269,6 +271,7 @@ def test_a_truly_weak_line_is_certain_where_the_board_ends_on_the_other_side():
     assert naming.exact.all()
 
 
+@pytest.mark.slow
 def test_a_full_line_beside_the_border_stays_certain():
     """The board fills the picture to its borders: nothing speaks against its outermost lines."""
     target = flat_board()

@@ -64,6 +64,7 @@ def test_rows_that_are_read_later_see_what_moves_farther_on() -> None:
     np.testing.assert_allclose(ahead, expected, rtol=0.35)
 
 
+@pytest.mark.slow
 def test_a_longer_exposure_blurs_along_the_motion_alone() -> None:
     target = flat_board()
     path = Slide(400.0, target)
@@ -79,6 +80,7 @@ def test_a_longer_exposure_blurs_along_the_motion_alone() -> None:
     assert across > 0.85
 
 
+@pytest.mark.slow
 def test_a_plate_is_seen_before_what_is_behind_it_and_not_outside_the_field() -> None:
     target = corner_of_three()
     pose = chosen_poses(target, LENS, SIZE, 4)[1]

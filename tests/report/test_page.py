@@ -242,6 +242,7 @@ def test_halves_are_foretold_of_enough_photos_only(
     assert "would agree" not in Page(report_html(facts_of(fitted, pairs, fit=few))).text
 
 
+@pytest.mark.slow
 def test_a_bad_photo_stands_out(fitted: Calibration, pairs: Correspondences) -> None:
     per_image = [dict(photo) for photo in fitted.as_record()["per_image"]]
     per_image[4]["rms_px"] *= 9
@@ -254,6 +255,7 @@ def test_a_bad_photo_stands_out(fitted: Calibration, pairs: Correspondences) -> 
     assert all(float(share) < 50 for _, _, share in rows[1:])
 
 
+@pytest.mark.slow
 def test_what_the_page_says_to_use_it_works(
     page: Page, html: str, calibrated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -278,6 +280,7 @@ def test_what_the_page_says_to_use_it_works(
     assert names["flat"].std() > 20
 
 
+@pytest.mark.slow
 def test_a_camera_not_to_be_trusted_is_not_offered_at_once(fitted: Calibration) -> None:
     bad = {"findings": [{"level": "bad", "what": "a fault", "evidence": "12 px", "do": "x"}]}
     text = Page(report_html(facts_of(fitted, None, fit=bad))).text

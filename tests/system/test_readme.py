@@ -67,6 +67,7 @@ def test_every_page_is_on_the_site_and_can_be_reached() -> None:
     assert sorted(ROOT / "docs" / name for name in named) == sorted([*PAGES, ROOT / "docs/cli.md"])
 
 
+@pytest.mark.slow
 def test_the_quick_start_works_as_pasted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "sample_data").symlink_to(SAMPLE)
     monkeypatch.chdir(tmp_path)

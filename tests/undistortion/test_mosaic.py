@@ -92,6 +92,7 @@ def test_no_camera_begins_or_ends_with_a_step(ring: Body) -> None:
     assert max(np.abs(np.diff(middle, axis=axis)).max() for axis in (0, 1)) < 30
 
 
+@pytest.mark.slow
 def test_weights_are_distances_to_the_edge_of_the_field(camera: CubicCamera) -> None:
     distance = edge_distance(camera)
     seen = np.isfinite(rays_of(camera, camera.image_size)[..., 0])

@@ -268,6 +268,7 @@ def readers(source: str) -> list[tuple[str, int]]:
     return found.found
 
 
+@pytest.mark.slow
 def test_no_decision_reads_a_sentence() -> None:
     found = [
         f"{name}:{line} in {function}"

@@ -96,6 +96,7 @@ def plain() -> RigCalibration:
     return fitted(simulated()[0])
 
 
+@pytest.mark.slow
 def test_cameras_stand_where_they_do_and_it_is_known_how_surely() -> None:
     rig, (vector, shift) = plain(), APART
     right = rig.cameras[1]
@@ -116,6 +117,7 @@ def test_cameras_stand_where_they_do_and_it_is_known_how_surely() -> None:
     assert not first.covariance.any()
 
 
+@pytest.mark.slow
 def test_lenses_can_be_held() -> None:
     free, held = plain(), fitted(simulated()[0], hold_lenses=True)
     assert held.held_lenses
@@ -123,6 +125,7 @@ def test_lenses_can_be_held() -> None:
     assert free.errors.rms_px < held.errors.rms_px < 1.05 * free.errors.rms_px
 
 
+@pytest.mark.slow
 def test_a_photo_of_another_shot_is_named_and_harms_nothing() -> None:
     pairs, _ = simulated()
     names = list(pairs[1].images)
@@ -166,6 +169,7 @@ def in_line(one: Correspondences, two: Correspondences) -> Correspondences:
     )
 
 
+@pytest.mark.slow
 def test_a_camera_that_moved_half_way_is_found() -> None:
     before, after = simulated()[0], simulated(0, (2.0, 0.0, 0.0))[0]
     rig = fitted([joined(a, b, "shot_005") for a, b in zip(before, after, strict=True)])
@@ -210,6 +214,7 @@ def in_motion(
     return found, moving
 
 
+@pytest.mark.slow
 def test_a_clock_that_is_late_is_found_and_taken_out() -> None:
     pairs, moving = in_motion(late=(0.0, 0.03))
     cameras = [
@@ -226,6 +231,7 @@ def test_a_clock_that_is_late_is_found_and_taken_out() -> None:
     assert np.allclose(right.translation, plain().cameras[1].translation, atol=0.5)
 
 
+@pytest.mark.slow
 def test_photos_whose_lateness_is_known_are_taken_as_of_their_moment() -> None:
     pairs, moving = in_motion(late=(0.0, 0.03))
     late = [
@@ -242,6 +248,7 @@ def test_photos_whose_lateness_is_known_are_taken_as_of_their_moment() -> None:
     assert rig.errors.rms_px < 1.1 * plain().errors.rms_px
 
 
+@pytest.mark.slow
 def test_cameras_that_are_not_triggered_at_once_are_named() -> None:
     pairs, _ = in_motion(late=(0.0, 0.03))
     (found,) = fitted(pairs).findings
@@ -249,6 +256,7 @@ def test_cameras_that_are_not_triggered_at_once_are_named() -> None:
     assert found.figures["off_px"] > 1
 
 
+@pytest.mark.slow
 def test_one_shot_in_which_something_moved_is_named() -> None:
     pairs, _ = simulated()
     moved, _ = in_motion(late=(0.0, 0.03))
@@ -258,6 +266,7 @@ def test_one_shot_in_which_something_moved_is_named() -> None:
     assert (found.code, found.shots) == ("shot_apart", (pairs[1].images[4],))
 
 
+@pytest.mark.slow
 def test_cameras_that_were_exchanged_for_some_shots_are_named() -> None:
     pairs, _ = simulated()
     first, second = (one.images for one in pairs)
@@ -285,6 +294,7 @@ def test_cameras_that_were_exchanged_for_some_shots_are_named() -> None:
         fitted(wrong)
 
 
+@pytest.mark.slow
 def test_a_mirrored_camera_is_named() -> None:
     pairs, _ = simulated()
     mirrored = pairs[1].pixel * [-1, 1] + [pairs[1].image_size[0] - 1, 0]
@@ -300,6 +310,7 @@ def test_folds_of_films_are_blocks_of_time() -> None:
     assert parts == [[0, 3], [1, 4], [2, 5]]
 
 
+@pytest.mark.slow
 def test_a_lens_that_is_known_stays_as_it_is() -> None:
     pairs, _ = simulated()
     known = plain().cameras[1]
@@ -313,6 +324,7 @@ def test_a_lens_that_is_known_stays_as_it_is() -> None:
     assert not rig.held_lenses
 
 
+@pytest.mark.slow
 def test_cameras_without_a_common_shot_are_refused() -> None:
     pairs, _ = simulated()
     apart = Shots(
@@ -326,6 +338,7 @@ def test_cameras_without_a_common_shot_are_refused() -> None:
         fitted(pairs, apart)
 
 
+@pytest.mark.slow
 def test_few_common_shots_are_told_once_for_two_cameras() -> None:
     pairs, _ = simulated()
     shots = matched(pairs)
@@ -337,6 +350,7 @@ def test_few_common_shots_are_told_once_for_two_cameras() -> None:
     assert found.figures["shots"] == rig.pairs[0].shots < 5
 
 
+@pytest.mark.slow
 def test_shots_that_fit_no_rig_are_refused() -> None:
     pairs, _ = simulated()
     names = pairs[1].images
