@@ -32,12 +32,21 @@ def heavy_modules_after(*args: str) -> str:
     return done.stdout.splitlines()[-1]
 
 
+def processor_seconds(*command: str) -> float:
+    """Of a program, the least of three runs."""
+    spent = []
+    for _ in range(3):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run(command, capture_output=True, check=True)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    return min(spent)
+
+
 @pytest.mark.slow
-def test_help_is_quick() -> None:
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run([*CUBICFISH, "--help"], capture_output=True, check=True)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 0.3
+def test_help_takes_little_more_than_any_program_does() -> None:
+    least = processor_seconds(sys.executable, "-c", "import click")
+    assert processor_seconds(*CUBICFISH, "--help") < 5 * least
 
 
 @pytest.mark.slow
