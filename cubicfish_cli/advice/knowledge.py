@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis
-from cubicfish_cli.assess.field_uncertainty import recorded_number
+from cubicfish_cli.assess.records import recorded_number
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.companion import LOST_PX, companion_near

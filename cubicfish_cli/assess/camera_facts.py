@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis
-from cubicfish_cli.assess.field_uncertainty import recorded_number
+from cubicfish_cli.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import Verdict, verdict
 from cubicfish_cli.frame_names import counted
 from cubicfish_cli.model.cubic import CubicCamera
@@ -217,8 +217,7 @@ def _count(value: object) -> int | None:
 
 
 def _pictures(fit: Mapping[str, Any]) -> str | None:
-    images, rows = _count(fit.get("images")), fit.get("per_image")
-    named = [row for row in rows if isinstance(row, Mapping)] if isinstance(rows, list) else []
+    images, named = _count(fit.get("images")), recorded_mappings(fit.get("per_image"))
     if images is None or images < 0:
         return None
     names = [str(row.get("image")) for row in named]

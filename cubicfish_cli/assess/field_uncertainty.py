@@ -5,13 +5,14 @@ The field is where the camera may be trusted, as far as the photo shows it.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from cubicfish_cli.assess.records import recorded_number
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -78,13 +79,6 @@ def recorded(fit: Mapping[str, Any]) -> FieldUncertainty | None:
         median = counted.median_px if median is None else median
         p95 = counted.p95_px if p95 is None else p95
     return FieldUncertainty(median_px=median, p95_px=p95)
-
-
-def recorded_number(value: object) -> float | None:
-    """A finite number of a record; None where there is something else, or nothing."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    return float(value) if math.isfinite(value) else None
 
 
 def sigma_at(record: Mapping[str, Any], pixel: FloatArray) -> FloatArray:

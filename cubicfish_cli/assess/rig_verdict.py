@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from cubicfish_cli.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import Verdict
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding, level_of, of_record
@@ -31,7 +32,7 @@ def rig_verdict(record: Mapping[str, Any]) -> Verdict:
     """
     fit = record.get("fit")
     fit = fit if isinstance(fit, Mapping) else {}
-    found = [of_record(one) for one in _records(fit, "findings")]
+    found = [of_record(one) for one in recorded_mappings(fit.get("findings"))]
     reasons = [one for one in found if one is not None and one.severity is not Severity.NOTE]
     reasons += [*_strained(record), *_uncertain(record)]
     reasons.sort(key=lambda one: _ORDER.index(one.severity))
@@ -40,11 +41,14 @@ def rig_verdict(record: Mapping[str, Any]) -> Verdict:
 
 def _strained(record: Mapping[str, Any]) -> Iterator[Finding]:
     """Cameras whose photos fit well alone, and not on the body."""
-    for camera in _records(record, "cameras"):
+    for camera in recorded_mappings(record.get("cameras")):
         errors = camera.get("fit")
         if not isinstance(errors, Mapping):
             continue
-        rms, alone = _number(errors, "rms_px"), _number(errors, "alone_rms_px")
+        rms, alone = (
+            recorded_number(errors.get("rms_px")),
+            recorded_number(errors.get("alone_rms_px")),
+        )
         if rms is None or alone is None:
             continue
         level = [
@@ -61,15 +65,17 @@ def _strained(record: Mapping[str, Any]) -> Iterator[Finding]:
 
 
 def _uncertain(record: Mapping[str, Any]) -> Iterator[Finding]:
-    cameras = [one for one in _records(record, "cameras") if one.get("covariance") is not None]
+    cameras = [
+        one for one in recorded_mappings(record.get("cameras")) if one.get("covariance") is not None
+    ]
     places = [one["position"] for one in cameras if isinstance(one.get("position"), list)]
     size = max(
         (float(np.linalg.norm(np.subtract(a, b))) for a, b in pairwise([*places, *places[:1]])),
         default=0.0,
     )
     for camera in cameras:
-        turn = _number(camera, "turn_sigma_deg") or 0.0
-        shift = _number(camera, "shift_sigma") or 0.0
+        turn = recorded_number(camera.get("turn_sigma_deg")) or 0.0
+        shift = recorded_number(camera.get("shift_sigma")) or 0.0
         level = [
             turn > turn_limit or (size > 0 and shift > share * size)
             for turn_limit, share in zip(_TURN_DEG, _SHIFT_SHARE, strict=True)
@@ -84,20 +90,8 @@ def _uncertain(record: Mapping[str, Any]) -> Iterator[Finding]:
 
 
 def _figures(fit: Mapping[str, Any]) -> str:
-    rms, out = _number(fit, "rms_px"), _number(fit, "held_out_rms_px")
+    rms, out = recorded_number(fit.get("rms_px")), recorded_number(fit.get("held_out_rms_px"))
     said = [] if rms is None else [f"error {rms:.3f} px RMS over all cameras"]
     if out is not None:
         said.append(f"{out:.3f} px on shots left out")
     return ", ".join(said) or "no figures on record"
-
-
-def _number(record: Mapping[str, Any], key: str) -> float | None:
-    """A finite number of a record that nobody vouches for."""
-    value = record.get(key)
-    known = isinstance(value, int | float) and not isinstance(value, bool)
-    return float(value) if known and np.isfinite(value) else None  # type: ignore[arg-type]
-
-
-def _records(record: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
-    value = record.get(key)
-    return [one for one in value if isinstance(one, Mapping)] if isinstance(value, list) else []

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.assess.field_uncertainty import CERTAIN_PX
+from cubicfish_cli.assess.records import recorded_number
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding, Level, asks_for_photos, level_of, of_record
 
@@ -407,11 +408,7 @@ def _area(outline: FloatArray) -> float:
 
 
 def _number(record: Mapping[str, Any], key: str) -> float | None:
-    """A finite number of a record that nobody vouches for."""
-    value = record.get(key)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    return float(value) if math.isfinite(value) else None
+    return recorded_number(record.get(key))
 
 
 def _list(record: Mapping[str, Any], key: str) -> list[Any]:

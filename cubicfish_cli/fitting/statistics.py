@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.assess.records import recorded_mappings
 from cubicfish_cli.correspondences import MAX_COORDINATE
 from cubicfish_cli.fitting.poses import Poses
 
@@ -87,8 +88,7 @@ def photo_records(
 
 def photos_on_record(fit: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """What a camera file says of each photo: :func:`photo_records`, or whatever stands there."""
-    records = fit.get("per_image")
-    return [one for one in records if isinstance(one, Mapping)] if isinstance(records, list) else []
+    return recorded_mappings(fit.get("per_image"))
 
 
 def poses_on_record(fit: Mapping[str, Any]) -> dict[str, tuple[FloatArray, FloatArray]]:

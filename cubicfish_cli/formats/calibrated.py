@@ -6,6 +6,7 @@ import math
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from functools import cached_property
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -44,12 +45,15 @@ class Calibrated(ABC):
     def as_record(self) -> dict[str, Any]:
         """Plain data: ``fit`` of camera.yaml."""
 
-    @property
+    @cached_property
     def verdict(self) -> Verdict:
         """What the calibration is worth, and why: what ``cubicfish calibrate`` prints."""
+        known = self.facts.verdict
+        if known is not None:
+            return known
         return verdict(self.as_record(), self.camera.image_size, self.camera.outline())
 
-    @property
+    @cached_property
     def facts(self) -> CameraFacts:
         """The camera in the figures that people ask for first."""
         return camera_facts(self.camera, self.as_record(), self.made_by)
@@ -100,8 +104,8 @@ class Calibrated(ABC):
         """
         origin = {"version": __version__, **self.made_by, **plain(made_by or {})}
         record = self.as_record()
-        line = camera_facts(self.camera, record, origin).line
-        return camera_text(self.camera, fit=record, made_by=origin, comment=line)
+        facts = camera_facts(self.camera, record, origin) if made_by else self.facts
+        return camera_text(self.camera, fit=record, made_by=origin, comment=facts.line)
 
     def save(
         self,

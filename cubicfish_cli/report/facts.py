@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,10 +13,11 @@ import numpy.typing as npt
 
 from cubicfish_cli.advice.summary import summary
 from cubicfish_cli.angles import angle_from_axis
+from cubicfish_cli.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import Verdict, photo_verdicts, verdict
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
-from cubicfish_cli.fitting.statistics import poses_on_record, rms_px
+from cubicfish_cli.fitting.statistics import photos_on_record, poses_on_record, rms_px
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.point_cubic import PointCamera
@@ -153,7 +153,7 @@ class Facts:
 
     def number(self, key: str) -> float | None:
         """A finite number of the fit's record; None where there is none."""
-        return finite(self.fit.get(key))
+        return recorded_number(self.fit.get(key))
 
     @property
     def units(self) -> str:
@@ -236,31 +236,19 @@ def _outline(camera: CubicCamera | PointCamera) -> FloatArray:
     return np.round(camera.valid if isinstance(camera, PointCamera) else camera.outline(), 3)
 
 
-def finite(value: object) -> float | None:
-    """A finite number as such; None for anything else."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    return float(value) if math.isfinite(value) else None
-
-
-def mappings(value: object) -> list[Mapping[str, Any]]:
-    """The mappings of a list; none of anything else."""
-    return [item for item in value if isinstance(item, Mapping)] if isinstance(value, list) else []
-
-
 def _photos(fit: Mapping[str, Any], size: tuple[int, int]) -> tuple[PhotoFacts, ...]:
     photos, poses = [], poses_on_record(fit)
-    for record, told in zip(mappings(fit.get("per_image")), photo_verdicts(fit, size), strict=True):
+    for record, told in zip(photos_on_record(fit), photo_verdicts(fit, size), strict=True):
         name = str(record.get("image"))
         vector, translation = poses.get(name, (None, None))
         photos.append(
             PhotoFacts(
                 name=name,
-                corners=int(finite(record.get("corners")) or 0),
-                rms_px=finite(record.get("rms_px")),
-                median_px=finite(record.get("median_px")),
-                p95_px=finite(record.get("p95_px")),
-                max_px=finite(record.get("max_px")),
+                corners=int(recorded_number(record.get("corners")) or 0),
+                rms_px=recorded_number(record.get("rms_px")),
+                median_px=recorded_number(record.get("median_px")),
+                p95_px=recorded_number(record.get("p95_px")),
+                max_px=recorded_number(record.get("max_px")),
                 rotation=None if vector is None else rotation_from_vector(vector[None])[0],
                 translation=translation,
                 told=told,
@@ -274,11 +262,11 @@ def _dropped(fit: Mapping[str, Any]) -> tuple[DroppedFacts, ...]:
         DroppedFacts(
             image=str(record.get("image")),
             board=None if record.get("board") is None else str(record["board"]),
-            column=int(finite(record.get("column")) or 0),
-            row=int(finite(record.get("row")) or 0),
-            error_px=finite(record.get("error_px")),
+            column=int(recorded_number(record.get("column")) or 0),
+            row=int(recorded_number(record.get("row")) or 0),
+            error_px=recorded_number(record.get("error_px")),
         )
-        for record in mappings(fit.get("dropped_corners"))
+        for record in recorded_mappings(fit.get("dropped_corners"))
     )
 
 
@@ -310,7 +298,7 @@ def _errors(
     residual = camera.project(points) - used.pixel
     length = np.where(np.isfinite(residual[:, 0]), np.hypot(*residual.T), np.inf)
     kept = np.isfinite(length)
-    count = finite(fit.get("corners"))
+    count = recorded_number(fit.get("corners"))
     if isinstance(camera, PointCamera) and count and count < kept.sum():
         # Which corners this fit dropped is not on record: they were the worst.
         kept[np.argsort(length, kind="stable")[int(count) :]] = False
@@ -318,7 +306,7 @@ def _errors(
         return None, "no corner at hand lies where this camera may be trusted"
     used, _ = select(used, kept)
     residual, points = residual[kept], points[kept]
-    before, now = finite(fit.get("rms_px")), rms_px(residual)
+    before, now = recorded_number(fit.get("rms_px")), rms_px(residual)
     if before is not None and abs(now - before) > max(_SAME_RMS * before, _SAME_RMS_PX):
         return None, (
             f"the corners and the object at hand give an RMS of {now:.3f} px and the fit had "

@@ -14,12 +14,13 @@ from matplotlib.lines import Line2D
 from matplotlib.transforms import Transform, blended_transform_factory
 
 from cubicfish_cli.assess.field_uncertainty import recorded, sigma_at
+from cubicfish_cli.assess.records import recorded_number
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.findings import field_cells
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.rendering.difference_picture import COLOURS, round_up
-from cubicfish_cli.report.facts import ErrorFacts, Facts, finite
+from cubicfish_cli.report.facts import ErrorFacts, Facts
 from cubicfish_cli.report.svg import (
     BLUE,
     GREEN,
@@ -486,10 +487,10 @@ def _uncertainty_grid(facts: Facts) -> Mapping[str, Any] | None:
     right = len(x) > 1 and len(y) > 1 and len(sigma) == len(y) and len(x) * len(y) < 1e6
     if not right or not all(isinstance(row, list) and len(row) == len(x) for row in sigma):
         return None
-    columns, rows = [finite(value) for value in x], [finite(value) for value in y]
+    columns, rows = [recorded_number(value) for value in x], [recorded_number(value) for value in y]
     if None in columns or None in rows:
         return None
-    values = [[finite(value) for value in row] for row in sigma]
+    values = [[recorded_number(value) for value in row] for row in sigma]
     if not all(value is None or 0 <= value < 1e6 for row in values for value in row):
         return None
     return {**record, "x": columns, "y": rows, "sigma_px": values}

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from cubicfish_cli.assess.records import recorded_mappings
 from cubicfish_cli.correspondences import (
     Correspondences,
     load_corners,
@@ -15,7 +16,7 @@ from cubicfish_cli.correspondences import (
 from cubicfish_cli.files import sha256_of
 from cubicfish_cli.formats.camera_yaml import load_any_camera
 from cubicfish_cli.photos import find_photos
-from cubicfish_cli.report.facts import REFINED, Facts, Lack, gather, mappings
+from cubicfish_cli.report.facts import REFINED, Facts, Lack, gather
 from cubicfish_cli.report.pictures import matched
 from cubicfish_cli.target import Target, load_target
 from cubicfish_cli.wording import quoted
@@ -51,8 +52,8 @@ def facts_of_files(camera_file: Path, *, target: Path | None, photos: Sequence[P
     thing = None if drawn is None else load_target(drawn)
     pairs = _pairs(folder, loaded.made_by, thing, loaded.camera.image_size)
     lack = _lack(folder, loaded.made_by, thing, refined=refined) if pairs is None else None
-    inputs = mappings(loaded.made_by.get("inputs"))
-    names = [str(record.get("image")) for record in mappings(loaded.fit.get("per_image"))]
+    inputs = recorded_mappings(loaded.made_by.get("inputs"))
+    names = [str(record.get("image")) for record in recorded_mappings(loaded.fit.get("per_image"))]
     known = [Path(str(record.get("file"))) for record in inputs]
     digests = {Path(str(r.get("file"))): str(r.get("sha256")) for r in inputs}
     recorded = matched(names, known)
@@ -85,7 +86,7 @@ def _pairs(
     beside = folder / _CORNERS
     if target is not None and beside.is_file():
         return pair(load_corners(beside, target, image_size=size), target)
-    inputs = mappings(made_by.get("inputs"))
+    inputs = recorded_mappings(made_by.get("inputs"))
     table = _recorded(inputs[0], folder) if len(inputs) == 1 else None
     if table is None or table.suffix.lower() != ".csv":
         return None
@@ -99,7 +100,7 @@ def _lack(
 ) -> Lack:
     """What is missing of the corners, or of what they are of."""
     on_record = made_by.get("target")
-    has_table = (folder / _CORNERS).is_file() or bool(mappings(made_by.get("inputs")))
+    has_table = (folder / _CORNERS).is_file() or bool(recorded_mappings(made_by.get("inputs")))
     if target is None and has_table and (on_record is not None or (folder / _CORNERS).is_file()):
         if refined:
             why = f"the object was fitted too, and {_REFINED} is not beside the camera"
@@ -110,7 +111,7 @@ def _lack(
             why = f"the target is not on record, and no {_TARGET} is beside the camera"
         return Lack(why=why, name_it="--target")
     why = f"there is no {_CORNERS} beside the camera, and "
-    if mappings(made_by.get("inputs")):
+    if recorded_mappings(made_by.get("inputs")):
         why += "the table that it was calibrated from is not where it was, or has changed"
     else:
         why += "what it was calibrated from is not on record"

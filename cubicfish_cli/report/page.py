@@ -15,11 +15,12 @@ from jinja2 import Environment, StrictUndefined
 
 from cubicfish_cli.assess.camera_facts import CameraFacts, camera_facts
 from cubicfish_cli.assess.field_uncertainty import recorded
+from cubicfish_cli.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import WORDS
 from cubicfish_cli.fitting.findings import COVERED
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.report.facts import Facts, finite, mappings
+from cubicfish_cli.report.facts import Facts
 from cubicfish_cli.report.figures import Drawn, all_figures, arrow_zoom
 from cubicfish_cli.report.pictures import MOST_CARDS, all_pictures, matched
 from cubicfish_cli.report.scene import scene_figures
@@ -266,15 +267,15 @@ def _boards(facts: Facts) -> dict[str, str]:
 
 def _departures(fit: Mapping[str, Any]) -> list[dict[str, Any]]:
     rows = []
-    for record in mappings(fit.get("departures")):
+    for record in recorded_mappings(fit.get("departures")):
         bend, stretch = (
-            [finite(value) or 0.0 for value in record[name]]
+            [recorded_number(value) or 0.0 for value in record[name]]
             if isinstance(record.get(name), list)
             else [0.0, 0.0]
             for name in ("bend", "stretch")
         )
         single = {
-            name: finite(record.get(name)) or 0.0
+            name: recorded_number(record.get(name)) or 0.0
             for name in ("twist", "shift", "turn_deg", "offset_rms")
         }
         rows.append(
@@ -296,7 +297,7 @@ def _notes(fit: Mapping[str, Any]) -> list[str]:
     """What speaks not against the camera and should be known all the same."""
     findings = [
         f"{record.get('what')} ({record.get('evidence')}); {record.get('do')}"
-        for record in mappings(fit.get("findings"))
+        for record in recorded_mappings(fit.get("findings"))
         if record.get("level") == "note"
     ]
     return [*findings, *_texts(fit.get("notes"))]
@@ -306,7 +307,7 @@ def made_of(made_by: Mapping[str, Any]) -> dict[str, Any]:
     """How the calibration was made, as text."""
     options = made_by.get("options")
     target = made_by.get("target")
-    inputs = mappings(made_by.get("inputs"))
+    inputs = recorded_mappings(made_by.get("inputs"))
     return {
         "version": _text(made_by.get("version")),
         "date": _text(made_by.get("date")),
@@ -328,7 +329,7 @@ def _without_corners(facts: Facts) -> list[str]:
     known = {photo.name for photo in facts.photos} | {
         *(unfit if isinstance(unfit, Mapping) else ())
     }
-    files = [str(record.get("file")) for record in mappings(facts.made_by.get("inputs"))]
+    files = [str(record.get("file")) for record in recorded_mappings(facts.made_by.get("inputs"))]
     paths = [Path(file) for file in files if not file.lower().endswith(".csv")]
     taken = set(matched(sorted(known), paths).values())
     return [path.name for path in paths if path not in taken]

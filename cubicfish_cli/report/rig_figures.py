@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.ticker import MaxNLocator
 
-from cubicfish_cli.report.facts import finite, mappings
+from cubicfish_cli.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.report.figures import BOARD_COLOURS, Drawn, Key, key
 from cubicfish_cli.report.scene import at_one_scale, frusta, scale_bar
 from cubicfish_cli.report.svg import (
@@ -91,7 +91,7 @@ def rig_figures(
             _view(cameras, units, "rig-side", "The same from its right side", axes.ahead, axes.up,
                   "its right side"),
             _fields(cameras, axes),
-            _shots(mappings(shots), outlying),
+            _shots(recorded_mappings(shots), outlying),
         ]  # fmt: skip
     return {figure.name: figure for figure in drawn if figure is not None}
 
@@ -261,7 +261,7 @@ def _shots(records: Sequence[Mapping[str, Any]], outlying: Sequence[str]) -> Dra
     known = [
         (number, rms, str(record.get("shot")))
         for number, record in enumerate(records, start=1)
-        if (rms := finite(record.get("rms_px"))) is not None
+        if (rms := recorded_number(record.get("rms_px"))) is not None
     ]
     if len(known) < 2:
         return None

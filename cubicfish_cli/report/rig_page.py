@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from cubicfish_cli.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.assess.rig_verdict import rig_verdict
 from cubicfish_cli.assess.verdict import WORDS
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
-from cubicfish_cli.report.facts import finite, mappings
 from cubicfish_cli.report.figures import key
 from cubicfish_cli.report.page import day_of, for_template, made_of, template
 from cubicfish_cli.report.rig_figures import SeenCamera, colour_of, overlap_shares, rig_figures
@@ -32,10 +32,10 @@ def rig_html(rig: RigFile, record: Mapping[str, Any]) -> str:
     """
     seen = [_seen(one) for one in rig.cameras]
     fit = record["fit"]
-    findings = mappings(fit.get("findings"))
+    findings = recorded_mappings(fit.get("findings"))
     outlying = [str(name) for one in findings for name in one.get("shots") or []]
     notes = [one for one in map(of_record, findings) if one is not None]
-    shots = mappings(fit.get("per_shot"))
+    shots = recorded_mappings(fit.get("per_shot"))
     return template("rig.html").render(
         verdict=rig_verdict(record),
         words=WORDS,
@@ -44,14 +44,14 @@ def rig_html(rig: RigFile, record: Mapping[str, Any]) -> str:
         cameras=[
             _camera(number, one, own)
             for number, (one, own) in enumerate(
-                zip(mappings(record["cameras"]), rig.cameras, strict=True)
+                zip(recorded_mappings(record["cameras"]), rig.cameras, strict=True)
             )
         ],
-        pairs=_pairs(mappings(record["pairs"]), seen),
+        pairs=_pairs(recorded_mappings(record["pairs"]), seen),
         figures=for_template(rig_figures(seen, shots, rig.units or "", outlying)),
         worst=_worst(shots),
         shots=len(shots),
-        corners=finite(fit.get("corners")) or 0,
+        corners=recorded_number(fit.get("corners")) or 0,
         made=made_of(rig.made_by),
         day=day_of(rig.made_by),
     )
@@ -67,7 +67,7 @@ def _seen(camera: RigFileCamera) -> SeenCamera:
 
 
 def _half_field_deg(camera: RigFileCamera) -> float:
-    covered = finite(camera.file.fit.get("covered_deg"))
+    covered = recorded_number(camera.file.fit.get("covered_deg"))
     return covered if covered and 0 < covered < 180 else camera.file.camera.max_angle_deg
 
 
@@ -86,9 +86,9 @@ def _camera(number: int, record: Mapping[str, Any], camera: RigFileCamera) -> di
         "turned": f"{np.rad2deg(np.arccos(np.clip(cosine, -1, 1))):.3f}",
         "turn_sigma": f"{record['turn_sigma_deg']:.4f}" if known else "–",
         "field": f"{2 * _half_field_deg(camera):.0f}",
-        "photos": f"{finite(fit.get('images')) or 0:.0f}",
-        "rms": finite(fit.get("rms_px")),
-        "alone": finite(fit.get("alone_rms_px")),
+        "photos": f"{recorded_number(fit.get('images')) or 0:.0f}",
+        "rms": recorded_number(fit.get("rms_px")),
+        "alone": recorded_number(fit.get("alone_rms_px")),
     }
 
 
@@ -106,8 +106,8 @@ def _pairs(
         found.append(
             {
                 "names": " + ".join(names),
-                "shots": f"{finite(record.get('shots')) or 0:.0f}",
-                "rms": finite(record.get("rms_px")),
+                "shots": f"{recorded_number(record.get('shots')) or 0:.0f}",
+                "rms": recorded_number(record.get("rms_px")),
                 "overlap": f"{100 * share[a, b] / max(share[a, a], 1e-9):.0f}",
             }
         )
@@ -115,13 +115,13 @@ def _pairs(
 
 
 def _worst(shots: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    known = [(rms, one) for one in shots if (rms := finite(one.get("rms_px"))) is not None]
+    known = [(rms, one) for one in shots if (rms := recorded_number(one.get("rms_px"))) is not None]
     known.sort(key=lambda pair: -pair[0])
     return [
         {
             "name": str(one.get("shot")),
             "cameras": str(len(one.get("cameras") or [])),
-            "corners": finite(one.get("corners")) or 0,
+            "corners": recorded_number(one.get("corners")) or 0,
             "rms": rms,
         }
         for rms, one in known[:_MOST_SHOTS]

@@ -1,0 +1,19 @@
+"""What a plain record holds that nobody vouches for: numbers and records in it, or nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+
+def recorded_number(value: object) -> float | None:
+    """A finite number of a record; None where there is something else, or nothing."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if math.isfinite(value) else None
+
+
+def recorded_mappings(value: object) -> list[Mapping[str, Any]]:
+    """The mappings of a list; none of anything else."""
+    return [item for item in value if isinstance(item, Mapping)] if isinstance(value, list) else []
