@@ -125,7 +125,7 @@ def template(name: str) -> Any:
     environment.globals["script_hash"] = base64.b64encode(
         hashlib.sha256(f"\n{script}".encode()).digest()
     ).decode()
-    texts = [(folder / part).read_text(encoding="utf-8") for part in ("figure.html", name)]
+    texts = [(folder / part).read_text(encoding="utf-8") for part in ("parts.html", name)]
     return environment.from_string("".join(texts))
 
 
