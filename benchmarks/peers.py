@@ -49,7 +49,7 @@ def corners_of(data: Path, corners: Path | None, target: Target) -> Corresponden
     """The pairs, from a file or from the photos."""
     if corners is not None:
         return pair(load_corners(corners, target), target)
-    from cubicfish_cli.naming.detect import detect_corners
+    from cubicfish_cli.identification.detect import detect_corners
     from cubicfish_cli.photos import find_photos
 
     return pair(detect_corners(find_photos([data / "images"]), target).corners, target)
@@ -84,7 +84,7 @@ def ours(pairs: Correspondences, target: Target) -> Calibration:
         held_out = fit.held_out
         row(f"cubicfish, target {level}", fit.errors.rms_px, held_out and held_out.rms_px, seconds)
         row(
-            f"  its radial companion, target {level}",
+            f"  its radial reference, target {level}",
             fit.companion_rms_px,
             held_out and held_out.companion_rms_px,
             None,

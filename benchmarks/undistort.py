@@ -336,7 +336,7 @@ def measure_straight(model: Path) -> None:
     scale = view.focal / camera.radial.fx
     say("straight lines of the sample's lens bend by, RMS px", rms(bends), "(<= 0.05)")
     say("  in pixels of the photo's scale", rms(bends) / scale)
-    say("  its radial companion", rms(other))
+    say("  its radial reference", rms(other))
 
 
 def rms(values: list[float]) -> float:
@@ -360,7 +360,7 @@ def measure_rendered(model: Path) -> None:
         rays[top : top + 100] = lens.unproject(pixel)
     lenses = {
         "cubic": build_map(camera, view),
-        "radial companion": build_map(_Radial(camera), view),
+        "radial reference": build_map(_Radial(camera), view),
         "the true lens, which shows what measuring costs": build_map(lens, view),
     }
     bends: dict[str, list[float]] = {name: [] for name in lenses}
@@ -387,7 +387,7 @@ def measure_rendered(model: Path) -> None:
 
 
 class _Radial:
-    """The companion as a camera with a field."""
+    """The reference as a camera with a field."""
 
     def __init__(self, camera: CubicCamera) -> None:
         self.image_size, self.max_angle_deg = camera.image_size, camera.max_angle_deg
@@ -444,7 +444,7 @@ def measure_real(folder: Path) -> None:
     ).camera
     for field in (100, 130, 150):
         view = PerspectiveView.with_field(field, camera.image_size)
-        for name, lens in (("cubic", camera), ("radial companion", camera.radial)):
+        for name, lens in (("cubic", camera), ("radial reference", camera.radial)):
             flat = view.pixels(lens.unproject(corners.pixel))
             width, height = view.size
             with np.errstate(invalid="ignore"):

@@ -15,7 +15,7 @@ from itertools import islice
 from pathlib import Path
 
 from cubicfish_cli.errors import MISSING, CubicfishError, OutputError
-from cubicfish_cli.machines import on_host
+from cubicfish_cli.hosts import on_host
 
 MAX_BYTES = 2_000_000_000
 """Of any one file that is read; most kinds have bounds far below."""

@@ -24,7 +24,7 @@ from cubicfish_cli.fitting.calibrate import Calibration
 from cubicfish_cli.report import extra
 from cubicfish_cli.target import load_target
 
-# Loaded machines are slow at times; no test judges by the clock.
+# Loaded executor are slow at times; no test judges by the clock.
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
 

@@ -27,7 +27,7 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.uncertainty import Information, field_grid
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.radial import RadialCamera
-from cubicfish_cli.rendering.views import Distances, View, WholeLens, sample_views
+from cubicfish_cli.rendering.views import Distances, Viewpoint, WholeLens, sample_views
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
@@ -73,7 +73,7 @@ class Proposal:
 
     """
 
-    view: View
+    view: Viewpoint
     words: str
     before: FieldUncertainty
     after: FieldUncertainty
@@ -339,7 +339,7 @@ def _over_field(known: Information, rays: FloatArray) -> FieldUncertainty:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Reach:
-    """The radial companion as far as it may be asked where an object would be seen."""
+    """The radial reference as far as it may be asked where an object would be seen."""
 
     camera: RadialCamera
     limit: float
@@ -377,7 +377,7 @@ def _views(
     within: Distances | None,
     notes: list[Finding],
     seed: int,
-) -> list[View]:
+) -> list[Viewpoint]:
     """Poses to choose from; where there can be none, ``notes`` says why."""
     if target is None:
         notes.append(Finding(code=Code.NO_TARGET))
@@ -399,7 +399,7 @@ def _views(
 
 def _proposed(
     knowledge: Knowledge,
-    views: Sequence[View],
+    views: Sequence[Viewpoint],
     gaps: Gaps,
     grid: FloatArray,
     goal: float,
@@ -411,7 +411,7 @@ def _proposed(
     empty = gaps.empty.copy()
     field = empty.sum() / max(1 - gaps.coverage, 1e-9) if empty.any() else 1.0
     rays = _field_rays(knowledge.camera)
-    chosen: list[View] = []
+    chosen: list[Viewpoint] = []
     # The same photo twice would say little that is new of a real lens and a real object.
     taken = np.zeros(len(views), bool)
     state = knowledge.information
@@ -435,7 +435,7 @@ def _proposed(
     return _told(knowledge, chosen[:proposals], grid), needed
 
 
-def _filled(view: View, gaps: Gaps) -> BoolArray:
+def _filled(view: Viewpoint, gaps: Gaps) -> BoolArray:
     """Which squares of the picture (rows, columns) a view puts corners into."""
     column, row = np.floor(view.pixel / gaps.cell).astype(int).T
     inside = (row >= 0) & (column >= 0)
@@ -458,7 +458,9 @@ def _left(after: FieldUncertainty, before: FieldUncertainty) -> float:
     return (after.median_px / before.median_px + after.p95_px / before.p95_px) / 2
 
 
-def _told(knowledge: Knowledge, chosen: Sequence[View], grid: FloatArray) -> tuple[Proposal, ...]:
+def _told(
+    knowledge: Knowledge, chosen: Sequence[Viewpoint], grid: FloatArray
+) -> tuple[Proposal, ...]:
     """The chosen views in words, with what they bring, the object being as free as in the fit."""
     units = knowledge.target.units if knowledge.target else ""
     near = _NEAR * min(knowledge.camera.image_size)

@@ -14,10 +14,10 @@ from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.records import recorded_number
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.companion import LOST_PX, companion_near
 from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
 from cubicfish_cli.fitting.hold import UNTOLD
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
+from cubicfish_cli.fitting.radial_reference import LOST_PX, radial_near
 from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.statistics import poses_on_record
@@ -25,7 +25,7 @@ from cubicfish_cli.fitting.subset import middle, with_mean_weight_one, world_sca
 from cubicfish_cli.fitting.uncertainty import Information, information
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.rendering.views import View
+from cubicfish_cli.rendering.views import Viewpoint
 from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
@@ -63,14 +63,14 @@ class Knowledge:
     offset_spread: float | None
     origin: FloatArray
 
-    def points(self, view: View) -> FloatArray:
+    def points(self, view: Viewpoint) -> FloatArray:
         """(N, 3) visible corners of a view in the camera frame, as far as P is held there."""
         points = view.seen.camera[view.seen.visible]
         angle = angle_from_axis(points)
         held: FloatArray = points[angle <= np.deg2rad(self.camera.max_angle_deg + _HELD_BEYOND_DEG)]
         return held
 
-    def with_views(self, views: Sequence[View]) -> Information:
+    def with_views(self, views: Sequence[Viewpoint]) -> Information:
         """What would be known with photos from these views, the object being free as it was.
 
         The corners are taken to be found where the fit expects them, with the noise of the others.
@@ -100,7 +100,7 @@ class Knowledge:
         return information(replace(result, fit=extended), noise_px=self.information.noise_px)
 
     def _with_photo(
-        self, pairs: Correspondences, poses: Poses, view: View
+        self, pairs: Correspondences, poses: Poses, view: Viewpoint
     ) -> tuple[Correspondences, Poses]:
         seen, number = view.seen, len(pairs.images)
         angle = angle_from_axis(seen.camera)
@@ -167,7 +167,7 @@ def know(
     pairs = with_mean_weight_one(replace(pairs, world=(pairs.world - origin) / scale))
     poses, target = poses.of_world(-origin), target and target.moved(-origin)
     poses = replace(poses, translation=poses.translation / scale)
-    companion = companion_near(camera.radial, pairs, poses)
+    reference = radial_near(camera.radial, pairs, poses)
     level, spread = fit.get("refine_target"), None
     world: World | None = None
     if level in ("shape", "points") and target is not None:
@@ -175,13 +175,13 @@ def know(
         seen = camera.project(poses.apply(pairs.image, pairs.world))
         noise = max(noise_px(np.nan_to_num(seen - pairs.pixel, nan=LOST_PX)), 1e-3)
         world = RefinedWorld.drawn(pairs, target, noise=noise, offset_spread=spread, scale=scale)
-    result = fit_cubic(companion, _hold(fit), world=world, relative_decrease=_DECREASE)
+    result = fit_cubic(reference, _hold(fit), world=world, relative_decrease=_DECREASE)
     return Knowledge(
         camera=CubicCamera(
             image_size=camera.image_size,
             P=result.lens.P,
             max_angle_deg=result.max_angle_deg,
-            radial=companion.camera,
+            radial=reference.camera,
         ),
         result=result,
         information=information(result),

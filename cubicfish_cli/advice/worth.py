@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.companion import fit_companion
 from cubicfish_cli.fitting.poses import cross_matrix
+from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import middle, world_scale
 from cubicfish_cli.model.radial import RadialCamera, project_jacobian
@@ -54,21 +54,21 @@ class Worth:
         """
         pairs = replace(pairs, world=(pairs.world - middle(pairs)) / world_scale(pairs))
         try:
-            companion = fit_companion(pairs, thorough=False)
+            reference = fit_radial(pairs, thorough=False)
         except np.linalg.LinAlgError as failure:
             raise FitError("the photos do not determine a lens") from failure
         longer = max(pairs.image_size)
-        noise = max(noise_px(companion.residual), _LEAST_NOISE * longer)
-        used = companion.pairs
-        points = companion.poses.apply(used.image, used.world)
+        noise = max(noise_px(reference.residual), _LEAST_NOISE * longer)
+        used = reference.pairs
+        points = reference.poses.apply(used.image, used.world)
         grid = _seen_cells(used)
-        ray = companion.camera.unproject(grid)
+        ray = reference.camera.unproject(grid)
         grid, ray = grid[np.isfinite(ray[:, 0])], ray[np.isfinite(ray[:, 0])]
         if not len(grid):
             raise FitError("the photos do not determine a lens")
         self._to_basis = _orthonormal(_polynomials(grid, pairs.image_size))
         self._field = _without_turns(
-            _by_axes(_polynomials(grid, pairs.image_size) @ self._to_basis), companion.camera, ray
+            _by_axes(_polynomials(grid, pairs.image_size) @ self._to_basis), reference.camera, ray
         )
         spread = _SPREAD * longer / 1000
         self._known = np.eye(self._field.shape[1]) / spread**2
@@ -77,7 +77,7 @@ class Worth:
             rows = used.image == own
             if rows.sum() < _FEWEST_CORNERS:
                 continue
-            _, by_point, _ = project_jacobian(companion.camera.parameters, points[rows])
+            _, by_point, _ = project_jacobian(reference.camera.parameters, points[rows])
             by_field = _by_axes(_polynomials(used.pixel[rows], pairs.image_size) @ self._to_basis)
             told = _told(by_field, by_point, points[rows])
             self._information[name] = told * quality[name] / noise**2

@@ -36,7 +36,7 @@ _ERROR_PX = (1.0, 3.0)
 _RIGHT_PX = 0.25
 # Held-out error over that of the fit, and the held-out error from which that matters.
 _OVERFIT = ((1.5, _RIGHT_PX), (3.0, 0.5))
-# Held-out error over the radial companion's, which has a seventh of the parameters.
+# Held-out error over the radial reference's, which has a seventh of the parameters.
 _BESIDE_COMPANION = ((1.05, _RIGHT_PX), (2.0, 0.5))
 # Error on other photos over that when the camera was calibrated.
 _WORSE_THAN_BEFORE = ((2.0, 0.1), (5.0, 0.5))
@@ -259,10 +259,10 @@ def _of_held_out(fit: Mapping[str, Any], scale: float) -> Iterator[Finding]:
     level = _ratio_above(held_out, rms, _OVERFIT, scale)
     if rms:
         yield from _reason(level, Code.OVERFITTED, held_out_px=held_out, times=held_out / rms)
-    companion = _number(fit, "companion_held_out_rms_px")
-    level = _ratio_above(held_out, companion, _BESIDE_COMPANION, scale)
-    if companion:
-        yield from _reason(level, Code.RADIAL_IS_NEARER, held_out_px=held_out, radial_px=companion)
+    reference = _number(fit, "companion_held_out_rms_px")
+    level = _ratio_above(held_out, reference, _BESIDE_COMPANION, scale)
+    if reference:
+        yield from _reason(level, Code.RADIAL_IS_NEARER, held_out_px=held_out, radial_px=reference)
 
 
 def _of_photos(fit: Mapping[str, Any]) -> Iterator[Finding]:
@@ -358,11 +358,11 @@ def _of_object(fit: Mapping[str, Any]) -> Iterator[Finding]:
 
 def _figures(fit: Mapping[str, Any]) -> str:
     held_out, rms = _number(fit, "held_out_rms_px"), _number(fit, "rms_px")
-    companion, coverage = _number(fit, "companion_held_out_rms_px"), _number(fit, "coverage")
+    reference, coverage = _number(fit, "companion_held_out_rms_px"), _number(fit, "coverage")
     covered = _number(fit, "covered_deg")
     parts = []
     if held_out is not None:
-        beside = f" (a radial lens: {companion:.3f})" if companion is not None else ""
+        beside = f" (a radial lens: {reference:.3f})" if reference is not None else ""
         parts.append(f"off by {held_out:.3f} px{beside} on photos left out of the fit")
     elif rms is not None:
         parts.append(f"off by {rms:.3f} px on the photos that it was fitted to")

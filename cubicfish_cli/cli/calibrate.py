@@ -31,10 +31,10 @@ from cubicfish_cli.cli.inputs import (
     say_photo_problems,
     why_lost,
 )
-from cubicfish_cli.cli.made_by import check_title, made_at, made_by_record
 from cubicfish_cli.cli.next_step import say_next
 from cubicfish_cli.cli.numbers import IntRange
 from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table
+from cubicfish_cli.cli.provenance import check_title, made_at, made_by_record
 from cubicfish_cli.cli.target_choice import (
     DEFAULT_TARGET,
     TargetChoice,
@@ -406,14 +406,14 @@ def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
     )
     held_out = calibration.held_out
     more: list[tuple[str, float | None, str]] = [
-        ("  radial companion", calibration.companion_rms_px, "a Kannala–Brandt lens, same corners"),
+        ("  radial reference", calibration.companion_rms_px, "a Kannala–Brandt lens, same corners"),
     ]
     if held_out is None:
         more += [("held-out RMS", None, "not measured")]
     else:
         more += [
             ("held-out RMS", held_out.rms_px, "photos judged by cameras that never saw them"),
-            ("  radial companion", held_out.companion_rms_px, ""),
+            ("  radial reference", held_out.companion_rms_px, ""),
         ]
     print_errors(record, more)
     result(

@@ -10,9 +10,9 @@ from glob import glob, has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cubicfish_cli.cli.cache_folder import cache_folder
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.inputs import detect
-from cubicfish_cli.cli.kept import cache_folder
 from cubicfish_cli.cli.target_choice import TargetChoice
 from cubicfish_cli.cli.terminal import detail, progress, say, working
 from cubicfish_cli.cli.video_options import is_video_name
@@ -450,9 +450,9 @@ def found_in(
     import numpy as np
 
     from cubicfish_cli.correspondences import pair
+    from cubicfish_cli.detection.grid_cache import GridCache
     from cubicfish_cli.films.choose import Patch
-    from cubicfish_cli.naming.cache import GridCache
-    from cubicfish_cli.naming.nameless import nameless_grids
+    from cubicfish_cli.identification.nameless import nameless_grids
 
     patches: dict[str, tuple[Patch, ...]] = {}
     if targets is None:

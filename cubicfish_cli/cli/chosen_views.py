@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
+    from cubicfish_cli.executors.executor import Executor
     from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
-    from cubicfish_cli.machines import Machines
     from cubicfish_cli.model.cubic import CubicCamera
     from cubicfish_cli.undistortion.batch import PhotoJob
     from cubicfish_cli.undistortion.frames import Crop
@@ -157,12 +157,12 @@ class PlanesOfPhotos:
         """The photo itself."""
         return source
 
-    def find_missing(self, jobs: Sequence[PhotoJob], machines: Machines | None = None) -> None:
+    def find_missing(self, jobs: Sequence[PhotoJob], executor: Executor | None = None) -> None:
         """Find the poses of photos that the camera file does not know, from corners in them.
 
         Args:
             jobs: the photos.
-            machines: who looks at them instead of processes here.
+            executor: who looks at them instead of processes here.
 
         Raises:
             CubicfishError: no corners, or too few, in all of them.
@@ -176,13 +176,13 @@ class PlanesOfPhotos:
         from cubicfish_cli.cli.terminal import progress, say
         from cubicfish_cli.correspondences import pair
         from cubicfish_cli.fitting.evaluate import evaluate
-        from cubicfish_cli.naming.detect import detect_corners
+        from cubicfish_cli.identification.detect import detect_corners
         from cubicfish_cli.photos import Photo
 
         say(f"Looking for corners in {count(len(missing), 'photo')} that have no known pose.")
         photos = [Photo(name=job.source.name, path=job.source) for job in missing]
         with progress("Finding corners") as callback:
-            detection = detect_corners(photos, self._target, progress=callback, machines=machines)
+            detection = detect_corners(photos, self._target, progress=callback, executor=executor)
         pairs = pair(detection.corners, self._target)
         self._poses |= _poses_of(evaluate(self._loaded.camera, pairs).as_record())
 

@@ -19,7 +19,7 @@ from cubicfish_cli.cli.terminal import print_json, progress, result, say
 from cubicfish_cli.errors import OutputError
 
 if TYPE_CHECKING:
-    from cubicfish_cli.naming.detect import Detection
+    from cubicfish_cli.identification.detect import Detection
     from cubicfish_cli.photos import Photo
 
 _FEW_CORNERS = 20
@@ -78,8 +78,8 @@ def command(
         refuse_existing(picture, overwrite=overwrite)
     say_default(target)
     loaded = target.load()
-    with scheduler.connected() as machines:
-        detection = detect(found, loaded, jobs, no_cache=no_cache, machines=machines)
+    with scheduler.connected() as executor:
+        detection = detect(found, loaded, jobs, no_cache=no_cache, executor=executor)
     save_corners(output, detection.corners, overwrite=overwrite)
     drawn = _draw(found, detection, pictures, overwrite=overwrite) if draw is not None else None
     corners, images = len(detection.corners.pixel), len(detection.corners.images)
@@ -171,7 +171,7 @@ def _draw(
     overwrite: bool,
 ) -> list[str]:
     """Write a picture of what was found in each photo that could be read; return their names."""
-    from cubicfish_cli.naming.draw import draw_found
+    from cubicfish_cli.overlay.draw import draw_found
     from cubicfish_cli.photos import read_grey
     from cubicfish_cli.undistortion.images import write_picture
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from cubicfish_cli.cli import json_keys, options
-from cubicfish_cli.cli.made_by import made_at, made_by_record
 from cubicfish_cli.cli.numbers import FloatRange
+from cubicfish_cli.cli.provenance import made_at, made_by_record
 from cubicfish_cli.cli.terminal import print_json, result, working
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cubicfish_cli.cli.cache_folder import cache_folder
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.kept import cache_folder
 from cubicfish_cli.cli.options import verbosity
 from cubicfish_cli.cli.target_choice import TargetChoice, say_default
 from cubicfish_cli.cli.terminal import progress, say
@@ -21,9 +21,9 @@ from cubicfish_cli.wording import quoted
 
 if TYPE_CHECKING:
     from cubicfish_cli.correspondences import Corners, Correspondences
+    from cubicfish_cli.executors.executor import Executor
     from cubicfish_cli.files import Fingerprint
-    from cubicfish_cli.machines import Machines
-    from cubicfish_cli.naming.detect import Detection, PhotoReport
+    from cubicfish_cli.identification.detect import Detection, PhotoReport
     from cubicfish_cli.photos import Photo
     from cubicfish_cli.target import Target
     from cubicfish_cli.words.finding import Finding
@@ -253,7 +253,7 @@ def refuse_other_sizes(inputs: Sequence[Path], size: tuple[int, int]) -> None:
 
 def photo_problems(detection: Detection) -> list[str]:
     """One line for every photo that gave nothing, and for every grid that was left out."""
-    from cubicfish_cli.naming.remarks import line_of
+    from cubicfish_cli.identification.remarks import line_of
 
     return [line_of(one) for photo in detection.photos for one in photo.findings]
 
@@ -274,7 +274,7 @@ def mark_of(finding: Finding) -> str:
 
 def say_photo_problems(detection: Detection) -> None:
     """Say them, and once what several photos share, unless all is wanted (``--verbose``)."""
-    from cubicfish_cli.naming.remarks import remark_lines
+    from cubicfish_cli.identification.remarks import remark_lines
 
     if verbosity() > 0:
         lines = photo_problems(detection)
@@ -305,7 +305,7 @@ def detect(
     jobs: int | None,
     *,
     no_cache: bool,
-    machines: Machines | None = None,
+    executor: Executor | None = None,
     again: bool = True,
 ) -> Detection:
     """Find and name the corners of a target in photos, in two passes with progress bars.
@@ -313,20 +313,20 @@ def detect(
     Of several targets, the one that explains most corners is taken. Without ``again`` the second
     pass is left out.
     """
+    from cubicfish_cli.identification.second_pass import second_pass
     from cubicfish_cli.library.detection import first_look
-    from cubicfish_cli.naming.second_pass import second_pass
 
     say(f"Looking for corners in {count(len(photos), 'photo')}.")
     kept = None if no_cache else cache_folder()
     with progress("Finding corners") as callback:
         detection = first_look(
-            photos, targets, jobs=jobs, progress=callback, cache=kept, machines=machines
+            photos, targets, jobs=jobs, progress=callback, cache=kept, executor=executor
         )
     target = detection.corners.target
     if again and target is not None:
         with progress("Looking again") as callback:
             detection = second_pass(
-                photos, detection, target, jobs=jobs, progress=callback, machines=machines
+                photos, detection, target, jobs=jobs, progress=callback, executor=executor
             )
     added = sum(photo.added for photo in detection.photos)
     if added:

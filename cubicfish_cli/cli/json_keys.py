@@ -63,7 +63,7 @@ CALIBRATE = {
     **_ERRORS,
     "held_out_rms_px": "the RMS on photos that took no part in the fit",
     "held_out_folds": "how many fits that took",
-    "companion_rms_px": "the RMS of the radial companion",
+    "companion_rms_px": "the RMS of the radial reference",
     "companion_held_out_rms_px": "its RMS on photos left out",
     "refine_target": "how far the target was fitted too: off, shape or points",
     "held_out_by_level": "the held-out RMS at each level that was tried",

@@ -19,7 +19,7 @@ from cubicfish_cli.cli.mask_limit import (
 )
 from cubicfish_cli.cli.rendering_options import crop_option
 from cubicfish_cli.cli.terminal import print_json, result, say
-from cubicfish_cli.cli.undistort_outlook import say_what_is_unseen
+from cubicfish_cli.cli.undistort_dry_run import say_what_is_unseen
 from cubicfish_cli.cli.view_options import ViewOptions, view_options
 from cubicfish_cli.cli.view_outputs import part_name, view_writers, write_all
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import click
 
 from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.figures import print_verdict
-from cubicfish_cli.cli.kept import keep_fonts
 from cubicfish_cli.cli.terminal import print_json, result, say, working
 
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.inputs import Pairs
-from cubicfish_cli.cli.kept import keep_fonts
 from cubicfish_cli.cli.terminal import detail, say, working
 
 if TYPE_CHECKING:

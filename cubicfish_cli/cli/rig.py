@@ -15,7 +15,6 @@ from cubicfish_cli.cli import json_keys, report_step
 from cubicfish_cli.cli.choosing import MOST, films_among
 from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_verdict, px
 from cubicfish_cli.cli.inputs import load_pairs, say_photo_problems
-from cubicfish_cli.cli.made_by import made_at, made_by_record
 from cubicfish_cli.cli.numbers import IntRange, Seconds
 from cubicfish_cli.cli.options import (
     FILE,
@@ -29,6 +28,7 @@ from cubicfish_cli.cli.options import (
     no_cache_option,
     overwrite_option,
 )
+from cubicfish_cli.cli.provenance import made_at, made_by_record
 from cubicfish_cli.cli.target_choice import TargetChoice, target_options
 from cubicfish_cli.cli.terminal import apart, print_json, print_table, result, say, stages, working
 from cubicfish_cli.cli.video_options import is_video_name
@@ -178,7 +178,7 @@ def command(
             "each camera, or take its frames with 'cubicfish frames'"
         )
     from cubicfish_cli.assess.rig_verdict import rig_verdict
-    from cubicfish_cli.cli.kept import keep_fonts
+    from cubicfish_cli.cli.cache_folder import keep_fonts
     from cubicfish_cli.cli.rig_report import write_page
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.library.rigs import calibrate_rig, rig_record, save_rig

@@ -15,7 +15,7 @@ from cubicfish_cli.cli.options import bundle
 from cubicfish_cli.cli.terminal import say
 
 if TYPE_CHECKING:
-    from cubicfish_cli.machines import Machines
+    from cubicfish_cli.executors.executor import Executor
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +36,7 @@ class SchedulerOptions:
             )
 
     @contextmanager
-    def connected(self, *, needed: bool = True) -> Iterator[Machines | None]:
+    def connected(self, *, needed: bool = True) -> Iterator[Executor | None]:
         """The cluster's workers while the block runs; None where the work is done here.
 
         Args:
@@ -49,7 +49,7 @@ class SchedulerOptions:
         if self.address is None or not needed:
             yield None
             return
-        from cubicfish_cli.cluster.connection import WAIT_S, connect
+        from cubicfish_cli.executors.cluster.connection import WAIT_S, connect
 
         with connect(self.address, wait_s=WAIT_S if self.wait_s is None else self.wait_s) as there:
             threads = count(there.threads, "thread")

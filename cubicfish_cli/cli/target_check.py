@@ -18,7 +18,7 @@ from cubicfish_cli.cli.target_words import advice
 from cubicfish_cli.cli.terminal import print_json, result, working
 
 if TYPE_CHECKING:
-    from cubicfish_cli.naming.object_check import ObjectFacts, Turn
+    from cubicfish_cli.identification.object_check import ObjectFacts, Turn
     from cubicfish_cli.target import Board, Target
 
 _LABEL, _LINE = 12, 96
@@ -56,7 +56,7 @@ def command(target: Path, draw: Path | None, overwrite: bool, as_json: bool) -> 
     """
     from cubicfish_cli.errors import OutputError
     from cubicfish_cli.files import refuse_existing, write_text
-    from cubicfish_cli.naming.object_check import check_object
+    from cubicfish_cli.identification.object_check import check_object
     from cubicfish_cli.rendering.object_drawing import object_svg
     from cubicfish_cli.target import load_target
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.kept import keep_fonts
-from cubicfish_cli.cli.made_by import made_at
+from cubicfish_cli.cli.provenance import made_at
 from cubicfish_cli.cli.target_choice import COUNTS
 from cubicfish_cli.cli.terminal import print_json, print_table, result, say, working
 
@@ -210,7 +210,7 @@ def _made(
     margin: float,
 ) -> tuple[Target, list[Sheet]]:
     from cubicfish_cli.cli.target_words import advice
-    from cubicfish_cli.naming.object_check import check_object
+    from cubicfish_cli.identification.object_check import check_object
     from cubicfish_cli.printing.objects import Wanted, design
     from cubicfish_cli.printing.paper import length_mm
 

@@ -9,7 +9,7 @@ from cubicfish_cli.printing.paper import MILLIMETRES
 from cubicfish_cli.wording import either
 
 if TYPE_CHECKING:
-    from cubicfish_cli.naming.object_check import ObjectFacts, Turn
+    from cubicfish_cli.identification.object_check import ObjectFacts, Turn
     from cubicfish_cli.target import Board, Target
 
 _FULL_RANK = 20

@@ -34,13 +34,13 @@ from cubicfish_cli.cli.rendering_options import (
 from cubicfish_cli.cli.rig_options import RigOptions, rig_options
 from cubicfish_cli.cli.scheduler_options import SchedulerOptions, scheduler_options
 from cubicfish_cli.cli.terminal import print_json, progress, result, say, tell
-from cubicfish_cli.cli.undistort_failures import ending, failure_lines, share_a_reason
-from cubicfish_cli.cli.undistort_outlook import (
-    outlook_of,
-    print_outlook,
+from cubicfish_cli.cli.undistort_dry_run import (
+    dry_run_of,
+    print_dry_run,
     say_what_is_unseen,
     warn_of_limit,
 )
+from cubicfish_cli.cli.undistort_failures import ending, failure_lines, share_a_reason
 from cubicfish_cli.cli.undistort_plan import Plan, plan_of
 from cubicfish_cli.cli.video_options import EncodingOptions, encoding_options
 from cubicfish_cli.cli.view_options import ViewOptions, view_options
@@ -48,7 +48,7 @@ from cubicfish_cli.cli.view_options import ViewOptions, view_options
 if TYPE_CHECKING:
     from cubicfish_cli.cli.mask_limit import Trusted
     from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
-    from cubicfish_cli.undistortion.batch import Failure, PhotoJob
+    from cubicfish_cli.undistortion.batch import FailedPhoto, PhotoJob
     from cubicfish_cli.undistortion.frames import Crop
     from cubicfish_cli.undistortion.maps import UndistortMap
     from cubicfish_cli.words.finding import Finding
@@ -180,15 +180,15 @@ def command(
     if mask_limit is not None:
         trusted = partial(_trusted, mask_limit, uncertainty_of(loaded, camera_file), loaded, crop)
     planned = planned.free(skip_existing=skip_existing, overwrite=overwrite)
-    with scheduler.connected(needed=bool(planned.jobs) and not dry_run) as machines:
+    with scheduler.connected(needed=bool(planned.jobs) and not dry_run) as executor:
         if isinstance(chosen, PlanesOfPhotos):
-            chosen.find_missing([*planned.jobs, *planned.skipped], machines)
+            chosen.find_missing([*planned.jobs, *planned.skipped], executor)
         if dry_run:
-            outlook = outlook_of(planned, chosen)
+            found = dry_run_of(planned, chosen)
             if as_json:
-                print_json({"model": str(camera_file), **outlook.as_record(planned)})
+                print_json({"model": str(camera_file), **found.as_record(planned)})
             else:
-                print_outlook(planned, outlook)
+                print_dry_run(planned, found)
             return
         extras = _extras(
             mask,
@@ -210,9 +210,9 @@ def command(
                     workers=jobs or os.cpu_count() or 1,
                     overwrite=overwrite,
                     progress=callback,
-                    machines=machines,
+                    executor=executor,
                 )
-                if machines is None:
+                if executor is None:
                     failures = [*failures, *_gone(planned, failures)]
     if as_json:
         record = _record(planned, failures, chosen)
@@ -258,10 +258,10 @@ def _undistort_videos(
     encoding: EncodingOptions,
     *,
     overwrite: bool,
-) -> list[Failure]:
+) -> list[FailedPhoto]:
     """One video after the other; one that fails does not stop the others."""
     from cubicfish_cli.errors import CubicfishError
-    from cubicfish_cli.undistortion.batch import Failure
+    from cubicfish_cli.undistortion.batch import FailedPhoto
     from cubicfish_cli.undistortion.video import undistort_video
 
     failures = []
@@ -278,7 +278,7 @@ def _undistort_videos(
                     progress=callback,
                 )
         except CubicfishError as error:
-            failures.append(Failure(job=job, error=error))
+            failures.append(FailedPhoto(job=job, error=error))
             continue
         if done.turned_deg:
             say(
@@ -328,26 +328,26 @@ def _extras(
     )
 
 
-def _done(planned: Plan, failures: Sequence[Failure]) -> list[PhotoJob]:
+def _done(planned: Plan, failures: Sequence[FailedPhoto]) -> list[PhotoJob]:
     failed = {failure.job.source for failure in failures}
     return [job for job in planned.jobs if job.source not in failed]
 
 
-def _gone(planned: Plan, failures: Sequence[Failure]) -> list[Failure]:
+def _gone(planned: Plan, failures: Sequence[FailedPhoto]) -> list[FailedPhoto]:
     """Photos whose results were written and are not there: somebody removed their folder."""
     from cubicfish_cli.errors import OutputError
-    from cubicfish_cli.undistortion.batch import Failure
+    from cubicfish_cli.undistortion.batch import FailedPhoto
 
     lost = []
     for job in _done(planned, failures):
         missing = next((path for path in job.wanted if not path.is_file()), None)
         if missing is not None:
             why = "is gone again: was its folder removed or renamed meanwhile?"
-            lost.append(Failure(job=job, error=OutputError(f"{missing} {why}")))
+            lost.append(FailedPhoto(job=job, error=OutputError(f"{missing} {why}")))
     return lost
 
 
-def _record(planned: Plan, failures: Sequence[Failure], chosen: Views) -> dict[str, Any]:
+def _record(planned: Plan, failures: Sequence[FailedPhoto], chosen: Views) -> dict[str, Any]:
     """What was done, as plain data for JSON."""
     done = _done(planned, failures)
     view = chosen.view(done[0].source, planned.size_of(done[0])) if done else None
@@ -368,7 +368,7 @@ def _record(planned: Plan, failures: Sequence[Failure], chosen: Views) -> dict[s
     }
 
 
-def _told(failure: Failure) -> Finding:
+def _told(failure: FailedPhoto) -> Finding:
     from cubicfish_cli.words.codes import Code, Severity
     from cubicfish_cli.words.finding import Finding
 
@@ -380,7 +380,7 @@ def _told(failure: Failure) -> Finding:
     )
 
 
-def _print(planned: Plan, failures: Sequence[Failure], chosen: Views) -> None:
+def _print(planned: Plan, failures: Sequence[FailedPhoto], chosen: Views) -> None:
     """Say what was written."""
     done = _done(planned, failures)
     if done or not share_a_reason(failures):  # else the error at the end says it
@@ -406,7 +406,7 @@ def _print(planned: Plan, failures: Sequence[Failure], chosen: Views) -> None:
         result("nothing to do")
 
 
-def _end_with(planned: Plan, failures: Sequence[Failure], *, as_json: bool) -> None:
+def _end_with(planned: Plan, failures: Sequence[FailedPhoto], *, as_json: bool) -> None:
     """End with an error when a photo failed.
 
     Args:

@@ -9,12 +9,12 @@ from cubicfish_cli.cli.figures import count
 from cubicfish_cli.errors import OutputError
 
 if TYPE_CHECKING:
-    from cubicfish_cli.undistortion.batch import Failure
+    from cubicfish_cli.undistortion.batch import FailedPhoto
 
 _MOST_NAMES = 10
 
 
-def failure_lines(failures: Sequence[Failure], kind: str) -> list[str]:
+def failure_lines(failures: Sequence[FailedPhoto], kind: str) -> list[str]:
     """A line for each reason, and for which photos it holds.
 
     Args:
@@ -28,7 +28,7 @@ def failure_lines(failures: Sequence[Failure], kind: str) -> list[str]:
     ]
 
 
-def ending(failures: Sequence[Failure], total: int, kind: str, *, told_in: str | None) -> str:
+def ending(failures: Sequence[FailedPhoto], total: int, kind: str, *, told_in: str | None) -> str:
     """What a run says at its end: how many failed, where the reasons are, and what is done.
 
     Args:
@@ -48,19 +48,19 @@ def ending(failures: Sequence[Failure], total: int, kind: str, *, told_in: str |
     return f"{len(failures):,} of {count(total, kind)} could not be undistorted: {why}, {rest}"
 
 
-def share_a_reason(failures: Sequence[Failure]) -> bool:
+def share_a_reason(failures: Sequence[FailedPhoto]) -> bool:
     """Whether one sentence is true of all of them."""
     return len(_by_reason(failures)) == 1
 
 
-def _by_reason(failures: Sequence[Failure]) -> dict[str, list[Failure]]:
-    groups: dict[str, list[Failure]] = {}
+def _by_reason(failures: Sequence[FailedPhoto]) -> dict[str, list[FailedPhoto]]:
+    groups: dict[str, list[FailedPhoto]] = {}
     for failure in failures:
         groups.setdefault(_reason(failure), []).append(failure)
     return groups
 
 
-def _reason(failure: Failure) -> str:
+def _reason(failure: FailedPhoto) -> str:
     """Why, without what is the photo's own: "each is empty: ..." for "a.png is empty: ..."."""
     error = failure.error
     if not error.about:
@@ -71,7 +71,7 @@ def _reason(failure: Failure) -> str:
     return f"{'each result' if isinstance(error, OutputError) else 'each'} {text}"
 
 
-def _several(failures: Sequence[Failure], kind: str) -> str:
+def _several(failures: Sequence[FailedPhoto], kind: str) -> str:
     names = [failure.job.name for failure in failures]
     listed = ", ".join(names[:_MOST_NAMES])
     more = f" and {len(names) - _MOST_NAMES:,} more" * (len(names) > _MOST_NAMES)

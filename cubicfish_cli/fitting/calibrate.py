@@ -12,7 +12,6 @@ import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.companion import CHECK_ALL, Companion, fit_companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
 from cubicfish_cli.fitting.departures import Departure, departures
 from cubicfish_cli.fitting.diagnosis.diagnose import Evidence, explained, find_faults, within_noise
@@ -24,11 +23,17 @@ from cubicfish_cli.fitting.findings import (
     noisy_photos,
 )
 from cubicfish_cli.fitting.folds import folds_of
-from cubicfish_cli.fitting.frame import in_companions_frame
+from cubicfish_cli.fitting.frame import in_references_frame
 from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
 from cubicfish_cli.fitting.hold import FIRMEST, UNTOLD, choose_hold
 from cubicfish_cli.fitting.photo_spread import photo_spread
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.radial_reference import (
+    CHECK_ALL,
+    RadialReference,
+    fit_radial,
+    refit_radial,
+)
 from cubicfish_cli.fitting.reach import Reach, reach, trusted_angle_deg
 from cubicfish_cli.fitting.refinement import LEVELS, Drawing, Level, ObjectFit, refine_object
 from cubicfish_cli.fitting.robust import gross_px
@@ -119,13 +124,13 @@ class Calibration(Calibrated):
         pairs: the pairs that were used.
         residual: (N, 2) projection less pixel of those, pixels.
         errors: reprojection errors over the used pairs.
-        companion_rms_px: RMS of the radial companion on the same pairs.
+        companion_rms_px: RMS of the radial reference on the same pairs.
         held_out: cross-validated errors; None when the photos are too few.
         held_out_by_level: held-out RMS of every level of ``refine_target`` that was tried.
         rank: numerical rank of Φ over the used rays (16 on the sphere).
         covered_deg: angle from the axis of the farthest used corner.
         reach: what corners say of the field's rim.
-        hold: how P was held to the companion.
+        hold: how P was held to the reference.
         rival: how photos that were left out would rather have it held; None where as it is.
         dropped: corners left out because they were grossly off.
         unfit: photos left out, with the reason.
@@ -219,7 +224,7 @@ def calibrate(
 ) -> Calibration:
     """Fit the cubic camera (``ray`` lift) and the pose of every photo to 2D-3D pairs.
 
-    Zhu & Yin (2010): poses and the radial companion first, without any guess; then P by the
+    Zhu & Yin (2010): poses and the radial reference first, without any guess; then P by the
     linear equations 8–9 and Levenberg–Marquardt on Eq. 10, jointly with all poses and, where it
     helps photos that were left out, with the object itself.
 
@@ -280,35 +285,35 @@ def _calibrated(
 ) -> Calibration:
     stages.begin("start")
     scale = world_scale(pairs)
-    companion = fit_companion(replace(pairs, world=pairs.world / scale))
+    reference = fit_radial(replace(pairs, world=pairs.world / scale))
     stages.begin("cubic")
-    fit, dropped = _without_gross(companion)
+    fit, dropped = _without_gross(reference)
     fit = _without_noisy(fit)
-    _refuse_undetermined(fit.companion)
-    drawing = Drawing(target=target, pairs=fit.companion.pairs, scale=scale)
+    _refuse_undetermined(fit.reference)
+    drawing = Drawing(target=target, pairs=fit.reference.pairs, scale=scale)
     drawn = fit
     fit, held_out = _climb(drawn, drawing, refine_target, hold_out, stages)
     stages.begin("checks")
     held_out_by_level = {level: error.rms_px for level, error in held_out.items() if error}
-    cubic, companion = fit.cubic, fit.companion
-    used = replace(companion.pairs, world=companion.pairs.world * scale)
+    cubic, reference = fit.cubic, fit.reference
+    used = replace(reference.pairs, world=reference.pairs.world * scale)
     refined = fit.refined_target(drawing)
     camera = CubicCamera(
         image_size=pairs.image_size,
         P=cubic.lens.P,
         max_angle_deg=cubic.max_angle_deg,
-        radial=companion.camera,
+        radial=reference.camera,
     )
-    places = repeated_groups(cubic.poses, companion.pairs, companion.camera.fx)
-    spread = photo_spread(cubic, companion, places)
-    covered_deg = float(np.rad2deg(companion.covered))
+    places = repeated_groups(cubic.poses, reference.pairs, reference.camera.fx)
+    spread = photo_spread(cubic, reference, places)
+    covered_deg = float(np.rad2deg(reference.covered))
     trusted = trusted_angle_deg(camera, covered_deg, spread.sigma_px)
     camera = replace(camera, max_angle_deg=trusted)
     uncertainty = uncertainty_record(spread, camera)
-    points = cubic.poses.apply(companion.pairs.image, cubic.fit.world.points)
+    points = cubic.poses.apply(reference.pairs.image, cubic.fit.world.points)
     rim = reach(camera, points, cubic.residual, spread.sigma_px)
     poses = cubic.poses.scaled(scale)
-    camera, poses = in_companions_frame(camera, poses, companion.covered)
+    camera, poses = in_references_frame(camera, poses, reference.covered)
     share = coverage(used.pixel, camera.outline(), pairs.image_size)
     notes = dropped_groups(pairs, [(c.image, c.board, c.error_px) for c in dropped])
     findings: list[Finding] = []
@@ -331,16 +336,16 @@ def _calibrated(
         pairs=used,
         residual=cubic.residual,
         errors=error_statistics(cubic.residual),
-        companion_rms_px=rms_px(companion.residual),
+        companion_rms_px=rms_px(reference.residual),
         held_out=held_out.get(fit.level),
         held_out_by_level=held_out_by_level,
-        rank=_rank(companion, cubic),
+        rank=_rank(reference, cubic),
         covered_deg=covered_deg,
         reach=rim,
         hold=cubic.hold,
         rival=cubic.rival,
         dropped=dropped,
-        unfit=companion.unfit,
+        unfit=reference.unfit,
         refined=fit.level,
         target=refined,
         departures=tuple(departures(target, refined, doubted=not wrong))
@@ -353,46 +358,46 @@ def _calibrated(
     )
 
 
-def _without_gross(companion: Companion) -> tuple[ObjectFit, tuple[DroppedCorner, ...]]:
+def _without_gross(reference: RadialReference) -> tuple[ObjectFit, tuple[DroppedCorner, ...]]:
     """Fit to the object as drawn without grossly wrong corners.
 
     Every round judges all corners anew: a corner that only looked wrong because others had
     pulled its photo's pose away comes back.
     """
-    everything, poses = companion.pairs, companion.poses
-    length = np.hypot(companion.residual[:, 0], companion.residual[:, 1])
-    good, kept = length <= gross_px(companion.residual), np.ones(len(length), bool)
+    everything, poses = reference.pairs, reference.poses
+    length = np.hypot(reference.residual[:, 0], reference.residual[:, 1])
+    good, kept = length <= gross_px(reference.residual), np.ones(len(length), bool)
     for round_ in range(_DROP_ROUNDS):
         if not (good == kept).all():
             remaining, photos = select(everything, good)
-            companion = refit_companion(companion, remaining, poses[photos])
+            reference = refit_radial(reference, remaining, poses[photos])
         elif round_:
             break
         else:
             photos = np.arange(len(poses))
         kept = good
-        cubic = fit_cubic(companion, UNTOLD, relative_decrease=_DROP_DECREASE)
+        cubic = fit_cubic(reference, UNTOLD, relative_decrease=_DROP_DECREASE)
         poses = poses.with_photos(photos, cubic.poses)
         miss = cubic.lens.project(poses.apply(everything.image, everything.world))
         miss -= everything.pixel
         length = np.minimum(np.hypot(miss[:, 0], miss[:, 1]), max(everything.image_size))
         good = length <= gross_px(cubic.residual)
-    cubic = choose_hold(companion, folds_of(companion), start=cubic, everywhere=True)
-    fit = ObjectFit(level="off", companion=companion, cubic=cubic)
+    cubic = choose_hold(reference, folds_of(reference), start=cubic, everywhere=True)
+    fit = ObjectFit(level="off", reference=reference, cubic=cubic)
     return fit, tuple(_dropped(everything, ~kept, length))
 
 
 def _without_noisy(fit: ObjectFit) -> ObjectFit:
     """Leave out photos that are blurred, moving or badly lit, and say so."""
-    pairs = fit.companion.pairs
+    pairs = fit.reference.pairs
     noisy = noisy_photos(pairs, fit.cubic.residual)
     if not noisy:
         return fit
     good = np.setdiff1d(np.arange(len(pairs.images)), list(noisy))
-    companion = refit_companion(fit.companion, select_photos(pairs, good), fit.cubic.poses[good])
+    reference = refit_radial(fit.reference, select_photos(pairs, good), fit.cubic.poses[good])
     named = {pairs.images[photo]: reason for photo, reason in noisy.items()}
-    companion = replace(companion, unfit=companion.unfit | named)
-    return replace(fit, companion=companion, cubic=choose_hold(companion, folds_of(companion)))
+    reference = replace(reference, unfit=reference.unfit | named)
+    return replace(fit, reference=reference, cubic=choose_hold(reference, folds_of(reference)))
 
 
 def _climb(
@@ -407,7 +412,7 @@ def _climb(
         fit, measured["off"] = _judged(fit, partial(stages.begin, "held out"))
     if drawing.target is None or refine_target == "off" or (auto and measured["off"] is None):
         return fit, measured
-    groups = folds_of(fit.companion)
+    groups = folds_of(fit.reference)
     for level in LEVELS[1:]:
         fitting, holding = _STAGES[level]
         stages.begin(fitting)
@@ -429,13 +434,13 @@ def _judged(
 ) -> tuple[ObjectFit, HeldOut | None]:
     """The held-out error, which has the last word on how P is held.
 
-    The choice was made to first order. Where the cubic is worse than its companion on photos that
+    The choice was made to first order. Where the cubic is worse than its reference on photos that
     were left out, it is held as firmly as can be, if that is better.
     """
     held_out = held_out_error(fit, progress)
     if held_out is None or held_out.rms_px <= held_out.companion_rms_px:
         return fit, held_out
-    cubic = fit_cubic(fit.companion, FIRMEST, world=fit.cubic.fit.world, start=fit.cubic)
+    cubic = fit_cubic(fit.reference, FIRMEST, world=fit.cubic.fit.world, start=fit.cubic)
     rival = fit.cubic.rival or fit.cubic.hold
     firm = replace(fit, cubic=replace(cubic, rival=rival))
     measured = held_out_error(firm, progress)
@@ -458,12 +463,12 @@ def _refuse_too_little(pairs: Correspondences) -> None:
         )
 
 
-def _refuse_undetermined(companion: Companion) -> None:
-    if companion.focal_uncertainty > _MAX_FOCAL_UNCERTAINTY:
-        fits = within_noise(companion.pairs, companion.residual) and not companion.unfit
+def _refuse_undetermined(reference: RadialReference) -> None:
+    if reference.focal_uncertainty > _MAX_FOCAL_UNCERTAINTY:
+        fits = within_noise(reference.pairs, reference.residual) and not reference.unfit
         raise (_UndeterminedError if fits else FitError)(
             "the photos do not determine the lens (its focal length is uncertain by "
-            f"{100 * companion.focal_uncertainty:.0f} %)",
+            f"{100 * reference.focal_uncertainty:.0f} %)",
             do="add photos in which the boards are tilted and nearer to the rim",
         )
 
@@ -483,7 +488,7 @@ def _dropped(
     ]
 
 
-def _rank(companion: Companion, cubic: CubicResult) -> int:
-    points = cubic.poses.apply(companion.pairs.image, companion.pairs.world)
+def _rank(reference: RadialReference, cubic: CubicResult) -> int:
+    points = cubic.poses.apply(reference.pairs.image, reference.pairs.world)
     rays = points / np.linalg.norm(points, axis=-1, keepdims=True)
     return int(np.linalg.matrix_rank(lift(rays), tol=1e-9 * np.sqrt(len(rays))))

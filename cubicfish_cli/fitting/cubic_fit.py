@@ -1,6 +1,6 @@
-"""Fitting the cubic camera and all poses jointly, from the radial companion.
+"""Fitting the cubic camera and all poses jointly, from the radial reference.
 
-P is held to the companion, bent as real lenses are, by a weak prior on a cone
+P is held to the reference, bent as real lenses are, by a weak prior on a cone
 (pseudo-observations): it keeps poles out where no corner is, and fixes the rotation that P could
 otherwise absorb. How symmetric the lens is that holds P, and how firmly it does, are two unknowns
 of each camera: :class:`Hold`, chosen in hold.py.
@@ -16,15 +16,15 @@ import numpy.typing as npt
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import COLD_DAMPING, WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.fitting.companion import MARGIN_DEG, Companion
 from cubicfish_cli.fitting.lenses import WEIGHT_BEYOND, CubicFit, RayPrior
 from cubicfish_cli.fitting.linear import linear_coefficients
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.radial_reference import MARGIN_DEG, RadialReference
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.model.lift import lift, sphere_basis
 from cubicfish_cli.model.radial import RadialCamera
-from cubicfish_cli.model.soundness import Soundness, check_soundness, cone_rays
+from cubicfish_cli.model.validity import Validity, check_validity, cone_rays
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -33,14 +33,14 @@ _PRIOR_RAYS = 300
 _PRIOR_MARGIN_DEG = 10.0
 # Beyond half a turn less this, a ray's azimuth says nothing.
 _LARGEST_ANGLE_DEG = 175.0
-# Near its fold the companion's profile is flat; the prior stays short of that.
+# Near its fold the reference's profile is flat; the prior stays short of that.
 _FOLD_SHARE = 0.98
 # In normalised pixels: Kannala–Brandt lenses of 10° to 150° are then met within 0.02 px by cubics
 # without a pole; ten times more costs up to 0.08 px, and none at all lets poles in.
 _DENOMINATOR_PULL = 1e-4
 # Each is safer and less exact than the one before: P3Φ nears a constant.
 _SAFER_PULLS = (1e-2, 1.0, 100.0)
-# Expected relative departure of P3Φ from that of the companion's cubic.
+# Expected relative departure of P3Φ from that of the reference's cubic.
 _DENOMINATOR_SPREAD = 0.1
 _STRONGEST = 1e4
 # For fits that only lead to the next one.
@@ -53,7 +53,7 @@ class Hold:
 
     Attributes:
         spread: expected asymmetry of the lens that holds P (see
-            :class:`~cubicfish_cli.fitting.bent.BentFit`); 0 for a symmetric one.
+            :class:`~cubicfish_cli.fitting.asymmetric.BentFit`); 0 for a symmetric one.
         weight: weight of the pseudo-observations.
 
     """
@@ -71,9 +71,9 @@ class CubicResult:
         fit: the whole adjustment.
         poses: camera_from_world of each photo.
         residual: (N, 2) projection less pixel, pixels.
-        hold: how P was held to the companion.
+        hold: how P was held to the reference.
         max_angle_deg: half-angle of the cone over which P may be trusted.
-        soundness: the check for poles and folds over that cone.
+        validity: the check for poles and folds over that cone.
         rival: the hold under which photos that were left out fitted best, where another is held
             to for want of a clear difference; None where none was sought.
 
@@ -85,24 +85,24 @@ class CubicResult:
     residual: FloatArray
     hold: Hold
     max_angle_deg: float
-    soundness: Soundness
+    validity: Validity
     rival: Hold | None = None
 
 
 def fit_cubic(
-    companion: Companion,
+    reference: RadialReference,
     hold: Hold,
     *,
     world: World | None = None,
     start: CubicResult | None = None,
     relative_decrease: float = 1e-10,
 ) -> CubicResult:
-    """Fit P and all poses (Eq. 10) from a companion's lens and poses.
+    """Fit P and all poses (Eq. 10) from a reference's lens and poses.
 
     Args:
-        companion: the radial fit to start from and to lean on.
+        reference: the radial fit to start from and to lean on.
         hold: how P is held to it.
-        world: the object, where it is free; its points are those of the companion's pairs.
+        world: the object, where it is free; its points are those of the reference's pairs.
         start: a fit to the same photos from which to start, where there is one.
         relative_decrease: when to stop, as in :func:`~cubicfish_cli.fitting.adjustment.adjust`.
 
@@ -110,14 +110,14 @@ def fit_cubic(
         FitError: no weight of the prior gives a camera without poles and folds.
 
     """
-    max_angle_deg = float(np.rad2deg(_valid_angle(companion)))
-    lens, poses = _first(companion, hold, start, world)
+    max_angle_deg = float(np.rad2deg(_valid_angle(reference)))
+    lens, poses = _first(reference, hold, start, world)
     while True:
         fit = adjust(
             lens,
             poses,
-            companion.pairs,
-            huber_px=huber_px(companion.residual if start is None else start.residual),
+            reference.pairs,
+            huber_px=huber_px(reference.residual if start is None else start.residual),
             world=world,
             relative_decrease=max(relative_decrease, _ROUGH_DECREASE),
             damping=COLD_DAMPING if start is None else WARM_DAMPING,
@@ -126,22 +126,22 @@ def fit_cubic(
             fit = adjust(
                 fit.lens,
                 fit.poses,
-                companion.pairs,
+                reference.pairs,
                 huber_px=huber_px(fit.residual),
                 world=fit.world,
                 relative_decrease=relative_decrease,
                 damping=WARM_DAMPING,
             )
         result = _result(fit, hold, max_angle_deg)
-        if result.soundness.sound:
+        if result.validity.valid:
             return result
-        # A pole crept in: hold P closer to the companion, which has none.
+        # A pole crept in: hold P closer to the reference, which has none.
         hold = replace(hold, weight=hold.weight * 10**0.5)
-        lens, poses = _first(companion, hold, None, world)
+        lens, poses = _first(reference, hold, None, world)
         if hold.weight > _STRONGEST:
             raise FitError(
-                f"the camera folds at {result.soundness.sound_to_deg:.0f}° from its axis while "
-                f"corners reach {np.rad2deg(companion.covered):.0f}°: check that corners near "
+                f"the camera folds at {result.validity.valid_to_deg:.0f}° from its axis while "
+                f"corners reach {np.rad2deg(reference.covered):.0f}°: check that corners near "
                 "the rim are named rightly, or take photos that cover the field more evenly"
             )
 
@@ -155,7 +155,7 @@ def _result(fit: Adjustment, hold: Hold, max_angle_deg: float) -> CubicResult:
         residual=fit.residual,
         hold=hold,
         max_angle_deg=max_angle_deg,
-        soundness=check_soundness(lens.P, max_angle_deg),
+        validity=check_validity(lens.P, max_angle_deg),
     )
 
 
@@ -166,12 +166,12 @@ def cubic_of(fit: Adjustment) -> CubicFit:
     return fit.lens
 
 
-def _valid_angle(companion: Companion) -> float:
+def _valid_angle(reference: RadialReference) -> float:
     """Half-angle of the cone over which P is to be trusted, radians."""
-    covered = companion.covered
+    covered = reference.covered
     return min(
         covered + np.deg2rad(MARGIN_DEG),
-        max(_FOLD_SHARE * companion.camera.max_angle, covered),
+        max(_FOLD_SHARE * reference.camera.max_angle, covered),
         np.deg2rad(_LARGEST_ANGLE_DEG),
     )
 
@@ -186,17 +186,17 @@ def prior_cone(camera: RadialCamera, covered: float) -> float:
 
 
 def _first(
-    companion: Companion, hold: Hold, start: CubicResult | None, world: World | None
+    reference: RadialReference, hold: Hold, start: CubicResult | None, world: World | None
 ) -> tuple[CubicFit, Poses]:
     """The first of the starts, from the most exact to the safest, without a pole in sight.
 
     A start with a pole among the corners or beside them, on the prior's cone, is no reason to
     give up: photos and radial lens are right all the same.
     """
-    pairs = companion.pairs
+    pairs = reference.pairs
     points = pairs.world if world is None else world.points
-    lens, poses = None, companion.poses
-    for lens, poses in _starts(companion, hold, start):
+    lens, poses = None, reference.poses
+    for lens, poses in _starts(reference, hold, start):
         with np.errstate(over="ignore"):
             pixel = lens.project(poses.apply(pairs.image, points))
         if np.isfinite(pixel).all() and np.isfinite(lens.prior()[0]).all():
@@ -206,23 +206,23 @@ def _first(
 
 
 def _starts(
-    companion: Companion, hold: Hold, start: CubicResult | None
+    reference: RadialReference, hold: Hold, start: CubicResult | None
 ) -> Iterator[tuple[CubicFit, Poses]]:
     if start is not None:
-        yield held(start.lens, companion, hold), start.poses
-    yield start_lens(companion, hold), companion.bent(hold.spread)[1]
+        yield held(start.lens, reference, hold), start.poses
+    yield start_lens(reference, hold), reference.bent(hold.spread)[1]
     for pull in (_DENOMINATOR_PULL, *_SAFER_PULLS):
-        yield start_lens(companion, hold, denominator_pull=pull, symmetric=True), companion.poses
+        yield start_lens(reference, hold, denominator_pull=pull, symmetric=True), reference.poses
 
 
-def held(lens: CubicFit, companion: Companion, hold: Hold) -> CubicFit:
+def held(lens: CubicFit, reference: RadialReference, hold: Hold) -> CubicFit:
     """The same P, held otherwise."""
-    bent, _ = companion.bent(hold.spread)
+    bent, _ = reference.bent(hold.spread)
     return replace(lens, ray_prior=replace(lens.ray_prior, lens=bent, weight=hold.weight))
 
 
 def start_lens(
-    companion: Companion,
+    reference: RadialReference,
     hold: Hold,
     *,
     denominator_pull: float = _DENOMINATOR_PULL,
@@ -234,17 +234,17 @@ def start_lens(
     outside them, where Levenberg–Marquardt then stays.
 
     Args:
-        companion: the radial fit.
+        reference: the radial fit.
         hold: how P is held to it.
         denominator_pull: how firmly P3Φ is kept near a constant.
-        symmetric: start at the companion itself instead of the bent lens.
+        symmetric: start at the reference itself instead of the bent lens.
 
     """
-    camera = companion.camera
-    nearest, covered = companion.reached
+    camera = reference.camera
+    nearest, covered = reference.reached
     rays = cone_rays(prior_cone(camera, covered), _PRIOR_RAYS)
-    bent, _ = companion.bent(hold.spread)
-    pixel = (companion.bent(0.0)[0] if symmetric else bent).project(rays)
+    bent, _ = reference.bent(hold.spread)
+    pixel = (reference.bent(0.0)[0] if symmetric else bent).project(rays)
     centre = np.array([camera.cx, camera.cy])
     scale = (camera.fx + camera.fy) / 2
     within = (rays[:, 2] >= np.cos(covered)) & (rays[:, 2] <= np.cos(nearest))
@@ -268,12 +268,12 @@ def start_lens(
             within=within,
             weight=hold.weight,
             denominator=values @ coefficients[2],
-            denominator_weight=_denominator_weight(companion),
+            denominator_weight=_denominator_weight(reference),
         ),
     )
 
 
-def _denominator_weight(companion: Companion) -> float:
+def _denominator_weight(reference: RadialReference) -> float:
     """So that 16 independent relative changes of P3Φ by its spread count one noise each."""
-    sigma = max(noise_px(companion.residual), 1e-3)
+    sigma = max(noise_px(reference.residual), 1e-3)
     return sigma / _DENOMINATOR_SPREAD * np.sqrt(16 / _PRIOR_RAYS)

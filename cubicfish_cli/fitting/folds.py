@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.fitting.companion import Companion
 from cubicfish_cli.fitting.diagnosis.repeats import repeated_groups
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.radial_reference import RadialReference
 from cubicfish_cli.frame_names import film_and_time
 
 IntArray = npt.NDArray[np.intp]
@@ -22,9 +22,9 @@ FOLDS = 5
 MIN_PHOTOS = 3
 
 
-def folds_of(companion: Companion) -> list[IntArray]:
-    """Indices of a companion's photos that are left out together, see :func:`photo_folds`."""
-    return photo_folds(companion.poses, companion.pairs, companion.camera.fx)
+def folds_of(reference: RadialReference) -> list[IntArray]:
+    """Indices of a reference's photos that are left out together, see :func:`photo_folds`."""
+    return photo_folds(reference.poses, reference.pairs, reference.camera.fx)
 
 
 def photo_folds(poses: Poses, pairs: Correspondences, focal: float) -> list[IntArray]:

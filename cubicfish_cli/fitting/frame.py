@@ -1,4 +1,4 @@
-"""The camera's frame: that of the radial companion, which stands beside P in one file."""
+"""The camera's frame: that of the radial reference, which stands beside P in one file."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lift import lift_rotation
-from cubicfish_cli.model.soundness import check_soundness, cone_rays
+from cubicfish_cli.model.validity import check_validity, cone_rays
 
 FloatArray = npt.NDArray[np.float64]
 
 _RAYS = 2000
 
 
-def in_companions_frame(
+def in_references_frame(
     camera: CubicCamera, poses: Poses, covered: float
 ) -> tuple[CubicCamera, Poses]:
-    """The same camera and poses with the frame turned to where P is nearest to the companion.
+    """The same camera and poses with the frame turned to where P is nearest to the reference.
 
     Corners leave the frame's turn open (poses make up for it, P L(R) for the lens), and what P is
     held to is not quite symmetric, so that the frames of the two lenses differ by a little.
 
     Args:
-        camera: P with its companion.
+        camera: P with its reference.
         poses: camera_from_world of the photos.
         covered: angle from the axis up to which there are corners, radians.
 
@@ -38,7 +38,7 @@ def in_companions_frame(
     P = camera.P @ lift_rotation(rotation)
     turned = replace(camera, P=P / np.linalg.norm(P))
     # The cone turns along, by far less than its margin to the farthest corner.
-    if not check_soundness(turned.P, turned.max_angle_deg).sound:
+    if not check_validity(turned.P, turned.max_angle_deg).valid:
         return camera, poses
     return turned, Poses(
         rotation=rotation.T @ poses.rotation, translation=poses.translation @ rotation

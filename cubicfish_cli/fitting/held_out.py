@@ -12,12 +12,12 @@ import numpy.typing as npt
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.fitting.companion import radial_of
 from cubicfish_cli.fitting.cubic_fit import cubic_of
 from cubicfish_cli.fitting.folds import photo_folds
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import FixedLens, RadialFit
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.radial_reference import radial_of
 from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.refinement import ObjectFit
 from cubicfish_cli.fitting.robust import huber_px
@@ -45,7 +45,7 @@ class HeldOut:
 
     Attributes:
         rms_px: of the cubic camera.
-        companion_rms_px: of the radial companion, on the same folds.
+        companion_rms_px: of the radial reference, on the same folds.
         corners: corners that were counted.
         folds: into how many parts the photos were split.
         photos_px: (M,) RMS of the cubic camera on each photo; NaN where it sees none of it.
@@ -74,7 +74,7 @@ def held_out_error(
 ) -> HeldOut | None:
     """Cross-validation by photo: each photo is judged by a camera that never saw it.
 
-    Which photos are left out together, folds.py says. In each fold companion, P and,
+    Which photos are left out together, folds.py says. In each fold reference, P and,
     at its level, the object are fitted to the other photos; then only the poses of the photos left
     out are fitted. The fits start a Gauss-Newton step from where the fit to all photos ended, next
     to their own optimum; the priors and their weights are those that the fit to all photos chose.
@@ -87,11 +87,11 @@ def held_out_error(
         None with fewer than :data:`MIN_PHOTOS` places.
 
     """
-    parts = photo_folds(fit.cubic.poses, fit.companion.pairs, fit.companion.camera.fx)
+    parts = photo_folds(fit.cubic.poses, fit.reference.pairs, fit.reference.camera.fx)
     if not parts:
         return None
     limit = huber_px(fit.cubic.residual)
-    steps = Leaving(fit.cubic.fit, fit.companion.pairs, limit, parts).steps()
+    steps = Leaving(fit.cubic.fit, fit.reference.pairs, limit, parts).steps()
     measured = []
     for done, (test, step) in enumerate(zip(parts, steps, strict=True)):
         if progress is not None:
@@ -114,20 +114,20 @@ def held_out_error(
 def _fold(
     fit: ObjectFit, test: IntArray, step: tuple[FloatArray, FloatArray, FloatArray]
 ) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Residuals of the photos ``test`` under a fit to the others: the cubic's, the companion's.
+    """Residuals of the photos ``test`` under a fit to the others: the cubic's, the reference's.
 
     And the photo of each of the cubic's. ``step`` leads from the fit to all nearly to that fit.
     """
-    pairs, world = fit.companion.pairs, fit.cubic.fit.world
+    pairs, world = fit.reference.pairs, fit.cubic.fit.world
     out = np.isin(pairs.image, test)
     train = np.setdiff1d(np.arange(len(pairs.images)), test)
     training = select_photos(pairs, train)
     trained = _trained(fit, train, training, world.select(np.flatnonzero(~out)), step)
     radial = adjust(
-        RadialFit(values=fit.companion.camera.parameters, terms=fit.companion.terms),
-        fit.companion.poses[train],
+        RadialFit(values=fit.reference.camera.parameters, terms=fit.reference.terms),
+        fit.reference.poses[train],
         replace(training, world=trained.world.points),
-        huber_px=huber_px(fit.companion.residual),
+        huber_px=huber_px(fit.reference.residual),
         relative_decrease=_RADIAL_DECREASE,
         damping=WARM_DAMPING,
         trust_last=True,

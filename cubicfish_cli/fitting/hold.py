@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.fitting.companion import Companion
 from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic, held
 from cubicfish_cli.fitting.left_out import Leaving, LeftOut
+from cubicfish_cli.fitting.radial_reference import RadialReference
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.world import World
 
@@ -44,7 +44,7 @@ _EVERY_PLACE = [
 
 
 def choose_hold(
-    companion: Companion,
+    reference: RadialReference,
     groups: Sequence[IntArray],
     *,
     world: World | None = None,
@@ -57,7 +57,7 @@ def choose_hold(
     order; the best is fitted, and looked around from again.
 
     Args:
-        companion: the radial fit.
+        reference: the radial fit.
         groups: photos to be left out together; fewer than two leave the choice open.
         world: the object, where it is free.
         start: a fit to the same photos whose hold is where to begin.
@@ -69,29 +69,29 @@ def choose_hold(
     """
     hold = UNTOLD if start is None else start.hold
     if len(groups) < 2:
-        return fit_cubic(companion, hold, world=world, start=start)
+        return fit_cubic(reference, hold, world=world, start=start)
     place, seen = _place_of(hold), list[_Place]()
     squares: dict[_Place, FloatArray] = {}
     places = _EVERY_PLACE if everywhere or start is None else _around(place)
     while place not in seen and len(seen) < _MOST_STEPS:
         seen.append(place)
         start = fit_cubic(
-            companion,
+            reference,
             _hold(place),
             world=world if start is None else start.fit.world,
             start=start,
             relative_decrease=_SCAN_DECREASE,
         )
-        leaving = Leaving(start.fit, companion.pairs, huber_px(start.residual), groups)
+        leaving = Leaving(start.fit, reference.pairs, huber_px(start.residual), groups)
         for other in places:
-            lens = held(start.lens, companion, _hold(other))
+            lens = held(start.lens, reference, _hold(other))
             squares[other] = _squares(leaving.left_out(lens), len(start.poses))
         place = _firmest_of_the_best(squares)
         places = _around(place)
     assert start is not None
     # A search that comes back to an earlier hold ends there; a hold that was made firmer stays so.
     hold = start.hold if place == seen[-1] else _hold(place)
-    fitted = fit_cubic(companion, hold, world=start.fit.world, start=start)
+    fitted = fit_cubic(reference, hold, world=start.fit.world, start=start)
     return replace(fitted, rival=_hold(_best(squares)))
 
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.fitting.bent import BentFit, StillRays
+from cubicfish_cli.fitting.asymmetric import BentFit, StillRays
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lift import evaluate_cubics, lift, sphere_basis

@@ -20,15 +20,15 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.fitting.bent import BentFit
-from cubicfish_cli.fitting.companion import MARGIN_DEG, Companion
+from cubicfish_cli.fitting.asymmetric import BentFit
 from cubicfish_cli.fitting.cubic_fit import CubicResult, held
 from cubicfish_cli.fitting.folds import dealt_out
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.poses import cross_matrix
+from cubicfish_cli.fitting.radial_reference import MARGIN_DEG, RadialReference
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.uncertainty import Uncertainty, camera_uncertainty
-from cubicfish_cli.model.soundness import cone_rays
+from cubicfish_cli.model.validity import cone_rays
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
@@ -132,28 +132,28 @@ def variance_of_few(squares: FloatArray, clusters: int) -> FloatArray:
     return squares * (clusters - 1) / clusters * freedom / (freedom - 2)
 
 
-def photo_spread(result: CubicResult, companion: Companion, places: IntArray) -> PhotoSpread:
+def photo_spread(result: CubicResult, reference: RadialReference, places: IntArray) -> PhotoSpread:
     """Leave out the photos of a cubic fit, cluster by cluster, to first order.
 
     Args:
         result: the fit, at its optimum.
-        companion: what P is held to, with the fit's pairs.
+        reference: what P is held to, with the fit's pairs.
         places: (M,) from which place each photo is, counted from 0: those from one place are one.
 
     """
     count = len(result.lens.parameters)
     limit = huber_px(result.residual)
-    leaving = Leaving(result.fit, companion.pairs, limit, _clusters(places, companion.pairs.images))
+    leaving = Leaving(result.fit, reference.pairs, limit, _clusters(places, reference.pairs.images))
     prior = result.lens.ray_prior
-    rivals = [] if result.rival is None else [held(result.lens, companion, result.rival)]
+    rivals = [] if result.rival is None else [held(result.lens, reference, result.rival)]
     return PhotoSpread(
         noise=camera_uncertainty(result),
         left_out=np.array([one.shared[:count] for one in leaving.left_out()]),
         influence=np.array([step[:count] for step in leaving.influence()]),
         rival=np.array([leaving.held_as(lens)[:count] for lens in rivals]),
-        aligned=cone_rays(companion.covered, _ALIGNED_RAYS),
+        aligned=cone_rays(reference.covered, _ALIGNED_RAYS),
         held_to=prior.nearest_lens(result.lens.project(prior.rays)),
-        empty=max(companion.reached[0] - np.deg2rad(MARGIN_DEG), 0.0),
+        empty=max(reference.reached[0] - np.deg2rad(MARGIN_DEG), 0.0),
     )
 
 

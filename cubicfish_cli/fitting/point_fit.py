@@ -1,7 +1,7 @@
 """Fitting the ``point`` lift: P on the points themselves, as the paper's experiments do.
 
 One photo: in the world frame, without any pose. Several: in the camera frame, with the poses
-that the radial companion found.
+that the radial reference found.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from scipy.spatial import ConvexHull
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.companion import fit_companion, refit_companion
 from cubicfish_cli.fitting.folds import photo_folds
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.linear import ROUNDS, linear_ratios
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.radial_reference import fit_radial, refit_radial
 from cubicfish_cli.fitting.robust import gross_px, huber_px
 from cubicfish_cli.fitting.statistics import (
     ErrorStatistics,
@@ -75,11 +75,11 @@ class PointCalibration:
     Attributes:
         camera: the camera.
         pairs: the pairs that were used.
-        poses: camera_from_world of each photo, from the radial companion; None with one photo
+        poses: camera_from_world of each photo, from the radial reference; None with one photo
             whose pose was not needed.
         residual: (N, 2) projection less pixel, pixels.
         errors: over the used pairs.
-        held_out_rms_px: of photos that took no part in the fit, placed by a radial companion
+        held_out_rms_px: of photos that took no part in the fit, placed by a radial reference
             that never saw them either; None with fewer than three photos, or where not asked for.
         plain_rms_px, reweighted_rms_px: of the two linear solutions on the same pairs.
         dropped: how many corners were left out as grossly wrong.
@@ -132,7 +132,7 @@ def calibrate_points(pairs: Correspondences, *, hold_out: bool = True) -> PointC
 
     Args:
         pairs: of one photo (world frame), or of several (camera frame, poses from the radial
-            companion).
+            reference).
         hold_out: also measure the held-out error (five more fits), with three photos or more.
 
     Raises:
@@ -179,10 +179,10 @@ def _held_out(pairs: Correspondences, poses: Poses | None) -> float | None:
         scale = world_scale(train)
         try:
             camera = calibrate_points(train, hold_out=False).camera
-            companion = fit_companion(replace(train, world=train.world / scale))
+            reference = fit_radial(replace(train, world=train.world / scale))
         except FitError:
             return None
-        placed, own, _ = fit_poses(companion.camera, replace(test, world=test.world / scale))
+        placed, own, _ = fit_poses(reference.camera, replace(test, world=test.world / scale))
         if placed is None:
             return None
         points = placed.poses.apply(own.image, own.world) * scale
@@ -197,12 +197,12 @@ def _held_out(pairs: Correspondences, poses: Poses | None) -> float | None:
 def _placed(pairs: Correspondences) -> tuple[Correspondences, Poses, dict[str, Finding]]:
     """The pairs that fit a radial lens, the poses that it gives, and the photos that do not."""
     scale = world_scale(pairs)
-    companion = fit_companion(replace(pairs, world=pairs.world / scale))
-    near = np.hypot(*companion.residual.T) <= gross_px(companion.residual)
-    kept, photos = select(companion.pairs, near)
-    companion = refit_companion(companion, kept, companion.poses[photos])
-    used = replace(companion.pairs, world=companion.pairs.world * scale)
-    return used, companion.poses.scaled(scale), companion.unfit
+    reference = fit_radial(replace(pairs, world=pairs.world / scale))
+    near = np.hypot(*reference.residual.T) <= gross_px(reference.residual)
+    kept, photos = select(reference.pairs, near)
+    reference = refit_radial(reference, kept, reference.poses[photos])
+    used = replace(reference.pairs, world=reference.pairs.world * scale)
+    return used, reference.poses.scaled(scale), reference.unfit
 
 
 def _fit(

@@ -13,11 +13,11 @@ import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.fitting.companion import Companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import CubicResult, cubic_of
 from cubicfish_cli.fitting.hold import choose_hold
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.radial_reference import RadialReference, refit_radial
 from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.target import Target
@@ -59,11 +59,11 @@ class Drawing:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ObjectFit:
-    """A camera, its companion and the object, fitted together.
+    """A camera, its reference and the object, fitted together.
 
     Attributes:
         level: how much of the object was free.
-        companion: the radial fit, its pairs with the refined world points.
+        reference: the radial fit, its pairs with the refined world points.
         cubic: the cubic fit.
         offset_spread: standard deviation of corners' own offsets that the data showed, in the
             pairs' units; None below the level ``points``.
@@ -71,7 +71,7 @@ class ObjectFit:
     """
 
     level: Level
-    companion: Companion
+    reference: RadialReference
     cubic: CubicResult
     offset_spread: float | None = None
 
@@ -129,7 +129,7 @@ def free_world(drawing: Drawing, *, noise: float, offset_spread: float | None) -
 def _adjusted(
     lens: CubicFit, poses: Poses, pairs: Correspondences, world: RefinedWorld
 ) -> Adjustment:
-    """A first adjustment of the object, rough: the companion and all at once come after it."""
+    """A first adjustment of the object, rough: the reference and all at once come after it."""
     # As drawn, residuals are too large to set the loss's scale by.
     return adjust(
         lens,
@@ -217,10 +217,10 @@ def _joint(
     spread: float | None,
     groups: Sequence[IntArray],
 ) -> ObjectFit:
-    """With the object near its place: the companion anew, how P is held, then all at once."""
+    """With the object near its place: the reference anew, how P is held, then all at once."""
     world = _refined(adjusted)
     pairs = replace(drawing.pairs, world=world.points)
-    companion = refit_companion(fit.companion, pairs, adjusted.poses)
+    reference = refit_radial(fit.reference, pairs, adjusted.poses)
     world = world.with_noise(noise_px(adjusted.residual), spread)
     near = replace(
         fit.cubic,
@@ -229,11 +229,11 @@ def _joint(
         poses=adjusted.poses,
         residual=adjusted.residual,
     )
-    cubic = choose_hold(companion, groups, world=world, start=near)
+    cubic = choose_hold(reference, groups, world=world, start=near)
     pairs = replace(pairs, world=cubic.fit.world.points)
     return ObjectFit(
         level=level,
-        companion=replace(companion, pairs=pairs),
+        reference=replace(reference, pairs=pairs),
         cubic=cubic,
         offset_spread=spread,
     )

@@ -225,7 +225,7 @@ def _centre_sigma_px(uncertainty: Sigma, radial: FloatArray, rays: FloatArray) -
 
     Args:
         uncertainty: of the camera.
-        radial: (8,) parameters of the companion.
+        radial: (8,) parameters of the reference.
         rays: (N, 3) unit rays over the field.
 
     """

@@ -17,7 +17,7 @@ from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lift import SIZE
 from cubicfish_cli.model.point_cubic import Frame, PointCamera
 from cubicfish_cli.model.radial import RadialCamera
-from cubicfish_cli.model.soundness import check_soundness
+from cubicfish_cli.model.validity import check_validity
 from cubicfish_cli.plain_yaml import load_plain_yaml
 from cubicfish_cli.wording import did_you_mean, quoted
 
@@ -206,10 +206,10 @@ def _ray_camera(
         max_angle_deg=max_angle_deg,
         radial=_radial(path, record, image_size),
     )
-    soundness = check_soundness(camera.P, max_angle_deg)
-    if not soundness.sound:
+    validity = check_validity(camera.P, max_angle_deg)
+    if not validity.valid:
         raise CameraFileError(
-            f"{path}: P has a pole or a fold at {soundness.sound_to_deg:.1f}° from the axis, "
+            f"{path}: P has a pole or a fold at {validity.valid_to_deg:.1f}° from the axis, "
             f"inside its max_angle_deg of {max_angle_deg:.1f}: the file was changed or cut, "
             "calibrate again"
         )
@@ -217,12 +217,12 @@ def _ray_camera(
 
 
 def _radial(path: Path, record: dict[str, Any], image_size: tuple[int, int]) -> RadialCamera:
-    companion = _mapping(path, record, "radial")
-    missing = [key for key in RADIAL_KEYS if key not in companion]
+    reference = _mapping(path, record, "radial")
+    missing = [key for key in RADIAL_KEYS if key not in reference]
     if missing:
         raise CameraFileError(f"{path}: radial has no key {missing[0]!r}: calibrate again")
     values = np.array(
-        [_numbers(path, companion, key, (), "radial.") for key in RADIAL_KEYS], dtype=float
+        [_numbers(path, reference, key, (), "radial.") for key in RADIAL_KEYS], dtype=float
     )
     if values[0] <= 0 or values[1] <= 0:
         raise CameraFileError(f"{path}: radial.fx and radial.fy must be above 0")

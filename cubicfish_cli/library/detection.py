@@ -14,11 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.arrays import Refusal
+from cubicfish_cli.detection.grid_cache import GridCache
 from cubicfish_cli.errors import DetectionError
-from cubicfish_cli.machines import Machines
-from cubicfish_cli.naming.cache import GridCache
-from cubicfish_cli.naming.detect import Detection, detect_corners
-from cubicfish_cli.naming.second_pass import second_pass
+from cubicfish_cli.executors.executor import Executor
+from cubicfish_cli.identification.detect import Detection, detect_corners
+from cubicfish_cli.identification.second_pass import second_pass
 from cubicfish_cli.photos import MAX_PIXELS, Photo, find_photos
 from cubicfish_cli.target import Target
 
@@ -83,7 +83,7 @@ def first_look(
     jobs: int | None,
     progress: Callable[[int, int], None] | None = None,
     cache: StrPath | None = None,
-    machines: Machines | None = None,
+    executor: Executor | None = None,
 ) -> Detection:
     """Find and name the corners of the one of several targets that explains most of them.
 
@@ -93,7 +93,7 @@ def first_look(
         jobs: processes to use; None for one a processor.
         progress: called with photos done and all photos.
         cache: a folder in which what is found in files is kept.
-        machines: who looks at the photos instead of processes here.
+        executor: who looks at the photos instead of processes here.
 
     Raises:
         DetectionError: no corner could be named by any of them; the text is that of the last.
@@ -104,7 +104,7 @@ def first_look(
             cache = stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
         grids = None if cache is None else GridCache(folder=Path(cache).absolute())
         look = partial(
-            detect_corners, photos, jobs=jobs, progress=progress, cache=grids, machines=machines
+            detect_corners, photos, jobs=jobs, progress=progress, cache=grids, executor=executor
         )
         found: list[Detection] = []
         for number, target in enumerate(targets, start=1):

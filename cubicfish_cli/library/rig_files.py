@@ -13,7 +13,7 @@ from cubicfish_cli.fitting.statistics import poses_on_record
 from cubicfish_cli.formats.lens_rig import FlatPair, LensRig, PlacedLens
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
 from cubicfish_cli.library.rig_pictures import rectify
-from cubicfish_cli.model.soundness import cone_rays
+from cubicfish_cli.model.validity import cone_rays
 from cubicfish_cli.rendering.pose import rotation_matrix
 from cubicfish_cli.undistortion.fit import sees
 from cubicfish_cli.undistortion.views import default_view

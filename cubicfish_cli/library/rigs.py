@@ -38,9 +38,9 @@ from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera, rig_text
 from cubicfish_cli.formats.target_yaml import target_text
 from cubicfish_cli.frame_names import time_of
 from cubicfish_cli.geometry import camera_centre, total_sigma
+from cubicfish_cli.identification.detect import Detection
 from cubicfish_cli.library.pairs import pairs_of
 from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.naming.detect import Detection
 from cubicfish_cli.target import Target
 from cubicfish_cli.wording import quoted
 

@@ -1,1 +1,1 @@
-"""The cameras: the cubic polynomial camera and its radial companion."""
+"""The cameras: the cubic polynomial camera and its radial reference."""

@@ -34,7 +34,7 @@ class CubicCamera:
         image_size: (width, height), pixels.
         P: (3, 20), columns in the paper's order (:data:`cubicfish_cli.model.lift.MONOMIALS`).
         max_angle_deg: half-angle of the cone about +z where P may be trusted.
-        radial: the Kannala–Brandt companion, in the same camera frame.
+        radial: the Kannala–Brandt reference, in the same camera frame.
 
     """
 
@@ -81,7 +81,7 @@ class CubicCamera:
     def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
         """Pixels (..., 2) -> unit rays (..., 3); NaN outside the valid field.
 
-        Newton's method on the sphere, from the companion's ray. A result counts only when it
+        Newton's method on the sphere, from the reference's ray. A result counts only when it
         reprojects within :data:`UNPROJECT_TOLERANCE_PX` from inside the cone.
         """
         pixel = np.asarray(pixel, float)
@@ -112,7 +112,7 @@ class CubicCamera:
     def _newton(self, pixel: FloatArray) -> FloatArray:
         limit = np.deg2rad(self.max_angle_deg)
         theta = np.arccos(np.clip(self.radial.unproject(pixel)[:, 2], -1, 1))
-        # The companion has no ray for a pixel beyond its own end: start those at the cone's edge.
+        # The reference has no ray for a pixel beyond its own end: start those at the cone's edge.
         theta = np.where(np.isfinite(theta), np.minimum(theta, limit), limit)
         offset = (pixel - [self.radial.cx, self.radial.cy]) / [self.radial.fx, self.radial.fy]
         rays = ray_at(theta, azimuth(offset))

@@ -1,4 +1,4 @@
-"""The radial companion: the Kannala–Brandt lens (Kannala & Brandt 2006, as OpenCV's fisheye).
+"""The radial reference: the Kannala–Brandt lens (Kannala & Brandt 2006, as OpenCV's fisheye).
 
 r(θ) = θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸), θ the angle from the optical axis, which may
 exceed 90°. It starts the cubic fit, holds it where no corner is, and stands beside it in

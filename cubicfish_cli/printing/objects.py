@@ -53,7 +53,7 @@ MARKER_SHARE = 0.75
 # tags); markers must be large enough to be read.
 _FEWEST = {"checkerboard": 4, "charuco": 4, "aprilgrid": 2}
 _MOST = {"checkerboard": 11, "charuco": 9, "aprilgrid": 6}
-# Sides of squares that are tried, in millimetres.
+# Placement of squares that are tried, in millimetres.
 _NICE = (*range(5, 40), *range(40, 80, 2), *range(80, 301, 5))
 _CHARUCO_FAMILIES = ("DICT_5X5_50", "DICT_5X5_100", "DICT_5X5_250", "DICT_5X5_1000")
 

@@ -3,8 +3,8 @@
 An angle polynomial in the ray's angle from the axis (Kannala and Brandt, 2006), bent by decentring
 (Brown, 1966) and by a sensor that is not square to the axis, about a principal point off the
 image's centre. That is not the cubic's formula, but it is that of the lens which P is held to
-(`fitting/bent.py`): what leans on the prior looks better with it than with real lenses. Those of
-:mod:`cubicfish_cli.rendering.outside` do not flatter.
+(`fitting/asymmetric.py`): what leans on the prior looks better with it than with real lenses.
+Those of :mod:`cubicfish_cli.rendering.outside` do not flatter.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ class WholeLens(Lens, Protocol):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class View:
+class Viewpoint:
     """A pose and what is seen from there.
 
     Attributes:
@@ -104,13 +104,15 @@ class Distances:
     far: float
     nearest: float
 
-    def holds(self, view: View) -> bool:
+    def holds(self, view: Viewpoint) -> bool:
         """Whether a view is from there."""
         away = view.away
         return self.near <= float(np.median(away)) <= self.far and away.min() >= self.nearest
 
 
-def view_from(target: Target, lens: Lens, pose: Pose, image_size: tuple[int, int]) -> View | None:
+def view_from(
+    target: Target, lens: Lens, pose: Pose, image_size: tuple[int, int]
+) -> Viewpoint | None:
     """What is seen from a pose; None where no corner is visible.
 
     Raises:
@@ -125,7 +127,7 @@ def view_from(target: Target, lens: Lens, pose: Pose, image_size: tuple[int, int
     front = rotation_matrix(pose[0]) @ (counts @ outward)
     middle = seen.camera[seen.visible].mean(axis=0)
     length = float(np.linalg.norm(front))
-    return View(
+    return Viewpoint(
         pose=pose,
         seen=seen,
         whole=_whole_boards(target, seen),
@@ -142,7 +144,7 @@ def sample_views(
     *,
     seed: int = 0,
     within: Distances | None = None,
-) -> list[View]:
+) -> list[Viewpoint]:
     """Up to ``count`` views of the object, spread over the field, sides, distances and rolls.
 
     Each shows at least one whole board (at least half of the most that can be seen at once), with
@@ -184,7 +186,7 @@ def sample_views(
     kept = np.flatnonzero(allowed)
     turns = _turns(aims[kept] - eyes[kept], way[kept], 2 * np.pi * places[kept, 5])
     kept, turns = _with_a_board_inside(thing, lens, image_size, kept, turns, eyes[kept])
-    views: list[View] = []
+    views: list[Viewpoint] = []
     most = 1
     for index, turn in zip(kept, turns, strict=True):
         view = view_from(target, lens, pose_of_matrix(turn, eyes[index]), image_size)
@@ -198,8 +200,8 @@ def sample_views(
 
 
 def choose_views(
-    views: Sequence[View], lens: WholeLens, image_size: tuple[int, int], count: int
-) -> list[View]:
+    views: Sequence[Viewpoint], lens: WholeLens, image_size: tuple[int, int], count: int
+) -> list[Viewpoint]:
     """The ``count`` views that together fill the field best, each unlike the others, in order.
 
     Greedy: every further view adds most corners to cells of the picture that have few.
@@ -357,7 +359,7 @@ def _with_a_board_inside(
     return kept[whole], turns[whole]
 
 
-def _traits(view: View) -> FloatArray:
+def _traits(view: Viewpoint) -> FloatArray:
     """What tells views apart: the side that is seen (3,), and the distance, of order 1."""
     way = rotation_matrix(view.pose[0]).T @ (view.middle / np.linalg.norm(view.middle))
     return np.append(way, 0.7 * np.log(view.distance))

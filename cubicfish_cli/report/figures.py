@@ -370,7 +370,7 @@ def histogram_figure(errors: ErrorFacts) -> Drawn:
 
 
 def profile_figure(facts: Facts, camera: CubicCamera) -> Drawn:
-    """Radius by angle, beside the companion and ideal lenses."""
+    """Radius by angle, beside the reference and ideal lenses."""
     theta = np.deg2rad(np.linspace(0, camera.max_angle_deg, 61))[1:]
     azimuth = np.linspace(0, 2 * np.pi, 48, endpoint=False)
     sine = np.sin(theta)[:, None]
@@ -423,16 +423,16 @@ def profile_figure(facts: Facts, camera: CubicCamera) -> Drawn:
             figure,
             "profile",
             f"Radius by angle from the axis to {camera.max_angle_deg:.0f} degrees, beside the "
-            "radial companion, which differs by up to "
+            "radial reference, which differs by up to "
             f"{largest:.1f} px, and three ideal lenses of focal length {focal:.0f} px",
         ),
-        caption="Below, how much farther out the camera sees than the radial companion, a rotation "
+        caption="Below, how much farther out the camera sees than the radial reference, a rotation "
         "between them taken out: the line is the mean over all directions, the band goes from the "
-        "least to the most, and no radial lens follows it. Ideal lenses with the companion's focal "
+        "least to the most, and no radial lens follows it. Ideal lenses with the reference's focal "
         f"length, f = {focal:.0f} px.",
         keys=(
             key("line", BLUE, "this camera, mean over all directions"),
-            key("line", ORANGE, "radial companion (Kannala–Brandt)"),
+            key("line", ORANGE, "radial reference (Kannala–Brandt)"),
             *(key("dash", colour, text) for text, colour, _ in ideals),
         ),
     )

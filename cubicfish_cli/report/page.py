@@ -159,7 +159,7 @@ def _tiles(facts: Facts) -> list[tuple[str, str, str]]:
 
     add("RMS error", "rms_px", "on the photos of the fit")
     add("Held-out RMS", "held_out_rms_px", "on photos that a fit never saw")
-    add("Radial companion, held out", "companion_held_out_rms_px", "a Kannala–Brandt lens")
+    add("Radial reference, held out", "companion_held_out_rms_px", "a Kannala–Brandt lens")
     covered = facts.number("covered_deg")
     if isinstance(facts.camera, CubicCamera):
         reach = "" if covered is None else f"; corners reach {covered:.1f}°"

@@ -17,8 +17,8 @@ from pathlib import Path
 from threading import BoundedSemaphore
 
 from cubicfish_cli.errors import ClusterError, CubicfishError
+from cubicfish_cli.executors.executor import Executor
 from cubicfish_cli.files import remove_orphans
-from cubicfish_cli.machines import Machines
 from cubicfish_cli.photos import decode_picture, one_opencv_thread, read_file, shown
 from cubicfish_cli.undistortion.images import Rendering, check_outputs, render_files, write_files
 from cubicfish_cli.undistortion.maps import UndistortMap
@@ -51,7 +51,7 @@ class PhotoJob:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Failure:
+class FailedPhoto:
     """A photo that could not be undistorted, and why."""
 
     job: PhotoJob
@@ -66,8 +66,8 @@ def undistort_photos(
     workers: int,
     overwrite: bool,
     progress: Callable[[int, int], None],
-    machines: Machines | None = None,
-) -> list[Failure]:
+    executor: Executor | None = None,
+) -> list[FailedPhoto]:
     """Undistort photos; one that fails does not stop the others.
 
     Every output appears whole or not at all, also when this is interrupted.
@@ -79,28 +79,28 @@ def undistort_photos(
         workers: photos to work on at a time.
         overwrite: whether outputs may be replaced.
         progress: called with the number of photos done and of all.
-        machines: who does the work instead of this process; ``maps`` must then be picklable, and
+        executor: who does the work instead of this process; ``maps`` must then be picklable, and
             ``workers`` says nothing.
 
     Returns:
         What failed, in the order of ``jobs``.
 
     Raises:
-        ClusterError: ``machines`` cannot do the work.
+        ClusterError: ``executor`` cannot do the work.
 
     """
-    if machines is not None:
+    if executor is not None:
         return _undistort_there(
-            jobs, maps, rendering, overwrite=overwrite, progress=progress, machines=machines
+            jobs, maps, rendering, overwrite=overwrite, progress=progress, executor=executor
         )
-    failures: dict[int, Failure] = {}
+    failures: dict[int, FailedPhoto] = {}
     slots = BoundedSemaphore(workers)
 
     def work(number: int) -> None:
         try:
             undistort_photo(jobs[number], maps, rendering, overwrite=overwrite, slots=slots)
         except CubicfishError as error:
-            failures[number] = Failure(job=jobs[number], error=error)
+            failures[number] = FailedPhoto(job=jobs[number], error=error)
 
     progress(0, len(jobs))
     if workers == 1 or len(jobs) == 1:
@@ -164,20 +164,20 @@ def _undistort_there(
     *,
     overwrite: bool,
     progress: Callable[[int, int], None],
-    machines: Machines,
-) -> list[Failure]:
-    """Undistort photos by other machines.
+    executor: Executor,
+) -> list[FailedPhoto]:
+    """Undistort photos by other executor.
 
     What may be written is decided here, before the work: what a machine finds there later is
     what another one wrote that was lost before it could say so.
     """
-    failures: dict[int, Failure] = {}
+    failures: dict[int, FailedPhoto] = {}
     free: list[int] = []
     for number, job in enumerate(jobs):
         try:
             check_outputs(job.wanted, overwrite=overwrite)
         except CubicfishError as error:
-            failures[number] = Failure(job=job, error=error)
+            failures[number] = FailedPhoto(job=job, error=error)
         else:
             free.append(number)
     progress(len(failures), len(jobs))
@@ -187,13 +187,13 @@ def _undistort_there(
         work = partial(_undistort_again, maps=maps, rendering=rendering)
         done = len(failures)
         try:
-            for index, problem in machines.each(work, absolute, writes_below=below):
+            for index, problem in executor.each(work, absolute, writes_below=below):
                 if problem is not None:
                     job = jobs[free[index]]
                     if isinstance(problem, ClusterError):  # which does not know the photo
                         about = shown(job.source)
                         problem = ClusterError(str(problem), about=about, apart=True)
-                    failures[free[index]] = Failure(job=job, error=problem)
+                    failures[free[index]] = FailedPhoto(job=job, error=problem)
                 done += 1
                 progress(done, len(jobs))
         except ClusterError as problem:

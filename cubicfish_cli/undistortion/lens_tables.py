@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.angles import unit_rays
 from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.soundness import cone_rays
+from cubicfish_cli.model.validity import cone_rays
 from cubicfish_cli.undistortion.view import FloatArray
 
 Floats = npt.NDArray[np.float32]

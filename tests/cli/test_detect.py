@@ -13,9 +13,9 @@ from cubicfish_cli.cli.inputs import lost_word
 from cubicfish_cli.correspondences import load_corners
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.errors import OutputError
-from cubicfish_cli.naming.decide import Verdict
-from cubicfish_cli.naming.detect import PhotoReport
-from cubicfish_cli.naming.name_grids import GridReport
+from cubicfish_cli.identification.decide import Decided
+from cubicfish_cli.identification.detect import PhotoReport
+from cubicfish_cli.identification.name_grids import GridReport
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import load_target
 from cubicfish_cli.words.codes import Code
@@ -118,7 +118,7 @@ def test_existing_corners_are_refused_before_the_work(
     def fail(*_: object, **__: object) -> None:
         pytest.fail("the work must not start")
 
-    monkeypatch.setattr("cubicfish_cli.naming.detect.detect_corners", fail)
+    monkeypatch.setattr("cubicfish_cli.identification.detect.detect_corners", fail)
     path = tmp_path / "corners.csv"
     path.write_text("old")
     said = run("detect", *PHOTOS, "-t", TARGET, "-o", path, code=1).stderr
@@ -201,7 +201,7 @@ def test_boards_that_look_alike_are_left_out_where_they_are_alone(
 
 def test_a_photo_whose_grids_are_left_out_is_not_called_empty() -> None:
     grid = GridReport(
-        verdict=Verdict.TWIN, place=None, corners=35, size=(7, 5), ratio=1.0, rms_px=0.1
+        verdict=Decided.TWIN, place=None, corners=35, size=(7, 5), ratio=1.0, rms_px=0.1
     )
     empty = FoundGrids(grids=(), refused=np.zeros((0, 2)), image_size=(64, 48))
     lost = [

@@ -204,7 +204,7 @@ def test_undistort(run: Run, model: Path, tmp_path: Path) -> None:
         (photos / name).write_bytes(PHOTO.read_bytes())
     line = ("undistort", photos, flat, "-m", model, "--size", "96x72", "--fit", "outer")
     made = ("--mask", tmp_path / "mask.png", "--camera", tmp_path / "v.yaml")
-    first, outlook = records(run, (*line, *made), (*line, "--skip-existing", "--dry-run"))
+    first, dry_run = records(run, (*line, *made), (*line, "--skip-existing", "--dry-run"))
     assert first["model"] == str(model)
     assert first["images"] == 2
     assert first["files"] == [str(flat / "a.jpg"), str(flat / "b.jpg")]
@@ -214,8 +214,8 @@ def test_undistort(run: Run, model: Path, tmp_path: Path) -> None:
     assert first["view"]["size"] == [96, 72]
     assert first["view"]["hfov_deg"] > 100
     assert first["view"]["cut"] is True
-    assert outlook["skipped"] == ["a.jpg", "b.jpg"]
-    assert outlook["files"] == outlook["groups"] == []
+    assert dry_run["skipped"] == ["a.jpg", "b.jpg"]
+    assert dry_run["files"] == dry_run["groups"] == []
     (photos / "c.jpg").write_bytes(PHOTO.read_bytes())
     third = record(run, *line, "--skip-existing")
     assert (third["images"], third["skipped"]) == (1, ["a.jpg", "b.jpg"])
@@ -229,17 +229,17 @@ def test_undistort_names_what_failed_and_why(run: Run, model: Path, tmp_path: Pa
     (photos / "a.jpg").write_bytes(PHOTO.read_bytes())
     (photos / "bad.jpg").write_bytes(b"no picture")
     line = ("undistort", photos, flat, "-m", model, "--size", "96x72")
-    outlook = record(run, *line, "--dry-run")
+    dry_run = record(run, *line, "--dry-run")
     assert not flat.exists()
     one = record(run, *line, code=1)
-    for told in (outlook, one):
+    for told in (dry_run, one):
         assert told["files"] == [str(flat / "a.jpg")]
         (failed,) = told["failed"]
         assert failed["image"] == "bad.jpg"
         assert "bad.jpg" in failed["problem"]
-    assert [group["images"] for group in outlook["groups"]] == [1]
-    assert outlook["groups"][0]["image_size"] == [960, 720]
-    assert 0 < outlook["groups"][0]["kept_share"] < 1
+    assert [group["images"] for group in dry_run["groups"]] == [1]
+    assert dry_run["groups"][0]["image_size"] == [960, 720]
+    assert 0 < dry_run["groups"][0]["kept_share"] < 1
     said = run(*line, "--overwrite", "--json", code=1).stderr
     assert said == (
         "Error: 1 of 2 photos could not be undistorted: the reason is in the JSON, the other is "

@@ -8,11 +8,11 @@ from scipy.linalg import block_diag
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting import adjustment
 from cubicfish_cli.fitting.adjustment import adjust, huber_cost, huber_weight
-from cubicfish_cli.fitting.companion import fit_companion
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.lenses import RadialFit
 from cubicfish_cli.fitting.normal_equations import _damped
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.fitting.world import DrawnWorld
@@ -42,15 +42,15 @@ def pairs():
 
 @pytest.fixture(scope="module")
 def cubic(pairs):
-    return fit_cubic(fit_companion(pairs), Hold(spread=0.01, weight=0.5))
+    return fit_cubic(fit_radial(pairs), Hold(spread=0.01, weight=0.5))
 
 
 def test_at_the_truth_residual_and_gradient_are_zero():
     exact = synthetic.synthetic_correspondences(TARGET, POSES, lens=TRUTH)
-    companion = fit_companion(exact)
+    reference = fit_radial(exact)
     lens = RadialFit(values=TRUTH.parameters)
-    normal = normal_equations(lens, companion.poses, exact, 1.0)
-    assert np.abs(companion.residual).max() < 1e-6
+    normal = normal_equations(lens, reference.poses, exact, 1.0)
+    assert np.abs(reference.residual).max() < 1e-6
     assert (
         np.abs(normal.shared_gradient).max() < 1e-2 * np.sqrt(np.diag(normal.shared)).max() * 1e-3
     )

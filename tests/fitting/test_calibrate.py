@@ -11,12 +11,12 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting import cubic_fit
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import calibrate
-from cubicfish_cli.fitting.companion import fit_companion
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.evaluate import evaluate
+from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
 from cubicfish_cli.model.radial import RadialCamera
-from cubicfish_cli.model.soundness import check_soundness, cone_rays
+from cubicfish_cli.model.validity import check_validity, cone_rays
 from cubicfish_cli.rendering.outside import outside_lens
 
 pytestmark = pytest.mark.slow
@@ -67,7 +67,7 @@ def test_residuals_spread_as_the_noise_does(pairs, fitted):
 
 def test_camera_is_sound_to_the_margin(fitted):
     assert fitted.covered_deg + 1 <= fitted.camera.max_angle_deg <= fitted.covered_deg + 5.001
-    assert check_soundness(fitted.camera.P, fitted.camera.max_angle_deg).sound
+    assert check_validity(fitted.camera.P, fitted.camera.max_angle_deg).valid
     assert np.linalg.norm(fitted.camera.P) == pytest.approx(1, abs=1e-12)
 
 
@@ -267,36 +267,36 @@ def test_held_out_counts_what_a_fold_never_saw(pairs):
 
 
 def test_weak_prior_still_gives_a_sound_camera(pairs):
-    result = fit_cubic(fit_companion(pairs), Hold(spread=0.01, weight=1e-4))
-    assert result.soundness.sound
+    result = fit_cubic(fit_radial(pairs), Hold(spread=0.01, weight=1e-4))
+    assert result.validity.valid
     assert result.hold.weight >= 1e-4
 
 
-def test_a_pole_holds_p_closer_to_the_companion(pairs, monkeypatch):
+def test_a_pole_holds_p_closer_to_the_radial_reference(pairs, monkeypatch):
     """Whatever weight gives a bad P is raised until the check passes; it never passes silently."""
-    companion = fit_companion(pairs)
+    reference = fit_radial(pairs)
     checked = []
 
     def fold_twice(P, angle_deg):
         checked.append(angle_deg)
-        real = check_soundness(P, angle_deg)
-        return real if len(checked) > 2 else replace(real, sound_to_deg=angle_deg - 1)
+        real = check_validity(P, angle_deg)
+        return real if len(checked) > 2 else replace(real, valid_to_deg=angle_deg - 1)
 
-    monkeypatch.setattr(cubic_fit, "check_soundness", fold_twice)
-    result = fit_cubic(companion, Hold(spread=0.01, weight=0.2))
+    monkeypatch.setattr(cubic_fit, "check_validity", fold_twice)
+    result = fit_cubic(reference, Hold(spread=0.01, weight=0.2))
     assert len(checked) == 3
     assert result.hold.weight == pytest.approx(2.0)
     monkeypatch.setattr(
         cubic_fit,
-        "check_soundness",
-        lambda P, angle_deg: replace(check_soundness(P, angle_deg), sound_to_deg=50.0),
+        "check_validity",
+        lambda P, angle_deg: replace(check_validity(P, angle_deg), valid_to_deg=50.0),
     )
     with pytest.raises(FitError, match="folds at 50°"):
-        fit_cubic(companion, Hold(spread=0.01, weight=1000.0))
+        fit_cubic(reference, Hold(spread=0.01, weight=1000.0))
 
 
 def test_a_lens_that_flattens_out_keeps_its_profile():
-    """An orthographic fisheye folds at 90°: its companion keeps its coefficients."""
+    """An orthographic fisheye folds at 90°: its reference keeps its coefficients."""
     lens = RadialCamera(
         image_size=(960, 720),
         fx=340,
@@ -332,15 +332,15 @@ def test_p_is_held_firmly_only_as_far_from_the_axis_as_corners_are():
         target, poses, lens=lens, image_size=lens.image_size, noise=0.1
     )
     pairs, _ = select(pairs, lens.unproject(pairs.pixel)[:, 2] < np.cos(np.radians(55)))
-    companion = fit_companion(replace(pairs, world=pairs.world / world_scale(pairs)))
-    nearest, farthest = np.rad2deg(companion.reached)
+    reference = fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))
+    nearest, farthest = np.rad2deg(reference.reached)
     assert 54 < nearest < 56
     assert 102 < farthest < 103
-    start = cubic_fit.start_lens(companion, Hold(spread=0.0, weight=3.0))
+    start = cubic_fit.start_lens(reference, Hold(spread=0.0, weight=3.0))
     prior = start.ray_prior
     angle = np.rad2deg(np.arccos(prior.rays[:, 2]))
     held = (angle > nearest) & (angle < farthest)
     assert set(prior.weights[held]) == {3.0}
     assert set(prior.weights[~held]) == {0.1}
-    miss = start.project(prior.rays) - companion.camera.project(prior.rays)
+    miss = start.project(prior.rays) - reference.camera.project(prior.rays)
     assert np.abs(miss[held]).max() < 0.02

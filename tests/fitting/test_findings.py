@@ -148,7 +148,7 @@ def test_coverage_counts_the_valid_field():
 
 @pytest.mark.slow
 def test_the_cubic_is_not_worse_than_its_companion_on_a_radial_lens():
-    """Few noisy corners of a lens that is the companion's own: the freedom must not hurt."""
+    """Few noisy corners of a lens that is the reference's own: the freedom must not hurt."""
     truth = RadialCamera(
         image_size=(960, 720), fx=255, fy=255, cx=485, cy=350, k=np.array([-0.02, 0, 0, 0])
     )

@@ -1,4 +1,4 @@
-"""A camera turned into its companion's frame is the same camera."""
+"""A camera turned into its reference's frame is the same camera."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 from lenses import cubic_camera, random_rays
 
 from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.fitting.frame import in_companions_frame
+from cubicfish_cli.fitting.frame import in_references_frame
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.model.lift import lift_rotation
-from cubicfish_cli.model.soundness import cone_rays
+from cubicfish_cli.model.validity import cone_rays
 
 COVERED = np.deg2rad(80.0)
 
@@ -28,7 +28,7 @@ def test_the_frame_is_turned_and_no_corner_moves():
     world = ((points * 3 - poses.translation[image])[:, None] @ poses.rotation[image])[:, 0]
     before = camera.project(poses.apply(image, world))
 
-    new, new_poses = in_companions_frame(camera, poses, COVERED)
+    new, new_poses = in_references_frame(camera, poses, COVERED)
 
     after = new.project(new_poses.apply(image, world))
     assert np.isfinite(before).all()
@@ -45,6 +45,6 @@ def test_a_frame_whose_cone_would_hold_a_pole_stays():
     camera = cubic_camera(90.0, bend=0.0)
     wild = replace(camera, P=camera.P * np.array([[1.0], [1.0], [-1.0]]))
     poses = Poses(rotation=np.eye(3)[None], translation=np.zeros((1, 3)))
-    new, new_poses = in_companions_frame(wild, poses, COVERED)
+    new, new_poses = in_references_frame(wild, poses, COVERED)
     assert new is wild
     assert new_poses is poses

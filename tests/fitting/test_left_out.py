@@ -8,13 +8,13 @@ import synthetic
 from lenses import radial_camera
 
 from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.companion import fit_companion
 from cubicfish_cli.fitting.cubic_fit import Hold, cubic_of, fit_cubic
 from cubicfish_cli.fitting.folds import photo_folds
 from cubicfish_cli.fitting.held_out import held_out_error
 from cubicfish_cli.fitting.hold import UNTOLD, choose_hold
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import FixedLens
+from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.refinement import Drawing, ObjectFit, refine_object
 from cubicfish_cli.fitting.robust import huber_px
@@ -32,10 +32,10 @@ def target():
 
 
 @pytest.fixture(scope="module")
-def companion(target):
+def reference(target):
     poses = synthetic.poses_around(target, 8, seed=5, distance=(0.3, 0.6))
     pairs = synthetic.synthetic_correspondences(target, poses, noise=0.2, seed=6)
-    return fit_companion(replace(pairs, world=pairs.world / world_scale(pairs)))
+    return fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))
 
 
 def anew(fit, pairs, image_size, photos):
@@ -62,8 +62,8 @@ def anew(fit, pairs, image_size, photos):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("level", ["off", "shape", "points"])
-def test_one_step_is_nearly_a_fit_anew(companion, target, level):
-    pairs, world = companion.pairs, None
+def test_one_step_is_nearly_a_fit_anew(reference, target, level):
+    pairs, world = reference.pairs, None
     if level != "off":
         world = RefinedWorld.drawn(
             pairs,
@@ -72,7 +72,7 @@ def test_one_step_is_nearly_a_fit_anew(companion, target, level):
             offset_spread=2e-3 if level == "points" else None,
             scale=float(np.ptp(target.corners()[3]) / np.ptp(pairs.world)),
         )
-    fit = fit_cubic(companion, HOLD, world=world).fit
+    fit = fit_cubic(reference, HOLD, world=world).fit
     limit = huber_px(fit.residual)
     for one in Leaving(fit, pairs, limit, FOLDS).left_out():
         wanted = anew(fit, pairs, pairs.image_size, one.photos)
@@ -98,27 +98,27 @@ def test_photos_left_out_see_asymmetry_that_is_there(target):
             square = np.sum(away**2, axis=1)
             shift = np.stack([square + 2 * away[:, 0] ** 2, 2 * away[:, 0] * away[:, 1]], axis=1)
             pairs = replace(pairs, pixel=pairs.pixel + 2.0 * shift)
-        companion = fit_companion(replace(pairs, world=pairs.world / world_scale(pairs)))
-        found.append(choose_hold(companion, FOLDS).hold)
+        reference = fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))
+        found.append(choose_hold(reference, FOLDS).hold)
     assert found[0].spread <= 1e-4
     assert found[1].spread > found[0].spread or found[1].weight < 0.1 * found[0].weight
 
 
-def test_without_photos_to_leave_out_the_hold_is_a_middle_one(companion):
-    assert choose_hold(companion, []).hold == UNTOLD
+def test_without_photos_to_leave_out_the_hold_is_a_middle_one(reference):
+    assert choose_hold(reference, []).hold == UNTOLD
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("level", ["off", "points"])
-def test_folds_that_start_a_step_away_end_where_fits_anew_do(companion, target, level):
-    fit = ObjectFit(level="off", companion=companion, cubic=fit_cubic(companion, HOLD))
+def test_folds_that_start_a_step_away_end_where_fits_anew_do(reference, target, level):
+    fit = ObjectFit(level="off", reference=reference, cubic=fit_cubic(reference, HOLD))
     if level == "points":
-        scale = float(np.ptp(target.corners()[3]) / np.ptp(companion.pairs.world))
-        drawing = Drawing(target=target, pairs=companion.pairs, scale=scale)
+        scale = float(np.ptp(target.corners()[3]) / np.ptp(reference.pairs.world))
+        drawing = Drawing(target=target, pairs=reference.pairs, scale=scale)
         fit = refine_object(fit, drawing, level, FOLDS)
     found = held_out_error(fit)
-    parts = photo_folds(fit.cubic.poses, companion.pairs, companion.camera.fx)
-    pairs = fit.companion.pairs
+    parts = photo_folds(fit.cubic.poses, reference.pairs, reference.camera.fx)
+    pairs = fit.reference.pairs
     expected = [anew(fit.cubic.fit, pairs, pairs.image_size, part) for part in parts]
     assert found.folds == len(parts) == 5
     assert found.rms_px == pytest.approx(rms_px(np.vstack(expected)), rel=2e-3)

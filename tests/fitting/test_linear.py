@@ -5,7 +5,7 @@ from lenses import cubic_camera, radial_camera, random_rays
 
 from cubicfish_cli.fitting.linear import linear_coefficients
 from cubicfish_cli.model.lift import lift, sphere_basis
-from cubicfish_cli.model.soundness import check_soundness, cone_rays
+from cubicfish_cli.model.validity import check_validity, cone_rays
 
 SCALE, CENTRE = 220.0, np.array([488.0, 351.0])
 
@@ -48,7 +48,7 @@ def test_the_pull_keeps_poles_out_of_a_smooth_lens():
             rays, (camera.project(rays) - CENTRE) / camera.fx, denominator_pull=1e-4
         )
         P = coefficients @ sphere_basis().T
-        assert check_soundness(P, angle).sound
+        assert check_validity(P, angle).valid
         values = lift(rays) @ P.T
         miss = values[:, :2] / values[:, 2:] * camera.fx + CENTRE - camera.project(rays)
         assert np.abs(miss).max() < 0.1

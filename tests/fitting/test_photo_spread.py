@@ -9,13 +9,13 @@ from simulated import CornerErrors, simulated_corners
 
 from cubicfish_cli.correspondences import pair
 from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.fitting.companion import fit_companion
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.photo_spread import photo_spread
+from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.subset import select, world_scale
 from cubicfish_cli.fitting.uncertainty import camera_uncertainty
 from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.soundness import cone_rays
+from cubicfish_cli.model.validity import cone_rays
 from cubicfish_cli.rendering.outside import outside_lens
 
 TARGET = synthetic.corner_of_three()
@@ -28,16 +28,16 @@ def fitted(seed, errors):
         outside_lens("equisolid"), TARGET, PHOTOS, seed=seed, errors=errors
     )
     pairs = pair(corners, TARGET)
-    companion = fit_companion(replace(pairs, world=pairs.world / world_scale(pairs)))
-    return companion, fit_cubic(companion, HOLD)
+    reference = fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))
+    return reference, fit_cubic(reference, HOLD)
 
 
-def camera_of(companion, cubic):
+def camera_of(reference, cubic):
     return CubicCamera(
-        image_size=companion.pairs.image_size,
+        image_size=reference.pairs.image_size,
         P=cubic.lens.P,
         max_angle_deg=cubic.max_angle_deg,
-        radial=companion.camera,
+        radial=reference.camera,
     )
 
 
@@ -50,8 +50,8 @@ def observed_over_predicted(errors):
         difference, _ = aligned_difference(camera_of(one, first), camera_of(two, second), rays)
         seen = np.isfinite(difference).all(axis=1)
         both = []
-        for companion, cubic in ((one, first), (two, second)):
-            spread = photo_spread(cubic, companion, np.arange(PHOTOS))
+        for reference, cubic in ((one, first), (two, second)):
+            spread = photo_spread(cubic, reference, np.arange(PHOTOS))
             noise = camera_uncertainty(cubic).sigma_px(rays[seen])
             both.append((spread.sigma_px(rays[seen]), noise))
         distance = np.sqrt(np.mean(np.sum(difference[seen] ** 2, axis=1)))
@@ -77,9 +77,9 @@ def test_independent_errors_are_too():
 
 @pytest.mark.slow
 def test_one_place_leaves_the_noise_alone():
-    companion, cubic = fitted(3, CornerErrors())
-    rays = cone_rays(companion.covered, 50)
-    same = photo_spread(cubic, companion, np.zeros(PHOTOS, int))
+    reference, cubic = fitted(3, CornerErrors())
+    rays = cone_rays(reference.covered, 50)
+    same = photo_spread(cubic, reference, np.zeros(PHOTOS, int))
     noise = camera_uncertainty(cubic)
     np.testing.assert_array_equal(same.sigma_px(rays), noise.sigma_px(rays))
     weights = np.eye(2 * len(rays))[:4]
@@ -88,9 +88,9 @@ def test_one_place_leaves_the_noise_alone():
 
 @pytest.mark.slow
 def test_variances_add_up_to_sigma():
-    companion, cubic = fitted(4, CornerErrors())
-    spread = photo_spread(cubic, companion, np.arange(PHOTOS))
-    rays = cone_rays(companion.covered, 30)
+    reference, cubic = fitted(4, CornerErrors())
+    spread = photo_spread(cubic, reference, np.arange(PHOTOS))
+    rays = cone_rays(reference.covered, 30)
     single = spread._of_photos(
         *(spread._changes(s, rays) for s in (spread.left_out, spread.influence))
     )
@@ -100,15 +100,15 @@ def test_variances_add_up_to_sigma():
 
 @pytest.mark.slow
 def test_a_rival_hold_adds_how_far_its_camera_is():
-    companion, cubic = fitted(5, CornerErrors())
-    rays = cone_rays(companion.covered, 60)
-    alone = photo_spread(cubic, companion, np.arange(PHOTOS)).sigma_px(rays)
-    itself = photo_spread(replace(cubic, rival=HOLD), companion, np.arange(PHOTOS))
+    reference, cubic = fitted(5, CornerErrors())
+    rays = cone_rays(reference.covered, 60)
+    alone = photo_spread(cubic, reference, np.arange(PHOTOS)).sigma_px(rays)
+    itself = photo_spread(replace(cubic, rival=HOLD), reference, np.arange(PHOTOS))
     np.testing.assert_allclose(itself.sigma_px(rays), alone, rtol=1e-2)
     freer = Hold(spread=1e-2, weight=0.1)
-    other = photo_spread(replace(cubic, rival=freer), companion, np.arange(PHOTOS)).sigma_px(rays)
-    lens = camera_of(companion, fit_cubic(companion, freer, start=cubic))
-    distance, _ = aligned_difference(lens, camera_of(companion, cubic), rays)
+    other = photo_spread(replace(cubic, rival=freer), reference, np.arange(PHOTOS)).sigma_px(rays)
+    lens = camera_of(reference, fit_cubic(reference, freer, start=cubic))
+    distance, _ = aligned_difference(lens, camera_of(reference, cubic), rays)
     added = np.sqrt(np.mean(other**2 - alone**2))
     assert added == pytest.approx(np.sqrt(np.mean(np.sum(distance**2, axis=1))), rel=0.35)
 
@@ -121,10 +121,10 @@ def test_in_an_empty_middle_two_guesses_are_off_by_what_they_differ_by():
         TARGET, poses, lens=lens, image_size=lens.image_size, noise=0.1
     )
     pairs, _ = select(pairs, lens.unproject(pairs.pixel)[:, 2] < np.cos(np.radians(55)))
-    companion = fit_companion(replace(pairs, world=pairs.world / world_scale(pairs)))
-    cubic = fit_cubic(companion, HOLD)
-    spread = photo_spread(cubic, companion, np.arange(len(pairs.images)))
-    rays = cone_rays(companion.covered, 500)
+    reference = fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))
+    cubic = fit_cubic(reference, HOLD)
+    spread = photo_spread(cubic, reference, np.arange(len(pairs.images)))
+    rays = cone_rays(reference.covered, 500)
     empty = rays[:, 2] > np.cos(np.radians(49))
     near = rays[:, 2] < np.cos(np.radians(51))
     sigma, of_data = spread.sigma_px(rays), replace(spread, empty=0.0).sigma_px(rays)

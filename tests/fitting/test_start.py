@@ -5,10 +5,10 @@ import pytest
 import synthetic
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.fitting.companion import fit_companion
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.poses import Poses, cross_matrix, rotation_from_vector
 from cubicfish_cli.fitting.radial_pose import depth_shift, radial_poses
+from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.start import start_at_centre
 from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.model.radial import RadialCamera
@@ -93,19 +93,19 @@ def test_start_finds_an_equidistant_lens_exactly():
     [synthetic.corner_of_three(), synthetic.box_of_four(), synthetic.flat_board()],
     ids=["corner", "box", "flat"],
 )
-def test_companion_recovers_a_radial_lens_and_the_poses(target):
+def test_the_radial_reference_recovers_a_radial_lens_and_the_poses(target):
     truth = RadialCamera(
         image_size=(960, 720), fx=255, fy=256, cx=500, cy=340, k=np.array([-0.03, 0.002, 0, 0])
     )
     poses = synthetic.poses_around(target, 8, seed=11)
     pairs = synthetic.synthetic_correspondences(target, poses, lens=truth)
-    companion = fit_companion(pairs)
-    np.testing.assert_allclose(companion.residual, 0, atol=1e-5)
-    np.testing.assert_allclose(companion.camera.parameters[:4], truth.parameters[:4], atol=1e-3)
-    assert not companion.unfit
+    reference = fit_radial(pairs)
+    np.testing.assert_allclose(reference.residual, 0, atol=1e-5)
+    np.testing.assert_allclose(reference.camera.parameters[:4], truth.parameters[:4], atol=1e-3)
+    assert not reference.unfit
     known, _, photos = fit_poses(truth, pairs)
     np.testing.assert_array_equal(photos, np.arange(8))
-    np.testing.assert_allclose(known.poses.rotation, companion.poses.rotation, atol=1e-6)
+    np.testing.assert_allclose(known.poses.rotation, reference.poses.rotation, atol=1e-6)
 
 
 @pytest.mark.slow
@@ -121,7 +121,7 @@ def test_a_principal_point_far_off_the_middle_is_found(centre, focal):
     target = synthetic.corner_of_three()
     poses = synthetic.poses_around(target, 8, seed=5, off_axis_deg=50)
     pairs = synthetic.synthetic_correspondences(target, poses, lens=truth, noise=0.1)
-    camera = fit_companion(pairs).camera
+    camera = fit_radial(pairs).camera
     assert (camera.cx, camera.cy) == pytest.approx(centre, abs=1)
 
 
@@ -131,10 +131,10 @@ def test_a_photo_with_wrong_names_is_named_and_left_out():
     pairs = synthetic.synthetic_correspondences(target, poses, noise=0.1, seed=1)
     own = np.flatnonzero(pairs.image == 3)
     pairs.pixel[own] = pairs.pixel[np.roll(own, 7)]
-    companion = fit_companion(pairs)
-    assert list(companion.unfit) == ["03.png"]
-    assert "03.png" not in companion.pairs.images
-    assert np.median(np.hypot(*companion.residual.T)) < 0.4
+    reference = fit_radial(pairs)
+    assert list(reference.unfit) == ["03.png"]
+    assert "03.png" not in reference.pairs.images
+    assert np.median(np.hypot(*reference.residual.T)) < 0.4
 
 
 def test_a_few_corners_placed_wrongly_are_judged_by_the_lens_of_the_others():
@@ -145,9 +145,9 @@ def test_a_few_corners_placed_wrongly_are_judged_by_the_lens_of_the_others():
     pairs = synthetic.synthetic_correspondences(target, poses, lens=truth, noise=0.1)
     few = np.bincount(pairs.image)[[0, 1, 5]]
     assert few.max() < 10
-    companion = fit_companion(pairs)
-    assert list(companion.unfit) == ["00.png", "01.png", "05.png"]
+    reference = fit_radial(pairs)
+    assert list(reference.unfit) == ["00.png", "01.png", "05.png"]
     by_truth, _, _ = fit_poses(truth, select_photos(pairs, np.array([5])))
     missed = np.median(np.hypot(*by_truth.residual.T))
     assert missed > 5  # where the noise is 0.1
-    assert companion.unfit["05.png"].figures["error_px"] > 0.75 * missed
+    assert reference.unfit["05.png"].figures["error_px"] > 0.75 * missed

@@ -7,10 +7,10 @@ from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.assess.field_uncertainty import sigma_at
 from cubicfish_cli.fitting.calibrate import calibrate
-from cubicfish_cli.fitting.companion import fit_companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
+from cubicfish_cli.fitting.radial_reference import fit_radial, refit_radial
 from cubicfish_cli.fitting.uncertainty import camera_uncertainty, uncertainty_record
-from cubicfish_cli.model.soundness import cone_rays
+from cubicfish_cli.model.validity import cone_rays
 
 TARGET = synthetic.corner_of_three()
 NOISE, DRAWS = 0.1, 100
@@ -24,7 +24,7 @@ def draw(seed, noise=NOISE):
 
 @pytest.mark.slow
 def test_prediction_is_the_spread_over_draws():
-    start = fit_companion(draw(0))
+    start = fit_radial(draw(0))
     reference = fit_cubic(start, HOLD)
     uncertainty = camera_uncertainty(reference)
     assert uncertainty.noise_px == pytest.approx(NOISE, rel=0.05)
@@ -33,8 +33,8 @@ def test_prediction_is_the_spread_over_draws():
 
     pixels = []
     for seed in range(1, DRAWS + 1):
-        companion = refit_companion(start, draw(seed), start.poses)
-        fit = fit_cubic(companion, HOLD, relative_decrease=1e-6)
+        reference = refit_radial(start, draw(seed), start.poses)
+        fit = fit_cubic(reference, HOLD, relative_decrease=1e-6)
         turns = fit.poses.rotation @ reference.poses.rotation.transpose(0, 2, 1)
         mean = Rotation.from_matrix(turns).as_rotvec().mean(axis=0)
         pixels.append(fit.lens.project(Rotation.from_rotvec(mean).apply(rays)))
@@ -44,7 +44,7 @@ def test_prediction_is_the_spread_over_draws():
     assert np.mean(ratio) == pytest.approx(1, abs=0.1)
     assert np.percentile(np.abs(ratio - 1), 80) < 0.25
     # More corners' noise, more uncertainty, in proportion.
-    twice = camera_uncertainty(fit_cubic(fit_companion(draw(0, 2 * NOISE)), HOLD))
+    twice = camera_uncertainty(fit_cubic(fit_radial(draw(0, 2 * NOISE)), HOLD))
     assert np.median(twice.sigma_px(rays) / predicted) == pytest.approx(2, rel=0.2)
 
 
@@ -52,7 +52,7 @@ def test_more_photos_make_it_smaller():
     def sigma(count):
         poses = synthetic.poses_around(TARGET, count, seed=40)
         pairs = synthetic.synthetic_correspondences(TARGET, poses, noise=NOISE, seed=1)
-        result = fit_cubic(fit_companion(pairs), HOLD)
+        result = fit_cubic(fit_radial(pairs), HOLD)
         return np.median(camera_uncertainty(result).sigma_px(cone_rays(np.deg2rad(60), 100)))
 
     assert sigma(20) < 0.75 * sigma(5)
@@ -76,8 +76,8 @@ def test_it_grows_towards_the_rim_and_is_null_outside():
 
 @pytest.mark.slow
 def test_the_record_is_that_of_the_rays():
-    companion = fit_companion(draw(3))
-    fit = fit_cubic(companion, HOLD)
+    reference = fit_radial(draw(3))
+    fit = fit_cubic(reference, HOLD)
     uncertainty = camera_uncertainty(fit)
     camera = calibrate(draw(3), hold_out=False).camera
     record = uncertainty_record(uncertainty, camera)

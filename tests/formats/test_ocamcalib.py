@@ -19,7 +19,7 @@ from cubicfish_cli.formats.ocamcalib import (
     read_pyocamcalib,
 )
 from cubicfish_cli.model.lens_record import LensRecord
-from cubicfish_cli.model.soundness import cone_rays
+from cubicfish_cli.model.validity import cone_rays
 
 SIZE = (960, 720)
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lenses import cubic_camera, numeric_jacobian, radial_camera, random_rays
 
-from cubicfish_cli.fitting.bent import BentFit, StillRays
+from cubicfish_cli.fitting.asymmetric import BentFit, StillRays
 from cubicfish_cli.fitting.lenses import CubicFit, FixedLens, RadialFit, RayPrior
 from cubicfish_cli.model.cubic import UNPROJECT_TOLERANCE_PX, CubicCamera
 from cubicfish_cli.model.lift import SIZE, sphere_basis

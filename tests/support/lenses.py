@@ -11,7 +11,7 @@ from cubicfish_cli.fitting.linear import linear_coefficients
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lift import sphere_basis
 from cubicfish_cli.model.radial import RadialCamera
-from cubicfish_cli.model.soundness import cone_rays
+from cubicfish_cli.model.validity import cone_rays
 
 
 def radial_camera(

@@ -15,18 +15,18 @@ from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.markers import find_marked_corners
 from cubicfish_cli.detection.photo_as import grid_in_mirror
 from cubicfish_cli.errors import TargetError
-from cubicfish_cli.fitting.companion import fit_companion
+from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.formats.target_yaml import target_text
-from cubicfish_cli.naming.decide import Verdict
-from cubicfish_cli.naming.detect import detect_corners
-from cubicfish_cli.naming.name_grids import name_grids
-from cubicfish_cli.naming.wrong_drawing.misdrawn import misdrawn
+from cubicfish_cli.identification.decide import Decided
+from cubicfish_cli.identification.detect import detect_corners
+from cubicfish_cli.identification.name_grids import name_grids
+from cubicfish_cli.identification.wrong_drawing.misdrawn import misdrawn
 from cubicfish_cli.photos import find_photos
 from cubicfish_cli.rendering.faces import face
 from cubicfish_cli.target import BoardShape, Target
 from tests.detection.test_markers import MIXED, POSE, errors, mixed_photo, photo_of
-from tests.naming.test_name_grids import names, seen
+from tests.identification.test_name_grids import names, seen
 
 DATA = {
     "units": "mm",
@@ -59,15 +59,15 @@ def mirrored_photos(target, photos=6):
 def test_a_mirrored_object_is_named_and_fitted_as_the_mirror_shows_it():
     target = Target.from_data({"mirrored": True, **yaml.safe_load(target_text(corner_of_three()))})
     grids, names_of = mirrored_photos(target.as_printed())
-    naming = name_grids(grids, target, IMAGE_SIZE, names(len(grids)))
-    corners = naming.corners
+    identified = name_grids(grids, target, IMAGE_SIZE, names(len(grids)))
+    corners = identified.corners
     assert len(corners.pixel) == sum(len(grid) for own in grids for grid in own)
     for image, board, column, row, pixel in zip(
         corners.image, corners.board, corners.column, corners.row, corners.pixel, strict=True
     ):
         true = names_of[(int(image), *np.round(pixel, 6))]
         assert (board, target.boards[board].columns - 1 - column, row) == true
-    fit = fit_companion(pair(corners, target))
+    fit = fit_radial(pair(corners, target))
     assert rms_px(fit.residual) < 0.3
 
 
@@ -145,10 +145,10 @@ def test_a_lone_board_is_named_in_either_colour_and_mirrored(size, mirrored, fir
     if mirrored:
         whole = [[grid_in_mirror(own[0], IMAGE_SIZE[0])] for own in whole]
     said = target.with_boards({0: replace(target.boards[0], first_square=first)})
-    naming = name_grids(whole, said, IMAGE_SIZE, names(len(whole)))
-    assert [own[0].verdict for own in naming.grids] == [Verdict.NAMED] * len(whole)
+    identified = name_grids(whole, said, IMAGE_SIZE, names(len(whole)))
+    assert [own[0].verdict for own in identified.grids] == [Decided.NAMED] * len(whole)
     # A mirror exchanges the colours where both numbers of corners are odd.
-    assert naming.other_colours == ((first == "light") != (mirrored and size == (7, 5)))
+    assert identified.other_colours == ((first == "light") != (mirrored and size == (7, 5)))
 
 
 def test_one_photo_of_other_colours_is_left_out_and_says_so():
@@ -156,9 +156,9 @@ def test_one_photo_of_other_colours_is_left_out_and_says_so():
     grids, _ = anonymous_photos(seen(target, photos=6, distance=(0.8, 1.4)), target)
     whole = [own for own in grids if len(own[0]) == 35]
     whole[0] = [grid_in_mirror(whole[0][0], IMAGE_SIZE[0])]
-    naming = name_grids(whole, target, IMAGE_SIZE, names(len(whole)))
-    assert not naming.other_colours
-    assert [own[0].verdict for own in naming.grids] == [Verdict.COLOURS] + [Verdict.NAMED] * (
+    identified = name_grids(whole, target, IMAGE_SIZE, names(len(whole)))
+    assert not identified.other_colours
+    assert [own[0].verdict for own in identified.grids] == [Decided.COLOURS] + [Decided.NAMED] * (
         len(whole) - 1
     )
 

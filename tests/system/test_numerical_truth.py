@@ -19,7 +19,7 @@ from cubicfish_cli.fitting.calibrate import Calibration, calibrate
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.formats.camera_writer import save_camera
 from cubicfish_cli.formats.camera_yaml import load_camera
-from cubicfish_cli.model.soundness import cone_rays
+from cubicfish_cli.model.validity import cone_rays
 from cubicfish_cli.rendering.lens import TrueLens
 from cubicfish_cli.target import Target
 

@@ -10,7 +10,7 @@ from synthetic import TRUE_LENS
 
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.formats.camera_yaml import load_camera
-from cubicfish_cli.model.soundness import cone_rays
+from cubicfish_cli.model.validity import cone_rays
 from cubicfish_cli.rendering.lens import TrueLens
 from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.fit import Fitted, fit_view, kept_share, seen_field_deg, sees

@@ -42,8 +42,8 @@ def cubic_camera(max_angle_deg=93.0):
     # Give every entry something to do; the camera stays sound.
     P = P + 1e-3 * np.linalg.norm(P, axis=1, keepdims=True) * rng.standard_normal((3, 20))
     P = np.array([[100, 0, LENS.cx], [0, 100, LENS.cy], [0, 0, 1]]) @ P
-    companion = RadialCamera(image_size=SIZE, fx=65, fy=65, cx=120, cy=90, k=np.zeros(4))
-    return CubicCamera(image_size=SIZE, P=P, max_angle_deg=max_angle_deg, radial=companion)
+    reference = RadialCamera(image_size=SIZE, fx=65, fy=65, cx=120, cy=90, k=np.zeros(4))
+    return CubicCamera(image_size=SIZE, P=P, max_angle_deg=max_angle_deg, radial=reference)
 
 
 def truth(camera, view):

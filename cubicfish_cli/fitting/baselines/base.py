@@ -36,7 +36,7 @@ class BaselineLens(ABC):
         """Lenses roughly like ``camera``, from one of which least squares finds the nearest one.
 
         Args:
-            camera: the radial companion.
+            camera: the radial reference.
             covered: angle from the axis up to which the two should agree, radians.
 
         """

@@ -23,18 +23,18 @@ from cubicfish_cli.fitting.baselines.rational import RationalLens
 from cubicfish_cli.fitting.baselines.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.fitting.baselines.unified import UnifiedLens
 from cubicfish_cli.fitting.calibrate import Calibration
-from cubicfish_cli.fitting.companion import Companion, companion_near, refit_companion
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import folds_of
 from cubicfish_cli.fitting.hold import choose_hold
 from cubicfish_cli.fitting.lenses import FixedLens, RadialFit
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.radial_reference import RadialReference, radial_near, refit_radial
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
 from cubicfish_cli.model.cubic import tangent_basis
-from cubicfish_cli.model.soundness import cone_rays
+from cubicfish_cli.model.validity import cone_rays
 from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
@@ -89,13 +89,13 @@ class ModelFigures:
 class _Fold:
     """Photos to learn from, and corners of the others to be judged on."""
 
-    companion: Companion
+    reference: RadialReference
     left_out: Correspondences
     poses: Poses
 
 
-# From a companion to a fitted lens.
-_Fit = Callable[[Companion], tuple[FitLens, FloatArray]]
+# From a reference to a fitted lens.
+_Fit = Callable[[RadialReference], tuple[FitLens, FloatArray]]
 
 
 def compare_baselines(
@@ -103,7 +103,7 @@ def compare_baselines(
 ) -> list[ModelFigures]:
     """Fit every lens model to the corners that a calibration used, the cubic among them.
 
-    Each starts at the radial companion: first the model is fitted to the companion's pixels on
+    Each starts at the radial reference: first the model is fitted to the reference's pixels on
     the covered cone, then lens and poses are adjusted jointly. The Huber loss follows the noise
     of each model's own residuals by one rule. Held-out errors count the corners within the
     cubic's cone, the same ones for every model.
@@ -123,16 +123,16 @@ def compare_baselines(
     if drawn is not None and calibration.refined != "off":
         world = drawn.world_points(pairs.board, pairs.column, pairs.row)
         pairs, hold = replace(pairs, world=world), None
-    companion = _companion(calibration, pairs)
+    reference = _reference(calibration, pairs)
     # The choice of how P is held is part of the cubic's time.
     begun = time.perf_counter()
-    chosen = choose_hold(companion, folds_of(companion)).hold
+    chosen = choose_hold(reference, folds_of(reference)).hold
     choosing = time.perf_counter() - begun
     hold = chosen if hold is None else hold
-    folds = _folds(companion, hold) if hold_out else []
+    folds = _folds(reference, hold) if hold_out else []
     rows = [
-        _figures(CUBIC, _CUBIC_PARAMETERS, _fit_cubic(hold), companion, folds),
-        _figures(KANNALA_BRANDT, 4 + companion.terms, _fit_radial, companion, folds),
+        _figures(CUBIC, _CUBIC_PARAMETERS, _fit_cubic(hold), reference, folds),
+        _figures(KANNALA_BRANDT, 4 + reference.terms, _fit_radial, reference, folds),
     ]
     camera = calibration.camera
     rows[0] = replace(
@@ -141,13 +141,13 @@ def compare_baselines(
         largest_angle_deg=float(min(rows[0].largest_angle_deg or np.inf, camera.max_angle_deg)),
     )
     for kind in BASELINES:
-        count = len(kind.starts(companion.camera, companion.covered)[0].parameters)
-        rows.append(_figures(kind.name, count, _fit_baseline(kind), companion, folds))
+        count = len(kind.starts(reference.camera, reference.covered)[0].parameters)
+        rows.append(_figures(kind.name, count, _fit_baseline(kind), reference, folds))
     return rows
 
 
-def _companion(calibration: Calibration, pairs: Correspondences) -> Companion:
-    """The companion of the corners that were used, adjusted to just these."""
+def _reference(calibration: Calibration, pairs: Correspondences) -> RadialReference:
+    """The reference of the corners that were used, adjusted to just these."""
     scale = world_scale(pairs)
     pairs = replace(pairs, world=pairs.world / scale)
     poses = Poses(
@@ -155,25 +155,25 @@ def _companion(calibration: Calibration, pairs: Correspondences) -> Companion:
     )
     camera = calibration.camera.radial
     terms = int(np.flatnonzero(np.append(1.0, camera.k)).max())
-    return companion_near(camera, pairs, poses, terms=terms, lost_px=_LOST_PX)
+    return radial_near(camera, pairs, poses, terms=terms, lost_px=_LOST_PX)
 
 
-def _folds(companion: Companion, hold: Hold) -> list[_Fold]:
+def _folds(reference: RadialReference, hold: Hold) -> list[_Fold]:
     """The same folds as :func:`cubicfish_cli.fitting.held_out.held_out_error`."""
-    pairs = companion.pairs
+    pairs = reference.pairs
     photos = np.arange(len(pairs.images))
     folds = []
-    for test in folds_of(companion):
+    for test in folds_of(reference):
         train = np.setdiff1d(photos, test)
         try:
-            fitted = refit_companion(companion, select_photos(pairs, train), companion.poses[train])
+            fitted = refit_radial(reference, select_photos(pairs, train), reference.poses[train])
             cone = np.deg2rad(fit_cubic(fitted, hold).max_angle_deg)
         except FitError:
             return []
-        left_out, poses = select_photos(pairs, test), companion.poses[test]
+        left_out, poses = select_photos(pairs, test), reference.poses[test]
         inside = angle_from_axis(poses.apply(left_out.image, left_out.world)) <= cone
         counted, kept = select(left_out, inside)
-        folds.append(_Fold(companion=fitted, left_out=counted, poses=poses[kept]))
+        folds.append(_Fold(reference=fitted, left_out=counted, poses=poses[kept]))
     return folds
 
 
@@ -181,12 +181,12 @@ def _figures(
     name: str,
     parameters: int,
     fit: _Fit,
-    companion: Companion,
+    reference: RadialReference,
     folds: Sequence[_Fold],
 ) -> ModelFigures:
     begun = time.perf_counter()
     try:
-        lens, residual = fit(companion)
+        lens, residual = fit(reference)
     except FitError:
         return ModelFigures(
             model=name,
@@ -211,7 +211,7 @@ def _held_out(fit: _Fit, folds: Sequence[_Fold]) -> float | None:
     residuals = []
     for fold in folds:
         try:
-            lens, _ = fit(fold.companion)
+            lens, _ = fit(fold.reference)
             frozen = FixedLens(camera=lens)
             judged = adjust(frozen, fold.poses, fold.left_out, huber_px=10.0)
             judged = _adjusted(frozen, judged.poses, fold.left_out, huber_px(judged.residual))
@@ -228,54 +228,54 @@ def _adjusted(lens: FitLens, poses: Poses, pairs: Correspondences, limit: float)
 
 
 def _fit_cubic(hold: Hold) -> _Fit:
-    def fit(companion: Companion) -> tuple[FitLens, FloatArray]:
-        result = fit_cubic(companion, hold)
+    def fit(reference: RadialReference) -> tuple[FitLens, FloatArray]:
+        result = fit_cubic(reference, hold)
         return result.lens, result.residual
 
     return fit
 
 
-def _fit_radial(companion: Companion) -> tuple[FitLens, FloatArray]:
-    lens = RadialFit(values=companion.camera.parameters, terms=companion.terms)
-    fit = _adjusted(lens, companion.poses, companion.pairs, huber_px(companion.residual))
+def _fit_radial(reference: RadialReference) -> tuple[FitLens, FloatArray]:
+    lens = RadialFit(values=reference.camera.parameters, terms=reference.terms)
+    fit = _adjusted(lens, reference.poses, reference.pairs, huber_px(reference.residual))
     return fit.lens, fit.residual
 
 
 def _fit_baseline(kind: type[BaselineLens]) -> _Fit:
-    def fit(companion: Companion) -> tuple[FitLens, FloatArray]:
-        lens = nearest_lens(kind, companion)
-        seen = lens.project(companion.poses.apply(companion.pairs.image, companion.pairs.world))
+    def fit(reference: RadialReference) -> tuple[FitLens, FloatArray]:
+        lens = nearest_lens(kind, reference)
+        seen = lens.project(reference.poses.apply(reference.pairs.image, reference.pairs.world))
         with np.errstate(invalid="ignore"):
-            miss = np.nan_to_num(seen - companion.pairs.pixel, nan=1e6, posinf=1e6, neginf=-1e6)
+            miss = np.nan_to_num(seen - reference.pairs.pixel, nan=1e6, posinf=1e6, neginf=-1e6)
         fitted = _adjusted(
             lens,
-            companion.poses,
-            companion.pairs,
-            max(huber_px(miss), huber_px(companion.residual)),
+            reference.poses,
+            reference.pairs,
+            max(huber_px(miss), huber_px(reference.residual)),
         )
         return fitted.lens, fitted.residual
 
     return fit
 
 
-def nearest_lens(kind: type[BaselineLens], companion: Companion) -> BaselineLens:
-    """The lens of a kind that agrees best with the companion's pixels on the covered cone.
+def nearest_lens(kind: type[BaselineLens], reference: RadialReference) -> BaselineLens:
+    """The lens of a kind that agrees best with the reference's pixels on the covered cone.
 
     Raises:
         FitError: the model cannot see that cone at all.
 
     """
-    camera = companion.camera
-    rays = cone_rays(companion.covered, _START_RAYS)
+    camera = reference.camera
+    rays = cone_rays(reference.covered, _START_RAYS)
     wanted = camera.project(rays)
     rays, wanted = rays[np.isfinite(wanted[:, 0])], wanted[np.isfinite(wanted[:, 0])]
     found = [
         _least_squares(start, rays, wanted)
-        for start in kind.starts(camera, companion.covered)
+        for start in kind.starts(camera, reference.covered)
         if np.isfinite(start.project(rays)).all()
     ]
     if not found:
-        raise FitError(f"the {kind.name} model does not reach {np.rad2deg(companion.covered):.0f}°")
+        raise FitError(f"the {kind.name} model does not reach {np.rad2deg(reference.covered):.0f}°")
     return min(found, key=lambda lens: rms_px(lens.project(rays) - wanted))
 
 

@@ -36,7 +36,7 @@ class ScaramuzzaLens(BaselineLens):
 
     @classmethod
     def starts(cls, camera: RadialCamera, covered: float) -> tuple[Self, ...]:
-        """Linear least squares of f on the companion's profile."""
+        """Linear least squares of f on the reference's profile."""
         theta = np.linspace(0.02, covered, 200)
         radius = camera.profile(theta)
         powers = np.stack([np.ones_like(radius), radius**2, radius**3, radius**4], axis=-1)

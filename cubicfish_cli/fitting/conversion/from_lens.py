@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.bent import BentFit
+from cubicfish_cli.fitting.asymmetric import BentFit
 from cubicfish_cli.fitting.conversion.lens_model import FloatArray
 from cubicfish_cli.fitting.conversion.models import MODELS
 from cubicfish_cli.fitting.conversion.to_lens import ConversionError, conversion_error
@@ -21,7 +21,7 @@ from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lens_record import LensRecord
 from cubicfish_cli.model.lift import lift, sphere_basis
 from cubicfish_cli.model.radial import RadialCamera
-from cubicfish_cli.model.soundness import check_soundness, cone_rays
+from cubicfish_cli.model.validity import check_validity, cone_rays
 
 _RAYS = 4000
 _AZIMUTHS = 72
@@ -107,10 +107,10 @@ def from_lens(record: LensRecord, *, max_angle_deg: float = LARGEST_FIELD_DEG) -
 
 def _sound_camera(record: LensRecord, max_angle_deg: float) -> CubicCamera | None:
     rays, pixel = _seen(record, max_angle_deg + _MARGIN_DEG)
-    radial = _companion(record, rays, pixel)
+    radial = _reference(record, rays, pixel)
     for pull in _PULLS:
         for camera in _cameras(record, radial, rays, pixel, max_angle_deg, pull):
-            if check_soundness(camera.P, camera.max_angle_deg).sound:
+            if check_validity(camera.P, camera.max_angle_deg).valid:
                 return camera
     return None
 
@@ -173,7 +173,7 @@ def _seen(record: LensRecord, angle_deg: float) -> tuple[FloatArray, FloatArray]
     return rays[good], pixel[good]
 
 
-def _companion(record: LensRecord, rays: FloatArray, pixel: FloatArray) -> RadialCamera:
+def _reference(record: LensRecord, rays: FloatArray, pixel: FloatArray) -> RadialCamera:
     """The Kannala–Brandt lens nearest to the rays."""
     width, height = record.image_size
     theta = angle_from_axis(rays)

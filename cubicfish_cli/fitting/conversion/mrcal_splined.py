@@ -26,7 +26,7 @@ from cubicfish_cli.angles import angle_from_axis, azimuth
 from cubicfish_cli.fitting.conversion.lens_model import FloatArray, LensModel
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lens_record import LensRecord
-from cubicfish_cli.model.soundness import cone_rays
+from cubicfish_cli.model.validity import cone_rays
 
 IntArray = npt.NDArray[np.intp]
 

@@ -74,7 +74,7 @@ def fit(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> LensRecord:
     """The nearest lens of the lowest degree that does justice to the camera, and its inverse.
 
     Args:
-        camera: the camera; its companion starts the fit.
+        camera: the camera; its reference starts the fit.
         rays: (N, 3) unit rays of the camera's field.
         pixel: (N, 2) where the camera sees them.
 
@@ -127,7 +127,7 @@ def _fit_degree(
 ) -> LensRecord:
     """Least squares over cx, cy, c, d, e and a0, a2..aN; the stretch matrix is [[c, d], [e, 1]].
 
-    Radii count in units of the companion's focal length, so that all values are near 1.
+    Radii count in units of the reference's focal length, so that all values are near 1.
     """
     unit = camera.radial.fy
     rho = np.hypot(rays[:, 0], rays[:, 1])
@@ -181,7 +181,7 @@ def _fit_degree(
     reach = 2 * np.hypot(width, height) / unit
     start = np.array([camera.radial.cx / unit, camera.radial.cy / unit, 1.0, 0.0, 0.0])
     start[2] = camera.radial.fx / camera.radial.fy
-    # f on the companion's profile; times sin θ the equation stays finite where f crosses 0.
+    # f on the reference's profile; times sin θ the equation stays finite where f crosses 0.
     theta = angle_from_axis(rays)
     profile = camera.radial.profile(theta)
     rows = profile[:, None] ** powers * np.sin(theta)[:, None]

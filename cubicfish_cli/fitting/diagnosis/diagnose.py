@@ -16,7 +16,6 @@ import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.companion import fit_companion
 from cubicfish_cli.fitting.diagnosis.board_faults import (
     FEWEST_CORNERS,
     board_fault,
@@ -31,6 +30,7 @@ from cubicfish_cli.fitting.diagnosis.object_faults import EXCHANGED, Fault, obje
 from cubicfish_cli.fitting.diagnosis.repeats import NEAR_SHARE, repeated_groups
 from cubicfish_cli.fitting.diagnosis.squares_counted import squares_counted
 from cubicfish_cli.fitting.diagnosis.unsteady import unsteady
+from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.refinement import Drawing, ObjectFit, refine_object
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.statistics import rms_px
@@ -214,7 +214,7 @@ def _of_object(drawn: ObjectFit, fit: ObjectFit, drawing: Drawing) -> list[Findi
     if fit.level != "off":
         found = _of_refined(drawn, fit, drawing)
         return [replace(finding, severity=Severity.CARE) for finding in found]
-    pairs, residual = fit.companion.pairs, fit.cubic.residual
+    pairs, residual = fit.reference.pairs, fit.cubic.residual
     times = _times_noise(pairs, residual)
     if times is None or times < _WORTH_MEASURING:
         return []
@@ -223,7 +223,7 @@ def _of_object(drawn: ObjectFit, fit: ObjectFit, drawing: Drawing) -> list[Findi
     found = []
     for photos in (few, everyone)[: 1 + (len(few) < len(everyone))]:
         part = fit_of_few(fit, photos)
-        own = drawing.of(part.companion.pairs)
+        own = drawing.of(part.reference.pairs)
         try:
             refined = refine_object(part, own, "shape", ())
         except (FitError, np.linalg.LinAlgError):
@@ -332,10 +332,10 @@ def _of_left_out(
     photos = np.array([i for i, name in enumerate(pairs.images) if name in names], np.intp)
     if not photos.size:
         return []
-    camera, noise = fit.companion.camera, noise_px(fit.companion.residual)
+    camera, noise = fit.reference.camera, noise_px(fit.reference.residual)
     scaled = replace(pairs, world=pairs.world / drawing.scale)
     findings: list[Finding] = []
-    unfit = [photo for photo in photos if pairs.images[photo] in fit.companion.unfit]
+    unfit = [photo for photo in photos if pairs.images[photo] in fit.reference.unfit]
     if unfit:
         own = left_out_lens(
             camera, select_photos(scaled, np.array(unfit)), noise, order=pairs.images
@@ -367,7 +367,7 @@ def _left_out(
     pairs: Correspondences, fit: ObjectFit, dropped: Sequence[tuple[str, str | None]]
 ) -> set[str]:
     """Photos that were left out, and those of which a board lost half of its corners."""
-    unfit = fit.companion.unfit.items()
+    unfit = fit.reference.unfit.items()
     names = {name for name, why in unfit if why.code is not Code.TOO_FEW_CORNERS}
     counts: dict[tuple[str, str], int] = {}
     for image, board in dropped:
@@ -407,8 +407,8 @@ def _counted_squares(pairs: Correspondences, target: Target | None) -> list[Find
 
 
 def _repeats(fit: ObjectFit) -> list[Finding]:
-    pairs, poses = fit.companion.pairs, fit.cubic.poses
-    focal = fit.companion.camera.fx
+    pairs, poses = fit.reference.pairs, fit.cubic.poses
+    focal = fit.reference.camera.fx
     count = len(pairs.images)
     if count < 2:
         return []
@@ -485,7 +485,7 @@ def _failed_object(pairs: Correspondences, target: Target, scale: float) -> Find
         pixel = corrected.pixel * [-1, 1] + [pairs.image_size[0] - 1, 0]
         corrected = replace(corrected, pixel=pixel)
     try:
-        again = fit_companion(corrected)
+        again = fit_radial(corrected)
     except (FitError, np.linalg.LinAlgError):
         return None
     noise = local_noise_px(again.pairs, again.residual)

@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.companion import Companion, fit_companion
 from cubicfish_cli.fitting.diagnosis.lens_faults import left_out_lens
 from cubicfish_cli.fitting.known_lens import fit_poses
+from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import flatness, select_photos
 from cubicfish_cli.words.codes import Code, Severity
@@ -42,7 +42,7 @@ def mirrored_object(pairs: Correspondences) -> Finding | None:
         return None
     pixel = pairs.pixel * [-1, 1] + [pairs.image_size[0] - 1, 0]
     try:
-        fit = fit_companion(replace(pairs, pixel=pixel), thorough=False)
+        fit = fit_radial(replace(pairs, pixel=pixel), thorough=False)
     except (FitError, np.linalg.LinAlgError):
         return None
     if fit.focal_uncertainty > _SURE_FOCAL:
@@ -69,7 +69,7 @@ def failed_lens(pairs: Correspondences) -> Finding | None:
     lenses = []
     for few in _subsets(count):
         try:
-            lens = fit_companion(select_photos(pairs, few), thorough=False)
+            lens = fit_radial(select_photos(pairs, few), thorough=False)
         except (FitError, np.linalg.LinAlgError):
             continue
         if lens.focal_uncertainty < _SURE_FOCAL:
@@ -86,7 +86,7 @@ def failed_lens(pairs: Correspondences) -> Finding | None:
     if best is None or not _FEWEST_PHOTOS <= best[0] < count:
         return None
     try:
-        lens = fit_companion(select_photos(pairs, best[1]))
+        lens = fit_radial(select_photos(pairs, best[1]))
     except (FitError, np.linalg.LinAlgError):
         return None
     others = np.setdiff1d(np.arange(count), best[1])
@@ -118,7 +118,7 @@ def _subsets(count: int) -> Iterable[IntArray]:
         yield np.sort(rng.choice(count, min(_FEWEST_PHOTOS, count), replace=False))
 
 
-def _agreeing(lens: Companion, pairs: Correspondences, noise: float) -> IntArray:
+def _agreeing(lens: RadialReference, pairs: Correspondences, noise: float) -> IntArray:
     fit, own, placed = fit_poses(lens.camera, pairs)
     if fit is None:
         return np.zeros(0, np.intp)

@@ -36,12 +36,12 @@ def fit_of_few(fit: ObjectFit, photos: IntArray) -> ObjectFit:
         photos: increasing indices of photos.
 
     """
-    own = np.isin(fit.companion.pairs.image, photos)
-    companion = replace(
-        fit.companion,
-        pairs=select_photos(fit.companion.pairs, photos),
-        poses=fit.companion.poses[photos],
-        residual=fit.companion.residual[own],
+    own = np.isin(fit.reference.pairs.image, photos)
+    reference = replace(
+        fit.reference,
+        pairs=select_photos(fit.reference.pairs, photos),
+        poses=fit.reference.poses[photos],
+        residual=fit.reference.residual[own],
     )
     cubic = replace(fit.cubic, poses=fit.cubic.poses[photos], residual=fit.cubic.residual[own])
-    return replace(fit, companion=companion, cubic=cubic)
+    return replace(fit, reference=reference, cubic=cubic)

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.companion import Companion, fit_companion, refit_companion
 from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
 from cubicfish_cli.fitting.diagnosis.few_photos import enough_photos, fit_of_few, spread_out
 from cubicfish_cli.fitting.diagnosis.photo_lenses import (
@@ -28,6 +27,7 @@ from cubicfish_cli.fitting.diagnosis.photo_lenses import (
 )
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.lenses import FixedLens
+from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial, refit_radial
 from cubicfish_cli.fitting.refinement import ObjectFit
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.statistics import rms_px
@@ -124,7 +124,7 @@ def lens_findings(fit: ObjectFit, drawn: ObjectFit) -> list[Finding]:
 
 def _own(fit: ObjectFit) -> PhotoLenses:
     cubic = fit.cubic
-    return photo_lenses(cubic.lens, cubic.poses, fit.companion.pairs, cubic.fit.world.points)
+    return photo_lenses(cubic.lens, cubic.poses, fit.reference.pairs, cubic.fit.world.points)
 
 
 def _of_each(photos: PhotoLenses, split: TwoLenses) -> IntArray:
@@ -160,7 +160,7 @@ def _followed(
         together: RMS with one lens for all, to be beaten.
 
     """
-    pairs, apart = fit.companion.pairs, None
+    pairs, apart = fit.reference.pairs, None
     noticed = _NOTICED_PX * max(1.0, max(pairs.image_size) / _SIDE)
     given, gains = np.zeros((len(pairs.images), 3)), list[float]()
     for left in reversed(range(_ROUNDS)):
@@ -188,7 +188,7 @@ def _followed(
         return None
     scale = 1 + split.own[:, 0] / photos.reach
     middle = (np.array(pairs.image_size, float) - 1) / 2
-    camera = apart.companion.camera
+    camera = apart.reference.camera
     common = np.array([camera.cx, camera.cy]) - middle
     centres = middle + scale[:, None] * common + split.own[:, 1:]
     change = LensChange(
@@ -232,13 +232,13 @@ class _Apart:
     """A fit in which photos have a scale and centre of their own.
 
     Attributes:
-        companion: the radial fit, to pixels as one lens would have taken them.
+        reference: the radial fit, to pixels as one lens would have taken them.
         cubic: the cubic one.
         photos: what each photo has of its own in all.
 
     """
 
-    companion: Companion
+    reference: RadialReference
     cubic: CubicResult
     photos: PhotoLenses
 
@@ -259,11 +259,11 @@ def _fitted_apart(
     fit: ObjectFit, start: ObjectFit | _Apart, given: FloatArray, reach: float
 ) -> _Apart | None:
     """Fit with these scales and shifts (photos, 3); None where there is no camera."""
-    alike = replace(fit.companion.pairs, pixel=_as_one(fit.companion.pairs, given, reach))
+    alike = replace(fit.reference.pairs, pixel=_as_one(fit.reference.pairs, given, reach))
     try:
-        companion = refit_companion(start.companion, alike, start.companion.poses)
+        reference = refit_radial(start.reference, alike, start.reference.poses)
         cubic = fit_cubic(
-            companion, fit.cubic.hold, start=start.cubic, relative_decrease=_ROUGH_DECREASE
+            reference, fit.cubic.hold, start=start.cubic, relative_decrease=_ROUGH_DECREASE
         )
     except (FitError, np.linalg.LinAlgError):
         return None
@@ -271,7 +271,7 @@ def _fitted_apart(
     total = photos.own.copy()
     total[:, :3] += given[photos.photos]
     return _Apart(
-        companion=companion,
+        reference=reference,
         cubic=cubic,
         photos=replace(photos, own=total),
     )
@@ -318,7 +318,7 @@ def left_out_lens(
     if flatness(pairs.world) < _FLAT and len(pairs.images) < _FEWEST_OF_A_PLANE:
         return None
     try:
-        own = fit_companion(pairs)
+        own = fit_radial(pairs)
     except (FitError, np.linalg.LinAlgError):
         return None
     if own.focal_uncertainty > _SURE_FOCAL or noise_px(own.residual) > _TYPICAL_NOISE * noise:
@@ -353,7 +353,7 @@ def left_out_lens(
     return found if many else replace(found, severity=Severity.CARE)
 
 
-def _clearly_other(camera: RadialCamera, own: Companion) -> bool:
+def _clearly_other(camera: RadialCamera, own: RadialReference) -> bool:
     """Whether photos fit their own lens clearly better than another one, poses being free."""
     fit, placed, _ = fit_poses(camera, own.pairs)
     if fit is None or len(placed.pixel) < len(own.pairs.pixel):
@@ -426,7 +426,7 @@ def _ratio_words(ratio: float) -> str:
 
 def _single(fit: ObjectFit, photos: PhotoLenses) -> list[Finding]:
     """Photos that by themselves are sheared, or have another lens than the rest."""
-    pairs = fit.companion.pairs
+    pairs = fit.reference.pairs
     suspects = {
         one.photo
         for one in (*sheared_photos(photos), *zoomed_photos(photos))
@@ -457,7 +457,7 @@ def _single(fit: ObjectFit, photos: PhotoLenses) -> list[Finding]:
 
 def _determined_without(fit: ObjectFit, left_out: npt.NDArray[np.intp]) -> bool:
     """Whether the other photos make a camera that is right about photos it has not seen."""
-    pairs = fit.companion.pairs
+    pairs = fit.reference.pairs
     others = np.count_nonzero(~np.isin(pairs.image, left_out))
     poses = len(pairs.images) - len(left_out)
     unknowns = len(fit.cubic.lens.parameters) + 6 * poses
@@ -466,14 +466,12 @@ def _determined_without(fit: ObjectFit, left_out: npt.NDArray[np.intp]) -> bool:
 
 def _without(fit: ObjectFit, suspects: npt.NDArray[np.intp]) -> PhotoLenses | None:
     """What each photo has of its own beside a lens that was fitted without some."""
-    pairs = replace(fit.companion.pairs, world=fit.cubic.fit.world.points)
+    pairs = replace(fit.reference.pairs, world=fit.cubic.fit.world.points)
     good = np.setdiff1d(np.arange(len(pairs.images)), suspects)
     good = spread_out(good, 2 * enough_photos(len(good)))
     try:
-        companion = refit_companion(
-            fit.companion, select_photos(pairs, good), fit.cubic.poses[good]
-        )
-        cubic = fit_cubic(companion, fit.cubic.hold, relative_decrease=_ROUGH_DECREASE)
+        reference = refit_radial(fit.reference, select_photos(pairs, good), fit.cubic.poses[good])
+        cubic = fit_cubic(reference, fit.cubic.hold, relative_decrease=_ROUGH_DECREASE)
         poses = fit.cubic.poses.with_photos(good, cubic.poses)
         # Beside their poses under the other lens, photos would look grossly wrong all over.
         left_out = np.setdiff1d(np.arange(len(poses)), good)
@@ -481,7 +479,7 @@ def _without(fit: ObjectFit, suspects: npt.NDArray[np.intp]) -> PhotoLenses | No
             image_size=pairs.image_size,
             P=cubic.lens.P,
             max_angle_deg=cubic.max_angle_deg,
-            radial=companion.camera,
+            radial=reference.camera,
         )
         placed = adjust(
             FixedLens(camera=camera),

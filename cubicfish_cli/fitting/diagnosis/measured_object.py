@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.companion import Companion, fit_companion
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.geometry import mean_rotation
 from cubicfish_cli.target import Board, Target
@@ -54,7 +54,7 @@ class MeasuredObject:
     """The boards that could be measured, by index, in one frame, and the lens that did it."""
 
     boards: dict[int, MeasuredBoard]
-    lens: Companion
+    lens: RadialReference
 
 
 def plane_in_squares(board: Board, column: IntArray, row: IntArray) -> FloatArray:
@@ -73,7 +73,7 @@ def measured_object(pairs: Correspondences, target: Target) -> MeasuredObject | 
     if views is None:
         return None
     try:
-        lens = fit_companion(views)
+        lens = fit_radial(views)
     except (FitError, np.linalg.LinAlgError):
         return None
     photo, board = np.array([name.split(":") for name in lens.pairs.images], np.intp).T

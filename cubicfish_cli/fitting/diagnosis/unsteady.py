@@ -30,7 +30,7 @@ _FLAT = 1e-3  # a refined sheet is bent a little
 
 def unsteady(fit: ObjectFit) -> list[Finding]:
     """What seems to change from photo to photo, as a note; empty where nothing clearly does."""
-    pairs, poses = fit.companion.pairs, fit.cubic.poses
+    pairs, poses = fit.reference.pairs, fit.cubic.poses
     world = fit.cubic.fit.world.points
     flat = flatness(world) < _FLAT
     bend = _bends(world) if flat else np.zeros((len(world), 3, 0))

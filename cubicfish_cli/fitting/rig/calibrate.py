@@ -17,16 +17,16 @@ from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.calibrate import RefineTarget, calibrate
-from cubicfish_cli.fitting.companion import companion_near
 from cubicfish_cli.fitting.cubic_fit import fit_cubic, held
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import FOLDS, MIN_PHOTOS, dealt_out
-from cubicfish_cli.fitting.frame import in_companions_frame
+from cubicfish_cli.fitting.frame import in_references_frame
 from cubicfish_cli.fitting.hold import UNTOLD
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.radial_reference import radial_near
 from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.refinement import LEVELS, Level, settled_spread
 from cubicfish_cli.fitting.rig.clocks import Clocks, Moving, fitted_clocks
@@ -55,7 +55,7 @@ from cubicfish_cli.fitting.subset import with_mean_weight_one, world_scale
 from cubicfish_cli.fitting.world import DrawnWorld, World
 from cubicfish_cli.geometry import camera_centre, total_sigma
 from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.soundness import check_soundness, cone_rays
+from cubicfish_cli.model.validity import check_validity, cone_rays
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Severity
 from cubicfish_cli.words.rig_finding import RigFinding
@@ -284,10 +284,10 @@ def _alone(
         fit = adjust(free, poses, pairs, huber_px=_WIDE_HUBER_PX, relative_decrease=_ROUGH_DECREASE)
         poses = adjust(free, fit.poses, pairs, huber_px=huber_px(fit.residual)).poses
     else:
-        companion = companion_near(lens.radial, pairs, poses)
-        result = fit_cubic(companion, held_by, relative_decrease=_ROUGH_DECREASE)
+        reference = radial_near(lens.radial, pairs, poses)
+        result = fit_cubic(reference, held_by, relative_decrease=_ROUGH_DECREASE)
         free, poses = result.lens, result.poses
-        other = None if rival is None else held(result.lens, companion, rival)
+        other = None if rival is None else held(result.lens, reference, rival)
     return _Alone(
         camera=lens,
         lens=free,
@@ -398,7 +398,7 @@ def _as_camera(lens: FitLens, alone: _Alone) -> CubicCamera:
 
 def _sound(lens: FitLens, alone: _Alone) -> bool:
     camera = _as_camera(lens, alone)
-    return check_soundness(camera.P, camera.max_angle_deg).sound
+    return check_validity(camera.P, camera.max_angle_deg).valid
 
 
 def _rig_of(fit: Adjustment) -> RigLens:
@@ -429,7 +429,7 @@ def _calibration(
     covariance[:, 3:] *= scale
     covariance[:, :, 3:] *= scale
     held_out = _held_out(fit, drawn, limit, seen.shot)
-    turned, places = _in_companions_frames(lens, alone)
+    turned, places = _in_references_frames(lens, alone)
     zero = places[np.array([0])]
     poses = zero @ fit.poses
     poses = poses.scaled(scale).of_world(origin)
@@ -506,16 +506,16 @@ def _covered_deg(one: _Alone) -> float:
     return one.camera.max_angle_deg
 
 
-def _in_companions_frames(
+def _in_references_frames(
     lens: RigLens, alone: Sequence[_Alone]
 ) -> tuple[list[CubicCamera], Poses]:
-    """Each camera in its companion's frame, and camera_from_rig with it."""
+    """Each camera in its reference's frame, and camera_from_rig with it."""
     cameras, places = [], []
     for number, (own, one) in enumerate(zip(lens.lenses, alone, strict=True)):
         camera = _as_camera(own, one)
         place = lens.places[np.array([number])]
         if isinstance(own, CubicFit):  # one that is held stays as it is, its frame too
-            camera, place = in_companions_frame(camera, place, np.deg2rad(_covered_deg(one)))
+            camera, place = in_references_frame(camera, place, np.deg2rad(_covered_deg(one)))
         cameras.append(camera)
         places.append(place)
     return cameras, Poses.joined(places)

@@ -83,7 +83,7 @@ def _error(photos: Known, lens: Known) -> float:
     camera, pairs = lens.camera, photos.pairs
     if camera is None or camera.image_size != pairs.image_size:
         return np.inf
-    # Cameras of one make differ by little more than their radial companions miss.
+    # Cameras of one make differ by little more than their radial references miss.
     placed, own, _ = fit_poses(camera.radial, pairs)
     if placed is None:
         return np.inf

@@ -11,7 +11,7 @@ from cubicfish_cli.fitting.conversion import mrcal_splined, pinhole
 from cubicfish_cli.formats.mrcal_model import mrcal_text, read_mrcal
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lens_record import LensRecord
-from cubicfish_cli.model.soundness import cone_rays
+from cubicfish_cli.model.validity import cone_rays
 
 
 def field(camera: CubicCamera, count: int = 12_000) -> tuple[np.ndarray, np.ndarray]:

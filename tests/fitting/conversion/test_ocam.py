@@ -8,7 +8,7 @@ from cubicfish_cli.fitting.conversion import ocam
 from cubicfish_cli.fitting.conversion.to_lens import to_lens
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.lens_record import LensRecord
-from cubicfish_cli.model.soundness import cone_rays
+from cubicfish_cli.model.validity import cone_rays
 
 SIZE = (960, 720)
 LENS = LensRecord(
@@ -80,7 +80,7 @@ def test_the_inverse_polynomial_is_near_the_radius(farthest_deg: float) -> None:
 
 
 def test_a_lens_of_the_model_is_found_again() -> None:
-    """A cubic camera cannot be one; its companion's pixels are replaced by the lens's own."""
+    """A cubic camera cannot be one; its reference's pixels are replaced by the lens's own."""
     camera = cubic_camera(80)
     rays, _ = field(camera)
     pixel = ocam.project(LENS, rays)
@@ -105,13 +105,13 @@ def test_a_fit_is_as_near_as_any_radial_lens(half_angle_deg: float) -> None:
     assert np.degrees(np.arccos(np.clip(back, -1, 1))).max() < 0.1
 
 
-def test_a_camera_that_is_no_radial_lens_is_met_as_well_as_by_its_companion() -> None:
+def test_a_camera_that_is_no_radial_lens_is_met_as_well_as_by_its_radial_reference() -> None:
     camera = cubic_camera(95)
     rays, pixel = field(camera)
     record = ocam.fit(camera, rays, pixel)
-    companion = np.sqrt(((camera.radial.project(rays) - pixel) ** 2).sum(axis=1).mean())
+    reference = np.sqrt(((camera.radial.project(rays) - pixel) ** 2).sum(axis=1).mean())
     found = np.sqrt(((ocam.project(record, rays) - pixel) ** 2).sum(axis=1).mean())
-    assert found < companion
+    assert found < reference
     # A higher degree that gains next to nothing is not taken.
     assert len(record.values["a"]) == 5
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting import companion
+from cubicfish_cli.fitting import radial_reference
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.diagnosis import diagnose, lens_faults, photo_lenses
 from cubicfish_cli.fitting.diagnosis import failed_lens as failed_lens_module
@@ -800,14 +800,14 @@ def test_points_that_fit_in_a_mirror_are_told(points):
 @pytest.mark.slow
 def test_points_that_are_paired_at_random_are_refused_quickly(points, monkeypatch):
     iterations = []
-    adjust = companion.adjust
+    adjust = radial_reference.adjust
 
     def counted(*arguments, **options):
         fit = adjust(*arguments, **options)
         iterations.append(fit.iterations)
         return fit
 
-    monkeypatch.setattr(companion, "adjust", counted)
+    monkeypatch.setattr(radial_reference, "adjust", counted)
     rng = np.random.default_rng(0)
     with pytest.raises(FitError, match=r"typical error \d+ px\): check the target's square sizes"):
         calibrate(replace(points, pixel=rng.permutation(points.pixel)))

@@ -77,10 +77,10 @@ MUTATIONS = tuple(
             "model/test_cameras",
         ),
         (
-            "model/soundness.py",
+            "model/validity.py",
             "good = (denominator > 0) & (determinant > 0)",
             "good = denominator > 0",
-            "model/test_soundness",
+            "model/test_validity",
         ),
         # Start poses and the linear solution.
         ("fitting/radial_pose.py", "b = -b if product < 0 else b", "b = b", "fitting/test_start"),
@@ -129,13 +129,13 @@ MUTATIONS = tuple(
             "model/test_cameras",
         ),
         (
-            "fitting/bent.py",
+            "fitting/asymmetric.py",
             "6 * p1 * b + 2 * p2 * a",
             "2 * p1 * b + 2 * p2 * a",
             "model/test_cameras",
         ),
         (
-            "fitting/bent.py",
+            "fitting/asymmetric.py",
             "-(focal * tilted)[:, :, None]",
             "(focal * tilted)[:, :, None]",
             "model/test_cameras",
@@ -148,7 +148,7 @@ MUTATIONS = tuple(
         ),
         (
             "fitting/cubic_fit.py",
-            "if result.soundness.sound:",
+            "if result.validity.valid:",
             "if True:",
             "fitting/test_calibrate",
         ),

@@ -1,0 +1,394 @@
+"""Fitting the radial reference and all poses, from nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import islice
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.angles import angle_from_axis
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.adjustment import COLD_DAMPING, WARM_DAMPING, Adjustment, adjust
+from cubicfish_cli.fitting.asymmetric import BentFit, bend
+from cubicfish_cli.fitting.known_lens import fit_poses
+from cubicfish_cli.fitting.lenses import RadialFit
+from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.robust import gross_px, huber_px, noise_px
+from cubicfish_cli.fitting.start import start_at_centre
+from cubicfish_cli.fitting.subset import select_photos
+from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.words.codes import Code
+from cubicfish_cli.words.finding import Finding
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+
+# The valid cone reaches this far beyond the farthest corner.
+MARGIN_DEG = 5.0
+CHECK_ALL = (
+    "check the target's square sizes, axes and origins, that corners are counted and not squares, "
+    "and that all photos show this one target through one lens at one zoom"
+)
+"""What to do where corners fit no lens at all."""
+# A fit whose noise is above this share of the photo's longer side is not believed.
+_POOR_SHARE = 0.004
+# A start whose photos are off by more than this share of it in the median leads nowhere, and
+# neither does a first fit so many times as noisy as what is believed.
+_HOPELESS_SHARE = 0.1
+_HOPELESS = 4.0
+_FIRST_ITERATIONS = 30
+# Centres that are tried when the middle of the photo does not serve, as shares of its sides.
+_CENTRE_SHARES = (-0.24, -0.12, 0.0, 0.12, 0.24)
+_CENTRES_TO_FIT = 4
+# Photos that take part in ranking the centres.
+_PHOTOS_FOR_CENTRE = 8
+# A photo is set aside in the first fit when its start is this many times worse than the median.
+_BAD_START = 6.0
+_ROUNDS = 3
+# Photos that are added may make the others this many times as noisy.
+_PULLED_AWAY = 2.0
+# A profile with fewer coefficients may be noisier by this factor.
+_WORTH_A_TERM = 1.05
+_ALL_TERMS = 4
+LOST_PX = 10.0
+"""What a corner that a known lens does not see counts as being off, at first."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RadialReference:
+    """The Kannala–Brandt lens, the poses of the photos that fit it, and their pairs.
+
+    Attributes:
+        camera: the lens.
+        poses: camera_from_world, one for each of ``pairs.images``.
+        pairs: the pairs of the photos that fit.
+        residual: (N, 2) projection less pixel, pixels.
+        unfit: why each photo that was left out was, by name.
+        terms: how many coefficients of the radial profile are in use.
+        focal_uncertainty: standard deviation of the focal length, as a share of it.
+
+    """
+
+    camera: RadialCamera
+    poses: Poses
+    pairs: Correspondences
+    residual: FloatArray
+    unfit: dict[str, Finding]
+    terms: int
+    focal_uncertainty: float
+    _bent: dict[float, tuple[BentFit, Poses]] = field(default_factory=dict, init=False, repr=False)
+
+    def bent(self, spread: float) -> tuple[BentFit, Poses]:
+        """The nearest lens of this expected asymmetry, and the poses that go with it."""
+        if spread not in self._bent:
+            self._bent[spread] = bend(
+                self.camera, self.terms, self.poses, self.pairs, self.residual, spread
+            )
+        return self._bent[spread]
+
+    @property
+    def covered(self) -> float:
+        """Angle from the axis of the farthest corner that is not gross, radians."""
+        return self.reached[1]
+
+    @property
+    def reached(self) -> tuple[float, float]:
+        """Angles from the axis of the nearest and of the farthest corner that is not gross.
+
+        In the middle of a mirror camera's picture is the camera itself.
+        """
+        angle = angle_from_axis(self.poses.apply(self.pairs.image, self.pairs.world))
+        length = np.hypot(self.residual[:, 0], self.residual[:, 1])
+        good = angle[length <= gross_px(self.residual)]
+        return float(good.min()), float(good.max())
+
+
+def fit_radial(pairs: Correspondences, *, thorough: bool = True) -> RadialReference:
+    """Fit a Kannala–Brandt lens and the pose of every photo, without any guess.
+
+    Photos that do not fit the lens of the others are tried again with the lens that the others
+    gave; those that still do not fit are left out and named.
+
+    Args:
+        pairs: 2D-3D pairs.
+        thorough: try other centres of the lens where the photo's middle does not serve.
+
+    Raises:
+        FitError: no photo can be placed, or the corners do not fit the target.
+
+    """
+    # Photos without any pair would shift the others' indices further on.
+    pairs = select_photos(pairs, np.arange(len(pairs.images)))
+    fit, used = _first_fit(pairs, thorough)
+    unfit: dict[str, Finding] = {}
+    for _ in range(_ROUNDS):
+        missing = np.setdiff1d(np.arange(len(pairs.images)), used)
+        fit, used, refused = _with_missing(fit, used, pairs, missing)
+        own = select_photos(pairs, used)
+        fit = _adjusted(fit, own)
+        unfit = {
+            pairs.images[photo]: refused.get(photo, Finding(code=Code.TOO_FEW_CORNERS))
+            for photo in np.setdiff1d(missing, used).tolist()
+        }
+        bad = _bad_photos(fit, own, gross_px(fit.residual))
+        unfit |= {own.images[photo]: why for photo, why in bad.items()}
+        if not bad:
+            break
+        good = np.array([photo for photo in range(len(used)) if photo not in bad])
+        if 2 * len(good) < len(used) or not len(good):
+            raise _does_not_fit(noise_px(fit.residual))
+        own, used = select_photos(own, good), used[good]
+        fit = _adjusted(
+            adjust(fit.lens, fit.poses[good], own, huber_px=gross_px(fit.residual)), own
+        )
+        if set(np.setdiff1d(np.arange(len(pairs.images)), used)) == set(missing.tolist()):
+            break
+    own = select_photos(pairs, used)
+    fit, terms = _sound_profile(fit, own)
+    return RadialReference(
+        camera=_camera(fit, pairs),
+        poses=fit.poses,
+        pairs=own,
+        residual=fit.residual,
+        unfit=unfit,
+        terms=terms,
+        focal_uncertainty=_focal_uncertainty(fit),
+    )
+
+
+def radial_near(
+    camera: RadialCamera,
+    pairs: Correspondences,
+    poses: Poses,
+    *,
+    terms: int = _ALL_TERMS,
+    lost_px: float = LOST_PX,
+) -> RadialReference:
+    """The reference of a calibration that is known, adjusted to its pairs again.
+
+    Args:
+        camera: its radial lens.
+        pairs: the pairs, world points of order 1.
+        poses: camera_from_world of each photo under that lens.
+        terms: how many coefficients of the profile may be free.
+        lost_px: see :data:`LOST_PX`.
+
+    """
+    miss = camera.project(poses.apply(pairs.image, pairs.world)) - pairs.pixel
+    near = RadialReference(
+        camera=camera,
+        poses=poses,
+        pairs=pairs,
+        residual=np.nan_to_num(miss, nan=lost_px),
+        unfit={},
+        terms=terms,
+        focal_uncertainty=0.0,
+    )
+    return refit_radial(near, pairs, poses)
+
+
+def refit_radial(
+    reference: RadialReference, pairs: Correspondences, poses: Poses
+) -> RadialReference:
+    """Adjust a reference to other pairs of the same lens, from known poses.
+
+    Used for pairs without the dropped ones and for the training part of a fold.
+    """
+    lens = RadialFit(values=reference.camera.parameters, terms=reference.terms)
+    fit = adjust(lens, poses, pairs, huber_px=huber_px(reference.residual))
+    fit, terms = _sound_profile(fit, pairs)
+    return RadialReference(
+        camera=_camera(fit, pairs),
+        poses=fit.poses,
+        pairs=pairs,
+        residual=fit.residual,
+        unfit=reference.unfit,
+        terms=terms,
+        focal_uncertainty=_focal_uncertainty(fit),
+    )
+
+
+def _does_not_fit(error: float) -> FitError:
+    size = f"{error:.0f}" if error >= 10 else f"{error:.2g}"
+    return FitError(
+        f"the corners do not fit the target (typical error {size} px)",
+        do=CHECK_ALL,
+    )
+
+
+def _first_fit(pairs: Correspondences, thorough: bool) -> tuple[Adjustment, IntArray]:
+    poor = _POOR_SHARE * max(pairs.image_size)
+    best: tuple[float, Adjustment, IntArray] | None = None
+    for centre in islice(_centres(pairs), None if thorough else 1):
+        found = _fit_from_centre(pairs, centre)
+        if found is None:
+            continue
+        error = noise_px(found[0].residual)
+        if best is None or error < best[0]:
+            best = (error, *found)
+        if error <= poor:
+            break
+    if best is None:
+        raise FitError(
+            "no photo has enough corners to be placed: each needs at least 7 (5 on a flat "
+            "board) that are not on one line"
+        )
+    if best[0] > poor:
+        raise _does_not_fit(best[0])
+    return best[1], best[2]
+
+
+def _centres(pairs: Correspondences) -> Iterator[FloatArray]:
+    """The middle of the photo, and only if that does not serve the best-ranked others."""
+    size = np.array(pairs.image_size, float)
+    middle = (size - 1) / 2
+    yield middle
+    counts = np.bincount(pairs.image, minlength=len(pairs.images))
+    few = select_photos(pairs, np.argsort(-counts, kind="stable")[:_PHOTOS_FOR_CENTRE])
+    centres = [
+        middle + size * [x, y]
+        for x in _CENTRE_SHARES
+        for y in _CENTRE_SHARES
+        if (x, y) != (0.0, 0.0)
+    ]
+    scores = [start_at_centre(few, centre).score for centre in centres]
+    for index in np.argsort(scores, kind="stable")[:_CENTRES_TO_FIT]:
+        yield centres[index]
+
+
+def _fit_from_centre(
+    pairs: Correspondences, centre: FloatArray
+) -> tuple[Adjustment, IntArray] | None:
+    start = start_at_centre(pairs, centre)
+    placed = np.isfinite(start.error)
+    if not placed.any():
+        return None
+    size, typical = max(pairs.image_size), float(np.median(start.error[placed]))
+    limit = max(0.02 * size, _BAD_START * typical)
+    used = np.flatnonzero(start.error <= limit)
+    own = select_photos(pairs, used)
+    values = np.array([start.focal, start.focal, *start.centre, 0, 0, 0, 0])
+    # Two coefficients first: with poses still rough, four would bend to the errors.
+    fit = adjust(
+        RadialFit(values=values, terms=2),
+        start.poses[used],
+        own,
+        huber_px=max(20.0, 2 * float(np.median(start.error[used]))),
+        max_iterations=1 if typical > _HOPELESS_SHARE * size else _FIRST_ITERATIONS,
+    )
+    if noise_px(fit.residual) > _HOPELESS * _POOR_SHARE * size:
+        return fit, used
+    return _adjusted(_with_terms(fit, own, _ALL_TERMS), own), used
+
+
+def _with_terms(fit: Adjustment, pairs: Correspondences, terms: int) -> Adjustment:
+    values = radial_of(fit).values.copy()
+    values[4 + terms :] = 0
+    lens = RadialFit(values=values, terms=terms)
+    return adjust(lens, fit.poses, pairs, huber_px=huber_px(fit.residual))
+
+
+def _adjusted(fit: Adjustment, pairs: Correspondences) -> Adjustment:
+    """Continue with a loss that follows the residuals down to the noise."""
+    for damping in (COLD_DAMPING, WARM_DAMPING):
+        limit = huber_px(fit.residual)
+        fit = adjust(fit.lens, fit.poses, pairs, huber_px=limit, damping=damping)
+    return fit
+
+
+def radial_of(fit: Adjustment) -> RadialFit:
+    """The lens of an adjustment of a radial one."""
+    if not isinstance(fit.lens, RadialFit):
+        raise TypeError("the reference's fit must be of a radial lens")
+    return fit.lens
+
+
+def _camera(fit: Adjustment, pairs: Correspondences) -> RadialCamera:
+    return RadialCamera.from_parameters(radial_of(fit).values, pairs.image_size)
+
+
+def _with_missing(
+    fit: Adjustment, used: IntArray, pairs: Correspondences, missing: IntArray
+) -> tuple[Adjustment, IntArray, dict[int, Finding]]:
+    """Add the photos that the start set aside, placed with the lens that the others gave.
+
+    Where these pull the others' corners away from a lens that fitted, those that are placed
+    grossly wrong under that lens are refused: a few corners say little of their photo's pose, and
+    a pose that is far off may turn a good lens into another. A photo that shows for the first time
+    how the lens goes on at the rim pulls nobody away.
+
+    Returns:
+        The fit, its photos, and why each photo that could be placed was refused.
+
+    """
+    if not missing.size:
+        return fit, used, {}
+    found, own, placed = fit_poses(_camera(fit, pairs), select_photos(pairs, missing))
+    if found is None:
+        return fit, used, {}
+    photos = missing[placed]
+    joined, everyone = _joined(fit, used, pairs, found.poses, photos)
+    others = np.isin(select_photos(pairs, everyone).image, np.searchsorted(everyone, used))
+    if noise_px(joined.residual[others]) <= _PULLED_AWAY * noise_px(fit.residual):
+        return joined, everyone, {}
+    wrong = _bad_photos(found, own, gross_px(fit.residual))
+    good = np.setdiff1d(np.arange(len(placed)), list(wrong))
+    joined, everyone = _joined(fit, used, pairs, found.poses[good], photos[good])
+    return joined, everyone, {int(photos[photo]): why for photo, why in wrong.items()}
+
+
+def _joined(
+    fit: Adjustment, used: IntArray, pairs: Correspondences, poses: Poses, photos: IntArray
+) -> tuple[Adjustment, IntArray]:
+    """A fit to photos that are used already and to others, whose poses are known roughly."""
+    everyone = np.concatenate([used, photos])
+    order = np.argsort(everyone, kind="stable")
+    poses, everyone = Poses.joined([fit.poses, poses])[order], everyone[order]
+    limit = huber_px(fit.residual)
+    return adjust(fit.lens, poses, select_photos(pairs, everyone), huber_px=limit), everyone
+
+
+def _bad_photos(fit: Adjustment, pairs: Correspondences, limit: float) -> dict[int, Finding]:
+    """Photos of which most corners are off by more than a limit in pixels, with the reason."""
+    length = np.hypot(fit.residual[:, 0], fit.residual[:, 1])
+    bad = {}
+    for photo in range(len(pairs.images)):
+        own = length[pairs.image == photo]
+        if np.median(own) > limit:
+            figures = {"error_px": float(np.median(own))}
+            bad[photo] = Finding(code=Code.DOES_NOT_FIT, figures=figures)
+    return bad
+
+
+def _sound_profile(fit: Adjustment, pairs: Correspondences) -> tuple[Adjustment, int]:
+    """Take coefficients away until the profile grows over the whole valid cone.
+
+    A lens that really flattens out just beyond its corners (an orthographic fisheye does) fits
+    much worse with fewer: it keeps them all, and its valid cone ends at the fold.
+    """
+    lens = fit.lens
+    terms = lens.terms if isinstance(lens, RadialFit) else 4
+    worst = _WORTH_A_TERM * noise_px(fit.residual)
+    best = fit
+    for fewer in range(terms, -1, -1):
+        if fewer < terms:
+            fit = _with_terms(fit, pairs, fewer)
+        if noise_px(fit.residual) > worst:
+            break
+        near = np.hypot(fit.residual[:, 0], fit.residual[:, 1]) <= gross_px(fit.residual)
+        covered = angle_from_axis(fit.poses.apply(pairs.image, pairs.world))[near].max()
+        if _camera(fit, pairs).max_angle >= min(np.pi, covered + np.deg2rad(MARGIN_DEG + 0.5)):
+            return fit, fewer
+    return best, terms
+
+
+def _focal_uncertainty(fit: Adjustment) -> float:
+    covariance = (
+        np.linalg.pinv(fit.normal.reduced_shared(), hermitian=True) * noise_px(fit.residual) ** 2
+    )
+    values = radial_of(fit).values
+    return float(np.sqrt(max(covariance[0, 0], covariance[1, 1], 0.0)) / abs(values[0]))

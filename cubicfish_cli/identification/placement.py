@@ -1,0 +1,165 @@
+"""Where on a target a grid can lie: which board, turned how, and moved by how many squares.
+
+A grid counts its corners (i, j) from its own first cell. On the board the same corner is
+(column, row) = turn · (i, j) + offset, with one of four quarter turns: photos are not mirrored.
+A board in one of its four turns is called a *side* here; a place is a side and an offset.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.detection.grids import Grid
+from cubicfish_cli.target import Target
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+BoolArray = npt.NDArray[np.bool_]
+
+TURNS = np.array(
+    [[[1, 0], [0, 1]], [[0, -1], [1, 0]], [[-1, 0], [0, -1]], [[0, 1], [-1, 0]]], np.intp
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Placement:
+    """All boards of a target in all four turns: S of them.
+
+    Attributes:
+        board: (S,) index into the target's boards.
+        turn: (S,) index into :data:`TURNS`.
+        matrix: (S, 2, 2) that turn.
+        size: (S, 2) columns and rows of the board.
+        square: (S,) side of its squares, in the target's units.
+        origin: (S, 3) world position of its corner (0, 0).
+        axes: (S, 3, 2) world directions of growing column and growing row.
+        frame: (S, 3, 3) world directions of the grid's i, j and of i x j.
+        colour: (S,) +1 when the square down-right of corner (0, 0) is light, else -1.
+
+    """
+
+    board: IntArray
+    turn: IntArray
+    matrix: IntArray
+    size: IntArray
+    square: FloatArray
+    origin: FloatArray
+    axes: FloatArray
+    frame: FloatArray
+    colour: IntArray
+
+    @property
+    def sizes_seen(self) -> IntArray:
+        """(S, 2) corners of the board along the grid's i and j."""
+        size: IntArray = np.abs(np.swapaxes(self.matrix, -1, -2) @ self.size[..., None])[..., 0]
+        return size
+
+    def world_from_grid(self, side: IntArray, offset: IntArray) -> FloatArray:
+        """(K,) sides and (K, 2) offsets -> (K, 3, 3): (i, j, 1) to world points."""
+        square = self.square[side][:, None]
+        shift = (self.axes[side] @ offset[:, :, None].astype(float))[:, :, 0]
+        return np.stack(
+            [
+                square * self.frame[side][:, :, 0],
+                square * self.frame[side][:, :, 1],
+                self.origin[side] + square * shift,
+            ],
+            axis=-1,
+        )
+
+    def board_cells(self, side: int, offset: IntArray, cells: IntArray) -> IntArray:
+        """(N, 2) columns and rows of the grid's cells at one place."""
+        return cells @ self.matrix[side].T + offset
+
+
+def placement_of(target: Target) -> Placement:
+    """All sides of the boards that carry a plain grid of squares (with or without markers)."""
+    boards = [
+        index for index, board in enumerate(target.boards)
+        if board.has_squares
+    ]  # fmt: skip
+    board = np.repeat(np.array(boards, np.intp), 4)
+    turn = np.tile(np.arange(4), len(boards))
+    each = [target.boards[index] for index in board]
+    matrix = TURNS[turn]
+    axes = np.array([np.column_stack([one.x_axis, one.y_axis]) for one in each]).reshape(-1, 3, 2)
+    ij = axes @ matrix
+    return Placement(
+        board=board,
+        turn=turn,
+        matrix=matrix,
+        size=np.array([(one.columns, one.rows) for one in each], np.intp).reshape(-1, 2),
+        square=np.array([one.square for one in each]),
+        origin=np.array([one.origin for one in each]).reshape(-1, 3),
+        axes=axes,
+        frame=np.concatenate([ij, np.cross(ij[..., 0], ij[..., 1])[..., None]], axis=-1),
+        # The squares up-left and down-right of a corner have one colour.
+        colour=np.array([1 if one.first_square == "light" else -1 for one in each], np.intp),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reach:
+    """The offsets that keep a grid on its board, for every side.
+
+    Attributes:
+        low, high: (S, 2) smallest and largest offset; a side that is too small has high < low.
+        parity: (S,) 0 or 1: what (offset column + offset row) mod 2 must be for the squares'
+            colours to agree.
+
+    """
+
+    low: IntArray
+    high: IntArray
+    parity: IntArray
+
+    def allows(self, side: IntArray, offset: IntArray) -> BoolArray:
+        """(K,) sides and (K, 2) offsets -> (K,) whether the grid can lie there."""
+        inside = ((offset >= self.low[side]) & (offset <= self.high[side])).all(axis=-1)
+        allowed: BoolArray = inside & (offset.sum(axis=-1) % 2 == self.parity[side])
+        return allowed
+
+    def places(self) -> tuple[IntArray, IntArray]:
+        """Every allowed place: sides (H,) and offsets (H, 2)."""
+        sides, offsets = [], []
+        for side, (low, high) in enumerate(zip(self.low, self.high, strict=True)):
+            if (high < low).any():
+                continue
+            column, row = np.meshgrid(
+                np.arange(low[0], high[0] + 1), np.arange(low[1], high[1] + 1), indexing="ij"
+            )
+            offset = np.stack([column.ravel(), row.ravel()], axis=-1)
+            offset = offset[offset.sum(axis=-1) % 2 == self.parity[side]]
+            sides.append(np.full(len(offset), side, np.intp))
+            offsets.append(offset)
+        if not sides:
+            return np.empty(0, np.intp), np.empty((0, 2), np.intp)
+        return np.concatenate(sides), np.concatenate(offsets)
+
+    @property
+    def wide_enough(self) -> bool:
+        """Whether there is a board that is large enough, whatever its colours."""
+        return bool((self.high >= self.low).all(axis=1).any())
+
+    @property
+    def possible(self) -> bool:
+        """Whether there is any place."""
+        room = np.maximum(self.high - self.low + 1, 0).prod(axis=1)
+        fits = self.low.sum(axis=1) % 2 == self.parity
+        return bool(((room > 1) | ((room == 1) & fits)).any())
+
+
+def reach_of(grid: Grid, sides: Placement) -> Reach:
+    """Where on the target ``grid`` fits, by its extent and the colour of its squares."""
+    box = np.stack([grid.cells.min(axis=0), grid.cells.max(axis=0)])
+    ends = box @ np.swapaxes(sides.matrix, -1, -2)
+    # A quarter turn swaps the two colours that meet at a corner.
+    flipped = (sides.colour * grid.parity < 0) ^ (sides.turn % 2 == 1)
+    return Reach(
+        low=-ends.min(axis=1),
+        high=sides.size - 1 - ends.max(axis=1),
+        parity=flipped.astype(np.intp),
+    )

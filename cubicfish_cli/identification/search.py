@@ -1,0 +1,362 @@
+"""All labelings of one photo's grids that could be, best first, with the lens known.
+
+A hypothesis gives some of the grids a place on the target. Every grid has a pose of its own
+(from its squares alone, which needs no name), so a place for one grid puts the whole target in
+front of the camera and says within a square or two where every other grid must lie: pairs of
+grids are enumerated in this way, then grown by the remaining grids, keeping the best.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.geometry import nearest_rotation
+from cubicfish_cli.identification.moments import form_cost, gauss_newton, moved, normal_equations
+from cubicfish_cli.identification.placement import Placement, Reach
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+BoolArray = npt.NDArray[np.bool_]
+
+# How far a grid's own orientation may be off: a few corners with noise give no better.
+_MAX_TILT_DEG = 25.0
+# How far, in squares, a grid may lie from where another grid's pose puts it.
+_PAIR_WINDOW, _GROW_WINDOW = 2, 1
+_MAX_OFF_PLANE = 2.5
+# Hypotheses that are scored at all, and those that are kept and refined.
+_MAX_PAIRS = 20_000
+_BEAM = 200
+# Pairs of grids to start from: a false grid must not be part of all of them.
+_START_GRIDS = 4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GridView:
+    """One grid of a photo as the known lens sees it.
+
+    Attributes:
+        reach: its places on the target.
+        middle: (3,) mean cell as (i, j, 1).
+        rotation: (C, 3, 3) camera_from_grid, best first; two where the lens cannot tell.
+        camera_middle: (C, 3) the mean cell in the camera frame, squares.
+        moments: (9, 9), see :mod:`cubicfish_cli.identification.moments`.
+        corners: how many corners it has.
+        gate_px: RMS from which it does not fit a place.
+
+    """
+
+    reach: Reach
+    middle: FloatArray
+    rotation: FloatArray
+    camera_middle: FloatArray
+    moments: FloatArray
+    corners: int
+    gate_px: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Labelings:
+    """Hypotheses for the G grids of one photo, best first.
+
+    Attributes:
+        side: (K, G) the side of each grid's place, -1 where the grid is left out.
+        offset: (K, G, 2).
+        rotation, translation: (K, 3, 3), (K, 3) camera_from_world.
+        pivot: (K, 3) a point of the object in the camera frame.
+        grid_cost: (K, G) each grid's summed squared error, px²; a grid left out costs its gate.
+
+    """
+
+    side: IntArray
+    offset: IntArray
+    rotation: FloatArray
+    translation: FloatArray
+    pivot: FloatArray
+    grid_cost: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.side)
+
+    def __getitem__(self, rows: IntArray | BoolArray | slice) -> Labelings:
+        return Labelings(
+            side=self.side[rows],
+            offset=self.offset[rows],
+            rotation=self.rotation[rows],
+            translation=self.translation[rows],
+            pivot=self.pivot[rows],
+            grid_cost=self.grid_cost[rows],
+        )
+
+    @property
+    def cost(self) -> FloatArray:
+        """(K,) summed squared error, px²."""
+        return self.grid_cost.sum(axis=1)
+
+
+def _stacked(parts: Sequence[Labelings]) -> Labelings:
+    names = ("side", "offset", "rotation", "translation", "pivot", "grid_cost")
+    return Labelings(**{n: np.concatenate([getattr(part, n) for part in parts]) for n in names})
+
+
+def search(views: Sequence[GridView], sides: Placement) -> Labelings:
+    """Labelings of one photo with at least two grids named, best first.
+
+    Args:
+        views: the photo's grids, largest first.
+        sides: the target's boards.
+
+    Returns:
+        At most a few hundred different labelings; none when no two grids go together.
+
+    """
+    found: list[Labelings] = []
+    for first, second in combinations(range(min(len(views), _START_GRIDS)), 2):
+        beam = _pairs(views, first, second, sides)
+        for grid in range(len(views)):
+            if grid not in (first, second) and len(beam):
+                beam = _grown(beam, views, grid, sides)
+        if not len(beam):
+            continue
+        beam = refined(beam, views, sides, rounds=3)
+        found.append(beam)
+        best = beam.grid_cost[0]
+        if (beam.side[0] >= 0).all() and all(
+            cost < view.corners * view.gate_px**2 for cost, view in zip(best, views, strict=True)
+        ):
+            break
+    if not found:
+        return _nothing(len(views))
+    return _distinct(_stacked(found))[:_BEAM]
+
+
+def _nothing(grids: int) -> Labelings:
+    return Labelings(
+        side=np.empty((0, grids), np.intp),
+        offset=np.empty((0, grids, 2), np.intp),
+        rotation=np.empty((0, 3, 3)),
+        translation=np.empty((0, 3)),
+        pivot=np.empty((0, 3)),
+        grid_cost=np.empty((0, grids)),
+    )
+
+
+def refined(
+    beam: Labelings, views: Sequence[GridView], sides: Placement, *, rounds: int
+) -> Labelings:
+    """The same labelings with their poses fitted, sorted by cost."""
+    for _ in range(rounds):
+        gradient, hessian, cost = _system(beam, views, sides)
+        step, _ = gauss_newton(gradient, hessian)
+        rotation, translation = moved(beam.rotation, beam.translation, beam.pivot, step)
+        trial = replace(beam, rotation=rotation, translation=translation)
+        trial = replace(trial, grid_cost=_grid_cost(trial, views, sides))
+        better = (trial.cost < cost)[:, None]
+        beam = replace(
+            beam,
+            rotation=np.where(better[:, :, None], trial.rotation, beam.rotation),
+            translation=np.where(better, trial.translation, beam.translation),
+        )
+    beam = replace(beam, grid_cost=_grid_cost(beam, views, sides))
+    return beam[np.argsort(beam.cost, kind="stable")]
+
+
+def _forms(beam: Labelings, rows: IntArray, grid: int, sides: Placement) -> FloatArray:
+    """(i, j, 1) to the camera frame, world units: (len(rows), 3, 3)."""
+    form: FloatArray = beam.rotation[rows] @ sides.world_from_grid(
+        beam.side[rows, grid], beam.offset[rows, grid]
+    )
+    form[:, :, 2] += beam.translation[rows]
+    return form
+
+
+def _grid_cost(beam: Labelings, views: Sequence[GridView], sides: Placement) -> FloatArray:
+    cost = np.empty((len(beam), len(views)))
+    for grid, view in enumerate(views):
+        cost[:, grid] = view.corners * view.gate_px**2
+        rows = np.flatnonzero(beam.side[:, grid] >= 0)
+        form = _forms(beam, rows, grid, sides)
+        square = sides.square[beam.side[rows, grid]]
+        cost[rows, grid] = form_cost(view.moments, form / square[:, None, None])
+    return cost
+
+
+def _system(
+    beam: Labelings, views: Sequence[GridView], sides: Placement
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    gradient = np.zeros((len(beam), 6))
+    hessian = np.zeros((len(beam), 6, 6))
+    cost = np.zeros(len(beam))
+    for grid, view in enumerate(views):
+        rows = np.flatnonzero(beam.side[:, grid] >= 0)
+        form = _forms(beam, rows, grid, sides)
+        own, own_gradient, own_hessian = normal_equations(
+            view.moments, form, beam.pivot[rows], sides.square[beam.side[rows, grid]]
+        )
+        gradient[rows] += own_gradient
+        hessian[rows] += own_hessian
+        cost += view.corners * view.gate_px**2
+        cost[rows] += own - view.corners * view.gate_px**2
+    return gradient, hessian, cost
+
+
+def _promised(beam: Labelings, views: Sequence[GridView], sides: Placement, keep: int) -> Labelings:
+    """The ``keep`` labelings that promise the lowest cost after one step, that step taken."""
+    gradient, hessian, cost = _system(beam, views, sides)
+    step, decrease = gauss_newton(gradient, hessian)
+    rows = np.argsort(cost - decrease, kind="stable")[:keep]
+    beam, step = beam[rows], step[rows]
+    rotation, translation = moved(beam.rotation, beam.translation, beam.pivot, step)
+    return replace(beam, rotation=rotation, translation=translation)
+
+
+def _pairs(views: Sequence[GridView], first: int, second: int, sides: Placement) -> Labelings:
+    """Labelings of two grids, the rest left out."""
+    a, b = views[first], views[second]
+    place_side, place_offset = a.reach.places()
+    candidates = [
+        _pairs_of_poses(a, b, i, j, place_side, place_offset, sides)
+        for i in range(len(a.rotation))
+        for j in range(len(b.rotation))
+    ]
+    side_a, offset_a, side_b, offset_b, rotation, translation, pivot, misfit = (
+        np.concatenate(part) for part in zip(*candidates, strict=True)
+    )
+    if len(misfit) > _MAX_PAIRS:
+        rows = np.sort(np.argpartition(misfit, _MAX_PAIRS)[:_MAX_PAIRS])
+    else:
+        rows = np.arange(len(misfit))
+    side = np.full((len(rows), len(views)), -1, np.intp)
+    offset = np.zeros((len(rows), len(views), 2), np.intp)
+    side[:, first], side[:, second] = side_a[rows], side_b[rows]
+    offset[:, first], offset[:, second] = offset_a[rows], offset_b[rows]
+    beam = Labelings(
+        side=side,
+        offset=offset,
+        rotation=rotation[rows],
+        translation=translation[rows],
+        pivot=pivot[rows],
+        grid_cost=np.zeros((len(rows), len(views))),
+    )
+    beam = _promised(beam, views, sides, 2 * _BEAM)
+    return _distinct(refined(beam, views, sides, rounds=2))[:_BEAM]
+
+
+def _pairs_of_poses(
+    a: GridView,
+    b: GridView,
+    i: int,
+    j: int,
+    place_side: IntArray,
+    place_offset: IntArray,
+    sides: Placement,
+) -> tuple[npt.NDArray, ...]:
+    """Pairs of places under the grids' own poses number i and j."""
+    # camera_from_world, as each grid alone would have it on each side
+    rotation_a = a.rotation[i] @ np.swapaxes(sides.frame, 1, 2)
+    rotation_b = b.rotation[j] @ np.swapaxes(sides.frame, 1, 2)
+    agree = _within(rotation_a, rotation_b, _MAX_TILT_DEG)
+    agree &= (b.reach.high >= b.reach.low).all(axis=1)
+    place, side_b = np.nonzero(agree[place_side])
+    side_a, offset_a = place_side[place], place_offset[place]
+
+    between = np.zeros((*agree.shape, 3, 3))
+    pair = np.nonzero(agree)
+    share = a.corners / (a.corners + b.corners)
+    between[pair] = nearest_rotation(
+        share * rotation_a[pair[0]] + (1 - share) * rotation_b[pair[1]]
+    )
+    rotation = between[side_a, side_b]
+    middle_a = sides.square[side_a][:, None] * a.camera_middle[i]
+    middle_b = sides.square[side_b][:, None] * b.camera_middle[j]
+    world_a = sides.world_from_grid(side_a, offset_a) @ a.middle
+    world_b = world_a + _rotated_back(rotation, middle_b - middle_a)
+    pick, offset_b, misfit = _offsets_near(world_b, side_b, b, sides, _PAIR_WINDOW)
+    rotation, middle_a = rotation[pick], middle_a[pick]
+    translation = middle_a - (rotation @ world_a[pick][:, :, None])[:, :, 0]
+    return (
+        side_a[pick], offset_a[pick], side_b[pick], offset_b,
+        rotation, translation, middle_a, misfit,
+    )  # fmt: skip
+
+
+def _grown(beam: Labelings, views: Sequence[GridView], grid: int, sides: Placement) -> Labelings:
+    """The labelings with one more grid named, and as they were."""
+    view = views[grid]
+    parts = [beam]
+    for number in range(len(view.rotation)):
+        own = view.rotation[number] @ np.swapaxes(sides.frame, 1, 2)
+        agree = _within(beam.rotation, own, _MAX_TILT_DEG)
+        agree &= (view.reach.high >= view.reach.low).all(axis=1)
+        row, side = np.nonzero(agree)
+        middle = sides.square[side][:, None] * view.camera_middle[number]
+        world = _rotated_back(beam.rotation[row], middle - beam.translation[row])
+        pick, offset, misfit = _offsets_near(world, side, view, sides, _GROW_WINDOW)
+        if len(pick) > _MAX_PAIRS:
+            nearest = np.sort(np.argpartition(misfit, _MAX_PAIRS)[:_MAX_PAIRS])
+            pick, offset = pick[nearest], offset[nearest]
+        more = beam[row[pick]]
+        more.side[:, grid] = side[pick]
+        more.offset[:, grid] = offset
+        parts.append(_promised(more, views, sides, 2 * _BEAM))
+    return _distinct(refined(_stacked(parts), views, sides, rounds=2))[:_BEAM]
+
+
+def _offsets_near(
+    world: FloatArray, side: IntArray, view: GridView, sides: Placement, window: int
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Whole offsets near where a grid's middle was predicted.
+
+    Args:
+        world: (K, 3) predicted world position of the grid's middle.
+        side: (K,) the side it is tried on.
+        view: the grid.
+        sides: the target's boards.
+        window: largest distance from the prediction, squares.
+
+    Returns:
+        Indices into the K predictions (Q,), offsets (Q, 2), squared misfits in squares (Q,).
+
+    """
+    arm = (world - sides.origin[side]) / sides.square[side][:, None]
+    above = np.einsum("ki,ki->k", sides.frame[side][:, :, 2], arm)
+    cell = np.einsum("kij,ki->kj", sides.axes[side], arm)
+    wanted = cell - sides.matrix[side] @ view.middle[:2]
+    reach = np.arange(-window, window + 1)
+    shift = np.stack(np.meshgrid(reach, reach, indexing="ij"), axis=-1).reshape(-1, 2)
+    near = np.flatnonzero(
+        (np.abs(above) < _MAX_OFF_PLANE)
+        & (wanted > view.reach.low[side] - window - 1).all(axis=1)
+        & (wanted < view.reach.high[side] + window + 1).all(axis=1)
+    )
+    offset = (np.rint(wanted[near]).astype(np.intp)[:, None] + shift).reshape(-1, 2)
+    pick = np.repeat(near, len(shift))
+    allowed = view.reach.allows(side[pick], offset)
+    pick, offset = pick[allowed], offset[allowed]
+    misfit = np.square(offset - wanted[pick]).sum(axis=1) + np.square(above[pick])
+    return pick, offset, misfit
+
+
+def _rotated_back(rotation: FloatArray, vector: FloatArray) -> FloatArray:
+    return np.einsum("kji,kj->ki", rotation, vector)
+
+
+def _within(first: FloatArray, second: FloatArray, degrees: float) -> BoolArray:
+    """Rotations (A, 3, 3) and (B, 3, 3) -> (A, B) whether they differ by at most ``degrees``."""
+    trace = first.reshape(-1, 9) @ second.reshape(-1, 9).T
+    close: BoolArray = trace >= 1 + 2 * np.cos(np.deg2rad(degrees))
+    return close
+
+
+def _distinct(beam: Labelings) -> Labelings:
+    """One of each labeling, the one with the lowest cost, sorted by cost."""
+    beam = beam[np.argsort(beam.cost, kind="stable")]
+    named = beam.side >= 0
+    keys = np.concatenate([beam.side, np.where(named, beam.offset[..., 0], 0),
+                           np.where(named, beam.offset[..., 1], 0)], axis=1)  # fmt: skip
+    _, first = np.unique(keys, axis=0, return_index=True)
+    return beam[np.sort(first)]

@@ -1,0 +1,276 @@
+"""A second pass: with a fitted camera, look for the corners that the first pass missed.
+
+The camera predicts where every corner of the target is in every photo. Where the photo shows a
+corner there, by the same tests as in the first pass, it is added.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.correspondences import Corners, pair
+from cubicfish_cli.detection.refine import refine_corners
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.executors.executor import Executor
+from cubicfish_cli.executors.pool import map_photos, settled, workers_for
+from cubicfish_cli.fitting.calibrate import Calibration, calibrate
+from cubicfish_cli.fitting.robust import gross_px
+from cubicfish_cli.identification.detect import Detection, PhotoReport
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.photos import Photo
+from cubicfish_cli.target import Board, Target
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+
+# A corner that is found further from its prediction than this share of a square is another one.
+_FARTHEST_SHARE = 0.2
+# A board seen flatter than this (cosine of the slant) shows no squares to check.
+_FLATTEST = 0.03
+# Parts of a square in which the board's local shape is measured.
+_STEP = 0.5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Prediction:
+    """Where a photo should show the target's corners.
+
+    Attributes:
+        photo: the photo.
+        board, column, row: (N,) names of the corners.
+        pixel: (N, 2) predictions.
+        step: (N, 2, 2) columns dp/d column and dp/d row.
+        bend: (N, 2, 3) second derivatives by column², column·row, row².
+        sign: (N,) +1 where the square towards +column and +row is bright, else -1.
+        known: (N,) whether the first pass has it.
+        limit_px: how far from its prediction a corner may be.
+
+    """
+
+    photo: Photo
+    board: IntArray
+    column: IntArray
+    row: IntArray
+    pixel: FloatArray
+    step: FloatArray
+    bend: FloatArray
+    sign: IntArray
+    known: npt.NDArray[np.bool_]
+    limit_px: float
+
+    @property
+    def name(self) -> str:
+        """The photo's."""
+        return self.photo.name
+
+
+def second_pass(
+    photos: Sequence[Photo],
+    detection: Detection,
+    target: Target,
+    *,
+    jobs: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    executor: Executor | None = None,
+) -> Detection:
+    """Add the corners that a camera fitted to the first pass predicts and the photos show.
+
+    Photos in which a board was placed by convention only are left as they are.
+
+    Args:
+        photos: the photos that ``detection`` is of, in its order.
+        detection: the first pass.
+        target: the object.
+        jobs: processes to use; None for one a processor.
+        progress: called with photos done and all photos.
+        executor: who looks at the photos instead of processes here.
+
+    Returns:
+        The detection with the added corners; the same one where no camera can be fitted.
+
+    """
+    # Corners of tags come with their tags, all that there are.
+    if not any(board.has_squares for board in target.boards):
+        return detection
+    try:
+        fit = calibrate(
+            pair(detection.corners, target),
+            target=target,
+            refine_target="off",
+            hold_out=False,
+            diagnose=False,
+        )
+    except FitError:
+        return detection
+    seen = photos if executor is None else [photo.absolute() for photo in photos]
+    by_name = {photo.name: photo for photo in seen}
+    exact = {report.name for report in detection.photos if report.exact}
+    predictions = [
+        _predicted(by_name[name], number, fit, detection, target)
+        for number, name in enumerate(fit.pairs.images)
+        if name in exact
+    ]
+    found = []
+    workers = workers_for(jobs, len(predictions))
+    for one in map_photos(_look, predictions, workers, executor):
+        found.append(one)
+        if progress is not None:
+            progress(len(found), len(predictions))
+    return _with_added(detection, predictions, found)
+
+
+def _predicted(
+    photo: Photo, number: int, fit: Calibration, detection: Detection, target: Target
+) -> _Prediction:
+    corners = detection.corners
+    rotation, translation = fit.poses.rotation[number], fit.poses.translation[number]
+    own = corners.image == corners.images.index(photo.name)
+    known = set(
+        zip(
+            corners.board[own].tolist(),
+            corners.column[own].tolist(),
+            corners.row[own].tolist(),
+            strict=True,
+        )
+    )
+    parts = [
+        _of_board(index, board, fit.camera, rotation, translation)
+        for index, board in enumerate(target.boards)
+        if board.has_squares
+    ]
+    board, column, row, pixel, step, bend, sign = (
+        np.concatenate([part[field] for part in parts]) for field in range(7)
+    )
+    names = zip(board.tolist(), column.tolist(), row.tolist(), strict=True)
+    return _Prediction(
+        photo=photo,
+        board=board,
+        column=column,
+        row=row,
+        pixel=pixel,
+        step=step,
+        bend=bend,
+        sign=-sign if detection.other_colours else sign,
+        known=np.array([name in known for name in names], bool),
+        limit_px=gross_px(fit.residual),
+    )
+
+
+def _of_board(
+    index: int, board: Board, camera: CubicCamera, rotation: FloatArray, translation: FloatArray
+) -> tuple[npt.NDArray, ...]:
+    """Names, pixels, local shape and colour of the corners that face the camera in its field."""
+    row, column = (part.ravel() for part in np.mgrid[: board.rows, : board.columns])
+
+    def seen(columns: FloatArray, rows: FloatArray) -> FloatArray:
+        return camera.project(board.world_points(columns, rows) @ rotation.T + translation)
+
+    points = board.world_points(column, row) @ rotation.T + translation
+    slant = points @ (rotation @ board.axes[2]) / np.linalg.norm(points, axis=-1)
+    shifts = {
+        (a, b): seen(column + _STEP * a, row + _STEP * b) for a in (-1, 0, 1) for b in (-1, 0, 1)
+    }
+    middle = shifts[0, 0]
+    step = np.stack([shifts[1, 0] - shifts[-1, 0], shifts[0, 1] - shifts[0, -1]], axis=-1) / (
+        2 * _STEP
+    )
+    bend = (
+        np.stack(
+            [
+                shifts[1, 0] - 2 * middle + shifts[-1, 0],
+                (shifts[1, 1] - shifts[1, -1] - shifts[-1, 1] + shifts[-1, -1]) / 4,
+                shifts[0, 1] - 2 * middle + shifts[0, -1],
+            ],
+            axis=-1,
+        )
+        / _STEP**2
+    )
+    width, height = camera.image_size
+    use = (slant > _FLATTEST) & np.isfinite(step).all(axis=(1, 2)) & np.isfinite(bend).all((1, 2))
+    use &= (middle > 0).all(axis=1) & (middle < (width - 1, height - 1)).all(axis=1)
+    # The square down-right of corner (0, 0) has the colour of the one up-left of it.
+    bright = (board.first_square == "light") ^ ((column + row) % 2 == 1)
+    sign = np.where(bright, 1, -1)
+    return (
+        np.full(int(use.sum()), index),
+        column[use],
+        row[use],
+        middle[use],
+        step[use],
+        bend[use],
+        sign[use],
+    )
+
+
+def _look(prediction: _Prediction) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """Pixels (N, 2), and which of the unknown corners the photo shows (N,)."""
+    picture = prediction.photo.read_grey()
+    # Known corners take part: a corner is judged by those around it.
+    pixel, ok = refine_corners(
+        picture, prediction.pixel, prediction.step, prediction.sign, prediction.bend
+    )
+    side = np.hypot(prediction.step[:, 0], prediction.step[:, 1]).min(axis=1)
+    moved = np.hypot(*(pixel - prediction.pixel).T)
+    ok &= moved < np.minimum(prediction.limit_px, _FARTHEST_SHARE * side)
+    return settled(pixel), ok & ~prediction.known
+
+
+def _with_added(
+    detection: Detection,
+    predictions: Sequence[_Prediction],
+    found: Sequence[tuple[FloatArray, npt.NDArray[np.bool_]]],
+) -> Detection:
+    corners = detection.corners
+    added = {
+        prediction.photo.name: int(new.sum())
+        for prediction, (_, new) in zip(predictions, found, strict=True)
+    }
+
+    def joined(old: npt.NDArray, part: Callable[[_Prediction], npt.NDArray]) -> npt.NDArray:
+        news = [part(p)[new] for p, (_, new) in zip(predictions, found, strict=True)]
+        return np.concatenate([old, *news])
+
+    image = joined(
+        corners.image,
+        lambda p: np.full(len(p.board), corners.images.index(p.photo.name), np.intp),
+    )
+    board = joined(corners.board, lambda p: p.board)
+    column, row = joined(corners.column, lambda p: p.column), joined(corners.row, lambda p: p.row)
+    pixel = np.concatenate([corners.pixel, *(pixel[new] for pixel, new in found)])
+    order = np.lexsort([column, row, board, image])
+    joint = replace(
+        corners,
+        image=image[order],
+        board=board[order],
+        column=column[order],
+        row=row[order],
+        pixel=pixel[order],
+        weight=np.concatenate([corners.weight, np.ones(len(image) - len(corners.weight))])[order],
+        # Only photos whose names are certain are looked at again.
+        certain=np.concatenate([corners.certain, np.ones(len(image) - len(corners.certain), bool)])[
+            order
+        ],
+    )
+    return replace(
+        detection,
+        corners=joint,
+        photos=tuple(
+            _with_counts(report, joint, added.get(report.name, 0)) for report in detection.photos
+        ),
+    )
+
+
+def _with_counts(report: PhotoReport, corners: Corners, added: int) -> PhotoReport:
+    if not added:
+        return report
+    own = corners.image == corners.images.index(report.name)
+    return replace(
+        report,
+        added=added,
+        corners=report.corners + added,
+        boards=tuple(corners.boards[board] for board in np.unique(corners.board[own])),
+    )
