@@ -21,6 +21,8 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from cubicfish_cli.boards.checkerboard import Checkerboard
+
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -32,7 +34,7 @@ from cubicfish_cli.rendering.lens import TrueLens
 from cubicfish_cli.rendering.pose import look_at
 from cubicfish_cli.rendering.render import render
 from cubicfish_cli.rendering.truth import project_corners
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 
 NEAR, FAR = 1.0, 3.0
 # Image, corners that must be found, all corners that may be found.
@@ -104,9 +106,8 @@ def rendered() -> Iterator[Photo]:
         ("back", (gap, 0, gap), (1, 0, 0), (0, 0, 1)),
     )
     boards = tuple(
-        Board(
+        Checkerboard(
             name=name,
-            kind="checkerboard",
             columns=n,
             rows=n,
             square=square,

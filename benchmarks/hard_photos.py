@@ -25,12 +25,15 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from cubicfish_cli.boards.types import BOARD_TYPES
+
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import cv2
 import numpy as np
 
+from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.markers import find_marked_corners
 from cubicfish_cli.errors import CubicfishError
@@ -40,7 +43,7 @@ from cubicfish_cli.rendering.pose import Pose
 from cubicfish_cli.rendering.ray_grid import RayGrid
 from cubicfish_cli.rendering.render import render, room_background
 from cubicfish_cli.rendering.truth import TrueCorners, project_corners
-from cubicfish_cli.target import Board, Markers, Target
+from cubicfish_cli.target import Target
 
 SIZE = (640, 480)
 COLUMNS, ROWS, SQUARE = 10, 7, 30.0
@@ -177,9 +180,8 @@ def board(marked: bool) -> Target:
     return Target(
         units="mm",
         boards=(
-            Board(
+            BOARD_TYPES["charuco" if marked else "checkerboard"](
                 name="board",
-                kind="charuco" if marked else "checkerboard",
                 columns=COLUMNS,
                 rows=ROWS,
                 square=SQUARE,

@@ -18,13 +18,15 @@ import cv2
 import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis
+from cubicfish_cli.boards.markers import Markers
+from cubicfish_cli.boards.types import BOARD_TYPES
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.markers import How, find_marked_corners
 from cubicfish_cli.rendering.lens import TrueLens
 from cubicfish_cli.rendering.pose import Pose, look_at
 from cubicfish_cli.rendering.render import render
 from cubicfish_cli.rendering.truth import TrueCorners, project_corners
-from cubicfish_cli.target import Board, Markers, Target
+from cubicfish_cli.target import Target
 
 LENS = TrueLens(
     image_size=(1280, 1280),
@@ -79,9 +81,8 @@ def box(kind: str, count: int, side: float, marker: float = 0.75) -> Target:
             dictionary, marker_side = "DICT_APRILTAG_36h11", side
             extent = side * (count + (count - 1) * spacing)
         boards.append(
-            Board(
+            BOARD_TYPES["charuco" if kind == "charuco" else "aprilgrid"](
                 name=name,
-                kind="charuco" if kind == "charuco" else "aprilgrid",
                 columns=corners,
                 rows=corners,
                 square=side,

@@ -20,6 +20,8 @@ import time
 import warnings
 from pathlib import Path
 
+from cubicfish_cli.boards.checkerboard import Checkerboard
+
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
@@ -35,7 +37,7 @@ from cubicfish_cli.model.validity import cone_rays
 from cubicfish_cli.rendering.lens import TrueLens
 from cubicfish_cli.rendering.outside import OUTSIDE_LENSES, outside_lens
 from cubicfish_cli.rendering.simulate import chosen_poses
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 
 SIZE = (960, 720)
 INSIDE = TrueLens(
@@ -63,9 +65,8 @@ def board() -> Target:
     return Target(
         units="mm",
         boards=(
-            Board(
+            Checkerboard(
                 name="board",
-                kind="checkerboard",
                 columns=9,
                 rows=6,
                 square=30.0,

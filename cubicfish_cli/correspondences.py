@@ -18,10 +18,11 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.arrays import Refusal
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.files import write_text
 from cubicfish_cli.tables import Table, csv_text, read_table
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 from cubicfish_cli.wording import did_you_mean, quoted
 
 FloatArray = npt.NDArray[np.float64]

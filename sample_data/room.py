@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.rendering.faces import Face, face
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.boards.board import Board
+from cubicfish_cli.boards.face import Face
+from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
 Paint = Callable[[FloatArray], FloatArray]
@@ -239,7 +240,7 @@ class Sheet:
 
     def __init__(self, board: Board) -> None:
         self.board = board
-        self.face: Face = face(board, margin=0.4)
+        self.face: Face = board.face(margin=0.4)
         self.axes = np.stack([board.x_axis, board.y_axis, np.cross(board.x_axis, board.y_axis)])
 
     def hit(self, start: FloatArray, ray: FloatArray) -> Hit:

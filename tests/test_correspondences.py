@@ -11,6 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from cubicfish_cli.boards.board import Board
+from cubicfish_cli.boards.checkerboard import Checkerboard
 from cubicfish_cli.correspondences import (
     Corners,
     Correspondences,
@@ -22,7 +24,7 @@ from cubicfish_cli.correspondences import (
     save_correspondences,
 )
 from cubicfish_cli.errors import CorrespondenceError, OutputError
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 
 SIZE = (1280, 800)
 HEADER = "# cubicfish corners 1, image_size 1280x800\nimage,board,column,row,x,y\n"
@@ -30,9 +32,8 @@ PAIRS_HEADER = "# cubicfish correspondences 1, image_size 1280x800\nimage,X,Y,Z,
 
 
 def grid(name: str, origin: list[float], columns: int = 5, rows: int = 4) -> Board:
-    return Board(
+    return Checkerboard(
         name=name,
-        kind="checkerboard",
         columns=columns,
         rows=rows,
         square=10.0,

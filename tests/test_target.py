@@ -11,8 +11,10 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cubicfish_cli.boards.markers import MARKER_DICTIONARIES
+from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.errors import TargetError
-from cubicfish_cli.target import MARKER_DICTIONARIES, BoardShape, Target, load_target
+from cubicfish_cli.target import Target, load_target
 
 FLOOR: dict[str, Any] = {
     "name": "floor",

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.advice.advise import GRID, Advice, Proposal, reach_of, rim_of
-from cubicfish_cli.rendering.object_drawing import board_rim, dark_squares
+from cubicfish_cli.boards.board import Board
+from cubicfish_cli.rendering.object_drawing import board_rim
 from cubicfish_cli.rendering.pose import camera_points
 from cubicfish_cli.rendering.views import WholeLens
-from cubicfish_cli.target import Board
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -219,7 +219,7 @@ def _board(
         pieces = rim[0] + (x + step[:, :1]) * right + (y + step[:, 1:]) * down
         paper = "".join(_path(piece) for piece in seen(pieces))
     yield f'<path class="paper" stroke="#fff" stroke-width="1" d="{paper}"/>'
-    squares = dark_squares(board)
+    squares = board.dark_squares()
     if len(squares) <= _MOST_SQUARES:
         bent = _with_points_between(squares, _SQUARE_STEPS if len(squares) <= _FEW_SQUARES else 1)
         ink = "".join(_path(one) for one in seen(board.origin + bent @ board.axes[:2]))

@@ -18,8 +18,9 @@ from cubicfish_cli.cli.target_words import advice
 from cubicfish_cli.cli.terminal import print_json, result, working
 
 if TYPE_CHECKING:
+    from cubicfish_cli.boards.board import Board
     from cubicfish_cli.identification.object_check import ObjectFacts, Turn
-    from cubicfish_cli.target import Board, Target
+    from cubicfish_cli.target import Target
 
 _LABEL, _LINE = 12, 96
 
@@ -134,7 +135,7 @@ def _print_size(board: Board) -> list[float]:
     if board.points is not None:
         extent = board.points.max(axis=0) - board.points.min(axis=0)
         return [round(float(side), 6) for side in extent]
-    rim = 0.0 if board.kind == "aprilgrid" else 2 * board.square
+    rim = 2 * board.rim
     end = board.plane_points(board.columns - 1, board.rows - 1) + rim
     return [round(float(side), 6) for side in end]
 

@@ -9,8 +9,9 @@ from cubicfish_cli.printing.paper import MILLIMETRES
 from cubicfish_cli.wording import either
 
 if TYPE_CHECKING:
+    from cubicfish_cli.boards.board import Board
     from cubicfish_cli.identification.object_check import ObjectFacts, Turn
-    from cubicfish_cli.target import Board, Target
+    from cubicfish_cli.target import Target
 
 _FULL_RANK = 20
 # More examples than this are not read.

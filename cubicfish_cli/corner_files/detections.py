@@ -12,10 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli import reading
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.correspondences import MAX_COORDINATE, Corners
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.tables import Table
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 from cubicfish_cli.wording import did_you_mean, quoted
 
 FloatArray = npt.NDArray[np.float64]
@@ -149,7 +150,7 @@ def named_corners(
         for index, one in enumerate(target.boards):
             here = np.flatnonzero(board == index)
             if here.size:
-                chosen = found.numbering or numbering or _usual_numbering(one)
+                chosen = found.numbering or numbering or one.numbering
                 number = _counted(found, one, here, chosen)
                 column[here], row[here] = _place(one, number, chosen)
         image = place[found.image] if len(found.image) else found.image
@@ -160,7 +161,7 @@ def named_corners(
             if here.size and _mirrored(
                 one, image[here], column[here], row[here], found.pixel[here]
             ):
-                chosen = found.numbering or numbering or _usual_numbering(one)
+                chosen = found.numbering or numbering or one.numbering
                 raise CorrespondenceError(_says_mirrored(found, one, chosen))
         parts.append((image, board, column, row))
     if not sum(len(found.image) for found in files):
@@ -250,10 +251,6 @@ def _likely_board(label: str, target: Target) -> str | None:
     return None
 
 
-def _usual_numbering(board: Board) -> Numbering:
-    return "rows-from-bottom" if board.kind == "aprilgrid" else "rows"
-
-
 def _place(board: Board, number: IntArray, numbering: Numbering) -> tuple[IntArray, IntArray]:
     """Columns and rows of numbered corners."""
     if numbering == "columns":
@@ -272,7 +269,7 @@ def _counted(found: Detections, board: Board, here: IntArray, numbering: Numberi
     """The corners' numbers, from the board's own first one."""
     number = found.number[here]
     if numbering == "tags":
-        if board.kind != "aprilgrid" or board.markers is None:
+        if board.per_cell != 2 or board.markers is None:
             raise CorrespondenceError(
                 f"{found.path}: corners are numbered by tags, and board {quoted(board.name)} of "
                 "the target is not an aprilgrid"
@@ -323,7 +320,7 @@ def _mirrored(
     board: Board, image: IntArray, column: IntArray, row: IntArray, pixel: FloatArray
 ) -> bool:
     """Whether a board's grids run the wrong way round in the photos, as if seen from behind."""
-    if board.kind == "points":
+    if board.points is not None:
         return False
     # One more column and row than there are, so that a neighbour never wraps around.
     stride = board.columns + 1
@@ -339,9 +336,7 @@ def _mirrored(
 
 def _says_mirrored(found: Detections, board: Board, chosen: Numbering) -> str:
     others = [
-        name
-        for name in NUMBERINGS
-        if name != chosen and (name != "tags" or board.kind == "aprilgrid")
+        name for name in NUMBERINGS if name != chosen and (name != "tags" or board.per_cell == 2)
     ]
     return (
         f"{found.path}: board {quoted(board.name)} is seen from behind if its corners are "

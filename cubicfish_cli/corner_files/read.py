@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.corner_files.detections import (
     Detections,
     Numbering,
@@ -18,7 +19,7 @@ from cubicfish_cli.corner_files.orpc import read_orpc
 from cubicfish_cli.corner_files.vnlog import read_vnlog
 from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.errors import CorrespondenceError
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 from cubicfish_cli.wording import did_you_mean, quoted
 
 CornerFormat = Literal["deltille", "mrcal", "kalibr"]

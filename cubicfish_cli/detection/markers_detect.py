@@ -10,11 +10,9 @@ import numpy.typing as npt
 
 from cubicfish_cli.detection.grids import FloatArray, IntArray
 from cubicfish_cli.detection.pyramid import Pyramid
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 
 # Width of the black frame in modules: Kalibr prints tags with 2, most others with 1.
-CHARUCO_BORDERS = (1,)
-APRILGRID_BORDERS = (2, 1)
 # A marker whose modules are smaller than this cannot be read at that size.
 _SMALLEST_MODULE_PX = 1.6
 # Photos smaller than this are not halved, larger ones not doubled.
@@ -88,20 +86,16 @@ def families(target: Target) -> list[Family]:
 
     A tag's frame is not in the target file: grids of tags are looked for with both widths.
     """
-    keys: dict[tuple[str, int, str], list[int]] = {}
+    keys: dict[tuple[str, int, bool], list[int]] = {}
     for index, board in enumerate(target.boards):
         if board.markers is not None:
-            for border in borders(board):
-                keys.setdefault((board.markers.dictionary, border, board.kind), []).append(index)
+            for border in board.marker_borders:
+                key = board.markers.dictionary, border, board.per_cell == 2
+                keys.setdefault(key, []).append(index)
     return [
-        _family(target, indices, name, border, tags=kind == "aprilgrid")
-        for (name, border, kind), indices in keys.items()
+        _family(target, indices, name, border, tags=tags)
+        for (name, border, tags), indices in keys.items()
     ]
-
-
-def borders(board: Board) -> tuple[int, ...]:
-    """Widths of the frame to look for on a board, modules."""
-    return APRILGRID_BORDERS if board.kind == "aprilgrid" else CHARUCO_BORDERS
 
 
 def _family(target: Target, indices: list[int], name: str, border: int, *, tags: bool) -> Family:

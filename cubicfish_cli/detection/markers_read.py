@@ -158,7 +158,7 @@ def _ratios(target: Target, family: Family) -> list[float]:
 def marker_ratio(target: Target, board: int) -> float:
     """Side of a board's markers in squares (tags: 1)."""
     one = target.boards[board]
-    if one.markers is None or one.kind == "aprilgrid":
+    if one.markers is None or one.per_cell == 2:
         return 1.0
     return one.markers.side / one.square
 

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.target import Board, BoardShape, Target
+from cubicfish_cli.boards.board import Board
+from cubicfish_cli.boards.shape import BoardShape
+from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 

@@ -13,9 +13,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.boards.board import Board
+from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.poses import cross_matrix, rotation_from_vector
-from cubicfish_cli.target import Board, BoardShape, Target
+from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.plain_yaml import plain_yaml_text
-from cubicfish_cli.target import TAG_FAMILIES, Board, Target
+from cubicfish_cli.target import Target
 
 
 def target_text(target: Target) -> str:
@@ -18,29 +19,7 @@ def target_text(target: Target) -> str:
 
 
 def _board_record(board: Board) -> dict[str, Any]:
-    record: dict[str, Any] = {"name": board.name, "type": board.kind}
-    if board.points is not None:
-        record["points"] = board.points.tolist()
-    elif board.kind == "aprilgrid" and board.markers is not None:
-        family = next(tag for tag, name in TAG_FAMILIES.items() if name == board.markers.dictionary)
-        record |= {
-            "tags": [board.columns // 2, board.rows // 2],
-            "tag": board.square,
-            "spacing": board.spacing,
-            "family": family,
-            "first_marker": board.markers.first,
-        }
-    else:
-        record |= {"corners": [board.columns, board.rows], "square": board.square}
-        record["first_square"] = board.first_square
-        if board.markers is not None:
-            record |= {
-                "dictionary": board.markers.dictionary,
-                "marker": board.markers.side,
-                "first_marker": board.markers.first,
-            }
-            if board.markers.inverted:
-                record["inverted"] = True
+    record: dict[str, Any] = {"name": board.name, "type": board.kind, **board.own_record()}
     if board.points is None:
         record |= {key: getattr(board, key).tolist() for key in ("origin", "x_axis", "y_axis")}
     shape = board.shape

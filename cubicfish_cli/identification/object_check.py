@@ -15,6 +15,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.boards.board import Board
+from cubicfish_cli.boards.shape import AXES_TOLERANCE
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.fitting.point_fit import RANK_TOLERANCE
 from cubicfish_cli.fitting.subset import flatness
@@ -23,7 +25,7 @@ from cubicfish_cli.identification.congruence import is_symmetry
 from cubicfish_cli.identification.marked import has_markers
 from cubicfish_cli.identification.placement import Placement, placement_of, reach_of
 from cubicfish_cli.model.lift import lift
-from cubicfish_cli.target import AXES_TOLERANCE, Board, Target
+from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
@@ -435,7 +437,7 @@ def _crossing(boards: Sequence[Board]) -> tuple[tuple[str, str], ...]:
     """Pairs whose prints, outer squares included, cut through or cover each other."""
     if not boards:
         return ()
-    rim = np.array([0 if b.kind == "aprilgrid" else b.square for b in boards])
+    rim = np.array([b.rim for b in boards])
     touch = _TOUCH * np.array([b.square for b in boards])
     size = np.array([_corner_rectangle(b)[1] for b in boards])
     low = (touch - rim)[:, None] * np.ones(2)

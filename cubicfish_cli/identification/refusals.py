@@ -7,12 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.fitting.diagnosis.squares_counted import squares_counted
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.name_grids import FEWEST_CORNERS, GridReport, Identified
 from cubicfish_cli.identification.remarks import CODES
 from cubicfish_cli.identification.wrong_drawing.count import Count
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 

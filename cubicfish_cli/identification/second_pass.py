@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.correspondences import Corners, pair
 from cubicfish_cli.detection.refine import refine_corners
 from cubicfish_cli.errors import FitError
@@ -22,7 +23,7 @@ from cubicfish_cli.fitting.robust import gross_px
 from cubicfish_cli.identification.detect import Detection, PhotoReport
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.photos import Photo
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]

@@ -6,8 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.arrays import Refusal
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.errors import ViewError
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 from cubicfish_cli.undistortion.plane import PlaneView, PointProjector, plane_view
 from cubicfish_cli.wording import did_you_mean, quoted
 

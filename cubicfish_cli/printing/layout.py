@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from itertools import product
 from math import ceil, floor
 
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.printing.paper import Paper
 from cubicfish_cli.printing.sheet import (
@@ -17,7 +18,6 @@ from cubicfish_cli.printing.sheet import (
     Sheet,
     Side,
 )
-from cubicfish_cli.target import Board
 from cubicfish_cli.wording import quoted
 
 BAND = 6.0

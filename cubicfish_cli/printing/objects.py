@@ -14,6 +14,9 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.boards.board import Board
+from cubicfish_cli.boards.markers import MARKER_DICTIONARIES, TAG_FAMILIES, Markers
+from cubicfish_cli.boards.types import BOARD_TYPES
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.printing.layout import BAND, SHORTEST_SHEET, lay_out
 from cubicfish_cli.printing.paper import Paper
@@ -23,16 +26,8 @@ from cubicfish_cli.printing.sheet import (
     Seam,
     Sheet,
     Side,
-    quiet_zone,
 )
-from cubicfish_cli.target import (
-    MARKER_DICTIONARIES,
-    TAG_FAMILIES,
-    Board,
-    BoardKind,
-    Markers,
-    Target,
-)
+from cubicfish_cli.target import Target
 from cubicfish_cli.wording import did_you_mean, quoted
 
 FloatArray = npt.NDArray[np.float64]
@@ -72,7 +67,7 @@ class Wanted:
     """
 
     kind: Kind
-    type: BoardKind = "checkerboard"
+    type: str = "checkerboard"
     square: float | None = None
     counts: Counts | None = None
     dictionary: str | None = None
@@ -237,7 +232,7 @@ def _fitting(
     rim = margin if wanted.kind == "board" else 0.0
     best: tuple[float, float, list[Counts]] | None = None
     for square in (wanted.square,) if wanted.square is not None else _NICE:
-        quiet = quiet_zone(wanted.type, square)
+        quiet = square / BOARD_TYPES[wanted.type].per_cell
         limits = []
         for one in faces:
             across, down = (sides[k] for k in one.size)
@@ -349,11 +344,10 @@ def _boards(
     side = square if wanted.type == "aprilgrid" else round(MARKER_SHARE * square, 2)
     boards, first = [], 0
     for one, (columns, rows), markers in zip(faces, counts, per_board, strict=True):
-        tags = 2 if wanted.type == "aprilgrid" else 1
+        tags = BOARD_TYPES[wanted.type].per_cell
         boards.append(
-            Board(
+            BOARD_TYPES[wanted.type](
                 name=one.name,
-                kind=wanted.type,
                 columns=tags * columns,
                 rows=tags * rows,
                 square=square,

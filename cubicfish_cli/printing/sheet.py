@@ -10,10 +10,12 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.boards.board import Board
+from cubicfish_cli.boards.face import Face
+from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.printing.paper import millimetres_per
-from cubicfish_cli.rendering.faces import Face, face
-from cubicfish_cli.target import Board, Markers, Target
+from cubicfish_cli.target import Target
 from cubicfish_cli.wording import quoted
 
 FloatArray = npt.NDArray[np.float64]
@@ -79,7 +81,7 @@ class Sheet:
     @cached_property
     def face(self) -> Face:
         """The print alone, without white around it."""
-        return face(self.board, margin=0.0)
+        return self.board.face(margin=0.0)
 
     @cached_property
     def size(self) -> tuple[float, float]:
@@ -99,12 +101,7 @@ class Sheet:
     @cached_property
     def quiet(self) -> float:
         """White that the print should have around it: a square, or half a tag."""
-        return quiet_zone(self.board.kind, self.board.square)
-
-
-def quiet_zone(kind: str, square: float) -> float:
-    """White that a print should have around it: a square, or half a tag."""
-    return square / 2 if kind == "aprilgrid" else square
+        return self.board.square / self.board.per_cell
 
 
 def in_millimetres(board: Board, units: str) -> Board:

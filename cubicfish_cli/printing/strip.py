@@ -9,10 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cubicfish_cli import __version__
+from cubicfish_cli.boards.aprilgrid import AprilGrid
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.printing.canvas import GREY, PALE, Canvas, fitted, length_of
 from cubicfish_cli.printing.layout import Page, Point, Strip, Tile
 from cubicfish_cli.printing.sheet import STRIP
-from cubicfish_cli.target import TAG_FAMILIES, Board
 
 _COMPASS, _LOW_COMPASS = 15.0, 11.0
 _RULER = 100.0
@@ -59,7 +60,7 @@ class _Local:
 
 def describe(board: Board) -> str:
     """What a board in millimetres is, in one line."""
-    if board.kind == "aprilgrid":
+    if isinstance(board, AprilGrid):
         what = (
             f"aprilgrid, {board.columns // 2} x {board.rows // 2} tags of {board.square:g} mm, "
             f"spacing {board.spacing:g}"
@@ -72,8 +73,8 @@ def describe(board: Board) -> str:
     if board.markers is not None:
         first, last = board.markers.first, board.markers.first + board.markers.count - 1
         family = board.markers.dictionary
-        if board.kind == "aprilgrid":
-            family = next(tag for tag, name in TAG_FAMILIES.items() if name == family)
+        if isinstance(board, AprilGrid):
+            family = board.family
         else:
             what += f", markers {board.markers.side:g} mm"
         what += f", {family}, ids {first} to {last}"
@@ -87,7 +88,7 @@ def draw_strip(canvas: Canvas, page: Page, number: int, count: int) -> None:
     local = _Local(page.strip)
     board = page.sheet.board
     dark = "dark" if board.first_square == "dark" else "light"
-    if board.kind == "aprilgrid":
+    if isinstance(board, AprilGrid):
         origin = "corner (0, 0) is the top left corner of the tag at the top left"
     else:
         origin = (

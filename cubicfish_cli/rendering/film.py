@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis
-from cubicfish_cli.rendering.faces import face
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.rendering.hand import HandPath
 from cubicfish_cli.rendering.outside import OutsideLens
 from cubicfish_cli.rendering.pose import Pose
@@ -28,7 +28,7 @@ from cubicfish_cli.rendering.simulate import LAMP, Look, chosen_poses
 from cubicfish_cli.rendering.truth import project_corners
 from cubicfish_cli.rendering.views import WholeLens
 from cubicfish_cli.tables import csv_text
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
 Float32Array = npt.NDArray[np.float32]
@@ -292,7 +292,7 @@ class _Plate:
     """A board as textures, each half as fine as the one before."""
 
     def __init__(self, board: Board) -> None:
-        print_ = face(board, margin=MARGIN_SQUARES)
+        print_ = board.face(margin=MARGIN_SQUARES)
         lower, upper = np.array(print_.lower), np.array(print_.upper)
         extent = upper - lower
         self._texel = float(extent.max()) / _TEXELS

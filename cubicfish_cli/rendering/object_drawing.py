@@ -8,7 +8,8 @@ from html import escape
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.boards.board import Board
+from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
@@ -90,7 +91,7 @@ def board_rim(board: Board) -> FloatArray:
     """World points of a board's print: (4, 3) its corners in order, or all points."""
     if board.points is not None:
         return board.points
-    rim = 0.0 if board.kind == "aprilgrid" else board.square
+    rim = board.rim
     end = board.plane_points(board.columns - 1, board.rows - 1) + rim
     plane = np.array([[-rim, -rim], [end[0], -rim], end, [-rim, end[1]]])
     return board.origin + plane @ board.axes[:2]
@@ -165,24 +166,11 @@ def _drawn(board: Board, plate: FloatArray, picture: Picture) -> list[str]:
     if not picture.faces(board):
         return [f'<path class="back" d="{outline}"/>']
     lines = [f'<path class="paper edge" d="{outline}"/>']
-    squares = dark_squares(board)
+    squares = board.dark_squares()
     if len(squares) <= _MOST_SQUARES:
         world = board.origin + squares @ board.axes[:2]
         lines.append(f'<path class="print" d="{_path(picture.at(world))}"/>')
     return lines
-
-
-def dark_squares(board: Board) -> FloatArray:
-    """(N, 4, 2) the corners of dark squares (or of tags) in the board's plane."""
-    step = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-    if board.kind == "aprilgrid":
-        row, column = np.indices((board.rows // 2, board.columns // 2)).reshape(2, -1)
-        corner = 2 * np.stack([column, row], axis=-1)[:, None] + step
-        return board.plane_points(corner[..., 0], corner[..., 1])
-    row, column = np.indices((board.rows + 1, board.columns + 1)).reshape(2, -1)
-    dark = (row + column) % 2 == (0 if board.first_square == "dark" else 1)
-    corner = np.stack([column, row], axis=-1)[dark][:, None] - 1 + step
-    return np.asarray(board.square * corner)
 
 
 def _path(polygons: FloatArray) -> str:

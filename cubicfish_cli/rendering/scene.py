@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.rendering.faces import Face, face
+from cubicfish_cli.boards.face import Face
 from cubicfish_cli.rendering.pose import Pose, rotation_matrix
 from cubicfish_cli.target import Target
 
@@ -73,7 +73,7 @@ def plates(target: Target, camera_from_world: Pose, *, margin: float) -> list[Pl
         axes = np.stack([board.x_axis, board.y_axis, np.cross(board.x_axis, board.y_axis)])
         seen.append(
             Plate(
-                face=face(board, margin=margin),
+                face=board.face(margin=margin),
                 board_from_camera=axes @ rotation.T,
                 eye=axes @ (eye - board.origin),
             )

@@ -14,11 +14,12 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.boards.board import Board
+from cubicfish_cli.boards.markers import marker_modules
 from cubicfish_cli.errors import TargetError
-from cubicfish_cli.rendering.charuco import marker_ink
 from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
 from cubicfish_cli.rendering.truth import Lens, TrueCorners, project_corners, target_corners
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -317,8 +318,7 @@ def _least_px(board: Board) -> float:
     """Pixels that a square must have for its corner, or its marker, to be found."""
     if board.markers is None:
         return _SQUARE_PX
-    border = 2 if board.kind == "aprilgrid" else 1
-    modules = marker_ink(board.markers, np.empty(0, np.intp), border).shape[-1]
+    modules = marker_modules(board.markers, board.marker_borders[0])
     return max(_SQUARE_PX, _MODULE_PX * modules * board.square / board.markers.side)
 
 
@@ -332,7 +332,7 @@ def _whole_boards(target: Target, seen: TrueCorners) -> int:
         if board.points is not None or not seen.visible[own].all():
             continue
         grid = seen.pixel[own].reshape(board.rows, board.columns, 2)
-        step = 2 if board.kind == "aprilgrid" else 1  # the gaps between tags may be small
+        step = board.per_cell  # the gaps between tags may be small
         sides = [grid[:, 1::step] - grid[:, :-1:step], grid[1::step] - grid[:-1:step]]
         length = np.concatenate([np.hypot(side[..., 0], side[..., 1]).ravel() for side in sides])
         whole += bool(np.percentile(length, 5) >= _least_px(board))

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.report.facts import Facts
 from cubicfish_cli.report.figures import (
     BOARD_COLOURS,
@@ -32,7 +33,6 @@ from cubicfish_cli.report.svg import (
     strokes,
     svg_text,
 )
-from cubicfish_cli.target import Board
 
 FloatArray = npt.NDArray[np.float64]
 

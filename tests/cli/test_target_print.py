@@ -11,6 +11,7 @@ import pytest
 from running import SAMPLE, Run
 from synthetic import IMAGE_SIZE, TRUE_LENS, rays_in_cone
 
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.formats.camera_yaml import load_camera
@@ -20,10 +21,9 @@ from cubicfish_cli.printing.layout import lay_out
 from cubicfish_cli.printing.objects import Wanted, design
 from cubicfish_cli.printing.paper import paper
 from cubicfish_cli.printing.sheet import Sheet, sheets_of
-from cubicfish_cli.rendering.faces import face
 from cubicfish_cli.rendering.pose import look_at
 from cubicfish_cli.rendering.render import render
-from cubicfish_cli.target import Board, load_target
+from cubicfish_cli.target import load_target
 from tests.cli.test_main import CUBICFISH, heavy_modules_after
 
 pytest.importorskip("matplotlib")
@@ -122,7 +122,7 @@ def drawn(sheet: Sheet, page, shape: tuple[int, int], dpi: int) -> np.ndarray:
     """What the renderer has of the page at the middle of each pixel: ink, outside the strip."""
     y, x = np.indices(shape)
     place = (np.stack([x, y], axis=-1) + 0.5) / dpi * INCH
-    return face(sheet.board, margin=0.0).is_dark(place - page.shift)
+    return sheet.board.face(margin=0.0).is_dark(place - page.shift)
 
 
 @pytest.mark.slow

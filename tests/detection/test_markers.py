@@ -5,6 +5,8 @@ import cv2
 import numpy as np
 import pytest
 
+from cubicfish_cli.boards.markers import Markers
+from cubicfish_cli.boards.types import BOARD_TYPES
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.markers import How, find_marked_corners
@@ -16,7 +18,7 @@ from cubicfish_cli.rendering.lens import TrueLens
 from cubicfish_cli.rendering.pose import camera_points, look_at
 from cubicfish_cli.rendering.render import plain_background, render
 from cubicfish_cli.rendering.truth import project_corners
-from cubicfish_cli.target import Board, Markers, Target
+from cubicfish_cli.target import Target
 
 SIZE = (520, 520)
 LENS = TrueLens(
@@ -53,9 +55,8 @@ def wall(
             dictionary="DICT_APRILTAG_36h11", side=side, first=first, count=columns * rows
         )
         columns, rows, spacing = 2 * columns, 2 * rows, 0.3
-    board = Board(
+    board = BOARD_TYPES[kind](
         name=f"{place}{first}",
-        kind=kind,
         columns=columns,
         rows=rows,
         square=side,

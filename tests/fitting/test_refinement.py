@@ -7,11 +7,13 @@ import pytest
 import synthetic
 from scipy.spatial.transform import Rotation
 
+from cubicfish_cli.boards.board import Board
+from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.formats.target_yaml import target_text
-from cubicfish_cli.target import Board, BoardShape, Target, load_target
+from cubicfish_cli.target import Target, load_target
 
 DRAWN = synthetic.box_of_four()
 NOISE = 0.05

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import synthetic
 
+from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.correspondences import pair
 from cubicfish_cli.errors import DetectionError
 from cubicfish_cli.fitting.calibrate import calibrate
@@ -15,7 +16,6 @@ from cubicfish_cli.identification.second_pass import second_pass
 from cubicfish_cli.photos import find_photos
 from cubicfish_cli.rendering.render import render
 from cubicfish_cli.rendering.truth import project_corners
-from cubicfish_cli.target import Markers
 
 LENS = synthetic.lens_of_size(0.75)
 
@@ -24,14 +24,14 @@ def mixed_object():
     """The corner of three: one board with ChArUco markers, one AprilGrid, one plain."""
     target = synthetic.corner_of_three()
     floor, left, right = target.boards
-    charuco = replace(
+    charuco = synthetic.as_type(
         floor,
-        kind="charuco",
+        "charuco",
         markers=Markers(dictionary="DICT_4X4_50", side=18.0, first=0, count=35),
     )
-    tags = replace(
+    tags = synthetic.as_type(
         left,
-        kind="aprilgrid",
+        "aprilgrid",
         columns=8,
         rows=6,
         square=36.0,

@@ -8,8 +8,10 @@ import synthetic
 from anonymous_grids import anonymous_photos
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic import IMAGE_SIZE, box_of_four, checkerboard, corner_of_three, flat_board
+from synthetic import IMAGE_SIZE, as_type, box_of_four, checkerboard, corner_of_three, flat_board
 
+from cubicfish_cli.boards.board import Board
+from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.fitting.poses import rotation_from_vector
 from cubicfish_cli.geometry import similarity
 from cubicfish_cli.identification.congruence import is_symmetry
@@ -17,7 +19,7 @@ from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.identification.object_check import ALIKE, Turn, check_object, rank_of_lift
 from cubicfish_cli.identification.placement import placement_of
-from cubicfish_cli.target import Board, Markers, Target
+from cubicfish_cli.target import Target
 
 
 def only(columns: int, rows: int) -> Target:
@@ -236,7 +238,7 @@ def test_equal_boards_far_from_each_other_need_not_be_close_to_look_alike():
 def test_markers_leave_nothing_to_mix_up():
     floor, left, right = corner_of_three().boards
     marks = Markers(dictionary="DICT_4X4_50", side=18.0, first=0, count=35)
-    marked = replace(floor, kind="charuco", markers=marks)
+    marked = as_type(floor, "charuco", markers=marks)
     facts = check_object(Target(units="mm", boards=(marked, left, right)))
     assert facts.named_by == "markers"
     assert facts.plain == ("left", "right")
@@ -247,7 +249,7 @@ def test_markers_leave_nothing_to_mix_up():
 
 def points(name: str, world: np.ndarray) -> Board:
     board = checkerboard(name, len(world), 1, 0.0)
-    return replace(board, kind="points", points=world)
+    return as_type(board, "points", points=world)
 
 
 def test_lists_of_points_are_no_boards():

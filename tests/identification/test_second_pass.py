@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from synthetic import as_type
 
 from cubicfish_cli.correspondences import Corners, load_corners
 from cubicfish_cli.identification.detect import Detection, PhotoReport
@@ -121,7 +122,7 @@ def test_processes_do_not_change_the_result(thinned):
 
 def test_boards_of_tags_alone_have_no_second_pass():
     detection = first_pass(truth())
-    tags = replace(TARGET, boards=tuple(replace(b, kind="aprilgrid") for b in TARGET.boards))
+    tags = replace(TARGET, boards=tuple(as_type(b, "aprilgrid") for b in TARGET.boards))
     assert second_pass(PHOTOS, detection, tags) is detection
 
 

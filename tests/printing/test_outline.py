@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from synthetic import checkerboard
 
 from cubicfish_cli.printing.outline import ink_outlines
-from cubicfish_cli.rendering.faces import face
 from tests.rendering.test_faces_markers import aprilgrid, charuco
 
 BOARDS = {
@@ -32,7 +31,7 @@ def winding(outlines, points):
 
 @pytest.mark.parametrize("board", BOARDS.values(), ids=BOARDS)
 def test_ink_is_where_the_renderer_has_it(board):
-    whole = face(board, margin=0.5)
+    whole = board.face(margin=0.5)
     points = np.random.default_rng(1).uniform(whole.lower, whole.upper, (20_000, 2))
     times = winding(ink_outlines(whole, whole.lower, whole.upper), points)
     assert set(times.tolist()) == {0, 1}
@@ -46,7 +45,7 @@ def test_ink_is_where_the_renderer_has_it(board):
     st.integers(0, 2**31),
 )
 def test_a_window_shows_its_part_and_no_more(board, ends, seed):
-    whole = face(board, margin=0.2)
+    whole = board.face(margin=0.2)
     extent = np.subtract(whole.upper, whole.lower)
     lower, upper = np.sort(np.reshape(ends, (2, 2)), axis=0) * extent + whole.lower
     if (upper - lower < 1e-6).any():
@@ -59,7 +58,7 @@ def test_a_window_shows_its_part_and_no_more(board, ends, seed):
 
 def test_ink_that_touches_along_a_side_is_one_area():
     # A tag's frame and the modules that touch it are one outline, whose holes run the other way.
-    whole = face(aprilgrid((2, 2)), margin=0.0)
+    whole = aprilgrid((2, 2)).face(margin=0.0)
     outlines = ink_outlines(whole, whole.lower, whole.upper)
     size = [np.ptp(outline, axis=0).max() for outline in outlines]
     assert sum(np.isclose(length, 1.0) for length in size) == 4
@@ -76,7 +75,7 @@ def test_ink_that_touches_along_a_side_is_one_area():
 
 
 def test_squares_that_meet_at_a_corner_are_apart():
-    whole = face(checkerboard("a", 6, 4, 21.0), margin=0.0)
+    whole = checkerboard("a", 6, 4, 21.0).face(margin=0.0)
     outlines = ink_outlines(whole, whole.lower, whole.upper)
     assert len(outlines) == (7 * 5 + 1) // 2
     for outline in outlines:
@@ -86,7 +85,7 @@ def test_squares_that_meet_at_a_corner_are_apart():
 
 def test_outlines_have_no_points_along_their_sides():
     # A dark square is four points, though markers' modules cut its row and its column.
-    whole = face(charuco(4, 4), margin=0.0)
+    whole = charuco(4, 4).face(margin=0.0)
     outlines = ink_outlines(whole, whole.lower, whole.upper)
     squares = [one for one in outlines if np.allclose(np.ptp(one, axis=0), 1.0)]
     assert len(squares) == 13

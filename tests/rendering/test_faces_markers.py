@@ -4,8 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from cubicfish_cli.rendering.faces import face
-from cubicfish_cli.target import Board, Markers
+from cubicfish_cli.boards.aprilgrid import AprilGrid
+from cubicfish_cli.boards.charuco import Charuco
+from cubicfish_cli.boards.markers import Markers
 
 
 def charuco(columns=5, rows=4, *, first="dark", dictionary="DICT_5X5_250", marker=0.75, start=0):
@@ -13,9 +14,8 @@ def charuco(columns=5, rows=4, *, first="dark", dictionary="DICT_5X5_250", marke
     light = (columns + 1) * (rows + 1) // 2
     if first == "light" and (columns + 1) * (rows + 1) % 2:
         light += 1
-    return Board(
+    return Charuco(
         name="wall",
-        kind="charuco",
         columns=columns,
         rows=rows,
         square=1.0,
@@ -29,9 +29,8 @@ def charuco(columns=5, rows=4, *, first="dark", dictionary="DICT_5X5_250", marke
 
 def aprilgrid(tags=(3, 2), *, spacing=0.25, start=0, family="DICT_APRILTAG_36h11"):
     """A grid of unit tags."""
-    return Board(
+    return AprilGrid(
         name="grid",
-        kind="aprilgrid",
         columns=2 * tags[0],
         rows=2 * tags[1],
         square=1.0,
@@ -45,7 +44,7 @@ def aprilgrid(tags=(3, 2), *, spacing=0.25, start=0, family="DICT_APRILTAG_36h11
 
 def picture(board, pixels_a_unit, margin=0.0):
     """The face as an image, one sample in the middle of each pixel."""
-    one = face(board, margin=margin)
+    one = board.face(margin=margin)
     x, y = (
         lower + (np.arange(round((upper - lower) * pixels_a_unit)) + 0.5) / pixels_a_unit
         for lower, upper in zip(one.lower, one.upper, strict=True)
@@ -114,13 +113,13 @@ def test_small_squares_make_tag_corners_x_corners():
     row, column = np.indices((board.rows, board.columns))
     corner = board.plane_points(column, row).reshape(-1, 1, 2)
     around = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * 0.04
-    dark = face(board, margin=0.2).is_dark(corner + around)
+    dark = board.face(margin=0.2).is_dark(corner + around)
     # The tag lies down-right of corners with even column and row.
     even = ((row + column) % 2 == 0).ravel()
     np.testing.assert_array_equal(dark[:, [0, 2]], np.repeat(even[:, None], 2, axis=1))
     np.testing.assert_array_equal(dark[:, [1, 3]], np.repeat(~even[:, None], 2, axis=1))
     # Gaps between tags are white, also where nothing is drawn beside the outer tags.
-    assert not face(board, margin=0.2).is_dark(np.array([[1.15, 0.5], [0.5, -0.15]])).any()
+    assert not board.face(margin=0.2).is_dark(np.array([[1.15, 0.5], [0.5, -0.15]])).any()
 
 
 def test_other_families_and_first_ids():

@@ -3,7 +3,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from synthetic import checkerboard, corner_of_three, flat_board, lens_of_size, poses_around
+from synthetic import as_type, checkerboard, corner_of_three, flat_board, lens_of_size, poses_around
 
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.rendering import render as rendering
@@ -175,8 +175,9 @@ def test_vignetting_darkens_the_rim_only():
 
 
 def test_a_board_without_a_face_is_refused_by_name():
+    points = as_type(flat_board().boards[0], "points", points=np.eye(3))
     with pytest.raises(TargetError, match=r"'board'.*points board cannot be drawn"):
-        render(one_board(kind="points"), LENS.unproject, in_front(), SIZE)
+        render(Target(units="mm", boards=(points,)), LENS.unproject, in_front(), SIZE)
 
 
 def test_look_at_puts_the_aim_on_the_axis_and_up_is_up():

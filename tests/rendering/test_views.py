@@ -7,18 +7,20 @@ import pytest
 from synthetic import (
     IMAGE_SIZE,
     TRUE_LENS,
+    as_type,
     box_of_four,
     checkerboard,
     corner_of_three,
     flat_board,
 )
 
+from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.rendering.lens import TrueLens
 from cubicfish_cli.rendering.pose import camera_points, rotation_matrix
 from cubicfish_cli.rendering.simulate import chosen_poses
 from cubicfish_cli.rendering.views import choose_views, sample_views, view_from
-from cubicfish_cli.target import BoardShape, Target
+from cubicfish_cli.target import Target
 
 
 def eye_of(view):
@@ -118,6 +120,6 @@ def test_what_cannot_be_seen_is_said():
     tiny = Target(units="mm", boards=(replace(flat_board().boards[0], columns=200, rows=200),))
     with pytest.raises(TargetError, match=r"only 0 poses.*fewer and larger squares"):
         chosen_poses(tiny, TRUE_LENS, IMAGE_SIZE, 3)
-    points = replace(flat_board().boards[0], kind="points", points=np.eye(3))
+    points = as_type(flat_board().boards[0], "points", points=np.eye(3))
     with pytest.raises(TargetError, match="'board' is a list of points"):
         chosen_poses(Target(units="mm", boards=(points,)), TRUE_LENS, IMAGE_SIZE, 3)

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.boards.board import Board
+from cubicfish_cli.boards.checkerboard import Checkerboard
+from cubicfish_cli.boards.types import BOARD_TYPES
 from cubicfish_cli.correspondences import Corners, Correspondences
 from cubicfish_cli.rendering.lens import TrueLens
 from cubicfish_cli.rendering.pose import Pose, camera_points, look_at
 from cubicfish_cli.rendering.truth import Lens, TrueCorners, project_corners, target_corners
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 
 IMAGE_SIZE = (960, 720)
 TRUE_LENS = TrueLens(
@@ -51,9 +54,8 @@ def checkerboard(
     y_axis: Sequence[float] = (0, 1, 0),
 ) -> Board:
     """A checkerboard with ``columns`` x ``rows`` inner corners."""
-    return Board(
+    return Checkerboard(
         name=name,
-        kind="checkerboard",
         columns=columns,
         rows=rows,
         square=square,
@@ -261,3 +263,9 @@ def _turned(
     side = np.cross(direction, rng.standard_normal(3))
     side /= np.linalg.norm(side)
     return np.cos(angle) * direction + np.sin(angle) * side
+
+
+def as_type(board, kind, **changes):
+    """The board as one of another type, with other fields."""
+    own = {field.name: getattr(board, field.name) for field in fields(board)}
+    return BOARD_TYPES[kind](**{**own, **changes})

@@ -14,11 +14,12 @@ import numpy as np
 import numpy.typing as npt
 import synthetic
 
+from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.correspondences import Corners, save_corners
 from cubicfish_cli.formats.target_yaml import target_text
 from cubicfish_cli.rendering.lens import TrueLens
 from cubicfish_cli.rendering.pose import Pose
-from cubicfish_cli.target import BoardShape, Target
+from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

@@ -11,7 +11,6 @@ from cubicfish_cli.errors import DetectionError
 from cubicfish_cli.formats.target_yaml import target_text
 from cubicfish_cli.identification.detect import detect_corners
 from cubicfish_cli.photos import find_photos
-from cubicfish_cli.rendering.faces import face
 from cubicfish_cli.target import Target
 from tests.detection.test_markers import errors, find, mixed_photo, photo_of, wall
 
@@ -36,7 +35,7 @@ def test_an_inverted_board_is_the_negative_of_the_other():
     board, other = board_of(), board_of(inverted=True)
     plane = np.random.default_rng(0).uniform(-29, 29 + 5 * 30, (500, 2))
     plane[:, 1] = np.random.default_rng(1).uniform(-29, 29 + 3 * 30, 500)
-    drawn, inverted = face(board, margin=1.0).is_dark(plane), face(other, margin=1.0).is_dark(plane)
+    drawn, inverted = board.face(margin=1.0).is_dark(plane), other.face(margin=1.0).is_dark(plane)
     np.testing.assert_array_equal(inverted, ~drawn)
     np.testing.assert_array_equal(other.marker_cells(), board.marker_cells())
 

@@ -10,6 +10,7 @@ from anonymous_grids import anonymous_photos
 from scipy.spatial.transform import Rotation
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
 
+from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.correspondences import pair
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.markers import find_marked_corners
@@ -23,8 +24,7 @@ from cubicfish_cli.identification.detect import detect_corners
 from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.identification.wrong_drawing.misdrawn import misdrawn
 from cubicfish_cli.photos import find_photos
-from cubicfish_cli.rendering.faces import face
-from cubicfish_cli.target import BoardShape, Target
+from cubicfish_cli.target import Target
 from tests.detection.test_markers import MIXED, POSE, errors, mixed_photo, photo_of
 from tests.identification.test_name_grids import names, seen
 
@@ -199,7 +199,7 @@ def test_the_printed_face_is_the_mirrors_turned_round():
     width = board.plane_points(board.columns - 1, 0)[0]
     plane = rng.uniform(-board.square, width + board.square, (400, 2))
     flipped = np.stack([width - plane[:, 0], plane[:, 1]], axis=-1)
-    drawn, seen_so = face(board, margin=1.0), face(shown, margin=1.0)
+    drawn, seen_so = board.face(margin=1.0), shown.face(margin=1.0)
     np.testing.assert_array_equal(drawn.is_dark(plane), seen_so.is_dark(flipped))
     assert 0.2 < drawn.is_dark(plane).mean() < 0.8
     cells, own = board.marker_cells(), shown.marker_cells()

@@ -9,13 +9,14 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.diagnosis.object_faults import COUNTED, ORDERS, flat_points
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.model.radial import RadialCamera
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 

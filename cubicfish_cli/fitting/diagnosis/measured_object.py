@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.geometry import mean_rotation
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]

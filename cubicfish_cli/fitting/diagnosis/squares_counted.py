@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cubicfish_cli.target import Board
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
 

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.identification.ends import ends_of, farthest_radius
 from cubicfish_cli.identification.grid_views import grid_poses
@@ -24,7 +25,7 @@ from cubicfish_cli.identification.wrong_drawing.count import (
 from cubicfish_cli.identification.wrong_drawing.pattern_end import pattern_end
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.photos import Picture
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]

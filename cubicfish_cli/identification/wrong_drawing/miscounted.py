@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.identification.name_grids import Identified
 from cubicfish_cli.identification.wrong_drawing.count import Count
 from cubicfish_cli.identification.wrong_drawing.fewer_corners import fewer_corners
 from cubicfish_cli.identification.wrong_drawing.more_corners import more_corners
 from cubicfish_cli.photos import Picture
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 

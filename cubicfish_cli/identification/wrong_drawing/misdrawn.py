@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.boards.board import Board, FirstSquare
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.detection.photo_as import grid_in_mirror
 from cubicfish_cli.identification.decide import Decided
@@ -24,7 +25,7 @@ from cubicfish_cli.identification.name_grids import (
     Identified,
     name_again,
 )
-from cubicfish_cli.target import Board, FirstSquare, Target
+from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.identification.name_grids import (
     FEWEST_CORNERS,
     GridReport,
@@ -20,7 +21,7 @@ from cubicfish_cli.identification.wrong_drawing.count import (
     boards_with_squares,
     is_full,
 )
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 
 # Grids that are larger than drawn must have a place on the enlarged board, so many of them.
 _PLACED = 0.9

@@ -7,6 +7,7 @@ import pytest
 import synthetic
 from lenses import radial_camera, random_rays
 
+from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.fitting.baselines.compare import (
     BASELINES,
     CUBIC,
@@ -21,7 +22,6 @@ from cubicfish_cli.fitting.baselines.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.fitting.baselines.unified import UnifiedLens
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.lenses import RadialFit
-from cubicfish_cli.target import BoardShape
 
 CAMERA = radial_camera(100.0)
 

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting import radial_reference
 from cubicfish_cli.fitting.calibrate import calibrate
@@ -36,7 +37,6 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
 from cubicfish_cli.geometry import similarity
 from cubicfish_cli.model.radial import RadialCamera
-from cubicfish_cli.target import BoardShape
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 from cubicfish_cli.words.phrases import listed, percent

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cubicfish_cli.boards.checkerboard import Checkerboard
 from cubicfish_cli.corner_files.read import read_corner_files
 from cubicfish_cli.fitting.conversion import mrcal_splined, ocam
 from cubicfish_cli.formats.mrcal_model import mrcal_text, read_mrcal
@@ -16,7 +17,7 @@ from cubicfish_cli.formats.ocamcalib import (
     read_pyocamcalib,
 )
 from cubicfish_cli.model.lens_record import LensRecord
-from cubicfish_cli.target import Board, Target
+from cubicfish_cli.target import Target
 
 SIZE = (640, 480)
 RAYS = np.array(
@@ -26,9 +27,8 @@ _AXES = np.eye(3)
 TARGET = Target(
     units="mm",
     boards=(
-        Board(
+        Checkerboard(
             name="board",
-            kind="checkerboard",
             columns=3,
             rows=2,
             square=10.0,

@@ -179,13 +179,13 @@ MUTATIONS = tuple(
         ),
         # The object.
         (
-            "target.py",
+            "boards/aprilgrid.py",
             "tag * (1 + self.spacing) + (index",
             "tag * (2 + self.spacing) + (index",
             "test_target",
         ),
         (
-            "target.py",
+            "boards/board.py",
             "np.cross(self.x_axis, self.y_axis)",
             "np.cross(self.y_axis, self.x_axis)",
             "test_target",
