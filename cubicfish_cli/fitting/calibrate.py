@@ -26,6 +26,7 @@ from cubicfish_cli.fitting.folds import folds_of
 from cubicfish_cli.fitting.frame import in_references_frame
 from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
 from cubicfish_cli.fitting.hold import FIRMEST, UNTOLD, choose_hold
+from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.photo_spread import photo_spread
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import (
@@ -292,7 +293,7 @@ def _calibrated(
     _refuse_undetermined(fit.reference)
     drawing = Drawing(target=target, pairs=fit.reference.pairs, scale=scale)
     drawn = fit
-    fit, held_out = _climb(drawn, drawing, refine_target, hold_out, stages)
+    fit, held_out, refused = _climb(drawn, drawing, refine_target, hold_out, stages)
     stages.begin("checks")
     held_out_by_level = {level: error.rms_px for level, error in held_out.items() if error}
     cubic, reference = fit.cubic, fit.reference
@@ -305,7 +306,7 @@ def _calibrated(
         radial=reference.camera,
     )
     places = repeated_groups(cubic.poses, reference.pairs, reference.camera.fx)
-    spread = photo_spread(cubic, reference, places)
+    spread = photo_spread(cubic, reference, places, _in_doubt(fit, held_out, refused))
     covered_deg = float(np.rad2deg(reference.covered))
     trusted = trusted_angle_deg(camera, covered_deg, spread.sigma_px)
     camera = replace(camera, max_angle_deg=trusted)
@@ -402,8 +403,11 @@ def _without_noisy(fit: ObjectFit) -> ObjectFit:
 
 def _climb(
     fit: ObjectFit, drawing: Drawing, refine_target: RefineTarget, hold_out: bool, stages: Stages
-) -> tuple[ObjectFit, dict[Level, HeldOut | None]]:
-    """Refine the object up to the level asked for, or as far as held-out photos gain by it."""
+) -> tuple[ObjectFit, dict[Level, HeldOut | None], ObjectFit | None]:
+    """Refine the object up to the level asked for, or as far as held-out photos gain by it.
+
+    The last is a richer fit by which they did not gain.
+    """
     measured: dict[Level, HeldOut | None] = {}
     auto = refine_target == "auto"
     if auto and (drawing.target is None or not hold_out):
@@ -411,7 +415,7 @@ def _climb(
     if hold_out and (auto or refine_target == "off"):
         fit, measured["off"] = _judged(fit, partial(stages.begin, "held out"))
     if drawing.target is None or refine_target == "off" or (auto and measured["off"] is None):
-        return fit, measured
+        return fit, measured, None
     groups = folds_of(fit.reference)
     for level in LEVELS[1:]:
         fitting, holding = _STAGES[level]
@@ -422,11 +426,24 @@ def _climb(
         if auto:
             before, after = measured[fit.level], measured[level]
             if before is None or after is None or after.times(before) > _WORTH:
-                break
+                return fit, measured, richer
         fit = richer
         if level == refine_target:
             break
-    return fit, measured
+    return fit, measured, None
+
+
+def _in_doubt(
+    fit: ObjectFit, measured: Mapping[Level, HeldOut | None], refused: ObjectFit | None
+) -> list[tuple[CubicFit, float]]:
+    """The lens of a richer fit, and how likely it is the better one.
+
+    A few photos may gain nothing by a refined target and be bent by its departures all the same.
+    """
+    if refused is None:
+        return []
+    mine, other = measured[fit.level], measured[refused.level]
+    return [(refused.cubic.lens, mine.doubt(other))] if mine and other else []
 
 
 def _judged(

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import stdtr
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
@@ -32,6 +33,9 @@ IntArray = npt.NDArray[np.intp]
 
 # A step that lowers a fold's cost by less is taken unseen.
 _FOLD_DECREASE = 1e-4
+# Photos' ratios are never told apart better than this.
+_LEAST_SPREAD = 1e-3
+_FEWEST_TO_COMPARE = 2
 _RADIAL_DECREASE = 1e-5
 # Of poses alone, on the way and at their optimum.
 _WIDE_PX = 10.0
@@ -67,6 +71,19 @@ class HeldOut:
         photos = np.log(self.photos_px / other.photos_px)
         typical = np.nanmean(photos) if np.isfinite(photos).any() else np.inf
         return float(np.exp((typical + np.log(self.rms_px / other.rms_px)) / 2))
+
+    def doubt(self, other: HeldOut) -> float:
+        """How likely other photos would be told better by the other fit, 0 to 1.
+
+        Student's t of the photos' ratios: photos are drawn at random, their corners are not.
+        """
+        photos = np.log(self.photos_px / other.photos_px)
+        photos = photos[np.isfinite(photos)]
+        if len(photos) < _FEWEST_TO_COMPARE:
+            return 0.5
+        spread = np.std(photos, ddof=1) / np.sqrt(len(photos))
+        ratio = np.log(self.times(other)) / max(spread, _LEAST_SPREAD)
+        return float(stdtr(len(photos) - 1, ratio))
 
 
 def held_out_error(

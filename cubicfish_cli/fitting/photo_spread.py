@@ -7,7 +7,8 @@ errors shared within clusters, the photos (Liang & Zeger 1986; Bell & McCaffrey 
 
 Nor does it know how P should be held. Where photos that are left out do not tell the hold that was
 taken from the one that predicts best, the distance between the two cameras is in doubt, too (as in
-the averaging of models, Buckland, Burnham & Augustin 1997). And in a middle without any corner,
+the averaging of models, Buckland, Burnham & Augustin 1997); so it is where they do not tell whether
+the target should have been refined further. And in a middle without any corner,
 where a mirror camera sees itself, P and the lens that it is held to are two guesses: they are off
 by what they differ by.
 """
@@ -24,6 +25,7 @@ from cubicfish_cli.fitting.asymmetric import BentFit
 from cubicfish_cli.fitting.cubic_fit import CubicResult, held
 from cubicfish_cli.fitting.folds import dealt_out
 from cubicfish_cli.fitting.left_out import Leaving
+from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.fitting.radial_reference import MARGIN_DEG, RadialReference
 from cubicfish_cli.fitting.robust import huber_px
@@ -50,7 +52,9 @@ class PhotoSpread:
         noise: the part of the corners' own noise, which is a lower bound.
         left_out: (G, K) steps of the lens's parameters without each cluster.
         influence: (G, K) steps with the cluster's pull gone, but not its weight.
-        rival: (1, K) step to the lens as the hold that predicted best has it; (0, K) without one.
+        rival: (R, K) steps to lenses that photos left out do not tell from the one that was taken:
+            as the hold that predicted best has it, and as a target that is refined further has it,
+            by the root of how likely that is the better one.
         aligned: (M, 3) unit rays over which a common turn is taken out.
         held_to: the lens that P is held to, in P's frame.
         empty: angle from the axis within which no corner is or is near, radians.
@@ -132,29 +136,44 @@ def variance_of_few(squares: FloatArray, clusters: int) -> FloatArray:
     return squares * (clusters - 1) / clusters * freedom / (freedom - 2)
 
 
-def photo_spread(result: CubicResult, reference: RadialReference, places: IntArray) -> PhotoSpread:
+def photo_spread(
+    result: CubicResult,
+    reference: RadialReference,
+    places: IntArray,
+    doubted: Sequence[tuple[CubicFit, float]] = (),
+) -> PhotoSpread:
     """Leave out the photos of a cubic fit, cluster by cluster, to first order.
 
     Args:
         result: the fit, at its optimum.
         reference: what P is held to, with the fit's pairs.
         places: (M,) from which place each photo is, counted from 0: those from one place are one.
+        doubted: other lenses, and how likely each is the better one, 0 to 1.
 
     """
     count = len(result.lens.parameters)
     limit = huber_px(result.residual)
     leaving = Leaving(result.fit, reference.pairs, limit, _clusters(places, reference.pairs.images))
     prior = result.lens.ray_prior
+    aligned = cone_rays(reference.covered, _ALIGNED_RAYS)
+    others = [np.sqrt(likely) * _step(result.lens, lens, aligned) for lens, likely in doubted]
     rivals = [] if result.rival is None else [held(result.lens, reference, result.rival)]
     return PhotoSpread(
         noise=camera_uncertainty(result),
         left_out=np.array([one.shared[:count] for one in leaving.left_out()]),
         influence=np.array([step[:count] for step in leaving.influence()]),
-        rival=np.array([leaving.held_as(lens)[:count] for lens in rivals]),
-        aligned=cone_rays(reference.covered, _ALIGNED_RAYS),
+        rival=np.array([*(leaving.held_as(lens)[:count] for lens in rivals), *others]),
+        aligned=aligned,
         held_to=prior.nearest_lens(result.lens.project(prior.rays)),
         empty=max(reference.reached[0] - np.deg2rad(MARGIN_DEG), 0.0),
     )
+
+
+def _step(lens: CubicFit, other: CubicFit, rays: FloatArray) -> FloatArray:
+    """(K,) from a lens to another, whose own parameters may be scaled otherwise."""
+    _, _, by_lens = lens.project_jacobian(rays)
+    change = (other.project(rays) - lens.project(rays)).reshape(-1)
+    return np.asarray(np.linalg.lstsq(by_lens.reshape(len(change), -1), change, rcond=None)[0])
 
 
 def _clusters(places: IntArray, images: Sequence[str]) -> list[IntArray]:

@@ -134,3 +134,21 @@ def test_in_an_empty_middle_two_guesses_are_off_by_what_they_differ_by():
     np.testing.assert_allclose(
         sigma[empty] ** 2 - of_data[empty] ** 2, np.sum(differ**2, axis=1), atol=1e-9
     )
+
+
+@pytest.mark.slow
+def test_a_richer_target_that_is_in_doubt_adds_how_far_its_camera_is():
+    reference, cubic = fitted(0, CornerErrors())
+    rays = cone_rays(reference.covered, 100)
+    alone = photo_spread(cubic, reference, np.arange(PHOTOS))
+    # Held otherwise, and in parameters of another scale.
+    other = fit_cubic(reference, Hold(spread=1e-2, weight=0.1), start=cubic).lens
+    other = replace(other, coefficients=other.coefficients * [[2], [2], [1]], scale=other.scale / 2)
+    beside = photo_spread(cubic, reference, np.arange(PHOTOS), [(other, 1.0)])
+    difference, _ = aligned_difference(
+        camera_of(reference, cubic), camera_of(reference, replace(cubic, lens=other)), rays
+    )
+    added = np.sqrt(beside.sigma_px(rays) ** 2 - alone.sigma_px(rays) ** 2)
+    np.testing.assert_allclose(added, np.hypot(*difference.T), rtol=0.05, atol=2e-3)
+    none = photo_spread(cubic, reference, np.arange(PHOTOS), [(other, 0.0)])
+    np.testing.assert_allclose(none.sigma_px(rays), alone.sigma_px(rays), rtol=1e-12)
