@@ -118,7 +118,8 @@ def _context() -> multiprocessing.context.BaseContext:
     if "forkserver" not in multiprocessing.get_all_start_methods() or _too_long_for_a_server():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["cubicfish_cli.identification.second_pass"])
+    looks = ("detection.look", "identification.second_pass")
+    context.set_forkserver_preload([f"cubicfish_cli.{look}" for look in looks])
     _start_server()
     return context
 

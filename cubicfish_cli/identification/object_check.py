@@ -22,7 +22,6 @@ from cubicfish_cli.fitting.point_fit import RANK_TOLERANCE
 from cubicfish_cli.fitting.subset import flatness
 from cubicfish_cli.geometry import Similarity, similarity
 from cubicfish_cli.identification.congruence import is_symmetry
-from cubicfish_cli.identification.marked import has_markers
 from cubicfish_cli.identification.placement import Placement, placement_of, reach_of
 from cubicfish_cli.model.lift import lift
 from cubicfish_cli.target import Target
@@ -136,7 +135,7 @@ def check_object(target: Target) -> ObjectFacts:
     near: list[Turn] = []
     alike: list[Turn] | None = []
     needed = None
-    if plain and not has_markers(drawn):
+    if plain and not drawn.has_markers:
         boards = _Plain.of(drawn)
         symmetries, near = _symmetries(boards)
         alike, needed = _look_alikes(boards, faced)
@@ -145,7 +144,7 @@ def check_object(target: Target) -> ObjectFacts:
         planes=drawn.plane_count(),
         rank=rank_of_lift(world),
         flat=flatness(world) < _FLAT,
-        named_by="markers" if has_markers(drawn) else "geometry" if plain else "table",
+        named_by="markers" if drawn.has_markers else "geometry" if plain else "table",
         plain=tuple(board.name for board in plain),
         symmetries=tuple(symmetries),
         near_symmetries=tuple(near),

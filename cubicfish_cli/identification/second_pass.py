@@ -20,7 +20,7 @@ from cubicfish_cli.executors.executor import Executor
 from cubicfish_cli.executors.pool import map_photos, settled, workers_for
 from cubicfish_cli.fitting.calibrate import Calibration, calibrate
 from cubicfish_cli.fitting.robust import gross_px
-from cubicfish_cli.identification.detect import Detection, PhotoReport
+from cubicfish_cli.identification.photo_report import Detection, PhotoReport
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
@@ -103,7 +103,6 @@ def second_pass(
             target=target,
             refine_target="off",
             hold_out=False,
-            diagnose=False,
         )
     except FitError:
         return detection

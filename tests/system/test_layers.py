@@ -29,7 +29,7 @@ ALLOWED: dict[str, set[str]] = {
     "photos": {"errors", "wording", "hosts", "picture_headers"},
     "films": {"errors", "files", "photos", "wording"},
     "executors": {"errors", "files", "hosts", "photos"},
-    "detection": {"errors", "angles", "files", "photos", "target", "boards", "words"},
+    "detection": {"errors", "angles", "files", "photos", "executors", "target", "boards", "words"},
     "correspondences": {"errors", "wording", "arrays", "files", "tables", "target", "boards"},
     "corner_files": {
         "errors",
@@ -79,6 +79,19 @@ ALLOWED: dict[str, set[str]] = {
         "correspondences",
         "model",
         "fitting",
+        "words",
+    },
+    "diagnosis": {
+        "errors",
+        "geometry",
+        "photos",
+        "target",
+        "boards",
+        "detection",
+        "correspondences",
+        "model",
+        "fitting",
+        "identification",
         "words",
     },
     "overlay": {

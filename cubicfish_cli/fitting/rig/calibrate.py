@@ -18,6 +18,7 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.calibrate import RefineTarget, calibrate
 from cubicfish_cli.fitting.cubic_fit import fit_cubic, held
+from cubicfish_cli.fitting.evidence import Diagnose
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import FOLDS, MIN_PHOTOS, dealt_out
 from cubicfish_cli.fitting.frame import in_references_frame
@@ -203,6 +204,7 @@ def calibrate_rig(
     target: Target | None = None,
     refine_target: RefineTarget = "auto",
     hold_lenses: bool = False,
+    diagnose: Diagnose | None = None,
     progress: Progress | None = None,
 ) -> RigCalibration:
     """Fit the lenses of several cameras and how they stand to each other.
@@ -213,6 +215,7 @@ def calibrate_rig(
         target: the object; without it it stays as it is.
         refine_target: what of the object is fitted, as for one camera.
         hold_lenses: leave the lenses as each camera alone has them.
+        diagnose: tells what is likely wrong with each camera alone; by default nobody does.
         progress: called with what is done now, in words, and the share done, 0 to 1.
 
     Raises:
@@ -230,7 +233,7 @@ def calibrate_rig(
     for number, camera in enumerate(cameras):
         if progress is not None:
             progress(f"camera {camera.name} alone", 0.8 * number / len(cameras))
-        alone.append(_alone(camera, target, refine_target, origin, scale, hold_lenses))
+        alone.append(_alone(camera, target, refine_target, origin, scale, hold_lenses, diagnose))
     if progress is not None:
         progress("all cameras together", 0.8)
     names = [camera.name for camera in cameras]
@@ -255,11 +258,14 @@ def _alone(
     origin: FloatArray,
     scale: float,
     hold: bool,
+    diagnose: Diagnose | None,
 ) -> _Alone:
     """Calibrate a camera, or take it as it was calibrated; then its fit in the common scale."""
     if camera.camera is None:
         try:
-            found = calibrate(camera.pairs, target=target, refine_target=refine_target)
+            found = calibrate(
+                camera.pairs, target=target, refine_target=refine_target, diagnose=diagnose
+            )
         except FitError as error:
             raise FitError(f"camera {camera.name}: {error}") from error
         lens, record, pairs, poses = found.camera, found.as_record(), found.pairs, found.poses

@@ -10,6 +10,7 @@ from simulated import CornerErrors
 from simulated_rig import RigTruth, simulated_rig
 
 from cubicfish_cli.correspondences import Correspondences, pair
+from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust, linearised, views_of
 from cubicfish_cli.fitting.folds import dealt_out
@@ -88,6 +89,7 @@ def fitted(
         target=target(),
         refine_target="off",
         hold_lenses=hold_lenses,
+        diagnose=find_faults,
     )
 
 

@@ -11,19 +11,17 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.boards.shape import BoardShape
-from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting import radial_reference
-from cubicfish_cli.fitting.calibrate import calibrate
-from cubicfish_cli.fitting.diagnosis import diagnose, lens_faults, photo_lenses
-from cubicfish_cli.fitting.diagnosis import failed_lens as failed_lens_module
-from cubicfish_cli.fitting.diagnosis.board_faults import board_fault, board_findings
-from cubicfish_cli.fitting.diagnosis.failed_lens import failed_lens, mirrored_object
-from cubicfish_cli.fitting.diagnosis.few_photos import enough_photos, spread_out
-from cubicfish_cli.fitting.diagnosis.handedness import local_noise_px, neighbours, seen_sides
-from cubicfish_cli.fitting.diagnosis.lens_faults import LensChange, left_out_lens, lens_change
-from cubicfish_cli.fitting.diagnosis.measured_object import measured_object, plane_in_squares
-from cubicfish_cli.fitting.diagnosis.object_faults import object_fault
-from cubicfish_cli.fitting.diagnosis.photo_lenses import (
+from cubicfish_cli.diagnosis import diagnose, lens_faults, photo_lenses, wrong_drawing
+from cubicfish_cli.diagnosis import failed_lens as failed_lens_module
+from cubicfish_cli.diagnosis.board_faults import board_fault, board_findings
+from cubicfish_cli.diagnosis.diagnose import find_faults
+from cubicfish_cli.diagnosis.failed_lens import failed_lens
+from cubicfish_cli.diagnosis.few_photos import enough_photos, spread_out
+from cubicfish_cli.diagnosis.lens_faults import LensChange, left_out_lens, lens_change
+from cubicfish_cli.diagnosis.measured_object import measured_object, plane_in_squares
+from cubicfish_cli.diagnosis.mirrored import handed, mirrored_object, seen_sides
+from cubicfish_cli.diagnosis.object_faults import object_fault
+from cubicfish_cli.diagnosis.photo_lenses import (
     BY_CHANCE,
     PhotoLenses,
     left_out_share,
@@ -31,11 +29,16 @@ from cubicfish_cli.fitting.diagnosis.photo_lenses import (
     two_lenses,
     zoomed_photos,
 )
-from cubicfish_cli.fitting.diagnosis.repeats import NEAR_SHARE, repeated_groups
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting import radial_reference
+from cubicfish_cli.fitting.evidence import FailedFit
 from cubicfish_cli.fitting.lenses import FixedLens
+from cubicfish_cli.fitting.local_noise import local_noise_px, neighbours
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.repeats import NEAR_SHARE, repeated_groups
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
 from cubicfish_cli.geometry import similarity
+from cubicfish_cli.library.calibration import calibrate
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
@@ -113,11 +116,11 @@ def test_boards_are_seen_from_their_face_or_mirrored(exact):
     against = seen_sides(mirrored(exact, photo))
     np.testing.assert_array_equal(against[3], -sides[3])
     np.testing.assert_array_equal(np.delete(against, 3, 0), np.delete(sides, 3, 0))
-    (some,) = diagnose._handed(mirrored(exact, photo))
+    (some,) = handed(mirrored(exact, photo))
     assert (some.code, some.severity, some.images) == ("mirrored", "note", ("03.png",))
-    assert not diagnose._handed(exact)
+    assert not handed(exact)
     # As many one way as the other: nobody knows which.
-    assert not diagnose._handed(mirrored(exact, exact.image < 4))
+    assert not handed(mirrored(exact, exact.image < 4))
 
 
 def test_few_squares_and_lists_of_points_have_no_side(exact):
@@ -634,13 +637,13 @@ def test_a_wrong_square_among_many_photos_is_measured_with_all_of_them(many, mon
     drawn = wrong.with_board(TARGET, 1, square=36.36)
     world = drawn.world_points(many.board, many.column, many.row)
     used = []
-    refine = diagnose.refine_object
+    refine = wrong_drawing.refine_object
 
     def counted(fit, *rest):
         used.append(len(fit.cubic.poses))
         return refine(fit, *rest)
 
-    monkeypatch.setattr(diagnose, "refine_object", counted)
+    monkeypatch.setattr(wrong_drawing, "refine_object", counted)
     found = calibrate(replace(many, world=world), target=drawn, refine_target="off",
                       hold_out=False).findings  # fmt: skip
     assert [one.code for one in found] == ["board_square"]
@@ -769,18 +772,19 @@ def test_a_blurred_photo_has_no_board_that_moved():
 
 
 @pytest.mark.slow
-def test_an_error_keeps_its_figures_and_gains_its_cause(pairs):
-    error = FitError("the corners do not fit (typical error 9 px)", do="check everything")
-    assert str(error) == "the corners do not fit (typical error 9 px): check everything"
+def test_corners_that_do_not_fit_are_explained_by_what_is_likeliest(pairs):
+    def failure(pairs, fits=False):
+        return FailedFit(pairs=pairs, target=TARGET, fits=fits)
+
     known = Finding(code=Code.MIRRORED, case="target", severity=Severity.BAD)
-    said = str(diagnose.explained(error, pairs, TARGET, [known]))
-    assert said == f"the corners do not fit (typical error 9 px): {known.line}"
+    note = Finding(code=Code.MIRRORED, case="colours_in_mirror")
+    assert find_faults(failure(pairs), [note, known]) == [known]
     half = mirrored(pairs, pairs.image < 3)
-    assert "00.png, 01.png and 02.png: mirrored" in str(diagnose.explained(error, half, TARGET))
+    assert [one.images for one in find_faults(failure(half))] == [("00.png", "01.png", "02.png")]
     # What fits is not explained away: a right set-up that failed for another reason.
-    assert diagnose.explained(error, pairs, TARGET, fits=True) is error
-    assert diagnose.explained(error, select_photos(pairs, np.arange(4)), TARGET) is error
-    assert diagnose.explained(error, select_photos(pairs, np.array([0])), TARGET) is error
+    assert find_faults(failure(pairs, fits=True)) == []
+    assert find_faults(failure(select_photos(pairs, np.arange(4)))) == []
+    assert find_faults(failure(select_photos(pairs, np.array([0])))) == []
 
 
 @pytest.fixture(scope="module")
@@ -794,7 +798,8 @@ def test_points_that_fit_in_a_mirror_are_told(points):
     points = select_photos(points, np.arange(4))
     with pytest.raises(FitError, match=r"all photos are mirrored, or the points' coordinates"):
         calibrate(mirrored(points, slice(None)))
-    assert mirrored_object(points) is None
+    with pytest.raises(FitError):
+        mirrored_object(points)
 
 
 @pytest.mark.slow
@@ -820,7 +825,7 @@ def test_a_flat_object_is_the_same_in_a_mirror():
     flat = synthetic.flat_board()
     poses = synthetic.poses_around(flat, 5, seed=1)
     pairs = synthetic.synthetic_correspondences(flat, poses, lens=LENS, noise=0.1)
-    assert mirrored_object(mirrored(pairs, slice(None))) is None
+    assert mirrored_object(mirrored(pairs, slice(None))) == []
 
 
 @pytest.mark.slow
@@ -830,7 +835,7 @@ def test_photos_that_do_not_go_with_the_others_are_named(points):
     world = points.world / world_scale(points)
     moved = np.isin(points.image, [1, 6])
     world[moved] = rng.permutation(world[moved])
-    found = failed_lens(replace(points, world=world))
+    (found,) = failed_lens(replace(points, world=world))
     assert (found.code, found.images) == ("photo_lens", ("01.png", "06.png"))
     assert found.what.startswith("01.png and 06.png do not go with the other 6 photos")
 

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from anonymous_grids import anonymous_photos
+from seen import grid_evidence
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three, poses_around, synthetic_corners
 
 from cubicfish_cli.detection.photo_as import grid_in_mirror
+from cubicfish_cli.diagnosis import misdrawn as module
+from cubicfish_cli.diagnosis.misdrawn import misdrawn
 from cubicfish_cli.identification.name_grids import name_grids
-from cubicfish_cli.identification.wrong_drawing import misdrawn as module
-from cubicfish_cli.identification.wrong_drawing.misdrawn import misdrawn
 from cubicfish_cli.target import Target
 
 TARGET = corner_of_three()
@@ -27,7 +28,7 @@ def grids():
 def told(grids, target=TARGET):
     names = NAMES[: len(grids)]
     identified = name_grids(grids, target, IMAGE_SIZE, names)
-    return misdrawn(identified, target)
+    return next(iter(misdrawn(grid_evidence(identified, target))), None)
 
 
 def mirrored(grids, photos):
@@ -63,7 +64,7 @@ def test_a_mirrored_grid_is_the_one_of_the_mirrored_photo(grids):
 def test_right_photos_of_a_right_drawing_are_not_named_again(grids, monkeypatch):
     identified = name_grids(grids, TARGET, IMAGE_SIZE, NAMES)
     monkeypatch.setattr(module, "name_again", lambda *_: pytest.fail("must not be tried"))
-    assert misdrawn(identified, TARGET) is None
+    assert misdrawn(grid_evidence(identified, TARGET)) == []
 
 
 @pytest.mark.slow

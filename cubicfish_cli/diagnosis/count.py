@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.target import Target
 
@@ -40,3 +41,8 @@ def is_full(grid: Grid) -> bool:
 def boards_with_squares(target: Target) -> list[int]:
     """Indices of the boards whose corners are where squares meet."""
     return [index for index, board in enumerate(target.boards) if board.has_squares]
+
+
+def grid_boards(target: Target) -> list[Board]:
+    """The boards that show as a grid of squares."""
+    return [target.boards[index] for index in boards_with_squares(target)]

@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.fitting.diagnosis.object_faults import COUNTED, ORDERS, flat_points
+from cubicfish_cli.diagnosis.object_faults import flat_points
+from cubicfish_cli.diagnosis.orders import COUNTED, ORDERS
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import select

@@ -1,20 +1,19 @@
-"""Why photos fit no lens together: they are mirrored, or they do without some of them."""
+"""Photos that fit no lens together, and do without some of them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.diagnosis.lens_faults import left_out_lens
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.diagnosis.lens_faults import left_out_lens
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial
 from cubicfish_cli.fitting.robust import noise_px
-from cubicfish_cli.fitting.subset import flatness, select_photos
+from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 
@@ -24,39 +23,12 @@ _FEWEST_PHOTOS = 3
 # Photos agree with a lens when their noise is within this many times the best ones'.
 _AGREES = 6.0
 _SURE_FOCAL = 0.03
-# An object that leaves a plane by less looks the same in a mirror, from behind.
-_FLAT = 1e-4
 # Neighbouring photos are tried at so many places in their order, and so many lenses on all.
 _MOST_RUNS = 12
 _MOST_LENSES = 8
 
 
-def mirrored_object(pairs: Correspondences) -> Finding | None:
-    """Photos that fit a lens and the object as it is seen in a mirror.
-
-    Args:
-        pairs: all pairs, in units in which the object is of order 1.
-
-    """
-    if flatness(pairs.world) < _FLAT:
-        return None
-    pixel = pairs.pixel * [-1, 1] + [pairs.image_size[0] - 1, 0]
-    try:
-        fit = fit_radial(replace(pairs, pixel=pixel), thorough=False)
-    except (FitError, np.linalg.LinAlgError):
-        return None
-    if fit.focal_uncertainty > _SURE_FOCAL:
-        return None
-    return Finding(
-        code=Code.MIRRORED,
-        case="points",
-        severity=Severity.BAD,
-        because="corrected",
-        figures={"after_px": noise_px(fit.residual)},
-    )
-
-
-def failed_lens(pairs: Correspondences) -> Finding | None:
+def failed_lens(pairs: Correspondences) -> list[Finding]:
     """Some photos that agree on a lens, and others that do not, where such are found.
 
     Args:
@@ -65,7 +37,7 @@ def failed_lens(pairs: Correspondences) -> Finding | None:
     """
     count = len(pairs.images)
     if count <= _FEWEST_PHOTOS:
-        return None
+        return []
     lenses = []
     for few in _subsets(count):
         try:
@@ -75,7 +47,7 @@ def failed_lens(pairs: Correspondences) -> Finding | None:
         if lens.focal_uncertainty < _SURE_FOCAL:
             lenses.append(lens)
     if not lenses:
-        return None
+        return []
     noise = min(noise_px(lens.residual) for lens in lenses)
     best: tuple[int, IntArray] | None = None
     alike = [lens for lens in lenses if noise_px(lens.residual) <= 2 * noise]
@@ -84,24 +56,23 @@ def failed_lens(pairs: Correspondences) -> Finding | None:
         if best is None or len(agreeing) > best[0]:
             best = (len(agreeing), agreeing)
     if best is None or not _FEWEST_PHOTOS <= best[0] < count:
-        return None
-    try:
-        lens = fit_radial(select_photos(pairs, best[1]))
-    except (FitError, np.linalg.LinAlgError):
-        return None
+        return []
+    lens = fit_radial(select_photos(pairs, best[1]))
     others = np.setdiff1d(np.arange(count), best[1])
     found = left_out_lens(
         lens.camera, select_photos(pairs, others), noise_px(lens.residual), order=pairs.images
     )
     if found is not None:
-        return found
-    return Finding(
-        code=Code.PHOTO_LENS,
-        case="left_out",
-        severity=Severity.BAD,
-        images=tuple(pairs.images[photo] for photo in others),
-        figures={"others": best[0], "noise_px": noise_px(lens.residual)},
-    )
+        return [found]
+    return [
+        Finding(
+            code=Code.PHOTO_LENS,
+            case="left_out",
+            severity=Severity.BAD,
+            images=tuple(pairs.images[photo] for photo in others),
+            figures={"others": best[0], "noise_px": noise_px(lens.residual)},
+        )
+    ]
 
 
 def _subsets(count: int) -> Iterable[IntArray]:

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
+from cubicfish_cli.diagnosis.orders import AXES, ORDERS
 from cubicfish_cli.geometry import similarity
 from cubicfish_cli.target import Target
 
@@ -30,32 +31,6 @@ _EXPLAINED = 1 / 3
 # object; a drawing whose boards are nearer to their places has no such fault.
 _FAR = 0.02
 _LARGEST_RATIO = 2000.0
-
-_Numbers = npt.NDArray[Any]
-_Order = Callable[[_Numbers, _Numbers, int, int], tuple[_Numbers, _Numbers]]
-# Column and row of the corner that the drawing means, from those in the table. C and R are how
-# many the drawing has.
-ORDERS: Mapping[str, _Order] = {
-    "as_it_is": lambda c, r, C, R: (c, r),
-    "columns_backwards": lambda c, r, C, R: (C - 1 - c, r),
-    "rows_backwards": lambda c, r, C, R: (c, R - 1 - r),
-    "half_a_turn": lambda c, r, C, R: (C - 1 - c, R - 1 - r),
-    "exchanged": lambda c, r, C, R: (r, c),
-    "a_quarter_turn": lambda c, r, C, R: (R - 1 - r, c),
-    "a_quarter_turn_back": lambda c, r, C, R: (r, C - 1 - c),
-    "exchanged_backwards": lambda c, r, C, R: (R - 1 - r, C - 1 - c),
-}
-"""The eight ways to count a board's corners, by their keys in what is told (words/catalogue.py)."""
-COUNTED = tuple(ORDERS)[1:7]
-"""Those of them that one photo's corners may be in, where others are in none."""
-EXCHANGED = ("exchanged", "a_quarter_turn", "a_quarter_turn_back", "exchanged_backwards")
-"""Orders that a drawing with rows and columns exchanged may have."""
-# The places of (0, 0) may also be meant on the other end of the same axes: a flipped axis.
-_FLIPS: Mapping[str, _Order] = {
-    "x_axis": lambda c, r, C, R: (-c, r),
-    "y_axis": lambda c, r, C, R: (c, -r),
-    "both_axes": lambda c, r, C, R: (-c, -r),
-}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,10 +71,12 @@ class _Grid:
     measured: FloatArray
 
     def drawn(self, order: str = "as_it_is", *, on: Board | None = None) -> FloatArray:
-        board = on or self.board
-        change = ORDERS.get(order) or _FLIPS[order]
+        """Where its corners are by the drawing, or were they counted so, or those of a board."""
         column, row = self.board.places()
-        return flat_points(board, *change(column, row, self.board.columns, self.board.rows))
+        if order in AXES:
+            return flat_points(AXES[order](self.board), column, row)
+        counted = ORDERS[order](column, row, self.board.columns, self.board.rows)
+        return flat_points(on or self.board, *counted)
 
 
 def object_fault(target: Target, measured: Mapping[int, FloatArray]) -> Fault | None:
@@ -178,7 +155,7 @@ def _other_orders(search: _Search) -> Iterator[Fault]:
     everyone = tuple(grid.index for grid in grids)
     drawn = [grid.drawn() for grid in grids]
     yield _fault(search, "mirror", drawn, everyone)
-    orders = [*list(ORDERS)[1:], *_FLIPS]
+    orders = [*list(ORDERS)[1:], *AXES]
     for order in orders:
         yield _fault(search, "order", [grid.drawn(order) for grid in grids], everyone, order=order)
     for number, grid in enumerate(grids):

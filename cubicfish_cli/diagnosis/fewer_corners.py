@@ -12,17 +12,17 @@ import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.detection.grids import Grid
-from cubicfish_cli.identification.ends import ends_of, farthest_radius
-from cubicfish_cli.identification.grid_views import grid_poses
-from cubicfish_cli.identification.name_grids import FEWEST_CORNERS, Identified, Place
-from cubicfish_cli.identification.placement import TURNS
-from cubicfish_cli.identification.wrong_drawing.count import (
+from cubicfish_cli.diagnosis.count import (
     FEWEST_PHOTOS,
     Count,
     boards_with_squares,
     is_full,
 )
-from cubicfish_cli.identification.wrong_drawing.pattern_end import pattern_end
+from cubicfish_cli.diagnosis.pattern_end import pattern_end
+from cubicfish_cli.identification.ends import ends_of, farthest_radius
+from cubicfish_cli.identification.grid_views import grid_poses
+from cubicfish_cli.identification.name_grids import FEWEST_CORNERS, Identified, Place
+from cubicfish_cli.identification.placement import TURNS
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.target import Target
@@ -88,7 +88,7 @@ def fewer_corners(
     """Boards of which photos show an end before the drawing's.
 
     The arguments are those of
-    :func:`~cubicfish_cli.identification.wrong_drawing.miscounted.counted`.
+    :func:`~cubicfish_cli.diagnosis.miscounted.counted`.
     """
     camera = identified.lens
     doubtful = _doubtful(identified, target)

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+from seen import grid_evidence
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
 
 from cubicfish_cli.correspondences import Corners
+from cubicfish_cli.diagnosis.another_target import another_target, nothing_named
+from cubicfish_cli.diagnosis.count import Count
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.name_grids import GridReport, Identified, Place
-from cubicfish_cli.identification.refusals import nothing_named, wrong_object
-from cubicfish_cli.identification.wrong_drawing.count import Count
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code
 
@@ -48,7 +49,7 @@ def identified(*photos):
 @pytest.mark.parametrize("size", [(6, 4), (4, 6), (8, 7), (12, 10)])
 def test_one_grid_in_all_photos_that_is_no_board(size):
     verdict = Decided.TOO_LARGE if max(size) > 9 else Decided.SLIDE
-    said = nothing_named(identified(*[(report(size, verdict),)] * 5), LARGE)
+    (said,) = nothing_named(grid_evidence(identified(*[(report(size, verdict),)] * 5), LARGE))
     assert said.code is Code.ANOTHER_TARGET
     assert said.what == (
         f"5 photos show grids of up to {max(size)}x{min(size)} inner corners, but target.yaml has "
@@ -59,19 +60,21 @@ def test_one_grid_in_all_photos_that_is_no_board(size):
 def test_parts_of_boards_are_not_another_object():
     """Each photo shows another part: what is missing is an end."""
     photos = [(report((6, number), Decided.SLIDE),) for number in (3, 4, 5, 6)]
-    said = nothing_named(identified(*photos), LARGE)
+    (said,) = nothing_named(grid_evidence(identified(*photos), LARGE))
     assert (said.code, said.figures["why"]) == (Code.NOTHING_NAMED, Code.SLIDES)
     assert "take photos that show two boards, or a board with its ends" in said.do
 
 
 def test_boards_alike_are_wanted_together():
-    said = nothing_named(identified(*[(report((9, 7), Decided.TWIN),)] * 3), LARGE)
+    (said,) = nothing_named(
+        grid_evidence(identified(*[(report((9, 7), Decided.TWIN),)] * 3), LARGE)
+    )
     assert (said.code, said.figures["why"]) == (Code.NOTHING_NAMED, Code.LOOKS_LIKE_ANOTHER)
 
 
 def test_whole_boards_that_fit_nowhere_are_not_another_object():
     photos = [(report((9, 7), Decided.NO_FIT), report((8, 6), Decided.NO_FIT))] * 4
-    said = nothing_named(identified(*photos), LARGE)
+    (said,) = nothing_named(grid_evidence(identified(*photos), LARGE))
     assert (said.code, said.figures["why"]) == (Code.NOTHING_NAMED, Code.FITS_NOWHERE)
 
 
@@ -80,9 +83,10 @@ def test_whole_boards_that_fit_nowhere_are_not_another_object():
 )
 def test_a_lone_board_that_is_off_by_more_than_a_line_is_another_one(size, wrong):
     seen = identified(*[(report(size, Decided.NAMED),)] * 3)
-    said = wrong_object(seen, [Count(board=0, size=size, photos=3)], ONE)
-    assert (said is not None) == wrong
-    if said:
+    counts = [Count(board=0, size=size, photos=3)]
+    found = another_target(grid_evidence(seen, ONE, counts=counts))
+    assert len(found) == wrong
+    for said in found:
         assert said.code is Code.ANOTHER_TARGET
         assert said.what == (
             f"3 photos show grids of up to {size[0]}x{size[1]} inner corners, but target.yaml has "
@@ -93,12 +97,12 @@ def test_a_lone_board_that_is_off_by_more_than_a_line_is_another_one(size, wrong
 def test_few_names_among_grids_that_are_too_large():
     large, small = report((14, 12), Decided.TOO_LARGE), report((5, 3), Decided.NAMED)
     photos = [(large, small)] * 4
-    told = wrong_object(identified(*photos), [], corner_of_three())
+    (told,) = another_target(grid_evidence(identified(*photos), corner_of_three()))
     assert (told.figures["columns"], told.figures["rows"]) == (14, 12)
 
 
 def test_a_larger_board_in_the_background_is_no_other_object():
     large, own = report((14, 12), Decided.TOO_LARGE), report((7, 5), Decided.NAMED)
     photos = [(large, own, own)] * 4
-    assert wrong_object(identified(*photos), [], corner_of_three()) is None
-    assert wrong_object(identified(*photos), [], ONE) is None
+    assert not another_target(grid_evidence(identified(*photos), corner_of_three()))
+    assert not another_target(grid_evidence(identified(*photos), ONE, counts=[]))

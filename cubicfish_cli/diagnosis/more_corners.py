@@ -8,6 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from cubicfish_cli.boards.board import Board
+from cubicfish_cli.diagnosis.count import (
+    FEWEST_PHOTOS,
+    Count,
+    boards_with_squares,
+    is_full,
+)
 from cubicfish_cli.identification.name_grids import (
     FEWEST_CORNERS,
     GridReport,
@@ -15,12 +21,6 @@ from cubicfish_cli.identification.name_grids import (
     name_again,
 )
 from cubicfish_cli.identification.placement import TURNS
-from cubicfish_cli.identification.wrong_drawing.count import (
-    FEWEST_PHOTOS,
-    Count,
-    boards_with_squares,
-    is_full,
-)
 from cubicfish_cli.target import Target
 
 # Grids that are larger than drawn must have a place on the enlarged board, so many of them.
@@ -32,7 +32,7 @@ def more_corners(identified: Identified, target: Target) -> list[Count]:
     """Boards of which photos show more corners than are drawn.
 
     The arguments are those of
-    :func:`~cubicfish_cli.identification.wrong_drawing.miscounted.counted`.
+    :func:`~cubicfish_cli.diagnosis.miscounted.counted`.
     """
     lost = [
         (photo, number, report)

@@ -18,11 +18,11 @@ import numpy.typing as npt
 from cubicfish_cli.boards.board import Board, FirstSquare
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.detection.photo_as import grid_in_mirror
+from cubicfish_cli.diagnosis.evidence import GridEvidence
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.name_grids import (
     FEWEST_CORNERS,
     GridReport,
-    Identified,
     name_again,
 )
 from cubicfish_cli.target import Target
@@ -53,22 +53,17 @@ class _Trial:
     mirrored: IntArray
 
 
-def misdrawn(identified: Identified, target: Target) -> Finding | None:
+def misdrawn(evidence: GridEvidence) -> list[Finding]:
     """What is likely wrong with photos or drawing, as the grids that fit nowhere show it.
 
-    Args:
-        identified: what became of the grids.
-        target: the object that they were named by.
-
-    Returns:
-        None where most grids have a place, or nothing simple explains why they have none.
-
+    Nothing where most grids have a place, or nothing simple explains why they have none.
     """
+    identified, target = evidence.identified, evidence.target
     boards = [board for board in target.boards if board.points is None]
     named, lost = _counts(identified.grids)
     odd = np.flatnonzero(lost > _LOST * (named + lost))
     if not len(odd) or not 2 <= len(boards) <= _MOST_BOARDS:
-        return None
+        return []
     large = [_large(own) for own in identified.found]
     images, width = identified.corners.images, identified.corners.image_size[0]
 
@@ -90,9 +85,9 @@ def misdrawn(identified: Identified, target: Target) -> Finding | None:
         # Each of them by itself: one that shows something else does not speak for the others.
         right = np.where(np.isin(some.photos, odd), total, named[some.photos])
         if (again > _FITS * right).all():
-            return _with_evidence(some, named, again.sum(), total.sum())
+            return [_with_evidence(some, named, again.sum(), total.sum())]
     if lost.sum() <= _LOST * (named + lost).sum():
-        return None
+        return []
     chosen = np.sort(fullest[:_PHOTOS])
     if not lost[chosen].any():
         chosen = np.flatnonzero(lost)[:_PHOTOS]
@@ -105,8 +100,8 @@ def misdrawn(identified: Identified, target: Target) -> Finding | None:
         if best is not None and best[0] >= 1 - _CLEARLY:
             break
     if best is None:
-        return None
-    return _with_evidence(best[1], named, best[0] * total.sum(), total.sum())
+        return []
+    return [_with_evidence(best[1], named, best[0] * total.sum(), total.sum())]
 
 
 def _sizes(grids: Sequence[Sequence[Grid]], photos: IntArray) -> IntArray:

@@ -9,11 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
-from cubicfish_cli.fitting.diagnosis.few_photos import enough_photos, fit_of_few, spread_out
-from cubicfish_cli.fitting.diagnosis.photo_lenses import (
+from cubicfish_cli.diagnosis.few_photos import enough_photos, fit_of_few, spread_out
+from cubicfish_cli.diagnosis.photo_lenses import (
     BY_CHANCE,
     WORTH,
     PhotoLenses,
@@ -25,6 +22,9 @@ from cubicfish_cli.fitting.diagnosis.photo_lenses import (
     two_lenses,
     zoomed_photos,
 )
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.adjustment import adjust
+from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial, refit_radial

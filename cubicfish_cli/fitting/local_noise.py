@@ -1,8 +1,4 @@
-"""Which way round boards are seen: from the printed face, or as in a mirror.
-
-No lens turns a picture inside out: on every photo of a printed face the row grows to the right of
-the direction in which the column grows, or corners are in another order, or the photo is mirrored.
-"""
+"""The corners' own noise: what in their errors changes from each corner to the next."""
 
 from __future__ import annotations
 
@@ -10,34 +6,13 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.fitting.robust import noise_px
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
 
-# Fewer squares than this, or a smaller majority of them, say nothing.
-_FEWEST = 3
-_MAJORITY = 0.9
-
-
-def seen_sides(pairs: Correspondences) -> IntArray:
-    """(photos, boards): 1 where a board is seen from its face, -1 mirrored, 0 where it is unknown.
-
-    Boards whose corners have no rows and columns, such as lists of points, are never known.
-    """
-    photos, boards = len(pairs.images), max(len(pairs.boards), 1)
-    sides = np.zeros((photos, boards), np.intp)
-    if not len(pairs.pixel) or (pairs.board < 0).any():
-        return sides
-    right, down = neighbours(pairs)
-    both = np.flatnonzero((right >= 0) & (down >= 0))
-    along = pairs.pixel[right[both]] - pairs.pixel[both]
-    across = pairs.pixel[down[both]] - pairs.pixel[both]
-    sign = np.sign(along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0])
-    view = pairs.image[both] * boards + pairs.board[both]
-    count = np.bincount(view, minlength=photos * boards)
-    total = np.bincount(view, weights=sign, minlength=photos * boards)
-    known = (count >= _FEWEST) & (np.abs(total) >= (2 * _MAJORITY - 1) * count)
-    return np.where(known, np.sign(total), 0).astype(np.intp).reshape(photos, boards)
+# Errors of neighbouring corners that go together make a fit so much worse than their noise.
+_BEYOND_NOISE = 1.5
 
 
 def neighbours(pairs: Correspondences) -> tuple[IntArray, IntArray]:
@@ -72,3 +47,15 @@ def local_noise_px(pairs: Correspondences, residual: FloatArray) -> float:
     bend = residual[middle] - 2 * residual[right[middle]] + residual[last]
     # The median length of a 2D normal vector, and 1 + 4 + 1 variances.
     return float(np.median(np.hypot(bend[:, 0], bend[:, 1])) / 1.17741 / np.sqrt(6))
+
+
+def times_noise(pairs: Correspondences, residual: FloatArray) -> float | None:
+    """How many times the corners' own noise residuals (N, 2) are; None where it is not known."""
+    noise = local_noise_px(pairs, residual)
+    return noise_px(residual) / noise if noise else None
+
+
+def within_noise(pairs: Correspondences, residual: FloatArray) -> bool:
+    """Whether residuals (N, 2) are no larger than the corners' own noise explains."""
+    times = times_noise(pairs, residual)
+    return times is not None and times < _BEYOND_NOISE

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.fitting.diagnosis.photo_lenses import own_triangles
+from cubicfish_cli.diagnosis.photo_lenses import own_triangles
 from cubicfish_cli.fitting.refinement import ObjectFit
 from cubicfish_cli.fitting.subset import flatness
 from cubicfish_cli.words.codes import Code

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from anonymous_grids import anonymous_photos
+from seen import grid_evidence, no_photo
 from synthetic import (
     IMAGE_SIZE,
     checkerboard,
@@ -16,11 +17,11 @@ from synthetic import (
 )
 
 from cubicfish_cli.detection.finder import find_grids
+from cubicfish_cli.diagnosis import fewer_corners as module
+from cubicfish_cli.diagnosis import more_corners
+from cubicfish_cli.diagnosis.corner_count import miscounted
+from cubicfish_cli.diagnosis.count import Count
 from cubicfish_cli.identification.name_grids import name_grids
-from cubicfish_cli.identification.wrong_drawing import fewer_corners as module
-from cubicfish_cli.identification.wrong_drawing import more_corners
-from cubicfish_cli.identification.wrong_drawing.count import Count
-from cubicfish_cli.identification.wrong_drawing.miscounted import counted, miscounted
 from cubicfish_cli.rendering.pose import camera_points
 from cubicfish_cli.rendering.simulate import Look, simulated_photos
 from cubicfish_cli.target import Target
@@ -44,10 +45,12 @@ def told(grids, target, pictures=None, size=IMAGE_SIZE):
     names = [f"{index}.png" for index in range(len(grids))]
     identified = name_grids(grids, target, size, names)
 
-    def picture(photo):
-        return pytest.fail("no photo is needed") if pictures is None else pictures[photo]
+    picture = no_photo if pictures is None else pictures.__getitem__
+    return grid_evidence(identified, target, picture).counts
 
-    return counted(identified, target, picture)
+
+def in_words(counts, target, photos):
+    return miscounted(grid_evidence(None, target, counts=counts, photos=photos))
 
 
 # One board, in small photos
@@ -135,7 +138,7 @@ def test_boards_that_are_as_drawn_are_not_named_again(corner, monkeypatch):
     identified = name_grids(corner, THREE, IMAGE_SIZE, names)
     monkeypatch.setattr(more_corners, "name_again", lambda *_: pytest.fail("must not be tried"))
     monkeypatch.setattr(module, "grid_poses", lambda *_: pytest.fail("must not be tried"))
-    assert counted(identified, THREE, lambda photo: None) == []
+    assert grid_evidence(identified, THREE).counts == []
 
 
 @pytest.mark.parametrize(("index", "drawn"), [(0, (8, 6)), (2, (7, 4))])
@@ -199,7 +202,8 @@ def test_of_a_board_that_is_cut_in_all_photos_only_what_is_seen_is_told(corner, 
     target = resized(THREE, 0, 11, 7)
     (count,) = told(corner, target, [np.zeros((2, 2))] * 5)
     assert (count.size, count.sure) == ((11, 6), (False, True))
-    assert miscounted([count], target, 5).what == (
+    (finding,) = in_words([count], target, 5)
+    assert finding.what == (
         "photos show 6 rows of inner corners of board floor (target.yaml says 7)"
     )
 
@@ -212,20 +216,21 @@ def _no_columns(ends):
 
 
 def test_what_is_said():
-    finding = miscounted([Count(board=0, size=(9, 6), photos=8)], resized(THREE, 0, 10, 6), 10)
+    counts = [Count(board=0, size=(9, 6), photos=8)]
+    (finding,) = in_words(counts, resized(THREE, 0, 10, 6), 10)
     assert (finding.code, finding.severity, finding.boards) == ("corner_count", "care", ("floor",))
     assert finding.line == (
         "photos show 9x6 inner corners of board floor (target.yaml says 10x6) (8 of 10 photos "
         "show where it ends, none shows otherwise); correct corners in target.yaml (and origin, "
         "if it was of a corner that is not there) and run it again"
     )
-    assert miscounted([], THREE, 10) is None
+    assert in_words([], THREE, 10) == []
 
 
 def test_several_boards_are_said_in_one_line():
     target = resized(resized(THREE, 0, 10, 7), 2, 8, 6)
     counts = [Count(board=0, size=(9, 6), photos=8), Count(board=2, size=(7, 5), photos=5)]
-    finding = miscounted(counts, target, 10)
+    (finding,) = in_words(counts, target, 10)
     assert finding.boards == ("floor", "right")
     assert "9x6 inner corners of board floor (target.yaml says 10x7) and 7x5 inner " in finding.what
     assert finding.evidence.startswith("5 to 8 of 10 photos show where they end")

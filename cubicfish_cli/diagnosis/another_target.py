@@ -1,18 +1,17 @@
-"""What is said when no corner can be named, or hardly one: what was seen, and what to do."""
+"""That photos and target are of different objects, or no corner of any can be named."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 
 import numpy as np
 
-from cubicfish_cli.boards.board import Board
-from cubicfish_cli.fitting.diagnosis.squares_counted import squares_counted
+from cubicfish_cli.diagnosis.corner_count import squares_counted
+from cubicfish_cli.diagnosis.count import grid_boards
+from cubicfish_cli.diagnosis.evidence import GridEvidence
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.name_grids import FEWEST_CORNERS, GridReport, Identified
 from cubicfish_cli.identification.remarks import CODES
-from cubicfish_cli.identification.wrong_drawing.count import Count
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
@@ -23,19 +22,22 @@ _COMMON = 0.5
 _FEWEST_PHOTOS = 2
 
 
-def nothing_named(identified: Identified, target: Target) -> Finding:
-    """Why none of the grids, of which there is at least one, could be named."""
+def nothing_named(evidence: GridEvidence) -> list[Finding]:
+    """Why none of the grids could be named, where there is any."""
+    identified, target = evidence.identified, evidence.target
+    if not any(identified.grids):
+        return []
     grids = [grid for own in identified.grids for grid in own]
     boards = grid_boards(target)
     if _is_another_object(identified, target):
-        return another_object(identified, target)
+        return [_another_object(identified, target)]
     largest = max(grids, key=lambda grid: grid.corners)
     photos = sum(bool(own) for own in identified.grids)
     for board in boards:
         if sorted(largest.size) == sorted((board.columns - 1, board.rows - 1)):
-            return squares_counted([board], 1)
+            return [squares_counted([board], 1)]
     why = CODES[Counter(grid.verdict for grid in grids).most_common(1)[0][0]]
-    return Finding(
+    told = Finding(
         code=Code.NOTHING_NAMED,
         severity=Severity.BAD,
         figures={
@@ -48,53 +50,31 @@ def nothing_named(identified: Identified, target: Target) -> Finding:
             "help": why.value,
         },
     )
+    return [told]
 
 
-def counted_squares(identified: Identified, target: Target) -> Finding | None:
-    """What to say when photo after photo shows one board whole, one corner smaller both ways."""
-    boards = grid_boards(target)
-    if len(boards) != 1:
-        return None
-    columns, rows = sorted((boards[0].columns, boards[0].rows))
-    largest = [max(own, key=len) for own in identified.found if own]
-    sizes = [tuple(sorted((np.ptp(grid.cells, axis=0) + 1).tolist())) for grid in largest]
-    counted = (columns - 1, rows - 1)
-    whole = sum(
-        size == counted and len(grid) == size[0] * size[1]
-        for grid, size in zip(largest, sizes, strict=True)
-    )
-    larger = any(size[0] > counted[0] or size[1] > counted[1] for size in sizes)
-    if whole and 2 * whole >= len(largest) and not larger:
-        return squares_counted(boards, whole)
-    return None
-
-
-def wrong_object(identified: Identified, counts: Sequence[Count], target: Target) -> Finding | None:
-    """What to say when corners have names, but those of another object's boards.
-
-    Args:
-        identified: the names.
-        counts: what photos show of boards' sizes.
-        target: the object.
-
-    """
+def another_target(evidence: GridEvidence) -> list[Finding]:
+    """That corners have names, but those of another object's boards."""
+    identified, target = evidence.identified, evidence.target
     boards = grid_boards(target)
     if len(boards) == 1:
         off = [
-            np.abs(np.subtract(count.size, (boards[0].columns, boards[0].rows))) for count in counts
+            np.abs(np.subtract(count.size, (boards[0].columns, boards[0].rows)))
+            for count in evidence.counts
         ]
-        return another_object(identified, target) if any(one.sum() > 1 for one in off) else None
+        other = any(one.sum() > 1 for one in off)
+        return [_another_object(identified, target)] if other else []
     grids = [grid for own in identified.grids for grid in own if grid.corners >= FEWEST_CORNERS]
     corners = sum(grid.corners for grid in grids)
     beyond = sum(grid.corners for grid in grids if grid.verdict is Decided.TOO_LARGE)
     together = sum(sum(grid.named for grid in own) > 1 for own in identified.grids)
     seen = sum(bool(own) for own in identified.grids)
     if beyond > _COMMON * corners and together < _COMMON * seen:
-        return another_object(identified, target)
-    return None
+        return [_another_object(identified, target)]
+    return []
 
 
-def another_object(identified: Identified, target: Target) -> Finding:
+def _another_object(identified: Identified, target: Target) -> Finding:
     """That photos and target.yaml are of different objects: what both show."""
     largest = _largest(identified)
     size = max(largest, key=lambda grid: grid.corners).size
@@ -112,11 +92,6 @@ def another_object(identified: Identified, target: Target) -> Finding:
             "says": says + more,
         },
     )
-
-
-def grid_boards(target: Target) -> list[Board]:
-    """The boards that show as a grid of squares."""
-    return [board for board in target.boards if board.has_squares]
 
 
 def _is_another_object(identified: Identified, target: Target) -> bool:
