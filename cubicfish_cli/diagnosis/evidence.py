@@ -11,7 +11,7 @@ from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.diagnosis.count import Count
 from cubicfish_cli.diagnosis.fewer_corners import fewer_corners
 from cubicfish_cli.diagnosis.more_corners import more_corners
-from cubicfish_cli.identification.name_grids import Identified
+from cubicfish_cli.identification.identified import Identified
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.finding import Finding

@@ -21,7 +21,7 @@ from cubicfish_cli.diagnosis.count import (
 from cubicfish_cli.diagnosis.pattern_end import pattern_end
 from cubicfish_cli.identification.ends import ends_of, farthest_radius
 from cubicfish_cli.identification.grid_views import grid_poses
-from cubicfish_cli.identification.name_grids import FEWEST_CORNERS, Identified, Place
+from cubicfish_cli.identification.identified import FEWEST_CORNERS, Identified, Place
 from cubicfish_cli.identification.placement import TURNS
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.photos import Picture

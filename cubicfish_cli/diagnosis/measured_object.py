@@ -13,11 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.correspondences import Correspondences, taken
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial
-from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.geometry import mean_rotation
 from cubicfish_cli.target import Target
 
@@ -120,21 +119,15 @@ def _views(pairs: Correspondences, target: Target) -> Correspondences | None:
     views, image = np.unique(
         np.stack([pairs.image, pairs.board], axis=1)[usable], axis=0, return_inverse=True
     )
-    seen, _ = select(pairs, usable)
-    order = np.argsort(image.reshape(-1), kind="stable")
-    return replace(
-        seen,
+    seen = replace(
+        taken(pairs, usable),
         images=tuple(f"{photo}:{board}" for photo, board in views),
-        image=image.reshape(-1)[order].astype(np.intp),
-        world=world[usable][order],
-        pixel=seen.pixel[order],
-        weight=seen.weight[order],
-        board=np.zeros(len(order), np.intp),
+        image=image.reshape(-1).astype(np.intp),
+        world=world[usable],
+        board=np.zeros(len(image), np.intp),
         boards=("board",),
-        column=seen.column[order],
-        row=seen.row[order],
-        certain=seen.certain[order],
     )
+    return taken(seen, np.argsort(seen.image, kind="stable"))
 
 
 def _relative(

@@ -20,11 +20,8 @@ from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.detection.photo_as import grid_in_mirror
 from cubicfish_cli.diagnosis.evidence import GridEvidence
 from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.name_grids import (
-    FEWEST_CORNERS,
-    GridReport,
-    name_again,
-)
+from cubicfish_cli.identification.identified import FEWEST_CORNERS, GridReport
+from cubicfish_cli.identification.name_grids import name_again
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding

@@ -14,12 +14,8 @@ from cubicfish_cli.diagnosis.count import (
     boards_with_squares,
     is_full,
 )
-from cubicfish_cli.identification.name_grids import (
-    FEWEST_CORNERS,
-    GridReport,
-    Identified,
-    name_again,
-)
+from cubicfish_cli.identification.identified import FEWEST_CORNERS, GridReport, Identified
+from cubicfish_cli.identification.name_grids import name_again
 from cubicfish_cli.identification.placement import TURNS
 from cubicfish_cli.target import Target
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Corners
+from cubicfish_cli.correspondences import Corners, in_order
 from cubicfish_cli.detection.markers import MarkedCorners
 from cubicfish_cli.target import Target
 
@@ -36,16 +36,16 @@ def marked_corners(
         for name in ("board", "column", "row")
     )
     pixel = np.concatenate([one.pixel for one in marked])
-    order = np.lexsort([column, row, board, image])
-    return Corners(
+    corners = Corners(
         image_size=image_size,
         images=tuple(images),
         boards=target.board_names,
-        image=image[order],
-        board=board[order],
-        column=column[order],
-        row=row[order],
-        pixel=pixel[order],
-        weight=np.ones(len(order)),
+        image=image,
+        board=board,
+        column=column,
+        row=row,
+        pixel=pixel,
+        weight=np.ones(len(pixel)),
         target=target,
     )
+    return in_order(corners)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.detection.grids import FoundGrids
-from cubicfish_cli.identification.name_grids import GridReport
+from cubicfish_cli.identification.identified import GridReport
 from cubicfish_cli.words.finding import Finding
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.correspondences import Corners, pair
+from cubicfish_cli.correspondences import Corners, in_order, pair
 from cubicfish_cli.detection.refine import refine_corners
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.executors.executor import Executor
@@ -241,20 +241,19 @@ def _with_added(
     board = joined(corners.board, lambda p: p.board)
     column, row = joined(corners.column, lambda p: p.column), joined(corners.row, lambda p: p.row)
     pixel = np.concatenate([corners.pixel, *(pixel[new] for pixel, new in found)])
-    order = np.lexsort([column, row, board, image])
+    new_ones = np.ones(len(image) - len(corners.image))
     joint = replace(
         corners,
-        image=image[order],
-        board=board[order],
-        column=column[order],
-        row=row[order],
-        pixel=pixel[order],
-        weight=np.concatenate([corners.weight, np.ones(len(image) - len(corners.weight))])[order],
+        image=image,
+        board=board,
+        column=column,
+        row=row,
+        pixel=pixel,
+        weight=np.concatenate([corners.weight, new_ones]),
         # Only photos whose names are certain are looked at again.
-        certain=np.concatenate([corners.certain, np.ones(len(image) - len(corners.certain), bool)])[
-            order
-        ],
+        certain=np.concatenate([corners.certain, new_ones > 0]),
     )
+    joint = in_order(joint)
     return replace(
         detection,
         corners=joint,

@@ -20,8 +20,9 @@ from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence
 from cubicfish_cli.errors import DetectionError, PhotoError
 from cubicfish_cli.executors.executor import Executor
 from cubicfish_cli.executors.pool import map_photos, workers_for
+from cubicfish_cli.identification.identified import Identified
 from cubicfish_cli.identification.marked import marked_corners
-from cubicfish_cli.identification.name_grids import Identified, name_grids
+from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.identification.photo_report import Detection, PhotoReport
 from cubicfish_cli.identification.remarks import remark_of
 from cubicfish_cli.photos import Photo, Picture

@@ -14,7 +14,7 @@ from cubicfish_cli.correspondences import load_corners
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.errors import OutputError
 from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.name_grids import GridReport
+from cubicfish_cli.identification.identified import GridReport
 from cubicfish_cli.identification.photo_report import PhotoReport
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import load_target

@@ -9,7 +9,7 @@ from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.diagnosis.another_target import another_target, nothing_named
 from cubicfish_cli.diagnosis.count import Count
 from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.name_grids import GridReport, Identified, Place
+from cubicfish_cli.identification.identified import GridReport, Identified, Place
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code
 

@@ -8,7 +8,7 @@ import pytest
 
 from cubicfish_cli.diagnosis.count import Count
 from cubicfish_cli.diagnosis.evidence import GridEvidence
-from cubicfish_cli.identification.name_grids import Identified
+from cubicfish_cli.identification.identified import Identified
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.target import Target
 
