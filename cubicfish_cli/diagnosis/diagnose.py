@@ -23,15 +23,22 @@ from cubicfish_cli.diagnosis.markers import no_markers, otherwise_printed
 from cubicfish_cli.diagnosis.mirrored import handed, mirrored_object, mirrored_photos, other_colours
 from cubicfish_cli.diagnosis.misdrawn import misdrawn
 from cubicfish_cli.diagnosis.repeats import copies, repeats
+from cubicfish_cli.diagnosis.rig import (
+    camera_moved,
+    clocks_differ,
+    few_common_shots,
+    mismatched,
+    not_at_once,
+)
 from cubicfish_cli.diagnosis.unsteady import unsteady
 from cubicfish_cli.diagnosis.wrong_drawing import wrong_drawing, wrong_drawing_of_failure
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.evidence import CornerEvidence, FailedFit, FitEvidence
+from cubicfish_cli.fitting.evidence import CornerEvidence, Evidence, FailedFit, FitEvidence
+from cubicfish_cli.fitting.rig.evidence import RigEvidence
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 
-E = TypeVar("E")
-Evidence = CornerEvidence | PhotoEvidence
+E = TypeVar("E", bound=Evidence)
 
 
 class Cost(IntEnum):
@@ -176,6 +183,18 @@ HYPOTHESES: tuple[Hypothesis[Any], ...] = (
         lambda e: failed_lens(e.scaled[0]),
         _unexplained,
     ),
+    # Of a fitted rig.
+    Hypothesis(RigEvidence, (Code.SHOT_MISMATCHED,), Cost.TABLES, mismatched),
+    Hypothesis(RigEvidence, (Code.CLOCKS_DIFFER,), Cost.TABLES, clocks_differ),
+    Hypothesis(RigEvidence, (Code.CAMERA_MOVED,), Cost.PASS, camera_moved),
+    Hypothesis(
+        RigEvidence,
+        (Code.NOT_AT_ONCE, Code.SHOT_APART),
+        Cost.PASS,
+        not_at_once,
+        lambda e, found: _lacks(Code.CAMERA_MOVED, found),
+    ),
+    Hypothesis(RigEvidence, (Code.FEW_COMMON_SHOTS,), Cost.TABLES, few_common_shots),
 )
 
 

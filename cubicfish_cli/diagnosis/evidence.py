@@ -11,14 +11,14 @@ from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.diagnosis.count import Count
 from cubicfish_cli.diagnosis.fewer_corners import fewer_corners
 from cubicfish_cli.diagnosis.more_corners import more_corners
+from cubicfish_cli.fitting.evidence import Evidence
 from cubicfish_cli.identification.identified import Identified
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.target import Target
-from cubicfish_cli.words.finding import Finding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PhotoEvidence:
+class PhotoEvidence(Evidence):
     """Photos in which corners were looked for.
 
     Attributes:
@@ -28,7 +28,6 @@ class PhotoEvidence:
         picture: the brightness (H, W) of the photo of this number, read once more; None where it
             cannot be.
         target: the drawing.
-        known: what was found before, and comes first.
 
     """
 
@@ -37,7 +36,6 @@ class PhotoEvidence:
     digests: Sequence[str]
     picture: Callable[[int], Picture | None]
     target: Target
-    known: Sequence[Finding] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -16,19 +16,29 @@ from cubicfish_cli.words.finding import Finding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CornerEvidence:
+class Evidence:
+    """What hypotheses are judged by: each kind has attributes of its own.
+
+    Attributes:
+        known: what was found before, and comes first.
+
+    """
+
+    known: Sequence[Finding] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CornerEvidence(Evidence):
     """Named corners.
 
     Attributes:
         pairs: all pairs, in the target's units.
         target: the drawing; None for pairs that came without one.
-        known: what was found before the fit, and comes first.
 
     """
 
     pairs: Correspondences
     target: Target | None
-    known: Sequence[Finding] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,5 +78,5 @@ class FitEvidence(CornerEvidence):
     dropped: Sequence[tuple[str, str | None]]
 
 
-Diagnose = Callable[[CornerEvidence], Sequence[Finding]]
+Diagnose = Callable[[Evidence], Sequence[Finding]]
 """Tells what is likely wrong with a set-up; the likeliest first where there is no fit."""

@@ -4,28 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 from scipy.special import fdtrc
 
-from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.fitting.adjustment import Adjustment, huber_weight, linearised
-from cubicfish_cli.fitting.rig.clocks import Clocks
-from cubicfish_cli.fitting.rig.start import RigStart, common_shots
-from cubicfish_cli.fitting.rig_lens import RigLens
-from cubicfish_cli.fitting.robust import huber_px, noise_px
-from cubicfish_cli.words.catalogue import Saying
+from cubicfish_cli.fitting.rig.evidence import RigEvidence
+from cubicfish_cli.fitting.rig.start import common_shots
+from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 from cubicfish_cli.words.rig_finding import RigFinding
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
-
-# Hessian (V, 6, 6) and gradient (V, 6) by each view's shot's pose, and (V,) its corners.
-_ByPose = tuple[FloatArray, FloatArray, IntArray]
 
 # Two cameras that fewer shots connect stand where one shot's errors put them.
 _FEW = 5
@@ -43,58 +35,6 @@ _SINGLE = 0.2
 _CHANCE = 1e-5
 # and what it does to its corners is as large as so much of their noise.
 _VISIBLE = 0.5
-
-
-def of_camera(name: str, finding: Finding) -> RigFinding:
-    """What is told of one camera alone, as a rig tells it."""
-    said = Saying(f"camera {name}: {finding.what}", finding.evidence, finding.do, finding.remedy)
-    return RigFinding(
-        code=finding.code,
-        severity=finding.severity,
-        images=finding.images,
-        boards=finding.boards,
-        figures=finding.figures,
-        recorded=said,
-        cameras=(name,),
-    )
-
-
-def find_rig_faults(
-    names: Sequence[str],
-    fit: Adjustment,
-    pairs: Correspondences,
-    clocks: Clocks | None,
-    start: RigStart,
-    photos: Sequence[str],
-    shots: Sequence[str],
-    scale: float,
-) -> list[RigFinding]:
-    """What is likely wrong with a set-up of which the fit succeeded.
-
-    Args:
-        names: of the cameras.
-        fit: of the rig.
-        pairs: its pairs.
-        clocks: by how much cameras were late, which was taken out; None where it is not known.
-        start: where it started from.
-        photos: of each view, its photo's name.
-        shots: the shots' names, in the order in which they were taken.
-        scale: the target's units in one unit of the pairs.
-
-    """
-    lens = fit.lens
-    if not isinstance(lens, RigLens):
-        raise TypeError("the adjustment must be of a rig")
-    found = _mismatched(names, lens, start, photos)
-    if clocks is not None:
-        found += _clocks(names, clocks)
-    of_views = _by_pose(lens, fit, pairs)
-    moved = camera_moved(lens, fit, of_views)
-    if moved is not None:
-        found.append(_said(names, shots, moved, scale))
-    else:
-        found += _not_at_once(names, shots, lens, fit, of_views)
-    return found + _few(names, lens)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -117,42 +57,23 @@ class Moved:
     chance: float
 
 
-def camera_moved(lens: RigLens, fit: Adjustment, of_views: _ByPose) -> Moved | None:
-    """Whether one camera stood elsewhere before some shot than after.
+def camera_moved(evidence: RigEvidence) -> list[Finding]:
+    """That one camera stood elsewhere before some shot than after.
 
     What each shot says of each camera's place beside the others', its pose left free, is linear
     where the fit stopped. Two means, before and after, are judged against how shots differ
     among themselves (an F test), which knows of all errors that shots do not share.
     """
-    best: Moved | None = None
-    for camera in range(len(lens.lenses)):
-        found = _split(*_says(lens, *of_views, camera), camera)
-        if found is not None and (best is None or found.chance < best.chance):
-            best = found
-    if best is None or best.chance * len(lens.lenses) > _CHANCE:
-        return None
-    return best if best.effect_px > _VISIBLE * noise_px(fit.residual) else None
+    cameras = range(len(evidence.lens.lenses))
+    moved = [one for camera in cameras if (one := _split(*_says(evidence, camera), camera))]
+    best = min(moved, key=lambda one: one.chance, default=None)
+    if best is None or best.chance * len(cameras) > _CHANCE:
+        return []
+    visible = best.effect_px > _VISIBLE * noise_px(evidence.fit.residual)
+    return [_said(evidence, best)] if visible else []
 
 
-def _by_pose(lens: RigLens, fit: Adjustment, pairs: Correspondences) -> _ByPose:
-    """What each view says of its shot's pose: Hessian (V, 6, 6), gradient (V, 6), and corners."""
-    limit = huber_px(fit.residual)
-    bounds = np.searchsorted(pairs.image, np.arange(len(lens.shot) + 1))
-    hessians, gradients = [], []
-    for start, stop in pairwise(bounds.tolist()):
-        run = slice(start, stop)
-        terms = linearised(fit.lens, fit.poses, fit.world, pairs, run)
-        length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
-        root = np.sqrt(pairs.weight[run] * huber_weight(length, limit))[:, None, None]
-        pose = (np.concatenate([terms.d_turn, terms.d_shift], axis=2) * root).reshape(-1, 6)
-        hessians.append(pose.T @ pose)
-        gradients.append(pose.T @ (terms.residual[:, :, None] * root).reshape(-1))
-    return np.array(hessians), np.array(gradients), np.diff(bounds)
-
-
-def _says(
-    lens: RigLens, hessian: FloatArray, gradient: FloatArray, corners: IntArray, camera: int
-) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
+def _says(evidence: RigEvidence, camera: int) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
     """What shots say of one camera's place beside the others', their poses left free.
 
     Returns:
@@ -160,6 +81,7 @@ def _says(
         the camera's frame, and how many corners the camera saw.
 
     """
+    lens, (hessian, gradient, corners) = evidence.lens, evidence.of_views
     shots = int(lens.shot.max()) + 1
     hessian_of, gradient_of = np.zeros((shots, 6, 6)), np.zeros((shots, 6))
     np.add.at(hessian_of, lens.shot, hessian)
@@ -213,36 +135,32 @@ def _split(
     return best
 
 
-def _said(names: Sequence[str], shots: Sequence[str], moved: Moved, scale: float) -> RigFinding:
+def _said(evidence: RigEvidence, moved: Moved) -> RigFinding:
+    names = evidence.names
     turn = float(np.rad2deg(np.linalg.norm(moved.step[:3])))
-    shift = float(np.linalg.norm(moved.step[3:])) * scale
+    shift = float(np.linalg.norm(moved.step[3:])) * evidence.scale
     whom = (names[moved.camera],) if len(names) > 2 else tuple(names)
     return RigFinding(
         code=Code.CAMERA_MOVED,
         severity=Severity.BAD,
         case="" if len(whom) == 1 else "either",
         cameras=whom,
-        shots=(shots[moved.shot],),
+        shots=(evidence.shots[moved.shot],),
         figures={"turn_deg": turn, "shift": shift, "effect_px": moved.effect_px},
     )
 
 
-def _not_at_once(
-    names: Sequence[str],
-    shots: Sequence[str],
-    lens: RigLens,
-    fit: Adjustment,
-    of_views: _ByPose,
-) -> list[RigFinding]:
+def not_at_once(evidence: RigEvidence) -> list[Finding]:
     """Shots of which a camera's photo does not go with the others', and it did not move for good.
 
     All shots where cameras are not triggered at once and something moves; single ones where
     something was knocked, or a photo is of a neighbouring shot.
     """
-    noise = noise_px(fit.residual)
+    names, shots, lens = evidence.names, evidence.shots, evidence.lens
+    noise = noise_px(evidence.fit.residual)
     off = np.zeros((len(lens.lenses), len(shots)))
     for camera in range(len(lens.lenses)):
-        shot, hessian, gradient, corners = _says(lens, *of_views, camera)
+        shot, hessian, gradient, corners = _says(evidence, camera)
         gain = [
             g @ np.linalg.lstsq(h, g, rcond=_RCOND)[0]
             for h, g in zip(hessian, gradient, strict=True)
@@ -262,7 +180,7 @@ def _not_at_once(
     out = np.flatnonzero(shared & (worst > limit))
     if len(out) > max(1.0, _SINGLE * shared.sum()):
         return []
-    found = []
+    found: list[Finding] = []
     for shot in out[np.argsort(-worst[out])].tolist():
         seen_by = lens.camera[lens.shot == shot].tolist()
         apart = tuple(seen_by) if len(seen_by) < 3 else (int(np.argmax(off[:, shot])),)
@@ -285,7 +203,11 @@ def _off(
     )
 
 
-def _clocks(names: Sequence[str], clocks: Clocks) -> list[RigFinding]:
+def clocks_differ(evidence: RigEvidence) -> list[Finding]:
+    """Cameras whose clocks are not the first one's, which was taken out."""
+    names, clocks = evidence.names, evidence.clocks
+    if clocks is None:
+        return []
     return [
         RigFinding(
             code=Code.CLOCKS_DIFFER,
@@ -302,27 +224,25 @@ def _clocks(names: Sequence[str], clocks: Clocks) -> list[RigFinding]:
     ]
 
 
-def _mismatched(
-    names: Sequence[str],
-    lens: RigLens,
-    start: RigStart,
-    photos: Sequence[str],
-) -> list[RigFinding]:
+def mismatched(evidence: RigEvidence) -> list[Finding]:
+    """Photos that are not of their shot."""
+    names, start, lens = evidence.names, evidence.start, evidence.lens
     return [
         RigFinding(
             code=Code.SHOT_MISMATCHED,
             severity=Severity.BAD,
             cameras=(names[lens.camera[view]],),
-            shots=(photos[view],),
+            shots=(evidence.photos[view],),
             figures={"off_px": float(start.misfit[view])},
         )
         for view in np.flatnonzero(start.apart).tolist()
     ]
 
 
-def _few(names: Sequence[str], lens: RigLens) -> list[RigFinding]:
+def few_common_shots(evidence: RigEvidence) -> list[Finding]:
     """Cameras whose strongest connection to the others is weak."""
-    common = common_shots(lens, len(names))
+    names = evidence.names
+    common = common_shots(evidence.lens, len(names))
     found: list[RigFinding] = []
     for camera, name in enumerate(names):
         others = np.delete(np.arange(len(names)), camera)
@@ -338,4 +258,4 @@ def _few(names: Sequence[str], lens: RigLens) -> list[RigFinding]:
                     figures={"shots": float(shared), "wanted": float(_FEW - shared)},
                 )
             )
-    return found
+    return list(found)
