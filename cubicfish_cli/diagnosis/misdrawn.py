@@ -8,7 +8,8 @@ nearly all is told.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -19,6 +20,7 @@ from cubicfish_cli.boards.board import Board, FirstSquare
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.detection.photo_as import grid_in_mirror
 from cubicfish_cli.diagnosis.evidence import GridEvidence
+from cubicfish_cli.diagnosis.orders import AXES
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.identified import FEWEST_CORNERS, GridReport
 from cubicfish_cli.identification.name_grids import name_again
@@ -37,17 +39,17 @@ _CLEARLY = 0.02
 _PHOTOS = 6
 _MOST_BOARDS = 6
 _UNITS = {25.4: "inches_for_mm", 10.0: "cm_for_mm"}
+_bad = partial(Finding, severity=Severity.BAD)
 _NO_PLACE = (Decided.NO_FIT, Decided.NOT_PLANE, Decided.TOO_LARGE, Decided.COLOURS)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Trial:
-    """One thing put right: the target to name with, the photos, and which are taken as mirrored."""
+    """One thing put right: the target to name with, and which photos are taken as mirrored."""
 
     finding: Finding
     target: Target
-    photos: IntArray
-    mirrored: IntArray
+    mirrored: IntArray = field(default_factory=lambda: np.zeros(0, np.intp))
 
 
 def misdrawn(evidence: GridEvidence) -> list[Finding]:
@@ -62,57 +64,51 @@ def misdrawn(evidence: GridEvidence) -> list[Finding]:
     if not len(odd) or not 2 <= len(boards) <= _MOST_BOARDS:
         return []
     large = [_large(own) for own in identified.found]
-    images, width = identified.corners.images, identified.corners.image_size[0]
+    sizes = np.array([sum(map(len, own)) for own in large], np.intp)
+    width = identified.corners.image_size[0]
 
-    def named_by(trial: _Trial) -> IntArray:
-        """Corners of each photo of the trial that have a place, with that put right."""
+    def named_by(trial: _Trial, photos: IntArray) -> IntArray:
+        """Corners of each of some photos that have a place, with that put right."""
         own = [
             tuple(grid_in_mirror(grid, width) for grid in large[photo])
             if photo in trial.mirrored
             else large[photo]
-            for photo in trial.photos
+            for photo in photos
         ]
-        return _counts(name_again(identified, trial.photos, trial.target, own).grids)[0]
+        return _counts(name_again(identified, photos, trial.target, own).grids)[0]
+
+    def told(trial: _Trial, photos: IntArray, again: float) -> list[Finding]:
+        total = sizes[photos].sum()
+        shares = {"before": float(named[photos].sum() / total), "after": float(again / total)}
+        figures = {**trial.finding.figures, **shares}
+        return [replace(trial.finding, because="put_right", figures=figures)]
 
     fullest = np.argsort(-(named + lost), kind="stable")
-    some = _some_mirrored(target, odd, fullest, images)
-    if some is not None:
-        total = _sizes(large, some.photos)
-        again = named_by(some)
+    if 2 * len(odd) < len(fullest):
+        names = tuple(identified.corners.images[photo] for photo in odd)
+        finding = _bad(code=Code.MIRRORED, case="some_grids", images=names)
+        some = _Trial(finding=finding, target=target, mirrored=odd)
+        is_odd = np.isin(fullest, odd)
+        photos = np.sort(np.concatenate([fullest[one][:_PHOTOS] for one in (is_odd, ~is_odd)]))
+        again = named_by(some, photos)
         # Each of them by itself: one that shows something else does not speak for the others.
-        right = np.where(np.isin(some.photos, odd), total, named[some.photos])
+        right = np.where(np.isin(photos, odd), sizes[photos], named[photos])
         if (again > _FITS * right).all():
-            return [_with_evidence(some, named, again.sum(), total.sum())]
+            return told(some, photos, again.sum())
     if lost.sum() <= _LOST * (named + lost).sum():
         return []
     chosen = np.sort(fullest[:_PHOTOS])
     if not lost[chosen].any():
         chosen = np.flatnonzero(lost)[:_PHOTOS]
-    total = _sizes(large, chosen)
+    total = sizes[chosen].sum()
     best: tuple[float, _Trial] | None = None
     for trial in _trials(target, chosen):
-        share = named_by(trial).sum() / total.sum()
+        share = named_by(trial, chosen).sum() / total
         if share > _FITS and (best is None or share > best[0] + _CLEARLY):
             best = (share, trial)
         if best is not None and best[0] >= 1 - _CLEARLY:
             break
-    if best is None:
-        return []
-    return [_with_evidence(best[1], named, best[0] * total.sum(), total.sum())]
-
-
-def _sizes(grids: Sequence[Sequence[Grid]], photos: IntArray) -> IntArray:
-    """Corners of each of some photos."""
-    return np.array([sum(len(grid) for grid in grids[photo]) for photo in photos], np.intp)
-
-
-def _with_evidence(trial: _Trial, named: IntArray, again: float, total: float) -> Finding:
-    figures = {
-        **trial.finding.figures,
-        "before": float(named[trial.photos].sum() / total),
-        "after": float(again / total),
-    }
-    return replace(trial.finding, because="put_right", figures=figures)
+    return [] if best is None else told(best[1], chosen, best[0] * total)
 
 
 def _counts(reports: Sequence[Sequence[GridReport]]) -> tuple[IntArray, IntArray]:
@@ -127,82 +123,36 @@ def _large(grids: Sequence[Grid]) -> tuple[Grid, ...]:
     return tuple(grid for grid in grids if len(grid) >= FEWEST_CORNERS)
 
 
-def _some_mirrored(
-    target: Target, odd: IntArray, fullest: IntArray, images: Sequence[str]
-) -> _Trial | None:
-    """That photos with lost grids are mirrored, where most photos have none."""
-    if 2 * len(odd) >= len(fullest):
-        return None
-    names = tuple(images[photo] for photo in odd)
-    others = fullest[~np.isin(fullest, odd)][:_PHOTOS]
-    tried = fullest[np.isin(fullest, odd)][:_PHOTOS]
-    finding = _finding(Code.MIRRORED, "some_grids", images=names)
-    return _Trial(
-        finding=finding,
-        target=target,
-        photos=np.sort(np.concatenate([tried, others])),
-        mirrored=odd,
-    )
-
-
-def _trials(target: Target, chosen: IntArray) -> Iterator[_Trial]:
-    none = np.zeros(0, np.intp)
-    yield _Trial(
-        finding=_finding(Code.MIRRORED, "none" if target.mirrored else "all_grids"),
-        target=target,
-        photos=chosen,
-        mirrored=chosen,
-    )
-    for finding, changed in _drawings(target):
-        yield _Trial(finding=finding, target=changed, photos=chosen, mirrored=none)
-
-
-def _finding(
-    code: Code,
-    case: str,
-    figures: Mapping[str, Any] | None = None,
-    boards: tuple[str, ...] = (),
-    images: tuple[str, ...] = (),
-) -> Finding:
-    return Finding(
-        code=code,
-        case=case,
-        severity=Severity.BAD,
-        figures=figures or {},
-        boards=boards,
-        images=images,
-    )
-
-
-def _drawings(target: Target) -> Iterator[tuple[Finding, Target]]:
-    """The drawing with one thing put right: what was wrong, and the drawing."""
+def _trials(target: Target, photos: IntArray) -> Iterator[_Trial]:
+    case = "none" if target.mirrored else "all_grids"
+    yield _Trial(finding=_bad(code=Code.MIRRORED, case=case), target=target, mirrored=photos)
     plain = [index for index, board in enumerate(target.boards) if board.points is None]
-    changes = {index: list(_changes(target.boards[index])) for index in plain}
-    for index in plain:
-        for change in changes[index]:
-            figures = {**change.figures, "which": "one"}
-            name = target.boards[index].name
-            yield (
-                _finding(change.code, "grids", figures, (name,)),
-                target.with_boards({index: change.board}),
-            )
-    names = tuple(target.boards[index].name for index in plain)
-    for every in zip(*changes.values(), strict=False):
+    changes = [list(_changes(target.boards[index])) for index in plain]
+    for index, own in zip(plain, changes, strict=True):
+        for change in own:
+            yield _redrawn(target, {index: change}, change.figures, "one")
+    for every in zip(*changes, strict=False):
         first = every[0]
         alike = all(change.figures == first.figures for change in every)
-        own = first.figures if alike else {**first.figures, "order": first.in_general}
-        yield (
-            _finding(first.code, "grids", {**own, "which": "all"}, names),
-            target.with_boards(
-                {index: change.board for index, change in zip(plain, every, strict=True)}
-            ),
-        )
+        figures = first.figures if alike else {**first.figures, "order": first.in_general}
+        yield _redrawn(target, dict(zip(plain, every, strict=True)), figures, "all")
     for one, other in combinations(plain, 2):
         a, b = target.boards[one], target.boards[other]
-        yield (
-            _finding(Code.BOARD_NAMES, "places", boards=(a.name, b.name)),
-            target.with_boards({one: _placed(a, b), other: _placed(b, a)}),
+        yield _Trial(
+            finding=_bad(code=Code.BOARD_NAMES, case="places", boards=(a.name, b.name)),
+            target=target.with_boards({one: _placed(a, b), other: _placed(b, a)}),
         )
+
+
+def _redrawn(
+    target: Target, changes: Mapping[int, _Change], figures: Mapping[str, Any], which: str
+) -> _Trial:
+    code = next(change.code for change in changes.values())
+    names = tuple(target.boards[index].name for index in changes)
+    return _Trial(
+        finding=_bad(code=code, case="grids", boards=names, figures={**figures, "which": which}),
+        target=target.with_boards({index: change.board for index, change in changes.items()}),
+    )
 
 
 class _Change(NamedTuple):
@@ -235,9 +185,8 @@ def _changes(board: Board) -> Iterator[_Change]:
         says = "light" if drawn.first_square == "dark" else "dark"
         colours = order("colours", "some_colours", first_square=other)
         yield colours._replace(figures={**colours.figures, "first_square": says})
-    yield order("y_axis", y_axis=-board.y_axis)
-    yield order("x_axis", x_axis=-board.x_axis)
-    yield order("both_axes", x_axis=-board.x_axis, y_axis=-board.y_axis)
+    for key in ("y_axis", "x_axis", "both_axes"):
+        yield _Change(Code.BOARD_ORDER, {"order": key}, AXES[key](board))
     last = board.world_points(board.columns - 1, 0)
     yield order("other_end", origin=last, x_axis=-board.x_axis)
     for ratio, mixed in _UNITS.items():
