@@ -15,14 +15,12 @@ from statistics import median
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.assess.field_uncertainty import CERTAIN_PX
 from cubicfish_cli.assess.records import recorded_number
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding, Level, asks_for_photos, level_of, of_record
-
-FloatArray = npt.NDArray[np.float64]
 
 WORDS: Mapping[Level, str] = {
     "good": "good",

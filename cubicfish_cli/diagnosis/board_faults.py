@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.correspondences import Correspondences
@@ -18,10 +17,9 @@ from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.target import Target
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
-
-FloatArray = npt.NDArray[np.float64]
 
 # Other ways of counting that are tried: so many lines on, and every order of both axes.
 _MOST_STEPS = 3

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.diagnosis.lens_faults import left_out_lens
@@ -14,10 +13,9 @@ from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import select_photos
+from cubicfish_cli.types import IntArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
-
-IntArray = npt.NDArray[np.intp]
 
 _FEWEST_PHOTOS = 3
 # Photos agree with a lens when their noise is within this many times the best ones'.

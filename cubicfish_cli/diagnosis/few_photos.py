@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.fitting.refinement import ObjectFit
 from cubicfish_cli.fitting.subset import select_photos
-
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import IntArray
 
 _FEWEST = 30
 _SHARE = 0.05

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.detection.grids import Grid
@@ -26,10 +25,7 @@ from cubicfish_cli.identification.placement import TURNS
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.target import Target
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
-BoolArray = npt.NDArray[np.bool_]
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # A line of corners should be in view where so much of it would be visible.
 _LINE_SHARE, _LINE_CORNERS = 0.6, 3

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.diagnosis.few_photos import enough_photos, fit_of_few, spread_out
@@ -34,12 +33,9 @@ from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import flatness, select_photos
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.types import FloatArray, IntArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.intp]
 
 # A first look at a fit that one lens has bent to both sees less than there is: it is followed up.
 _WORTH_A_LOOK = 1e-2
@@ -455,7 +451,7 @@ def _single(fit: ObjectFit, photos: PhotoLenses) -> list[Finding]:
     return findings
 
 
-def _determined_without(fit: ObjectFit, left_out: npt.NDArray[np.intp]) -> bool:
+def _determined_without(fit: ObjectFit, left_out: IntArray) -> bool:
     """Whether the other photos make a camera that is right about photos it has not seen."""
     pairs = fit.reference.pairs
     others = np.count_nonzero(~np.isin(pairs.image, left_out))
@@ -464,7 +460,7 @@ def _determined_without(fit: ObjectFit, left_out: npt.NDArray[np.intp]) -> bool:
     return bool(poses >= _FEWEST_OTHERS and 2 * others >= _TIMES_DETERMINED * unknowns)
 
 
-def _without(fit: ObjectFit, suspects: npt.NDArray[np.intp]) -> PhotoLenses | None:
+def _without(fit: ObjectFit, suspects: IntArray) -> PhotoLenses | None:
     """What each photo has of its own beside a lens that was fitted without some."""
     pairs = replace(fit.reference.pairs, world=fit.cubic.fit.world.points)
     good = np.setdiff1d(np.arange(len(pairs.images)), suspects)

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.correspondences import Correspondences, taken
@@ -19,9 +18,7 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial
 from cubicfish_cli.geometry import mean_rotation
 from cubicfish_cli.target import Target
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray, IntArray
 
 _FEWEST_CORNERS = 12
 _FEWEST_LINES = 3

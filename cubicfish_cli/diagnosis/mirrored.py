@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.diagnosis.count import grid_boards
@@ -19,11 +18,9 @@ from cubicfish_cli.fitting.local_noise import neighbours
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import flatness
+from cubicfish_cli.types import IntArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
 
 # Fewer squares than this, or a smaller majority of them, say nothing.
 _FEWEST = 3

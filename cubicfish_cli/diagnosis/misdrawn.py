@@ -14,7 +14,6 @@ from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board, FirstSquare
 from cubicfish_cli.detection.grids import Grid
@@ -25,10 +24,9 @@ from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.identified import FEWEST_CORNERS, GridReport
 from cubicfish_cli.identification.name_grids import name_again
 from cubicfish_cli.target import Target
+from cubicfish_cli.types import IntArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
-
-IntArray = npt.NDArray[np.intp]
 
 # So much of the corners must fit nowhere before anything is tried, and so much must fit after it.
 _LOST = 0.15

@@ -13,7 +13,6 @@ from itertools import combinations
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.boards.shape import AXES_TOLERANCE
@@ -22,10 +21,7 @@ from cubicfish_cli.fitting.subset import flatness
 from cubicfish_cli.identification.look_alikes import PlainBoards, Turn, look_alikes, symmetries
 from cubicfish_cli.model.lift import lift
 from cubicfish_cli.target import Target
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
-BoolArray = npt.NDArray[np.bool_]
+from cubicfish_cli.types import BoolArray, FloatArray
 
 NamedBy = Literal["markers", "geometry", "table"]
 

@@ -19,9 +19,7 @@ from cubicfish_cli.boards.board import Board
 from cubicfish_cli.diagnosis.orders import AXES, ORDERS
 from cubicfish_cli.geometry import similarity
 from cubicfish_cli.target import Target
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray
 
 Kind = Literal["order", "names", "mirror", "square", "squares", "place", "square_and_place"]
 

@@ -10,13 +10,11 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.photos import Picture
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 # Where squares are looked at, in squares beyond the last line of corners: before it, and on to
 # well beyond the line at which the pattern ends where its outermost squares are whole.

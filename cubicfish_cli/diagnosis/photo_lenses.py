@@ -13,7 +13,6 @@ from math import comb
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import fdtrc
 
 from cubicfish_cli.correspondences import Correspondences
@@ -22,10 +21,7 @@ from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.normal_equations import runs_of_photos
 from cubicfish_cli.fitting.poses import Poses, cross_matrix
 from cubicfish_cli.fitting.robust import huber_px
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
-BoolArray = npt.NDArray[np.bool_]
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # What a photo may have of its own: scale, shift x, shift y; and a shift x, y that grows by rows.
 TERMS = 5

@@ -6,18 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import fdtrc
 
 from cubicfish_cli.fitting.rig.evidence import RigEvidence
 from cubicfish_cli.fitting.rig.start import common_shots
 from cubicfish_cli.fitting.robust import noise_px
+from cubicfish_cli.types import FloatArray, IntArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 from cubicfish_cli.words.rig_finding import RigFinding
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
 
 # Two cameras that fewer shots connect stand where one shot's errors put them.
 _FEW = 5

@@ -8,15 +8,13 @@ one that explains most is named. None makes a camera wrong: it is a mean of all 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.diagnosis.photo_lenses import own_triangles
 from cubicfish_cli.fitting.refinement import ObjectFit
 from cubicfish_cli.fitting.subset import flatness
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
-
-FloatArray = npt.NDArray[np.float64]
 
 _FEWEST_PHOTOS = 5
 # What changes takes this share of the mean squared error away, free numbers counted.

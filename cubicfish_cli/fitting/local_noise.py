@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.robust import noise_px
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray, IntArray
 
 # Errors of neighbouring corners that go together make a fit so much worse than their noise.
 _BEYOND_NOISE = 1.5

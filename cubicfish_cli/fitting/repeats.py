@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import KDTree
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.poses import Poses
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray, IntArray
 
 # Photos in which the object lies within this share of the longer side of the same place are one:
 # less than hands and tripods that are moved on purpose ever keep.

@@ -12,15 +12,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.geometry import mean_rotation
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.placement import Placement
 from cubicfish_cli.identification.scene import Decisions, Scene, rigid
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray, IntArray
 
 # Grids that fit the object this much worse than planes of their own, and miss it by this share
 # of the distance of neighbouring corners: it is not as drawn.

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.detection.grids import Grid
@@ -24,9 +23,7 @@ from cubicfish_cli.identification.moments import grid_moments
 from cubicfish_cli.identification.placement import Reach
 from cubicfish_cli.identification.search import GridView
 from cubicfish_cli.model.radial import RadialCamera
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray, IntArray
 
 # RMS, as a share of the distance of neighbouring corners, from which a grid is no plane of
 # squares, and from which it does not fit a place: objects are never quite as drawn, while one

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
 from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.model.radial import RadialCamera
-
-BoolArray = npt.NDArray[np.bool_]
+from cubicfish_cli.types import BoolArray
 
 FEWEST_CORNERS = 12
 """A grid of fewer corners may be anything: it says nothing of why others have no place."""

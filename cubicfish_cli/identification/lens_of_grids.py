@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.poses import Poses
@@ -11,8 +10,7 @@ from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial, 
 from cubicfish_cli.identification.decide import Decision
 from cubicfish_cli.identification.grid_views import anonymous_pairs, on_plane, pairs_of_parts
 from cubicfish_cli.identification.scene import Decisions, Scene, rigid
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 
 def nameless_lens(scene: Scene) -> RadialReference | None:

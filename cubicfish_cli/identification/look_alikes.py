@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.detection.grids import Grid
@@ -17,10 +16,7 @@ from cubicfish_cli.geometry import Similarity, similarity
 from cubicfish_cli.identification.congruence import is_symmetry
 from cubicfish_cli.identification.placement import Placement, placement_of, reach_of
 from cubicfish_cli.target import Target
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
-BoolArray = npt.NDArray[np.bool_]
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # A turn after which boards lie this close to boards, in squares, is nearly a symmetry.
 NEARLY = 0.1

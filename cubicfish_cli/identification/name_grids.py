@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Corners, in_order
 from cubicfish_cli.detection.grids import Grid
@@ -20,9 +19,7 @@ from cubicfish_cli.identification.scene import Decisions, Scene, spread
 from cubicfish_cli.identification.strays import solid, solid_size
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.target import Target
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray, IntArray
 
 # Times the lens is fitted again with the names so far, before what is left is given up.
 _ROUNDS = 3

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.identification.decide import Decided, Decision, decide, decide_alone
@@ -17,9 +16,7 @@ from cubicfish_cli.identification.search import search
 from cubicfish_cli.identification.strays import without_strays
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.target import Target
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import IntArray
 
 Decisions = list[Decision | None]
 """One for each photo; None for photos without grids."""

@@ -24,9 +24,7 @@ from cubicfish_cli.identification.photo_report import Detection, PhotoReport
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # A corner that is found further from its prediction than this share of a square is another one.
 _FARTHEST_SHARE = 0.2
@@ -60,7 +58,7 @@ class _Prediction:
     step: FloatArray
     bend: FloatArray
     sign: IntArray
-    known: npt.NDArray[np.bool_]
+    known: BoolArray
     limit_px: float
 
     @property
@@ -206,7 +204,7 @@ def _of_board(
     )
 
 
-def _look(prediction: _Prediction) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+def _look(prediction: _Prediction) -> tuple[FloatArray, BoolArray]:
     """Pixels (N, 2), and which of the unknown corners the photo shows (N,)."""
     picture = prediction.photo.read_grey()
     # Known corners take part: a corner is judged by those around it.
@@ -222,7 +220,7 @@ def _look(prediction: _Prediction) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
 def _with_added(
     detection: Detection,
     predictions: Sequence[_Prediction],
-    found: Sequence[tuple[FloatArray, npt.NDArray[np.bool_]]],
+    found: Sequence[tuple[FloatArray, BoolArray]],
 ) -> Detection:
     corners = detection.corners
     added = {

@@ -12,6 +12,7 @@ PACKAGE = Path(cubicfish_cli.__file__).parent
 # this is the flow of the data: nothing imports a part that stands below it.
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
+    "types": set(),
     "wording": set(),
     "words": set(),
     "angles": set(),
@@ -41,7 +42,7 @@ ALLOWED: dict[str, set[str]] = {
         "wording",
     },
     "model": {"errors", "angles", "geometry"},
-    "assess": {"errors", "angles", "frame_names", "model", "words"},
+    "assess": {"errors", "types", "angles", "frame_names", "model", "words"},
     "formats": {
         "errors",
         "files",
@@ -55,6 +56,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "fitting": {
         "errors",
+        "types",
         "angles",
         "wording",
         "geometry",
@@ -69,6 +71,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "identification": {
         "errors",
+        "types",
         "geometry",
         "executors",
         "files",
@@ -83,6 +86,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "diagnosis": {
         "errors",
+        "types",
         "geometry",
         "photos",
         "target",

@@ -8,7 +8,6 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import Adjustment, huber_weight, linearised
@@ -17,9 +16,7 @@ from cubicfish_cli.fitting.rig.clocks import Clocks
 from cubicfish_cli.fitting.rig.start import RigStart
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray, IntArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
