@@ -221,7 +221,7 @@ def _reason(level: Severity | None, code: Code, case: str = "", **figures: Any) 
 
 
 def _of_findings(fit: Mapping[str, Any]) -> tuple[list[Finding], list[Finding]]:
-    """What a diagnosis blames (fitting/diagnosis), but for what is no fault of the camera.
+    """What a diagnosis blames, but for what is no fault of the camera.
 
     Returns:
         What explains errors, and what does not.
