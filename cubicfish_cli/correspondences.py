@@ -372,13 +372,20 @@ def in_order(corners: Corners) -> Corners:
     return taken(corners, np.lexsort([corners.column, corners.row, corners.board, corners.image]))
 
 
+def stacked(parts: Sequence[Rows]) -> Rows:
+    """The rows of all parts, one after the other; they list the photos and boards of the first."""
+    whole: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in _OF_A_ROW
+        if hasattr(parts[0], name)
+    }
+    return replace(parts[0], **whole)
+
+
 def joined(one: Correspondences, other: Correspondences) -> Correspondences:
     """The pairs of both: other photos of the same object."""
-    other = replace(other, image=other.image + len(one.images))
-    both: dict[str, Any] = {
-        name: np.concatenate([getattr(one, name), getattr(other, name)]) for name in _OF_A_ROW
-    }
-    return replace(one, images=one.images + other.images, **both)
+    both = stacked([one, replace(other, image=other.image + len(one.images))])
+    return replace(both, images=one.images + other.images)
 
 
 def pair(corners: Corners, target: Target) -> Correspondences:

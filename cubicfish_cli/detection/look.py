@@ -13,7 +13,7 @@ from cubicfish_cli.detection.grid_cache import GridCache
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.detection.markers import MarkedCorners, find_marked_corners
 from cubicfish_cli.errors import PhotoError
-from cubicfish_cli.executors.pool import map_photos, settled, workers_for
+from cubicfish_cli.executors.pool import photos_done, settled
 from cubicfish_cli.photos import Photo, Picture, decode_picture, grey, read_file
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code, Severity
@@ -75,13 +75,8 @@ def nameless_grids(
         What was found in each; None for photos that cannot be read.
 
     """
-    found: list[FoundGrids | None] = []
     look = partial(look_at, target=None, cache=cache)
-    for one in map_photos(look, photos, workers_for(jobs, len(photos))):
-        found.append(one.grids)
-        if progress is not None:
-            progress(len(found), len(photos))
-    return found
+    return [one.grids for one in photos_done(look, photos, jobs=jobs, progress=progress)]
 
 
 def refused(name: str, code: Code, case: str = "", **figures: int | str) -> Finding:

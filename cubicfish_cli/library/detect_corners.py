@@ -19,8 +19,8 @@ from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence
 from cubicfish_cli.errors import DetectionError, PhotoError
 from cubicfish_cli.executors.executor import Executor
-from cubicfish_cli.executors.pool import map_photos, workers_for
-from cubicfish_cli.identification.identified import Identified
+from cubicfish_cli.executors.pool import photos_done
+from cubicfish_cli.identification.identified import GridReport
 from cubicfish_cli.identification.marked import marked_corners
 from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.identification.photo_report import Detection, PhotoReport
@@ -64,13 +64,9 @@ def detect_corners(
         DetectionError: no corner could be named in any photo; the text says what to check.
 
     """
-    found: list[Look] = []
     look = partial(look_at, target=target, cache=cache)
     seen = photos if executor is None else [photo.absolute() for photo in photos]
-    for one in map_photos(look, seen, workers_for(jobs, len(photos)), executor):
-        found.append(one)
-        if progress is not None:
-            progress(len(found), len(photos))
+    found = photos_done(look, seen, jobs=jobs, progress=progress, executor=executor)
     size = _common_size(found)
     if size is None:
         raise _refused(_nothing_read(found))
@@ -89,26 +85,31 @@ def detect_corners(
     if target.has_markers:
         corners = marked_corners([_marked(look) for look in looks], target, size, names)
         evidence = MarkerEvidence(**about, corners=corners, grids=list(map(_grids, looks)))
-        report = partial(_marked_report, corners=corners)
+        parts = [_by_markers(look, name, target) for look, name in zip(looks, names, strict=True)]
         other_colours = False
     else:
         identified = name_grids([_grids(look).grids for look in looks], target, size, names)
         corners, other_colours = identified.corners, identified.other_colours
         evidence = GridEvidence(**about, identified=identified)
-        report = partial(_report, identified=identified, target=target)
+        parts = [
+            _by_geometry(look, *of)
+            for look, *of in zip(looks, names, identified.grids, identified.exact, strict=True)
+        ]
     findings = find_faults(evidence)
     _refuse(findings, named=len(corners.pixel) > 0)
     if not len(corners.pixel):
         raise _no_checkerboard(found)
-    own = {
-        index: report(looks[number], names[number], number) for number, index in enumerate(usable)
-    }
+    reports = [
+        PhotoReport(name=photo.name, refusal=look.refusal)
+        for photo, look in zip(photos, found, strict=True)
+    ]
+    for number, (index, part) in enumerate(zip(usable, parts, strict=True)):
+        board = corners.board[corners.image == number]
+        boards = tuple(corners.boards[one] for one in np.unique(board))
+        reports[index] = replace(part, boards=boards, corners=len(board))
     return Detection(
         corners=_only_seen(corners),
-        photos=tuple(
-            own.get(index) or PhotoReport(name=photo.name, refusal=found[index].refusal)
-            for index, photo in enumerate(photos)
-        ),
+        photos=tuple(reports),
         findings=tuple(findings),
         other_colours=other_colours,
     )
@@ -152,20 +153,13 @@ def _grids(look: Look) -> FoundGrids:
     return look.grids
 
 
-def _report(
-    look: Look, name: str, number: int, *, identified: Identified, target: Target
-) -> PhotoReport:
-    grids = identified.grids[number]
-    named = [grid for grid in grids if grid.place is not None]
-    boards = sorted({grid.place.board for grid in grids if grid.place is not None})
+def _by_geometry(look: Look, name: str, grids: tuple[GridReport, ...], exact: bool) -> PhotoReport:
     remarks = (remark_of(name, grid) for grid in grids)
     return PhotoReport(
         name=name,
         refusal=look.refusal,
         remarks=tuple(remark for remark in remarks if remark is not None),
-        boards=tuple(target.boards[board].name for board in boards),
-        corners=sum(grid.corners for grid in named),
-        exact=bool(identified.exact[number]),
+        exact=exact,
         found=look.grids,
         grids=grids,
     )
@@ -177,22 +171,13 @@ def _marked(look: Look) -> MarkedCorners:
     return look.marked
 
 
-def _marked_report(look: Look, name: str, number: int, *, corners: Corners) -> PhotoReport:
-    own = corners.image == number
+def _by_markers(look: Look, name: str, target: Target) -> PhotoReport:
+    twice = partial(Finding, code=Code.TWICE_IN_VIEW, severity=Severity.CARE, images=(name,))
+    boards = [target.boards[board].name for board in _marked(look).contradictory]
     return PhotoReport(
         name=name,
         refusal=look.refusal,
-        remarks=tuple(
-            Finding(
-                code=Code.TWICE_IN_VIEW,
-                severity=Severity.CARE,
-                images=(name,),
-                boards=(corners.boards[board],),
-            )
-            for board in _marked(look).contradictory
-        ),
-        boards=tuple(corners.boards[board] for board in np.unique(corners.board[own])),
-        corners=int(own.sum()),
+        remarks=tuple(twice(boards=(board,)) for board in boards),
         found=replace(_grids(look), grids=()),
     )
 
