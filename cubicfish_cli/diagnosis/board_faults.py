@@ -12,6 +12,7 @@ from cubicfish_cli.boards.board import Board
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.diagnosis.object_faults import flat_points
 from cubicfish_cli.diagnosis.orders import COUNTED, ORDERS
+from cubicfish_cli.fitting.adjustment import Adjustment
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import select
@@ -85,10 +86,8 @@ def board_fault(
         own, _ = select(pairs, pairs.board == board)
         if min(len(others.pixel), len(own.pixel)) < FEWEST_CORNERS:
             continue
-        fit, placed, _ = fit_poses(camera, others)
-        if fit is None or len(placed.pixel) < len(others.pixel):
-            continue
-        if noise_px(fit.residual) > _NEAR * noise:
+        fit = _sharp(camera, others, noise)
+        if fit is None:
             continue
         meant = target.boards[board]
         found = None
@@ -240,10 +239,8 @@ def _all_boards(
             here = pairs.board == board
             c, r = pairs.column[here] + float(step[0]), pairs.row[here] + float(step[1])
             world[here] = flat_points(target.boards[board], c, r) / scale
-        fit, placed, _ = fit_poses(camera, replace(pairs, world=world))
-        if fit is None or len(placed.pixel) < len(pairs.pixel):
-            continue
-        if noise_px(fit.residual) < _NEAR * noise:
+        fit = _sharp(camera, replace(pairs, world=world), noise)
+        if fit is not None:
             return BoardFault(
                 photo=pairs.images[0],
                 board=None,
@@ -251,3 +248,11 @@ def _all_boards(
                 error_px=noise_px(fit.residual),
             )
     return None
+
+
+def _sharp(camera: RadialCamera, pairs: Correspondences, noise: float) -> Adjustment | None:
+    """The poses of all photos, where their corners fit nearly as well as those of others."""
+    fit, placed, _ = fit_poses(camera, pairs)
+    if fit is None or len(placed.pixel) < len(pairs.pixel):
+        return None
+    return fit if noise_px(fit.residual) < _NEAR * noise else None

@@ -13,7 +13,6 @@ import numpy as np
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.correspondences import Correspondences, taken
-from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial
 from cubicfish_cli.geometry import mean_rotation
@@ -63,16 +62,16 @@ def measured_object(pairs: Correspondences, target: Target) -> MeasuredObject | 
     """Measure the object.
 
     Returns:
-        None where the boards by themselves do not fit a lens, or cannot be put together.
+        None where there are no boards, or they cannot be put together.
+
+    Raises:
+        FitError: the boards by themselves do not fit a lens.
 
     """
     views = _views(pairs, target)
     if views is None:
         return None
-    try:
-        lens = fit_radial(views)
-    except (FitError, np.linalg.LinAlgError):
-        return None
+    lens = fit_radial(views)
     photo, board = np.array([name.split(":") for name in lens.pairs.images], np.intp).T
     boards = np.unique(board)
     seen = np.zeros((len(pairs.images), len(target.boards)), np.intp) - 1

@@ -159,7 +159,7 @@ def _by_geometry(look: Look, name: str, grids: tuple[GridReport, ...], exact: bo
         name=name,
         refusal=look.refusal,
         remarks=tuple(remark for remark in remarks if remark is not None),
-        exact=exact,
+        exact=bool(exact),
         found=look.grids,
         grids=grids,
     )

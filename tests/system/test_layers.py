@@ -30,7 +30,16 @@ ALLOWED: dict[str, set[str]] = {
     "photos": {"errors", "wording", "hosts", "picture_headers"},
     "films": {"errors", "files", "photos", "wording"},
     "executors": {"errors", "files", "hosts", "photos"},
-    "detection": {"errors", "angles", "files", "photos", "executors", "target", "boards", "words"},
+    "detection": {
+        "errors",
+        "angles",
+        "files",
+        "photos",
+        "executors",
+        "target",
+        "boards",
+        "words",
+    },
     "correspondences": {"errors", "wording", "arrays", "files", "tables", "target", "boards"},
     "corner_files": {
         "errors",
