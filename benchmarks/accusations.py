@@ -26,8 +26,8 @@ import numpy as np
 from cubicfish_cli.assess.verdict import verdict
 from cubicfish_cli.correspondences import Correspondences, load_corners, pair
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.subset import select_photos
+from cubicfish_cli.library.calibration import calibrate
 from cubicfish_cli.target import Target, load_target
 
 

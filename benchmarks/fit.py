@@ -22,7 +22,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 import numpy as np
 import synthetic
 
-from cubicfish_cli.fitting import calibrate as fitting
+from cubicfish_cli.diagnosis.diagnose import find_faults
+from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.subset import select
 
 CORNERS = 300
@@ -56,13 +57,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--photos", type=int, nargs="+", default=[10, 100, 1000])
     first: dict[str, float] = {}
-    diagnosis = fitting.find_faults = Timed(fitting.find_faults)
+    diagnosis = Timed(find_faults)
     print("photos  corners  level  seconds  per photo, times that of the first  faults %  RMS px")
     for count in parser.parse_args().photos:
         target, pairs = photos_of(count)
         for level in ("off", "shape"):
             start, diagnosis.seconds = time.process_time(), 0.0
-            result = fitting.calibrate(pairs, target=target, refine_target=level, hold_out=False)
+            result = calibrate(
+                pairs, target=target, refine_target=level, hold_out=False, diagnose=diagnosis
+            )
             seconds = time.process_time() - start
             each = seconds / count
             ratio = each / first.setdefault(level, each)

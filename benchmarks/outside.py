@@ -94,7 +94,7 @@ def measured(lens, errors: CornerErrors, poses, target: Target, seed: int) -> tu
         lens, target, len(poses), seed=seed, errors=errors, poses=poses
     )
     start = time.process_time()
-    fit = calibrate(pair(corners, target), diagnose=False)
+    fit = calibrate(pair(corners, target))
     seconds = time.process_time() - start
     angle = min(fit.covered_deg, lens.max_angle_deg - 0.5, fit.camera.max_angle_deg)
     rays = cone_rays(np.radians(angle), 3000)

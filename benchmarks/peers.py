@@ -31,7 +31,7 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.baselines.compare import compare_baselines
 from cubicfish_cli.fitting.baselines.unified import UnifiedLens
-from cubicfish_cli.fitting.calibrate import Calibration, calibrate
+from cubicfish_cli.fitting.calibrate import Calibration
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import FOLDS
 from cubicfish_cli.fitting.lenses import FixedLens, RadialFit
@@ -39,6 +39,7 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select_photos
+from cubicfish_cli.library.calibration import calibrate
 from cubicfish_cli.target import Target, load_target
 
 FloatArray = npt.NDArray[np.float64]
@@ -49,7 +50,7 @@ def corners_of(data: Path, corners: Path | None, target: Target) -> Corresponden
     """The pairs, from a file or from the photos."""
     if corners is not None:
         return pair(load_corners(corners, target), target)
-    from cubicfish_cli.identification.detect import detect_corners
+    from cubicfish_cli.library.detect_corners import detect_corners
     from cubicfish_cli.photos import find_photos
 
     return pair(detect_corners(find_photos([data / "images"]), target).corners, target)

@@ -45,7 +45,7 @@ _PLACES = {
     "library.rig_pictures": ("rectify", "stitch"),
     "library.rigs": ("calibrate_rig", "compare_rigs", "evaluate_rig", "save_rig"),
     "model.cubic": ("CubicCamera",),
-    "identification.detect": ("Detection",),
+    "identification.photo_report": ("Detection",),
     "photos": ("read_picture",),
     "target": ("Target",),
     "undistortion.choose": ("build_view",),

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -213,6 +213,9 @@ class Correspondences:
         )
 
 
+Rows = TypeVar("Rows", Corners, Correspondences)
+_OF_A_ROW = ("image", "board", "column", "row", "world", "pixel", "weight", "certain")
+
 CORNER_COLUMNS = ("image", "board", "column", "row", "x", "y")
 PAIR_COLUMNS = ("image", "X", "Y", "Z", "x", "y")
 _CERTAIN = "certain"
@@ -355,24 +358,34 @@ def save_correspondences(path: Path, pairs: Correspondences, *, overwrite: bool)
     _save(path, "correspondences", PAIR_COLUMNS, columns, pairs, overwrite)
 
 
+def taken(rows: Rows, which: IntArray | BoolArray) -> Rows:
+    """Some of the rows of corners or pairs, in the order of their indices (K,), or by a mask (N,).
+
+    All photos stay listed.
+    """
+    own = {name: getattr(rows, name)[which] for name in _OF_A_ROW if hasattr(rows, name)}
+    return replace(rows, **own)
+
+
+def in_order(corners: Corners) -> Corners:
+    """The corners by photo, board, row and column."""
+    return taken(corners, np.lexsort([corners.column, corners.row, corners.board, corners.image]))
+
+
+def stacked(parts: Sequence[Rows]) -> Rows:
+    """The rows of all parts, one after the other; they list the photos and boards of the first."""
+    whole: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in _OF_A_ROW
+        if hasattr(parts[0], name)
+    }
+    return replace(parts[0], **whole)
+
+
 def joined(one: Correspondences, other: Correspondences) -> Correspondences:
     """The pairs of both: other photos of the same object."""
-
-    def both(name: str) -> Any:
-        return np.concatenate([getattr(one, name), getattr(other, name)])
-
-    return replace(
-        one,
-        images=one.images + other.images,
-        image=np.concatenate([one.image, other.image + len(one.images)]),
-        world=both("world"),
-        pixel=both("pixel"),
-        weight=both("weight"),
-        board=both("board"),
-        column=both("column"),
-        row=both("row"),
-        certain=both("certain"),
-    )
+    both = stacked([one, replace(other, image=other.image + len(one.images))])
+    return replace(both, images=one.images + other.images)
 
 
 def pair(corners: Corners, target: Target) -> Correspondences:

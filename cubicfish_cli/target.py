@@ -70,6 +70,11 @@ class Target:
         return replace(self, boards=tuple(changed))
 
     @property
+    def has_markers(self) -> bool:
+        """Whether any board carries markers."""
+        return any(board.markers is not None for board in self.boards)
+
+    @property
     def mirrored(self) -> bool:
         """Whether this is the object as a mirror shows it, as in ``mirrored: true``."""
         return any(board.mirrored for board in self.boards)

@@ -10,11 +10,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.assess.records import recorded_number
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 CERTAIN_PX = 0.5
 """A camera is certain where its pixels are known to this, in a photo of up to 2000 pixels."""

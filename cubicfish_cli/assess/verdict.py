@@ -15,14 +15,12 @@ from statistics import median
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.assess.field_uncertainty import CERTAIN_PX
 from cubicfish_cli.assess.records import recorded_number
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding, Level, asks_for_photos, level_of, of_record
-
-FloatArray = npt.NDArray[np.float64]
 
 WORDS: Mapping[Level, str] = {
     "good": "good",
@@ -223,7 +221,7 @@ def _reason(level: Severity | None, code: Code, case: str = "", **figures: Any) 
 
 
 def _of_findings(fit: Mapping[str, Any]) -> tuple[list[Finding], list[Finding]]:
-    """What a diagnosis blames (fitting/diagnosis), but for what is no fault of the camera.
+    """What a diagnosis blames, but for what is no fault of the camera.
 
     Returns:
         What explains errors, and what does not.

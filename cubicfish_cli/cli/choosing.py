@@ -451,8 +451,8 @@ def found_in(
 
     from cubicfish_cli.correspondences import pair
     from cubicfish_cli.detection.grid_cache import GridCache
+    from cubicfish_cli.detection.look import nameless_grids
     from cubicfish_cli.films.choose import Patch
-    from cubicfish_cli.identification.nameless import nameless_grids
 
     patches: dict[str, tuple[Patch, ...]] = {}
     if targets is None:

@@ -176,7 +176,7 @@ class PlanesOfPhotos:
         from cubicfish_cli.cli.terminal import progress, say
         from cubicfish_cli.correspondences import pair
         from cubicfish_cli.fitting.evaluate import evaluate
-        from cubicfish_cli.identification.detect import detect_corners
+        from cubicfish_cli.library.detect_corners import detect_corners
         from cubicfish_cli.photos import Photo
 
         say(f"Looking for corners in {count(len(missing), 'photo')} that have no known pose.")

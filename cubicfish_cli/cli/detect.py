@@ -19,7 +19,7 @@ from cubicfish_cli.cli.terminal import print_json, progress, result, say
 from cubicfish_cli.errors import OutputError
 
 if TYPE_CHECKING:
-    from cubicfish_cli.identification.detect import Detection
+    from cubicfish_cli.identification.photo_report import Detection
     from cubicfish_cli.photos import Photo
 
 _FEW_CORNERS = 20

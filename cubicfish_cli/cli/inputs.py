@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from cubicfish_cli.correspondences import Corners, Correspondences
     from cubicfish_cli.executors.executor import Executor
     from cubicfish_cli.files import Fingerprint
-    from cubicfish_cli.identification.detect import Detection, PhotoReport
+    from cubicfish_cli.identification.photo_report import Detection, PhotoReport
     from cubicfish_cli.photos import Photo
     from cubicfish_cli.target import Target
     from cubicfish_cli.words.finding import Finding

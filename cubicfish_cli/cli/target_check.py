@@ -19,7 +19,8 @@ from cubicfish_cli.cli.terminal import print_json, result, working
 
 if TYPE_CHECKING:
     from cubicfish_cli.boards.board import Board
-    from cubicfish_cli.identification.object_check import ObjectFacts, Turn
+    from cubicfish_cli.diagnosis.object_check import ObjectFacts
+    from cubicfish_cli.identification.look_alikes import Turn
     from cubicfish_cli.target import Target
 
 _LABEL, _LINE = 12, 96
@@ -55,9 +56,9 @@ def command(target: Path, draw: Path | None, overwrite: bool, as_json: bool) -> 
     be mistaken for something else in photos, and what looks like a slip of the pen. The exit
     code is 1 only when the file is no usable target.
     """
+    from cubicfish_cli.diagnosis.object_check import check_object
     from cubicfish_cli.errors import OutputError
     from cubicfish_cli.files import refuse_existing, write_text
-    from cubicfish_cli.identification.object_check import check_object
     from cubicfish_cli.rendering.object_drawing import object_svg
     from cubicfish_cli.target import load_target
 

@@ -210,7 +210,7 @@ def _made(
     margin: float,
 ) -> tuple[Target, list[Sheet]]:
     from cubicfish_cli.cli.target_words import advice
-    from cubicfish_cli.identification.object_check import check_object
+    from cubicfish_cli.diagnosis.object_check import check_object
     from cubicfish_cli.printing.objects import Wanted, design
     from cubicfish_cli.printing.paper import length_mm
 

@@ -10,7 +10,8 @@ from cubicfish_cli.wording import either
 
 if TYPE_CHECKING:
     from cubicfish_cli.boards.board import Board
-    from cubicfish_cli.identification.object_check import ObjectFacts, Turn
+    from cubicfish_cli.diagnosis.object_check import ObjectFacts
+    from cubicfish_cli.identification.look_alikes import Turn
     from cubicfish_cli.target import Target
 
 _FULL_RANK = 20

@@ -85,6 +85,32 @@ def map_photos(
     yield from _in_order(each_by_processes(work, items, workers, _context()))
 
 
+def photos_done(
+    work: Callable[[Item], Answer],
+    items: Sequence[Item],
+    *,
+    jobs: int | None,
+    progress: Callable[[int, int], None] | None,
+    executor: Executor | None = None,
+) -> list[Answer]:
+    """The answers of :func:`map_photos`.
+
+    Args:
+        work: as there.
+        items: as there.
+        jobs: processes to use; None for one a processor.
+        progress: called with items done and all items.
+        executor: as there.
+
+    """
+    answers: list[Answer] = []
+    for answer in map_photos(work, items, workers_for(jobs, len(items)), executor):
+        answers.append(answer)
+        if progress is not None:
+            progress(len(answers), len(items))
+    return answers
+
+
 def _by_machines(
     work: Callable[[Item], Answer], items: Sequence[Item], executor: Executor
 ) -> Iterator[Answer]:
@@ -118,7 +144,8 @@ def _context() -> multiprocessing.context.BaseContext:
     if "forkserver" not in multiprocessing.get_all_start_methods() or _too_long_for_a_server():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["cubicfish_cli.identification.second_pass"])
+    looks = ("detection.look", "identification.second_pass")
+    context.set_forkserver_preload([f"cubicfish_cli.{look}" for look in looks])
     _start_server()
     return context
 

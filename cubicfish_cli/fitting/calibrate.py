@@ -14,8 +14,7 @@ from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
 from cubicfish_cli.fitting.departures import Departure, departures
-from cubicfish_cli.fitting.diagnosis.diagnose import Evidence, explained, find_faults, within_noise
-from cubicfish_cli.fitting.diagnosis.repeats import repeated_groups
+from cubicfish_cli.fitting.evidence import Diagnose, FailedFit, FitEvidence
 from cubicfish_cli.fitting.findings import (
     coverage,
     coverage_notes,
@@ -27,6 +26,7 @@ from cubicfish_cli.fitting.frame import in_references_frame
 from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
 from cubicfish_cli.fitting.hold import FIRMEST, UNTOLD, choose_hold
 from cubicfish_cli.fitting.lenses import CubicFit
+from cubicfish_cli.fitting.local_noise import within_noise
 from cubicfish_cli.fitting.photo_spread import photo_spread
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import (
@@ -37,6 +37,7 @@ from cubicfish_cli.fitting.radial_reference import (
 )
 from cubicfish_cli.fitting.reach import Reach, reach, trusted_angle_deg
 from cubicfish_cli.fitting.refinement import LEVELS, Drawing, Level, ObjectFit, refine_object
+from cubicfish_cli.fitting.repeats import repeated_groups
 from cubicfish_cli.fitting.robust import gross_px
 from cubicfish_cli.fitting.stages import Progress, Stage, Stages
 from cubicfish_cli.fitting.statistics import (
@@ -219,8 +220,7 @@ def calibrate(
     target: Target | None = None,
     refine_target: RefineTarget = "auto",
     hold_out: bool = True,
-    known: Sequence[Finding] = (),
-    diagnose: bool = True,
+    diagnose: Diagnose | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
     """Fit the cubic camera (``ray`` lift) and the pose of every photo to 2D-3D pairs.
@@ -237,8 +237,7 @@ def calibrate(
             well), or ``auto``: the richest of these that lowers the held-out error, and ``off``
             where it is not certain of any corner which it is.
         hold_out: also measure the held-out error (five more fits a level); ``auto`` needs it.
-        known: what is known to be wrong already, from how corners were named.
-        diagnose: also look for what is likely wrong with the set-up.
+        diagnose: tells what is likely wrong with the set-up; by default nobody does.
         progress: called with what is done now, in words, and the share done, 0 to 1.
 
     Raises:
@@ -256,16 +255,17 @@ def calibrate(
     given, target = target, target and target.moved(-origin)
     refined = target is not None and (hold_out or refine_target != "auto")
     stages = Stages(progress, refined=refined and refine_target != "off", hold_out=hold_out)
-    sought = known if diagnose else None
     try:
-        near = _calibrated(pairs, target, refine_target, hold_out, sought, stages)
+        near = _calibrated(pairs, target, refine_target, hold_out, diagnose, stages)
     except (FitError, np.linalg.LinAlgError) as failure:
-        fits = isinstance(failure, _UndeterminedError)
         error = (
             failure if isinstance(failure, FitError) else FitError(_NO_CONVERGENCE, do=CHECK_ALL)
         )
-        if sought is not None:
-            error = explained(error, pairs, target, sought, fits=fits)
+        if diagnose is not None:
+            fits = isinstance(failure, _UndeterminedError)
+            found = diagnose(FailedFit(pairs=pairs, target=target, fits=fits))
+            # The likely cause in place of general advice.
+            error = FitError(error.what, do=found[0].line) if found else error
         raise error from failure
     used = near.pairs
     return replace(
@@ -281,7 +281,7 @@ def _calibrated(
     target: Target | None,
     refine_target: RefineTarget,
     hold_out: bool,
-    known: Sequence[Finding] | None,
+    diagnose: Diagnose | None,
     stages: Stages,
 ) -> Calibration:
     stages.begin("start")
@@ -317,17 +317,18 @@ def _calibrated(
     camera, poses = in_references_frame(camera, poses, reference.covered)
     share = coverage(used.pixel, camera.outline(), pairs.image_size)
     notes = dropped_groups(pairs, [(c.image, c.board, c.error_px) for c in dropped])
-    findings: list[Finding] = []
-    if known is not None:
-        evidence = Evidence(
-            pairs=pairs,
-            drawn=drawn,
-            fit=fit,
-            drawing=drawing,
-            dropped=[(corner.image, corner.board) for corner in dropped],
-            known=known,
+    findings: Sequence[Finding] = ()
+    if diagnose is not None:
+        findings = diagnose(
+            FitEvidence(
+                pairs=pairs,
+                target=target,
+                drawn=drawn,
+                fit=fit,
+                drawing=drawing,
+                dropped=[(corner.image, corner.board) for corner in dropped],
+            )
         )
-        findings = find_faults(evidence)
     # What is put down to one board, or to the lens, is not doubted of every board.
     wrong = any(finding.code in _INSTEAD_OF_DOUBTS for finding in findings)
     notes += coverage_notes(share, len(used.images), not hold_out or fit.level in held_out_by_level)

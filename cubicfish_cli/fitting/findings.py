@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.folds import MIN_PHOTOS
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.geometry import inside_polygon
+from cubicfish_cli.types import BoolArray, FloatArray
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 COVERED = "of the field covered by corners"
 """What a coverage is a share of, wherever it is told: the field is where the camera may be trusted,

@@ -10,13 +10,10 @@ is the same object. The others are slides along something that shows no end.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.geometry import Similarity
 from cubicfish_cli.identification.placement import Placement
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray
 
 # Places that agree this well, in squares, are the same place.
 SAME = 0.01

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.geometry import similarity
@@ -16,10 +15,7 @@ from cubicfish_cli.identification.ends import Ends, clearly_more
 from cubicfish_cli.identification.placement import Placement, Reach, reach_of
 from cubicfish_cli.identification.search import Labelings
 from cubicfish_cli.identification.strays import doubtful_rims
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
-BoolArray = npt.NDArray[np.bool_]
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # Below this ratio of the runner-up's RMS to the winner's a name is not settled.
 CLEAR_RATIO = 1.3

@@ -12,16 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.identification.placement import Placement
 from cubicfish_cli.model.radial import RadialCamera
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
-BoolArray = npt.NDArray[np.bool_]
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # Lines beyond the grid's box that are looked at. What lies further is no better known.
 _LINES = 2

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.detection.grids import Grid
@@ -24,9 +23,7 @@ from cubicfish_cli.identification.moments import grid_moments
 from cubicfish_cli.identification.placement import Reach
 from cubicfish_cli.identification.search import GridView
 from cubicfish_cli.model.radial import RadialCamera
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray, IntArray
 
 # RMS, as a share of the distance of neighbouring corners, from which a grid is no plane of
 # squares, and from which it does not fit a place: objects are never quite as drawn, while one
@@ -52,19 +49,35 @@ def anonymous_pairs(grids: Sequence[Grid], image_size: tuple[int, int]) -> Corre
     """
     most = max(_LEAST_CORNERS, _ENOUGH_CORNERS // max(len(grids), 1))
     picks = [_spread(len(grid), most) for grid in grids]
-    counts = [len(pick) for pick in picks]
-    cells = np.concatenate([g.cells[pick] for g, pick in zip(grids, picks, strict=True)])
+    return pairs_of_parts(
+        [on_plane(grid)[pick] for grid, pick in zip(grids, picks, strict=True)],
+        [grid.pixel[pick] for grid, pick in zip(grids, picks, strict=True)],
+        image_size,
+    )
+
+
+def on_plane(grid: Grid) -> FloatArray:
+    """(N, 3) where its corners are on its own plane, in squares."""
+    return np.column_stack([grid.cells, np.zeros(len(grid))]).astype(float)
+
+
+def pairs_of_parts(
+    world: Sequence[FloatArray], pixel: Sequence[FloatArray], image_size: tuple[int, int]
+) -> Correspondences:
+    """Pairs without names, each part a photo: (N, 3) points and (N, 2) pixels each."""
+    counts = [len(one) for one in pixel]
+    total = sum(counts)
     return Correspondences(
         image_size=image_size,
-        images=tuple(str(index) for index in range(len(grids))),
-        boards=("grid",),
-        image=np.repeat(np.arange(len(grids)), counts),
-        world=np.column_stack([cells, np.zeros(len(cells))]).astype(float),
-        pixel=np.concatenate([g.pixel[pick] for g, pick in zip(grids, picks, strict=True)]),
-        weight=np.ones(len(cells)),
-        board=np.zeros(len(cells), np.intp),
-        column=cells[:, 0],
-        row=cells[:, 1],
+        images=tuple(str(index) for index in range(len(counts))),
+        boards=(),
+        image=np.repeat(np.arange(len(counts)), counts),
+        world=np.concatenate(world),
+        pixel=np.concatenate(pixel),
+        weight=np.ones(total),
+        board=np.full(total, -1, np.intp),
+        column=np.arange(total),
+        row=np.zeros(total, np.intp),
     )
 
 

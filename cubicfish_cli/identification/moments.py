@@ -10,13 +10,10 @@ hypothesis costs a few small matrix products however many corners the grid has.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.fitting.poses import rotation_from_vector
 from cubicfish_cli.model.radial import RadialCamera, project_jacobian
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray, IntArray
 
 
 def grid_moments(

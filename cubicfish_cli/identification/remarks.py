@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.name_grids import GridReport
+from cubicfish_cli.identification.identified import GridReport
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 from cubicfish_cli.words.phrases import listed

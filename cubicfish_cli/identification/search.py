@@ -18,10 +18,7 @@ import numpy.typing as npt
 from cubicfish_cli.geometry import nearest_rotation
 from cubicfish_cli.identification.moments import form_cost, gauss_newton, moved, normal_equations
 from cubicfish_cli.identification.placement import Placement, Reach
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
-BoolArray = npt.NDArray[np.bool_]
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # How far a grid's own orientation may be off: a few corners with noise give no better.
 _MAX_TILT_DEG = 25.0

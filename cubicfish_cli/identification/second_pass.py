@@ -13,25 +13,25 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.correspondences import Corners, pair
+from cubicfish_cli.correspondences import Corners, in_order, pair, stacked, taken
 from cubicfish_cli.detection.refine import refine_corners
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.executors.executor import Executor
-from cubicfish_cli.executors.pool import map_photos, settled, workers_for
+from cubicfish_cli.executors.pool import photos_done, settled
 from cubicfish_cli.fitting.calibrate import Calibration, calibrate
 from cubicfish_cli.fitting.robust import gross_px
-from cubicfish_cli.identification.detect import Detection, PhotoReport
+from cubicfish_cli.identification.photo_report import Detection, PhotoReport
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # A corner that is found further from its prediction than this share of a square is another one.
 _FARTHEST_SHARE = 0.2
 # A board seen flatter than this (cosine of the slant) shows no squares to check.
 _FLATTEST = 0.03
+# Boards have fewer columns, and fewer rows.
+_MOST_COUNT = 1_000_000
 # Parts of a square in which the board's local shape is measured.
 _STEP = 0.5
 
@@ -42,8 +42,7 @@ class _Prediction:
 
     Attributes:
         photo: the photo.
-        board, column, row: (N,) names of the corners.
-        pixel: (N, 2) predictions.
+        corners: names and pixels (N, 2) of the corners.
         step: (N, 2, 2) columns dp/d column and dp/d row.
         bend: (N, 2, 3) second derivatives by column², column·row, row².
         sign: (N,) +1 where the square towards +column and +row is bright, else -1.
@@ -53,14 +52,11 @@ class _Prediction:
     """
 
     photo: Photo
-    board: IntArray
-    column: IntArray
-    row: IntArray
-    pixel: FloatArray
+    corners: Corners
     step: FloatArray
     bend: FloatArray
     sign: IntArray
-    known: npt.NDArray[np.bool_]
+    known: BoolArray
     limit_px: float
 
     @property
@@ -103,7 +99,6 @@ def second_pass(
             target=target,
             refine_target="off",
             hold_out=False,
-            diagnose=False,
         )
     except FitError:
         return detection
@@ -115,13 +110,8 @@ def second_pass(
         for number, name in enumerate(fit.pairs.images)
         if name in exact
     ]
-    found = []
-    workers = workers_for(jobs, len(predictions))
-    for one in map_photos(_look, predictions, workers, executor):
-        found.append(one)
-        if progress is not None:
-            progress(len(found), len(predictions))
-    return _with_added(detection, predictions, found)
+    found = photos_done(_look, predictions, jobs=jobs, progress=progress, executor=executor)
+    return _with_added(detection, found)
 
 
 def _predicted(
@@ -129,15 +119,6 @@ def _predicted(
 ) -> _Prediction:
     corners = detection.corners
     rotation, translation = fit.poses.rotation[number], fit.poses.translation[number]
-    own = corners.image == corners.images.index(photo.name)
-    known = set(
-        zip(
-            corners.board[own].tolist(),
-            corners.column[own].tolist(),
-            corners.row[own].tolist(),
-            strict=True,
-        )
-    )
     parts = [
         _of_board(index, board, fit.camera, rotation, translation)
         for index, board in enumerate(target.boards)
@@ -146,19 +127,32 @@ def _predicted(
     board, column, row, pixel, step, bend, sign = (
         np.concatenate([part[field] for part in parts]) for field in range(7)
     )
-    names = zip(board.tolist(), column.tolist(), row.tolist(), strict=True)
-    return _Prediction(
-        photo=photo,
+    predicted = Corners(
+        image_size=corners.image_size,
+        images=(photo.name,),
+        boards=corners.boards,
+        image=np.zeros(len(board), np.intp),
         board=board,
         column=column,
         row=row,
         pixel=pixel,
+        weight=np.ones(len(board)),
+    )
+    known = taken(corners, corners.image == corners.images.index(photo.name))
+    return _Prediction(
+        photo=photo,
+        corners=predicted,
         step=step,
         bend=bend,
         sign=-sign if detection.other_colours else sign,
-        known=np.array([name in known for name in names], bool),
+        known=np.isin(_places(predicted), _places(known)),
         limit_px=gross_px(fit.residual),
     )
+
+
+def _places(corners: Corners) -> IntArray:
+    """(N,) one number for each place on the target."""
+    return np.asarray((corners.board * _MOST_COUNT + corners.row) * _MOST_COUNT + corners.column)
 
 
 def _of_board(
@@ -207,55 +201,27 @@ def _of_board(
     )
 
 
-def _look(prediction: _Prediction) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-    """Pixels (N, 2), and which of the unknown corners the photo shows (N,)."""
-    picture = prediction.photo.read_grey()
+def _look(prediction: _Prediction) -> Corners:
+    """The unknown corners that the photo shows."""
+    picture, predicted = prediction.photo.read_grey(), prediction.corners.pixel
     # Known corners take part: a corner is judged by those around it.
     pixel, ok = refine_corners(
-        picture, prediction.pixel, prediction.step, prediction.sign, prediction.bend
+        picture, predicted, prediction.step, prediction.sign, prediction.bend
     )
     side = np.hypot(prediction.step[:, 0], prediction.step[:, 1]).min(axis=1)
-    moved = np.hypot(*(pixel - prediction.pixel).T)
+    moved = np.hypot(*(pixel - predicted).T)
     ok &= moved < np.minimum(prediction.limit_px, _FARTHEST_SHARE * side)
-    return settled(pixel), ok & ~prediction.known
+    shown = replace(prediction.corners, pixel=settled(pixel))
+    return taken(shown, ok & ~prediction.known)
 
 
-def _with_added(
-    detection: Detection,
-    predictions: Sequence[_Prediction],
-    found: Sequence[tuple[FloatArray, npt.NDArray[np.bool_]]],
-) -> Detection:
+def _with_added(detection: Detection, found: Sequence[Corners]) -> Detection:
     corners = detection.corners
-    added = {
-        prediction.photo.name: int(new.sum())
-        for prediction, (_, new) in zip(predictions, found, strict=True)
-    }
-
-    def joined(old: npt.NDArray, part: Callable[[_Prediction], npt.NDArray]) -> npt.NDArray:
-        news = [part(p)[new] for p, (_, new) in zip(predictions, found, strict=True)]
-        return np.concatenate([old, *news])
-
-    image = joined(
-        corners.image,
-        lambda p: np.full(len(p.board), corners.images.index(p.photo.name), np.intp),
-    )
-    board = joined(corners.board, lambda p: p.board)
-    column, row = joined(corners.column, lambda p: p.column), joined(corners.row, lambda p: p.row)
-    pixel = np.concatenate([corners.pixel, *(pixel[new] for pixel, new in found)])
-    order = np.lexsort([column, row, board, image])
-    joint = replace(
-        corners,
-        image=image[order],
-        board=board[order],
-        column=column[order],
-        row=row[order],
-        pixel=pixel[order],
-        weight=np.concatenate([corners.weight, np.ones(len(image) - len(corners.weight))])[order],
-        # Only photos whose names are certain are looked at again.
-        certain=np.concatenate([corners.certain, np.ones(len(image) - len(corners.certain), bool)])[
-            order
-        ],
-    )
+    added = {new.images[0]: len(new.image) for new in found}
+    numbers = (corners.images.index(name) for name in added)
+    parts = [replace(new, image=new.image + n) for new, n in zip(found, numbers, strict=True)]
+    # Only photos whose names are certain are looked at again.
+    joint = in_order(stacked([corners, *parts]))
     return replace(
         detection,
         corners=joint,

@@ -13,14 +13,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.detection.believe import MOST_MISS
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.detection.lattice import Lattice
-
-IntArray = npt.NDArray[np.intp]
-BoolArray = npt.NDArray[np.bool_]
+from cubicfish_cli.types import BoolArray, IntArray
 
 # A line at the rim is weak with at most so many corners, or with so small a share of what the
 # fullest line beside it has; with more than the other share it is none.

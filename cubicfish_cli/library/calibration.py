@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import get_args
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.assess.verdict import Verdict
 from cubicfish_cli.correspondences import Corners, Correspondences
+from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting import calibrate as fitting
 from cubicfish_cli.fitting import evaluate as evaluation
@@ -16,7 +18,7 @@ from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
 from cubicfish_cli.fitting.evaluate import Evaluation
 from cubicfish_cli.fitting.stages import Progress
 from cubicfish_cli.formats.calibrated import Calibrated
-from cubicfish_cli.identification.detect import Detection
+from cubicfish_cli.identification.photo_report import Detection
 from cubicfish_cli.library.pairs import pairs_of, target_of
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.target import Target
@@ -71,7 +73,7 @@ def calibrate(
         target=target,
         refine_target=refine_target,
         hold_out=hold_out,
-        known=known,
+        diagnose=partial(find_faults, known=known),
         progress=progress,
     )
 

@@ -17,7 +17,7 @@ from cubicfish_cli.correspondences import (
     pair,
 )
 from cubicfish_cli.errors import CorrespondenceError
-from cubicfish_cli.identification.detect import Detection
+from cubicfish_cli.identification.photo_report import Detection
 from cubicfish_cli.target import Target
 
 _REFUSAL = Refusal(error=CorrespondenceError)

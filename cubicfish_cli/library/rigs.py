@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from cubicfish_cli import __version__
 from cubicfish_cli.correspondences import Corners, Correspondences
+from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.files import whole_files, write_text
 from cubicfish_cli.fitting.calibrate import RefineTarget
@@ -38,7 +39,7 @@ from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera, rig_text
 from cubicfish_cli.formats.target_yaml import target_text
 from cubicfish_cli.frame_names import time_of
 from cubicfish_cli.geometry import camera_centre, total_sigma
-from cubicfish_cli.identification.detect import Detection
+from cubicfish_cli.identification.photo_report import Detection
 from cubicfish_cli.library.pairs import pairs_of
 from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.target import Target
@@ -127,6 +128,7 @@ def calibrate_rig(
         target=target,
         refine_target=refine_target,
         hold_lenses=hold_lenses,
+        diagnose=find_faults,
         progress=progress,
     )
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.detect import PhotoReport
+from cubicfish_cli.identification.photo_report import PhotoReport
 from cubicfish_cli.identification.remarks import CODES
 from cubicfish_cli.overlay.canvas import (
     BLACK,

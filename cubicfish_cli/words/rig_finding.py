@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from cubicfish_cli.words.catalogue import Saying
 from cubicfish_cli.words.finding import Finding
 
 
@@ -33,3 +34,17 @@ class RigFinding(Finding):
     @property
     def _about(self) -> dict[str, tuple[str, ...]]:
         return {**super()._about, "cameras": self.cameras, "of_shots": self.shots}
+
+
+def of_camera(name: str, finding: Finding) -> RigFinding:
+    """What is told of one camera alone, as a rig tells it."""
+    said = Saying(f"camera {name}: {finding.what}", finding.evidence, finding.do, finding.remedy)
+    return RigFinding(
+        code=finding.code,
+        severity=finding.severity,
+        images=finding.images,
+        boards=finding.boards,
+        figures=finding.figures,
+        recorded=said,
+        cameras=(name,),
+    )

@@ -14,8 +14,8 @@ from cubicfish_cli.correspondences import load_corners
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.errors import OutputError
 from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.detect import PhotoReport
-from cubicfish_cli.identification.name_grids import GridReport
+from cubicfish_cli.identification.identified import GridReport
+from cubicfish_cli.identification.photo_report import PhotoReport
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import load_target
 from cubicfish_cli.words.codes import Code
@@ -118,7 +118,7 @@ def test_existing_corners_are_refused_before_the_work(
     def fail(*_: object, **__: object) -> None:
         pytest.fail("the work must not start")
 
-    monkeypatch.setattr("cubicfish_cli.identification.detect.detect_corners", fail)
+    monkeypatch.setattr("cubicfish_cli.library.detection.detect_corners", fail)
     path = tmp_path / "corners.csv"
     path.write_text("old")
     said = run("detect", *PHOTOS, "-t", TARGET, "-o", path, code=1).stderr

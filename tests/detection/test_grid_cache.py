@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from cubicfish_cli.detection import grid_cache as cache_module
+from cubicfish_cli.detection import look
 from cubicfish_cli.detection.grid_cache import GridCache
 from cubicfish_cli.detection.grids import FoundGrids, Grid
-from cubicfish_cli.identification import detect
+from cubicfish_cli.library.detect_corners import detect_corners
 from cubicfish_cli.photos import find_photos
 from cubicfish_cli.target import load_target
 
@@ -87,14 +88,14 @@ def test_unchanged_photos_are_not_searched_again(cache, tmp_path, monkeypatch):
     for name in ("corner_01.jpg", "corner_03.jpg"):
         shutil.copy(SAMPLE / "photos" / name, folder / name)
     searched = []
-    search = detect.find_grids
-    monkeypatch.setattr(detect, "find_grids", lambda p: searched.append(1) or search(p))
-    first = detect.detect_corners(find_photos([folder]), TARGET, jobs=1, cache=cache)
+    search = look.find_grids
+    monkeypatch.setattr(look, "find_grids", lambda p: searched.append(1) or search(p))
+    first = detect_corners(find_photos([folder]), TARGET, jobs=1, cache=cache)
     assert len(searched) == 2
     (folder / "corner_03.jpg").rename(folder / "renamed.jpg")
-    again = detect.detect_corners(find_photos([folder]), TARGET, jobs=1, cache=cache)
+    again = detect_corners(find_photos([folder]), TARGET, jobs=1, cache=cache)
     assert len(searched) == 2
     np.testing.assert_array_equal(again.corners.pixel, first.corners.pixel)
     shutil.copy(SAMPLE / "photos" / "corner_02.jpg", folder / "corner_01.jpg")
-    detect.detect_corners(find_photos([folder]), TARGET, jobs=1, cache=cache)
+    detect_corners(find_photos([folder]), TARGET, jobs=1, cache=cache)
     assert len(searched) == 3

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import synthetic
 
-from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.findings import coverage, coverage_notes, dropped_groups
 from cubicfish_cli.fitting.subset import select
+from cubicfish_cli.library.calibration import calibrate
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.words.codes import Code
 

@@ -20,7 +20,8 @@ from cubicfish_cli.fitting.poses import rotation_from_vector
 from cubicfish_cli.geometry import similarity
 from cubicfish_cli.identification.congruence import is_symmetry
 from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.name_grids import Identified, Place, name_grids
+from cubicfish_cli.identification.identified import Identified, Place
+from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.identification.placement import placement_of
 from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.target import Target, load_target

@@ -17,13 +17,13 @@ from cubicfish_cli.fitting.poses import rotation_from_vector
 from cubicfish_cli.identification.decide import CLEAR_RATIO, Decided, decide, decide_alone
 from cubicfish_cli.identification.ends import Ends, ends_of
 from cubicfish_cli.identification.grid_views import grid_poses, view_of
+from cubicfish_cli.identification.identified import Place
 from cubicfish_cli.identification.moments import (
     form_cost,
     gauss_newton,
     grid_moments,
     normal_equations,
 )
-from cubicfish_cli.identification.name_grids import Place
 from cubicfish_cli.identification.placement import placement_of, reach_of
 from cubicfish_cli.identification.search import search
 from cubicfish_cli.model.radial import RadialCamera

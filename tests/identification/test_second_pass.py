@@ -8,7 +8,7 @@ import pytest
 from synthetic import as_type
 
 from cubicfish_cli.correspondences import Corners, load_corners
-from cubicfish_cli.identification.detect import Detection, PhotoReport
+from cubicfish_cli.identification.photo_report import Detection, PhotoReport
 from cubicfish_cli.identification.second_pass import second_pass
 from cubicfish_cli.photos import find_photos
 from cubicfish_cli.target import load_target

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from anonymous_grids import anonymous_photos
+from seen import grid_evidence
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three, flat_board
 
 from cubicfish_cli.detection.grids import Grid
+from cubicfish_cli.diagnosis.another_target import nothing_named
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.name_grids import name_grids
-from cubicfish_cli.identification.refusals import nothing_named
 from cubicfish_cli.identification.strays import doubtful_rims, solid_size, without_strays
 from cubicfish_cli.target import Target
 from tests.identification.test_name_grids import names, places, seen
@@ -171,7 +172,7 @@ def test_a_photo_of_a_larger_board_says_so_without_counting_strays():
     identified = name_grids([[grid(12, 8, (12, 3))]] * 2, target, IMAGE_SIZE, names(2))
     assert identified.grids[0][0].verdict is Decided.TOO_LARGE
     assert identified.grids[0][0].size == (12, 8)
-    told = nothing_named(identified, target)
+    (told,) = nothing_named(grid_evidence(identified, target))
     assert (told.figures["columns"], told.figures["rows"]) == (12, 8)
 
 

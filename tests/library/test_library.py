@@ -266,7 +266,7 @@ def test_what_a_photo_was_placed_by_says_nothing_of_the_object(
     monkeypatch: pytest.MonkeyPatch, corners: Corners, target: Target, fitted: Calibration
 ) -> None:
     from cubicfish_cli.fitting import calibrate as fitting
-    from cubicfish_cli.identification.detect import Detection, PhotoReport
+    from cubicfish_cli.identification.photo_report import Detection, PhotoReport
     from cubicfish_cli.words.finding import Finding
 
     asked: list[dict[str, Any]] = []
@@ -277,7 +277,7 @@ def test_what_a_photo_was_placed_by_says_nothing_of_the_object(
         calibrate(Detection(corners=corners, photos=(report,), findings=(finding,)), target)
     calibrate(Detection(corners=corners, photos=(report,)), target, refine_target="shape")
     assert [given["refine_target"] for given in asked] == ["auto", "auto", "shape"]
-    assert asked[0]["known"] == (finding,)
+    assert asked[0]["diagnose"].keywords == {"known": (finding,)}
     assert asked[0]["target"] is target
 
 

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import checkerboard
 
+from cubicfish_cli.diagnosis.object_check import check_object
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.formats.target_yaml import target_text
-from cubicfish_cli.identification.object_check import check_object
 from cubicfish_cli.printing.layout import BAND, OVERLAP, lay_out
 from cubicfish_cli.printing.objects import KINDS, Wanted, design
 from cubicfish_cli.printing.paper import length_mm, millimetres_per, paper

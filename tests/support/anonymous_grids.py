@@ -6,7 +6,7 @@ import numpy as np
 
 from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.detection.grids import Grid
-from cubicfish_cli.identification.name_grids import Place
+from cubicfish_cli.identification.identified import Place
 from cubicfish_cli.identification.placement import TURNS
 from cubicfish_cli.target import Target
 

@@ -12,6 +12,7 @@ PACKAGE = Path(cubicfish_cli.__file__).parent
 # this is the flow of the data: nothing imports a part that stands below it.
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
+    "types": set(),
     "wording": set(),
     "words": set(),
     "angles": set(),
@@ -29,7 +30,16 @@ ALLOWED: dict[str, set[str]] = {
     "photos": {"errors", "wording", "hosts", "picture_headers"},
     "films": {"errors", "files", "photos", "wording"},
     "executors": {"errors", "files", "hosts", "photos"},
-    "detection": {"errors", "angles", "files", "photos", "target", "boards", "words"},
+    "detection": {
+        "errors",
+        "angles",
+        "files",
+        "photos",
+        "executors",
+        "target",
+        "boards",
+        "words",
+    },
     "correspondences": {"errors", "wording", "arrays", "files", "tables", "target", "boards"},
     "corner_files": {
         "errors",
@@ -41,7 +51,7 @@ ALLOWED: dict[str, set[str]] = {
         "wording",
     },
     "model": {"errors", "angles", "geometry"},
-    "assess": {"errors", "angles", "frame_names", "model", "words"},
+    "assess": {"errors", "types", "angles", "frame_names", "model", "words"},
     "formats": {
         "errors",
         "files",
@@ -55,6 +65,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "fitting": {
         "errors",
+        "types",
         "angles",
         "wording",
         "geometry",
@@ -69,6 +80,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "identification": {
         "errors",
+        "types",
         "geometry",
         "executors",
         "files",
@@ -79,6 +91,20 @@ ALLOWED: dict[str, set[str]] = {
         "correspondences",
         "model",
         "fitting",
+        "words",
+    },
+    "diagnosis": {
+        "errors",
+        "types",
+        "geometry",
+        "photos",
+        "target",
+        "boards",
+        "detection",
+        "correspondences",
+        "model",
+        "fitting",
+        "identification",
         "words",
     },
     "overlay": {

@@ -8,6 +8,7 @@ import pytest
 import yaml
 from anonymous_grids import anonymous_photos
 from scipy.spatial.transform import Rotation
+from seen import grid_evidence
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
 
 from cubicfish_cli.boards.shape import BoardShape
@@ -15,14 +16,14 @@ from cubicfish_cli.correspondences import pair
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.markers import find_marked_corners
 from cubicfish_cli.detection.photo_as import grid_in_mirror
+from cubicfish_cli.diagnosis.misdrawn import misdrawn
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.formats.target_yaml import target_text
 from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.detect import detect_corners
 from cubicfish_cli.identification.name_grids import name_grids
-from cubicfish_cli.identification.wrong_drawing.misdrawn import misdrawn
+from cubicfish_cli.library.detect_corners import detect_corners
 from cubicfish_cli.photos import find_photos
 from cubicfish_cli.target import Target
 from tests.detection.test_markers import MIXED, POSE, errors, mixed_photo, photo_of
@@ -75,8 +76,8 @@ def test_a_mirrored_object_is_named_and_fitted_as_the_mirror_shows_it():
 def test_a_mirrored_object_is_told_what_to_say():
     target = corner_of_three()
     grids, _ = mirrored_photos(target)
-    finding = misdrawn(name_grids(grids, target, IMAGE_SIZE, names(len(grids))), target)
-    assert finding is not None
+    identified = name_grids(grids, target, IMAGE_SIZE, names(len(grids)))
+    (finding,) = misdrawn(grid_evidence(identified, target))
     assert finding.what == "all photos are mirrored"
     assert "mirrored: true at the top of target.yaml" in finding.do
 
@@ -86,8 +87,8 @@ def test_an_object_that_is_not_mirrored_is_told_to_be_so():
     target = corner_of_three()
     grids, _ = anonymous_photos(seen(target, photos=6), target)
     shown = target.in_mirror()
-    finding = misdrawn(name_grids(grids, shown, IMAGE_SIZE, names(len(grids))), shown)
-    assert finding is not None
+    identified = name_grids(grids, shown, IMAGE_SIZE, names(len(grids)))
+    (finding,) = misdrawn(grid_evidence(identified, shown))
     assert finding.what == "no photo is mirrored"
     assert finding.do == "take mirrored: true out of target.yaml"
 
@@ -126,11 +127,8 @@ def test_a_first_square_of_the_other_colour_is_told_by_its_key():
     grids, _ = anonymous_photos(seen(target, photos=6), target)
     wrong = replace(target.boards[0], first_square="light")
     assert target.boards[0].first_square == "dark"
-    finding = misdrawn(
-        name_grids(grids, target.with_boards({0: wrong}), IMAGE_SIZE, names(6)),
-        target.with_boards({0: wrong}),
-    )
-    assert finding is not None
+    target = target.with_boards({0: wrong})
+    (finding,) = misdrawn(grid_evidence(name_grids(grids, target, IMAGE_SIZE, names(6)), target))
     assert "first_square: dark" in finding.what
 
 

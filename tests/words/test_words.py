@@ -160,7 +160,7 @@ READS = {"startswith", "endswith", "partition", "rpartition", "split", "rsplit",
 MATCHES = {"search", "match", "fullmatch", "sub", "findall", "split"}
 # Where sentences of other programs and libraries are read, which have no codes: file, function.
 FOREIGN = {
-    ("cluster/connection.py", "_client"): "what distributed says, on one line",
+    ("executors/cluster/connection.py", "_client"): "what distributed says, on one line",
     ("undistortion/map_formats.py", "write_float_exr"): "why OpenEXR could not write",
 }
 

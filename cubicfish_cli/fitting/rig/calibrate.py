@@ -18,6 +18,7 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.calibrate import RefineTarget, calibrate
 from cubicfish_cli.fitting.cubic_fit import fit_cubic, held
+from cubicfish_cli.fitting.evidence import Diagnose
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import FOLDS, MIN_PHOTOS, dealt_out
 from cubicfish_cli.fitting.frame import in_references_frame
@@ -30,8 +31,8 @@ from cubicfish_cli.fitting.radial_reference import radial_near
 from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.refinement import LEVELS, Level, settled_spread
 from cubicfish_cli.fitting.rig.clocks import Clocks, Moving, fitted_clocks
+from cubicfish_cli.fitting.rig.evidence import RigEvidence
 from cubicfish_cli.fitting.rig.exchanged import refuse_exchanged
-from cubicfish_cli.fitting.rig.findings import find_rig_faults, of_camera
 from cubicfish_cli.fitting.rig.gather import Seen, gathered, without_strays
 from cubicfish_cli.fitting.rig.shots import Shots
 from cubicfish_cli.fitting.rig.spread import place_covariances
@@ -58,7 +59,8 @@ from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.model.validity import check_validity, cone_rays
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Severity
-from cubicfish_cli.words.rig_finding import RigFinding
+from cubicfish_cli.words.finding import Finding
+from cubicfish_cli.words.rig_finding import RigFinding, of_camera
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
@@ -203,6 +205,7 @@ def calibrate_rig(
     target: Target | None = None,
     refine_target: RefineTarget = "auto",
     hold_lenses: bool = False,
+    diagnose: Diagnose | None = None,
     progress: Progress | None = None,
 ) -> RigCalibration:
     """Fit the lenses of several cameras and how they stand to each other.
@@ -213,6 +216,8 @@ def calibrate_rig(
         target: the object; without it it stays as it is.
         refine_target: what of the object is fitted, as for one camera.
         hold_lenses: leave the lenses as each camera alone has them.
+        diagnose: tells what is likely wrong with each camera alone, and with the rig; by
+            default nobody does.
         progress: called with what is done now, in words, and the share done, 0 to 1.
 
     Raises:
@@ -230,7 +235,7 @@ def calibrate_rig(
     for number, camera in enumerate(cameras):
         if progress is not None:
             progress(f"camera {camera.name} alone", 0.8 * number / len(cameras))
-        alone.append(_alone(camera, target, refine_target, origin, scale, hold_lenses))
+        alone.append(_alone(camera, target, refine_target, origin, scale, hold_lenses, diagnose))
     if progress is not None:
         progress("all cameras together", 0.8)
     names = [camera.name for camera in cameras]
@@ -245,7 +250,9 @@ def calibrate_rig(
     fit, level, pairs, clocks = _fitted(alone, lens, poses, pairs, moving, target, scale, origin)
     if progress is not None:
         progress("how certain it is", 0.95)
-    return _calibration(names, alone, fit, pairs, clocks, start, seen, level, target, scale, origin)
+    return _calibration(
+        names, alone, fit, pairs, clocks, start, seen, level, target, scale, origin, diagnose
+    )
 
 
 def _alone(
@@ -255,11 +262,14 @@ def _alone(
     origin: FloatArray,
     scale: float,
     hold: bool,
+    diagnose: Diagnose | None,
 ) -> _Alone:
     """Calibrate a camera, or take it as it was calibrated; then its fit in the common scale."""
     if camera.camera is None:
         try:
-            found = calibrate(camera.pairs, target=target, refine_target=refine_target)
+            found = calibrate(
+                camera.pairs, target=target, refine_target=refine_target, diagnose=diagnose
+            )
         except FitError as error:
             raise FitError(f"camera {camera.name}: {error}") from error
         lens, record, pairs, poses = found.camera, found.as_record(), found.pairs, found.poses
@@ -419,6 +429,7 @@ def _calibration(
     target: Target | None,
     scale: float,
     origin: FloatArray,
+    diagnose: Diagnose | None,
 ) -> RigCalibration:
     lens = _rig_of(fit)
     limit = huber_px(fit.residual)
@@ -480,6 +491,21 @@ def _calibration(
     refined = target
     if target is not None and isinstance(fit.world, RefinedWorld):
         refined = fit.world.refined_target(target.moved(-origin), pairs, scale=scale).moved(origin)
+    found: Sequence[Finding] = ()
+    if diagnose is not None:
+        found = diagnose(
+            RigEvidence(
+                names=names,
+                fit=fit,
+                lens=lens,
+                pairs=drawn,
+                clocks=clocks,
+                start=start,
+                photos=seen.photo,
+                shots=seen.shot,
+                scale=scale,
+            )
+        )
     return RigCalibration(
         units=None if target is None else target.units,
         cameras=tuple(placed),
@@ -494,7 +520,7 @@ def _calibration(
         held_lenses=not any(isinstance(own, CubicFit) for own in lens.lenses),
         findings=(
             *(told for one in alone for told in one.told),
-            *find_rig_faults(names, fit, drawn, clocks, start, seen.photo, seen.shot, scale),
+            *(one for one in found if isinstance(one, RigFinding)),
         ),
     )
 

@@ -10,6 +10,7 @@ from simulated import CornerErrors
 from simulated_rig import RigTruth, simulated_rig
 
 from cubicfish_cli.correspondences import Correspondences, pair
+from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust, linearised, views_of
 from cubicfish_cli.fitting.folds import dealt_out
@@ -88,6 +89,7 @@ def fitted(
         target=target(),
         refine_target="off",
         hold_lenses=hold_lenses,
+        diagnose=find_faults,
     )
 
 
@@ -221,7 +223,9 @@ def test_a_clock_that_is_late_is_found_and_taken_out() -> None:
         RigCamera(name=name, pairs=one, moving=own)
         for name, one, own in zip(NAMES, pairs, moving, strict=True)
     ]
-    rig = calibrate_rig(cameras, matched(pairs), target=target(), refine_target="off")
+    rig = calibrate_rig(
+        cameras, matched(pairs), target=target(), refine_target="off", diagnose=find_faults
+    )
     (found,) = rig.findings
     assert (found.code, found.cameras) == ("clocks_differ", ("right", "left"))
     right = rig.cameras[1]
@@ -242,7 +246,9 @@ def test_photos_whose_lateness_is_known_are_taken_as_of_their_moment() -> None:
         RigCamera(name=name, pairs=one, moving=own)
         for name, one, own in zip(NAMES, pairs, late, strict=True)
     ]
-    rig = calibrate_rig(cameras, matched(pairs), target=target(), refine_target="off")
+    rig = calibrate_rig(
+        cameras, matched(pairs), target=target(), refine_target="off", diagnose=find_faults
+    )
     assert rig.findings == ()
     assert rig.cameras[1].late_s == 0
     assert rig.errors.rms_px < 1.1 * plain().errors.rms_px
@@ -318,7 +324,9 @@ def test_a_lens_that_is_known_stays_as_it_is() -> None:
         RigCamera(name="left", pairs=pairs[0]),
         RigCamera(name="right", pairs=pairs[1], camera=known.camera, fit=known.fit),
     ]
-    rig = calibrate_rig(cameras, matched(pairs), target=target(), refine_target="off")
+    rig = calibrate_rig(
+        cameras, matched(pairs), target=target(), refine_target="off", diagnose=find_faults
+    )
     assert (rig.cameras[1].camera.P == known.camera.P).all()
     assert np.allclose(rig.cameras[1].translation, known.translation, atol=0.3)
     assert not rig.held_lenses

@@ -1,0 +1,121 @@
+"""One photo, read and searched: its grids and markers, or why there are none."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+from cubicfish_cli.detection.diagnose import explain_no_grids
+from cubicfish_cli.detection.finder import find_grids
+from cubicfish_cli.detection.grid_cache import GridCache
+from cubicfish_cli.detection.grids import FoundGrids
+from cubicfish_cli.detection.markers import MarkedCorners, find_marked_corners
+from cubicfish_cli.errors import PhotoError
+from cubicfish_cli.executors.pool import photos_done, settled
+from cubicfish_cli.photos import Photo, Picture, decode_picture, grey, read_file
+from cubicfish_cli.target import Target
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Look:
+    """What a photo shows.
+
+    Attributes:
+        grids: its grids; None where it is of no use.
+        refusal: why nothing was looked for, or found, in it.
+        marked: the corners that its markers name, where the target has any.
+        digest: of the file's bytes; empty for what is in memory.
+
+    """
+
+    grids: FoundGrids | None
+    refusal: Finding | None = None
+    marked: MarkedCorners | None = None
+    digest: str = ""
+
+
+def look_at(photo: Photo, *, target: Target | None, cache: GridCache | None) -> Look:
+    """Read a photo and search it.
+
+    Args:
+        photo: the photo.
+        target: the object; None where nobody says which it is, and nobody asks why there is none.
+        cache: what was found in photos that were searched before; None searches it.
+
+    """
+    try:
+        data = read_file(photo.path) if photo.picture is None else b""
+        digest = hashlib.sha256(data).hexdigest() if data else ""
+        return replace(_searched(photo, data, target, cache), digest=digest)
+    except PhotoError as error:
+        why = refused(photo.name, Code.CANNOT_BE_READ, problem=str(error))
+        return Look(grids=None, refusal=why)
+
+
+def nameless_grids(
+    photos: Sequence[Photo],
+    *,
+    jobs: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    cache: GridCache | None = None,
+) -> list[FoundGrids | None]:
+    """Find the checkerboards in photos on disk, where nobody says which object they show.
+
+    Args:
+        photos: where the photos are.
+        jobs: processes to use; None for one a processor.
+        progress: called with photos done and all photos.
+        cache: what was found in photos that were searched before; None searches them all.
+
+    Returns:
+        What was found in each; None for photos that cannot be read.
+
+    """
+    look = partial(look_at, target=None, cache=cache)
+    return [one.grids for one in photos_done(look, photos, jobs=jobs, progress=progress)]
+
+
+def refused(name: str, code: Code, case: str = "", **figures: int | str) -> Finding:
+    """Why a photo is of no use."""
+    return Finding(code=code, case=case, severity=Severity.CARE, images=(name,), figures=figures)
+
+
+def _searched(photo: Photo, data: bytes, target: Target | None, cache: GridCache | None) -> Look:
+    markers = target is not None and target.has_markers
+    cache = cache if data else None  # what is in memory has no bytes to know it by
+    key = cache.key(data) if cache else ""
+    known = cache.load(key) if cache else None
+    if known is not None and (target is None or (known.grids and not markers)):
+        return Look(grids=known)
+    picture = grey(decode_picture(photo.path, data)) if data else photo.read_grey()
+    grids = _settled(find_grids(picture)) if known is None else known
+    if cache and known is None:
+        cache.save(key, grids)
+    if target is None:
+        return Look(grids=grids)
+    if markers:
+        marked = find_marked_corners(picture, target, grids)
+        marked = replace(marked, pixel=settled(marked.pixel))
+        why = None if len(marked) else _why_no_markers(photo, picture, grids)
+        return Look(grids=grids, refusal=why, marked=marked)
+    return Look(grids=grids, refusal=None if grids.grids else _why_nothing(photo, picture, grids))
+
+
+def _settled(found: FoundGrids) -> FoundGrids:
+    grids = tuple(replace(grid, pixel=settled(grid.pixel)) for grid in found.grids)
+    return replace(found, grids=grids)
+
+
+def _why_nothing(photo: Photo, picture: Picture, found: FoundGrids) -> Finding:
+    why = explain_no_grids(picture, found)
+    return replace(why, severity=Severity.CARE, images=(photo.name,))
+
+
+def _why_no_markers(photo: Photo, picture: Picture, found: FoundGrids) -> Finding:
+    if not found.grids:
+        return _why_nothing(photo, picture, found)
+    return refused(photo.name, Code.NO_MARKERS)

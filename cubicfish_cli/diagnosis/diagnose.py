@@ -1,0 +1,234 @@
+"""What is likely wrong with a set-up: all hypotheses, and how they are tried.
+
+A right set-up costs a pass over its corners. Whatever costs more is tried only where the fit is
+worse than the corners' own noise explains, or where photos or boards do not fit it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+
+from cubicfish_cli.diagnosis.another_target import another_target, nothing_named
+from cubicfish_cli.diagnosis.corner_count import miscounted, squares_of_corners, squares_of_grids
+from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence, PhotoEvidence
+from cubicfish_cli.diagnosis.failed_lens import failed_lens
+from cubicfish_cli.diagnosis.left_out import left_out
+from cubicfish_cli.diagnosis.lens_faults import lens_findings
+from cubicfish_cli.diagnosis.markers import no_markers, otherwise_printed
+from cubicfish_cli.diagnosis.mirrored import handed, mirrored_object, mirrored_photos, other_colours
+from cubicfish_cli.diagnosis.misdrawn import misdrawn
+from cubicfish_cli.diagnosis.repeats import copies, repeats
+from cubicfish_cli.diagnosis.rig import (
+    camera_moved,
+    clocks_differ,
+    few_common_shots,
+    mismatched,
+    not_at_once,
+)
+from cubicfish_cli.diagnosis.unsteady import unsteady
+from cubicfish_cli.diagnosis.wrong_drawing import wrong_drawing, wrong_drawing_of_failure
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.evidence import CornerEvidence, Evidence, FailedFit, FitEvidence
+from cubicfish_cli.fitting.rig.evidence import RigEvidence
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
+
+E = TypeVar("E", bound=Evidence)
+
+
+class Cost(IntEnum):
+    """What it takes to try a hypothesis, with what it waits for: from the least on."""
+
+    TABLES = 0
+    """Counts, sizes and sides: nothing is fitted."""
+    PASS = 1
+    """A pass over the corners, and more where that finds something."""
+    TRIALS = 2
+    """Fits or names as they would be otherwise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis(Generic[E]):
+    """One kind of thing that may be wrong.
+
+    Attributes:
+        of: the kind of evidence that it is judged by.
+        codes: what it may find.
+        cost: what comes first: of two alike, the one that stands first in the table.
+        explain: what it finds.
+        applies: whether what was found before leaves anything to be explained by it.
+        instead_of: what it makes needless, where it finds something.
+
+    """
+
+    of: type[E]
+    codes: tuple[Code, ...]
+    cost: Cost
+    explain: Callable[[E], Sequence[Finding]]
+    applies: Callable[[E, Sequence[Finding]], bool] = lambda evidence, found: True
+    instead_of: tuple[Code, ...] = ()
+
+
+def _not_bad(_: CornerEvidence, found: Sequence[Finding]) -> bool:
+    return all(finding.severity is not Severity.BAD for finding in found)
+
+
+def _only_notes(_: PhotoEvidence, found: Sequence[Finding]) -> bool:
+    return all(finding.severity is Severity.NOTE for finding in found)
+
+
+def _named(evidence: CornerEvidence, _: Sequence[Finding]) -> bool:
+    """Corners that are named by a wrong drawing say nothing of the lens or of the drawing."""
+    return _not_bad(evidence, evidence.known)
+
+
+def _unexplained(evidence: FailedFit, found: Sequence[Finding]) -> bool:
+    return not evidence.fits and not found
+
+
+def _lacks(code: Code, found: Sequence[Finding]) -> bool:
+    return all(finding.code is not code for finding in found)
+
+
+_DRAWING = (Code.MIRRORED, Code.BOARD_NAMES, Code.BOARD_ORDER, Code.BOARD_SQUARE, Code.BOARD_PLACE)
+_LENSES = (Code.TURNED, Code.SCALED, Code.ZOOM, Code.SHIFTED, Code.TWO_LENSES)
+
+# In the order in which they are told.
+HYPOTHESES: tuple[Hypothesis[Any], ...] = (
+    # Of photos, and of the grids and markers in them.
+    Hypothesis(PhotoEvidence, (Code.REPEATS,), Cost.TABLES, copies),
+    Hypothesis(GridEvidence, (Code.CORNER_COUNT,), Cost.TABLES, squares_of_grids),
+    Hypothesis(
+        GridEvidence,
+        _DRAWING,
+        Cost.TRIALS,
+        misdrawn,
+        lambda e, found: _only_notes(e, found) and not e.counts,
+    ),
+    Hypothesis(
+        GridEvidence,
+        (Code.ANOTHER_TARGET,),
+        Cost.TRIALS,
+        another_target,
+        lambda e, found: _only_notes(e, found) and len(e.identified.corners.pixel) > 0,
+    ),
+    Hypothesis(GridEvidence, (Code.CORNER_COUNT,), Cost.TRIALS, miscounted, _only_notes),
+    Hypothesis(
+        GridEvidence,
+        (Code.NOTHING_NAMED, Code.ANOTHER_TARGET, Code.CORNER_COUNT),
+        Cost.TRIALS,
+        nothing_named,
+        lambda e, found: _only_notes(e, found) and not len(e.identified.corners.pixel),
+    ),
+    Hypothesis(GridEvidence, (Code.MIRRORED,), Cost.TABLES, other_colours),
+    Hypothesis(MarkerEvidence, (Code.MIRRORED, Code.INVERTED), Cost.TRIALS, otherwise_printed),
+    Hypothesis(
+        MarkerEvidence,
+        (Code.NO_MARKERS,),
+        Cost.TRIALS,
+        no_markers,
+        lambda e, found: _only_notes(e, found) and not len(e.corners.pixel),
+    ),
+    # Of a fit.
+    Hypothesis(FitEvidence, (Code.MIRRORED,), Cost.TABLES, lambda e: handed(e.pairs)),
+    Hypothesis(
+        FitEvidence,
+        (*_LENSES, Code.SHEARED, Code.PHOTO_LENS),
+        Cost.PASS,
+        lambda e: lens_findings(e.fit, e.drawn),
+        _named,
+    ),
+    Hypothesis(FitEvidence, _DRAWING, Cost.TRIALS, wrong_drawing, _not_bad),
+    Hypothesis(
+        FitEvidence,
+        (Code.AUTOFOCUS, Code.STABILISATION, Code.SHEET_BENDS),
+        Cost.TRIALS,
+        lambda e: unsteady(e.fit),
+        lambda e, found: _not_bad(e, found) and _lacks(Code.SHEARED, found),
+        # Where all photos differ, those that do so most are not odd.
+        instead_of=(Code.PHOTO_LENS,),
+    ),
+    Hypothesis(
+        FitEvidence, (*_LENSES, *_DRAWING, Code.CORNER_NAMES), Cost.TRIALS, left_out, _named
+    ),
+    Hypothesis(
+        FitEvidence,
+        (Code.CORNER_COUNT,),
+        Cost.TABLES,
+        squares_of_corners,
+        lambda e, found: _named(e, found) and _lacks(Code.CORNER_COUNT, found),
+    ),
+    Hypothesis(FitEvidence, (Code.ONE_PLACE, Code.REPEATS), Cost.TABLES, lambda e: repeats(e.fit)),
+    # Of corners that do not fit: the first that explains it is the likeliest.
+    Hypothesis(
+        FailedFit, (Code.MIRRORED,), Cost.TABLES, mirrored_photos, lambda e, found: not found
+    ),
+    Hypothesis(FailedFit, _DRAWING, Cost.TRIALS, wrong_drawing_of_failure, _unexplained),
+    Hypothesis(
+        FailedFit,
+        (Code.MIRRORED,),
+        Cost.TRIALS,
+        lambda e: mirrored_object(e.scaled[0]),
+        _unexplained,
+    ),
+    Hypothesis(
+        FailedFit,
+        (*_LENSES, Code.PHOTO_LENS),
+        Cost.TRIALS,
+        lambda e: failed_lens(e.scaled[0]),
+        _unexplained,
+    ),
+    # Of a fitted rig.
+    Hypothesis(RigEvidence, (Code.SHOT_MISMATCHED,), Cost.TABLES, mismatched),
+    Hypothesis(RigEvidence, (Code.CLOCKS_DIFFER,), Cost.TABLES, clocks_differ),
+    Hypothesis(RigEvidence, (Code.CAMERA_MOVED,), Cost.PASS, camera_moved),
+    Hypothesis(
+        RigEvidence,
+        (Code.NOT_AT_ONCE, Code.SHOT_APART),
+        Cost.PASS,
+        not_at_once,
+        lambda e, found: _lacks(Code.CAMERA_MOVED, found),
+    ),
+    Hypothesis(RigEvidence, (Code.FEW_COMMON_SHOTS,), Cost.TABLES, few_common_shots),
+)
+
+
+def find_faults(evidence: Evidence, known: Sequence[Finding] = ()) -> list[Finding]:
+    """What is likely wrong with a set-up.
+
+    Args:
+        evidence: what says so.
+        known: what was found before, and comes first; where there is no fit only what is bad is
+            believed, and explains it.
+
+    Returns:
+        What was known, and what was found, in the order of the table.
+
+    """
+    if isinstance(evidence, FailedFit):
+        known = [finding for finding in known if finding.severity is Severity.BAD]
+    evidence = replace(evidence, known=known)
+    told: dict[int, list[Finding]] = {-1: list(known)}
+    own = [place for place, one in enumerate(HYPOTHESES) if isinstance(evidence, one.of)]
+    for place in sorted(own, key=lambda place: HYPOTHESES[place].cost):
+        hypothesis = HYPOTHESES[place]
+        if not hypothesis.applies(evidence, _joined(told)):
+            continue
+        try:
+            more = list(hypothesis.explain(evidence))
+        except (FitError, np.linalg.LinAlgError):  # what cannot be tried explains nothing
+            continue
+        if more:
+            for other, found in told.items():
+                told[other] = [one for one in found if one.code not in hypothesis.instead_of]
+        told[place] = more
+    return _joined(told)
+
+
+def _joined(told: dict[int, list[Finding]]) -> list[Finding]:
+    return [finding for place in sorted(told) for finding in told[place]]

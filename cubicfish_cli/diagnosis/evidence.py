@@ -1,0 +1,73 @@
+"""What photos show of a set-up, before anything is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from cubicfish_cli.correspondences import Corners
+from cubicfish_cli.detection.grids import FoundGrids
+from cubicfish_cli.diagnosis.count import Count
+from cubicfish_cli.diagnosis.fewer_corners import fewer_corners
+from cubicfish_cli.diagnosis.more_corners import more_corners
+from cubicfish_cli.fitting.evidence import Evidence
+from cubicfish_cli.identification.identified import Identified
+from cubicfish_cli.photos import Picture
+from cubicfish_cli.target import Target
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PhotoEvidence(Evidence):
+    """Photos in which corners were looked for.
+
+    Attributes:
+        photos: how many were given.
+        names: of those that can be used.
+        digests: of the bytes of each of these; empty for what has none.
+        picture: the brightness (H, W) of the photo of this number, read once more; None where it
+            cannot be.
+        target: the drawing.
+
+    """
+
+    photos: int
+    names: Sequence[str]
+    digests: Sequence[str]
+    picture: Callable[[int], Picture | None]
+    target: Target
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GridEvidence(PhotoEvidence):
+    """Grids that were named by geometry.
+
+    Attributes:
+        identified: what became of them.
+
+    """
+
+    identified: Identified
+
+    @cached_property
+    def counts(self) -> list[Count]:
+        """Boards that have another number of corners than the target says, as photos show it."""
+        more = more_corners(self.identified, self.target)
+        fewer = fewer_corners(self.identified, self.target, self.picture)
+        known = {count.board for count in more}
+        both = [*more, *(count for count in fewer if count.board not in known)]
+        return sorted(both, key=lambda count: count.board)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MarkerEvidence(PhotoEvidence):
+    """Corners that were named by markers.
+
+    Attributes:
+        corners: the corners.
+        grids: what was found in each photo.
+
+    """
+
+    corners: Corners
+    grids: Sequence[FoundGrids]

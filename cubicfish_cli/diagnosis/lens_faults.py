@@ -1,0 +1,501 @@
+"""Photos through more than one lens: zoomed, cropped, scaled or turned ones, other cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.diagnosis.few_photos import enough_photos, fit_of_few, spread_out
+from cubicfish_cli.diagnosis.photo_lenses import (
+    BY_CHANCE,
+    WORTH,
+    PhotoLenses,
+    TwoLenses,
+    Unlike,
+    left_out_share,
+    photo_lenses,
+    sheared_photos,
+    two_lenses,
+    zoomed_photos,
+)
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.adjustment import adjust
+from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
+from cubicfish_cli.fitting.known_lens import fit_poses
+from cubicfish_cli.fitting.lenses import FixedLens
+from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial, refit_radial
+from cubicfish_cli.fitting.refinement import ObjectFit
+from cubicfish_cli.fitting.robust import noise_px
+from cubicfish_cli.fitting.statistics import rms_px
+from cubicfish_cli.fitting.subset import flatness, select_photos
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.types import FloatArray, IntArray
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
+
+# A first look at a fit that one lens has bent to both sees less than there is: it is followed up.
+_WORTH_A_LOOK = 1e-2
+# So is a photo that is unlike the others. It is judged by a camera that never saw it, which is
+# right about it only if it comes from so many times as many equations as unknowns, and from so
+# many photos that what the object is off by does not look like a lens of its own in one of them.
+_SUSPICIOUS = 1e-4
+_TIMES_DETERMINED = 10
+_FEWEST_OTHERS = 8
+# Two lenses are worth an accusation where they take this share of the squared error away from
+# photos that had no say in them, where they explain so much of how photos differ, and where a
+# person would notice: pixels of a photo of 2000.
+_CLEAR_MARGIN = 0.1
+_MOST = 0.8
+_NOTICED_PX, _SIDE = 0.05, 2000.0
+# Photos of one lens foretell another one's squared errors to this share of what is left, or of
+# what two lenses take away. Where the focus is another in every photo, groups of photos do not.
+_FORETOLD, _FORETOLD_OF_GAIN = 0.15, 0.05
+# Of fewer photos of one flat board a lens of their own says nothing.
+_FEWEST_OF_A_PLANE = 3
+# By themselves, photos that do not fit have no more than this of their squared error.
+_HALF = 0.5
+# Photos that were left out say that the camera is wrong where they are so many.
+_MANY_LEFT_OUT = 1 / 3
+_ROUNDS = 12
+_SETTLED_PX = 0.05
+_ROUGH_DECREASE = 1e-5
+# What is smaller than this share of the larger of two differences is taken for none.
+_NONE = 0.25
+# Centres that agree to this share of the longer side are the same.
+_SAME_CENTRE = 0.01
+_SURE_FOCAL = 0.03
+# Lenses whose scales differ by less are told apart by their centres only.
+_SAME_FOCAL = 0.003
+_TYPICAL_NOISE = 4.0
+# Wide enough to feel every corner while a pose is off.
+_WIDE_HUBER_PX = 10.0
+# Boards whose corners leave a plane by less than this share of their extent count as flat.
+_FLAT = 1e-4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LensChange:
+    """How the lens of some photos differs from that of the others.
+
+    Attributes:
+        ratio: of its scale to the others'.
+        shift: (2,) of its centre from the others', pixels.
+        centre: (2,) of the others, pixels.
+
+    """
+
+    ratio: float
+    shift: FloatArray
+    centre: FloatArray
+
+
+def lens_findings(fit: ObjectFit, drawn: ObjectFit) -> list[Finding]:
+    """What of the photos' own lenses speaks against one lens for all.
+
+    Args:
+        fit: the final fit.
+        drawn: the fit to the object as drawn: an object that is free may bend to two lenses.
+
+    """
+    photos = _own(fit)
+    for one, own in ((fit, photos), (drawn, photos if fit is drawn else _own(drawn))):
+        split = two_lenses(own)
+        if split is None or split.chance > _WORTH_A_LOOK or split.share < WORTH / 2:
+            continue
+        few = _of_each(own, split)
+        # A few of each group tell whether there are two lenses, all of them which photos are whose.
+        if len(few) < len(own.photos) and _followed(*_of_few(one, own, split, few)) is None:
+            continue
+        found = _followed(one, own, split, rms_px(fit.cubic.residual))
+        if found is not None:
+            return [found]
+        if fit is drawn:
+            break
+    return _single(fit, photos)
+
+
+def _own(fit: ObjectFit) -> PhotoLenses:
+    cubic = fit.cubic
+    return photo_lenses(cubic.lens, cubic.poses, fit.reference.pairs, cubic.fit.world.points)
+
+
+def _of_each(photos: PhotoLenses, split: TwoLenses) -> IntArray:
+    """Places in ``photos`` of enough photos, half of them of each group where it has as many."""
+    enough = enough_photos(len(photos.photos))
+    groups = [np.flatnonzero(split.second == second) for second in (False, True)]
+    least = min(enough // 2, *map(len, groups))
+    return np.sort(np.concatenate([spread_out(group, enough - least) for group in groups]))
+
+
+def _of_few(
+    fit: ObjectFit, photos: PhotoLenses, split: TwoLenses, few: IntArray
+) -> tuple[ObjectFit, PhotoLenses, TwoLenses, float]:
+    """What ``_followed`` needs, for the photos at some places in ``photos`` only."""
+    part = fit_of_few(fit, photos.photos[few])
+    return (
+        part,
+        photos.some(few),
+        replace(split, second=split.second[few]),
+        rms_px(part.cubic.residual),
+    )
+
+
+def _followed(
+    fit: ObjectFit, photos: PhotoLenses, split: TwoLenses, together: float
+) -> Finding | None:
+    """Fit with a scale and centre for each of two groups, until they settle; then judge.
+
+    Args:
+        fit: the fit to start from.
+        photos: what each photo has of its own beside it.
+        split: into which groups it seems to fall.
+        together: RMS with one lens for all, to be beaten.
+
+    """
+    pairs, apart = fit.reference.pairs, None
+    noticed = _NOTICED_PX * max(1.0, max(pairs.image_size) / _SIDE)
+    given, gains = np.zeros((len(pairs.images), 3)), list[float]()
+    for left in reversed(range(_ROUNDS)):
+        wanted = _given(split, photos, given)
+        if apart is not None and np.abs(wanted - given).max() < _SETTLED_PX:
+            break
+        given = wanted
+        apart = _fitted_apart(fit, fit if apart is None else apart, given, photos.reach)
+        new = None if apart is None else two_lenses(apart.photos)
+        if apart is None or new is None:
+            return None
+        photos, split = apart.photos, new
+        gains.append(together**2 - apart.rms_px**2)
+        # What a round gains hardly grows from one to the next.
+        if len(gains) > 1 and (
+            gains[-1] + left * max(gains[-1] - gains[-2], 0) < _worthy_gain(together, noticed)
+        ):
+            return None
+    if apart is None or split.chance > BY_CHANCE:
+        return None
+    if split.kind == "order":
+        split, apart = _at_the_boundary(fit, split, apart, given)
+    unforeseen = left_out_share(apart.photos, split.second)
+    if split.explained < _MOST or not worth_it(together, apart.rms_px, unforeseen, noticed):
+        return None
+    scale = 1 + split.own[:, 0] / photos.reach
+    middle = (np.array(pairs.image_size, float) - 1) / 2
+    camera = apart.reference.camera
+    common = np.array([camera.cx, camera.cy]) - middle
+    centres = middle + scale[:, None] * common + split.own[:, 1:]
+    change = LensChange(
+        ratio=float(scale[1] / scale[0]), shift=centres[1] - centres[0], centre=centres[0]
+    )
+    names = [pairs.images[photo] for photo in photos.photos[split.second]]
+    return lens_change(
+        change,
+        names,
+        pairs,
+        in_order=split.kind == "order",
+        because="apart",
+        figures={"together_px": together, "apart_px": apart.rms_px},
+    )
+
+
+def worth_it(together: float, apart: float, unforeseen: float, noticed: float) -> bool:
+    """Whether two lenses foretell photos that had no say in them, and better than one, clearly.
+
+    Args:
+        together: RMS with one lens for all, pixels.
+        apart: with two.
+        unforeseen: how many times larger the squared error is of photos that had no say.
+        noticed: pixels that a person would notice.
+
+    """
+    left, gain = apart**2, together**2 - apart**2
+    not_foretold = left * (unforeseen - 1)
+    if not_foretold > max(_FORETOLD * left, _FORETOLD_OF_GAIN * gain):
+        return False
+    return gain - not_foretold >= _worthy_gain(together, noticed)
+
+
+def _worthy_gain(together: float, noticed: float) -> float:
+    """By how much two lenses have to lower the mean squared error, pixels²."""
+    return max(_CLEAR_MARGIN * together**2, noticed**2)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Apart:
+    """A fit in which photos have a scale and centre of their own.
+
+    Attributes:
+        reference: the radial fit, to pixels as one lens would have taken them.
+        cubic: the cubic one.
+        photos: what each photo has of its own in all.
+
+    """
+
+    reference: RadialReference
+    cubic: CubicResult
+    photos: PhotoLenses
+
+    @property
+    def rms_px(self) -> float:
+        """Of the cubic."""
+        return rms_px(self.cubic.residual)
+
+
+def _given(split: TwoLenses, photos: PhotoLenses, like: FloatArray) -> FloatArray:
+    """(photos, 3) scale and shift of each photo's group; none for photos that do not tell."""
+    given = np.zeros_like(like)
+    given[photos.photos] = split.own[split.second.astype(int)]
+    return given
+
+
+def _fitted_apart(
+    fit: ObjectFit, start: ObjectFit | _Apart, given: FloatArray, reach: float
+) -> _Apart | None:
+    """Fit with these scales and shifts (photos, 3); None where there is no camera."""
+    alike = replace(fit.reference.pairs, pixel=_as_one(fit.reference.pairs, given, reach))
+    try:
+        reference = refit_radial(start.reference, alike, start.reference.poses)
+        cubic = fit_cubic(
+            reference, fit.cubic.hold, start=start.cubic, relative_decrease=_ROUGH_DECREASE
+        )
+    except (FitError, np.linalg.LinAlgError):
+        return None
+    photos = photo_lenses(cubic.lens, cubic.poses, alike, alike.world)
+    total = photos.own.copy()
+    total[:, :3] += given[photos.photos]
+    return _Apart(
+        reference=reference,
+        cubic=cubic,
+        photos=replace(photos, own=total),
+    )
+
+
+def _at_the_boundary(
+    fit: ObjectFit, split: TwoLenses, apart: _Apart, given: FloatArray
+) -> tuple[TwoLenses, _Apart]:
+    """The change one photo earlier or later, where that fits better.
+
+    A photo beside the change that was counted to the wrong side has bent the camera to itself.
+    """
+    first = int(np.argmax(split.second))
+    for place in (first, first - 1):
+        second = split.second.copy()
+        second[place] = not second[place]
+        moved = replace(split, second=second)
+        wanted = _given(moved, apart.photos, given)
+        other = _fitted_apart(fit, apart, wanted, apart.photos.reach)
+        if other is not None and other.rms_px**2 < (1 - WORTH) * apart.rms_px**2:
+            return moved, other
+    return split, apart
+
+
+def _as_one(pairs: Correspondences, given: FloatArray, reach: float) -> FloatArray:
+    """Pixels (N, 2) as they would be without their photos' own scale and shift."""
+    middle = (np.array(pairs.image_size, float) - 1) / 2
+    own = given[pairs.image]
+    return np.asarray(middle + (pairs.pixel - middle - own[:, 1:]) / (1 + own[:, :1] / reach))
+
+
+def left_out_lens(
+    camera: RadialCamera, pairs: Correspondences, noise: float, *, order: Sequence[str]
+) -> Finding | None:
+    """Whether photos that do not fit do fit a lens of their own.
+
+    Args:
+        camera: the lens of the photos that fit.
+        pairs: pairs of the photos that do not.
+        noise: standard deviation of a corner's coordinate in those that fit, pixels.
+        order: the names of all photos, in order.
+
+    """
+    if flatness(pairs.world) < _FLAT and len(pairs.images) < _FEWEST_OF_A_PLANE:
+        return None
+    try:
+        own = fit_radial(pairs)
+    except (FitError, np.linalg.LinAlgError):
+        return None
+    if own.focal_uncertainty > _SURE_FOCAL or noise_px(own.residual) > _TYPICAL_NOISE * noise:
+        return None
+    angle = np.linspace(0.1, own.covered, 30)
+    radii = [lens.fx * lens.profile(angle) for lens in (camera, own.camera)]
+    centres = [np.array([lens.cx, lens.cy]) for lens in (camera, own.camera)]
+    ratio, shift = float(np.median(radii[1] / radii[0])), centres[1] - centres[0]
+    if abs(ratio - 1) < _SAME_FOCAL and np.hypot(*shift) < 1:
+        return None
+    names = list(own.pairs.images)
+    if not _clearly_other(camera, own):
+        return None
+    because = "own_lens"
+    change = LensChange(ratio=ratio, shift=shift, centre=centres[0])
+    first = list(order[: len(names)]) == names
+    if first and len(names) < len(order):  # what came before the others, seen from these
+        names = list(order[len(names) :])
+        change = LensChange(ratio=1 / ratio, shift=-shift, centre=centres[1])
+        because = "own_lens_before"
+    in_order = first or list(order[-len(names) :]) == names
+    found = lens_change(
+        change,
+        names,
+        pairs,
+        in_order=in_order,
+        because=because,
+        figures={"own_px": rms_px(own.residual)},
+    )
+    # The camera is that of the others, and right, unless it may be the others that are odd.
+    many = len(own.pairs.images) >= _MANY_LEFT_OUT * len(order)
+    return found if many else replace(found, severity=Severity.CARE)
+
+
+def _clearly_other(camera: RadialCamera, own: RadialReference) -> bool:
+    """Whether photos fit their own lens clearly better than another one, poses being free."""
+    fit, placed, _ = fit_poses(camera, own.pairs)
+    if fit is None or len(placed.pixel) < len(own.pairs.pixel):
+        return True
+    return noise_px(own.residual) ** 2 < _HALF * noise_px(fit.residual) ** 2
+
+
+def lens_change(
+    change: LensChange,
+    names: list[str],
+    pairs: Correspondences,
+    *,
+    in_order: bool,
+    because: str,
+    figures: Mapping[str, float],
+) -> Finding:
+    """What kind of difference there is between the lens of some photos and the others'.
+
+    Args:
+        change: the difference.
+        names: the photos.
+        pairs: any pairs of the same size of photo.
+        in_order: whether they are all photos from one on.
+        because: what says so.
+        figures: the figures of that.
+
+    """
+    size = np.array(pairs.image_size, float)
+    reach, near = size.min() / 2, _SAME_CENTRE * size.max()
+    by_scale = abs(change.ratio - 1) * reach
+    by_shift = float(np.hypot(*change.shift))
+    scaled_centre = (change.ratio - 1) * (change.centre + 0.5)
+    turned = size - 1 - 2 * change.centre
+    if by_scale < _NONE * by_shift and np.hypot(*(change.shift - turned)) < min(
+        near, 0.2 * by_shift + 1
+    ):
+        code = Code.TURNED
+    elif by_scale > _NONE * by_shift and np.hypot(*(change.shift - scaled_centre)) < max(
+        0.1 * by_shift, near / 4
+    ):
+        code = Code.SCALED
+    elif by_shift < _NONE * by_scale or by_shift < near / 4 < by_scale:
+        code = Code.ZOOM
+    elif by_scale < _NONE * by_shift:
+        code = Code.SHIFTED
+    else:
+        code = Code.TWO_LENSES
+    return Finding(
+        code=code,
+        severity=Severity.BAD,
+        images=tuple(names),
+        because=because,
+        figures={
+            **figures,
+            "where": "from" if in_order else "in",
+            "in_order": in_order,
+            "scale": _ratio_words(change.ratio),
+            "focal_off": change.ratio - 1,
+            "x_px": float(change.shift[0]),
+            "y_px": float(change.shift[1]),
+        },
+    )
+
+
+def _ratio_words(ratio: float) -> str:
+    """A ratio with two digits of what it differs from 1 by, and three at least."""
+    digits = 1 - int(np.floor(np.log10(max(abs(ratio - 1), 1e-9))))
+    return f"{ratio:.{max(digits, 2)}f}"
+
+
+def _single(fit: ObjectFit, photos: PhotoLenses) -> list[Finding]:
+    """Photos that by themselves are sheared, or have another lens than the rest."""
+    pairs = fit.reference.pairs
+    suspects = {
+        one.photo
+        for one in (*sheared_photos(photos), *zoomed_photos(photos))
+        if one.chance < _SUSPICIOUS and one.share > WORTH / 2
+    }
+    if not suspects:
+        return []
+    if 2 * len(suspects) < len(pairs.images):
+        # They have bent the lens and the other photos' poses: judge by a lens without them.
+        left_out = np.array(sorted(suspects))
+        if not _determined_without(fit, left_out):
+            return []
+        again = _without(fit, left_out)
+        photos = photos if again is None else again
+    findings = []
+    kinds = ((sheared_photos(photos), Code.SHEARED), (zoomed_photos(photos), Code.PHOTO_LENS))
+    for unlike, code in kinds:
+        certain = [
+            one
+            for one in unlike
+            if one.photo in suspects and one.chance < BY_CHANCE and one.share > WORTH
+        ]
+        suspects -= {one.photo for one in certain}
+        if certain and 2 * len(certain) < len(pairs.images):
+            findings.append(_single_finding(certain, pairs, code))
+    return findings
+
+
+def _determined_without(fit: ObjectFit, left_out: IntArray) -> bool:
+    """Whether the other photos make a camera that is right about photos it has not seen."""
+    pairs = fit.reference.pairs
+    others = np.count_nonzero(~np.isin(pairs.image, left_out))
+    poses = len(pairs.images) - len(left_out)
+    unknowns = len(fit.cubic.lens.parameters) + 6 * poses
+    return bool(poses >= _FEWEST_OTHERS and 2 * others >= _TIMES_DETERMINED * unknowns)
+
+
+def _without(fit: ObjectFit, suspects: IntArray) -> PhotoLenses | None:
+    """What each photo has of its own beside a lens that was fitted without some."""
+    pairs = replace(fit.reference.pairs, world=fit.cubic.fit.world.points)
+    good = np.setdiff1d(np.arange(len(pairs.images)), suspects)
+    good = spread_out(good, 2 * enough_photos(len(good)))
+    try:
+        reference = refit_radial(fit.reference, select_photos(pairs, good), fit.cubic.poses[good])
+        cubic = fit_cubic(reference, fit.cubic.hold, relative_decrease=_ROUGH_DECREASE)
+        poses = fit.cubic.poses.with_photos(good, cubic.poses)
+        # Beside their poses under the other lens, photos would look grossly wrong all over.
+        left_out = np.setdiff1d(np.arange(len(poses)), good)
+        camera = CubicCamera(
+            image_size=pairs.image_size,
+            P=cubic.lens.P,
+            max_angle_deg=cubic.max_angle_deg,
+            radial=reference.camera,
+        )
+        placed = adjust(
+            FixedLens(camera=camera),
+            poses[left_out],
+            select_photos(pairs, left_out),
+            huber_px=_WIDE_HUBER_PX,
+        )
+    except (FitError, np.linalg.LinAlgError):
+        return None
+    poses = poses.with_photos(left_out, placed.poses)
+    photos = photo_lenses(cubic.lens, poses, pairs, pairs.world)
+    return photos if np.isfinite(photos.own).all() else None
+
+
+def _single_finding(certain: list[Unlike], pairs: Correspondences, code: Code) -> Finding:
+    most = max(certain, key=lambda one: one.size_px)
+    return Finding(
+        code=code,
+        # A camera that eight others determine hardly hangs on one.
+        severity=Severity.NOTE if len(certain) == 1 else Severity.CARE,
+        images=tuple(pairs.images[one.photo] for one in certain),
+        figures={"size_px": most.size_px, "share": most.share, "worst": pairs.images[most.photo]},
+    )

@@ -1,0 +1,144 @@
+"""Boards that have more corners than drawn: grids in photos are larger than they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cubicfish_cli.boards.board import Board
+from cubicfish_cli.diagnosis.count import (
+    FEWEST_PHOTOS,
+    Count,
+    boards_with_squares,
+    is_full,
+)
+from cubicfish_cli.identification.identified import FEWEST_CORNERS, GridReport, Identified
+from cubicfish_cli.identification.name_grids import name_again
+from cubicfish_cli.identification.placement import TURNS
+from cubicfish_cli.target import Target
+
+# Grids that are larger than drawn must have a place on the enlarged board, so many of them.
+_PLACED = 0.9
+_TRIAL_PHOTOS = 6
+
+
+def more_corners(identified: Identified, target: Target) -> list[Count]:
+    """Boards of which photos show more corners than are drawn.
+
+    The arguments are those of
+    :func:`~cubicfish_cli.diagnosis.miscounted.counted`.
+    """
+    lost = [
+        (photo, number, report)
+        for photo, own in enumerate(identified.grids)
+        for number, report in enumerate(own)
+        if not report.named and report.corners >= FEWEST_CORNERS
+    ]
+    boards = boards_with_squares(target)
+    found = []
+    for index in boards:
+        board = target.boards[index]
+        for axis in (0, 1):
+            size = (board.columns + (axis == 0), board.rows + (axis == 1))
+            if len(boards) == 1:
+                larger = [
+                    (photo, number)
+                    for photo, number, report in lost
+                    if sorted(report.size) == sorted(size)
+                    and is_full(identified.found[photo][number])
+                ]
+                photos = _outnumbering(larger, identified, board)
+            else:
+                larger = [
+                    (photo, number)
+                    for photo, number, report in lost
+                    if _spans(report, size[axis], size[1 - axis])
+                ]
+                photos = _with_place(larger, identified, target, index, axis)
+            if photos:
+                whole = any(
+                    sorted(identified.grids[photo][number].size) == sorted(size)
+                    for photo, number in larger
+                )
+                other = whole and not any(_exceeds(report, size) for *_, report in lost)
+                sure = (True, other) if axis == 0 else (other, True)
+                found.append(Count(board=index, size=size, photos=photos, sure=sure))
+                break
+    return found
+
+
+def _spans(report: GridReport, length: int, most: int) -> bool:
+    """Whether a grid is so long, and at most so wide."""
+    return any(own == length and other <= most for own, other in (report.size, report.size[::-1]))
+
+
+def _exceeds(report: GridReport, size: tuple[int, int]) -> bool:
+    """Whether a grid is larger than a board of this size, any way round."""
+    return bool(np.any(np.greater(sorted(report.size), sorted(size))))
+
+
+def _outnumbering(larger: Sequence[tuple[int, int]], identified: Identified, board: Board) -> int:
+    """In how many photos larger grids are, if in more than show the board as it is drawn."""
+    photos = {photo for photo, _ in larger}
+    drawn = sorted((board.columns, board.rows))
+    as_drawn = {
+        photo
+        for photo, own in enumerate(identified.grids)
+        if any(report.named and sorted(report.size) == drawn for report in own)
+    }
+    enough = len(photos) >= max(FEWEST_PHOTOS, len(as_drawn) + 1) and not photos & as_drawn
+    return len(photos) if enough else 0
+
+
+def _with_place(
+    larger: Sequence[tuple[int, int]],
+    identified: Identified,
+    target: Target,
+    index: int,
+    axis: int,
+) -> int:
+    """In how many photos larger grids lie where the board is, beside others, if it is so large."""
+    photos = sorted({photo for photo, _ in larger})
+    if len(photos) < FEWEST_PHOTOS:
+        return 0
+    fullest = sorted(photos, key=lambda photo: -sum(len(grid) for grid in identified.found[photo]))
+    chosen = sorted(fullest[:_TRIAL_PHOTOS])
+    for at_start in (False, True):
+        board = _longer(target.boards[index], axis, at_start=at_start)
+        again = name_again(identified, chosen, target.with_boards({index: board})).grids
+        placed = {
+            photo
+            for photo, number in larger
+            if photo in chosen
+            and _fills(again[chosen.index(photo)][number], index, board, axis)
+            and sum(report.named for report in again[chosen.index(photo)]) > 1
+        }
+        if len(placed) >= max(FEWEST_PHOTOS, _PLACED * len(chosen)):
+            return len(photos)
+    return 0
+
+
+def _fills(report: GridReport, index: int, board: Board, axis: int) -> bool:
+    """Whether a grid lies on a board, and from end to end along one of its axes."""
+    if report.place is None or report.place.board != index:
+        return False
+    length = (np.abs(TURNS[report.place.turn]) @ report.size)[axis]
+    return bool(length == (board.columns, board.rows)[axis])
+
+
+def _longer(board: Board, axis: int, *, at_start: bool) -> Board:
+    """The board with one more line of corners, at its end or at its start."""
+    origin, first_square = board.origin, board.first_square
+    if at_start:
+        origin = origin - board.square * board.axes[axis]
+        first_square = "dark" if first_square == "light" else "light"
+    return replace(
+        board,
+        columns=board.columns + (axis == 0),
+        rows=board.rows + (axis == 1),
+        origin=origin,
+        first_square=first_square,
+        shape=None,
+    )

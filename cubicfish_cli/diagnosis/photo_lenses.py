@@ -1,0 +1,407 @@
+"""Whether all photos were taken through one lens, as every calibration takes for granted.
+
+Beside the fitted camera and its own pose, each photo is given a lens of its own as far as one
+photo can have one: another scale, another centre, and a shear that grows from row to row. All of
+it is linear where the fit stopped, so it costs one pass over the corners.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import comb
+from typing import Literal
+
+import numpy as np
+from scipy.special import fdtrc
+
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.fitting.adjustment import huber_weight
+from cubicfish_cli.fitting.fit_lens import FitLens
+from cubicfish_cli.fitting.normal_equations import runs_of_photos
+from cubicfish_cli.fitting.poses import Poses, cross_matrix
+from cubicfish_cli.fitting.robust import huber_px
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
+
+# What a photo may have of its own: scale, shift x, shift y; and a shift x, y that grows by rows.
+TERMS = 5
+_EACH = ("own", "information", "squares", "numbers")
+_LENS = slice(0, 3)
+_SHEAR = slice(3, 5)
+# Twice as many equations as unknowns, that are 6 of the pose and these.
+_FEWEST_CORNERS = 12
+# Two groups, or one photo, may look unlike the others by chance this often among right set-ups.
+BY_CHANCE = 1e-6
+# What is blamed must have been this share of the squared error, or it is not worth a word.
+WORTH = 0.05
+# A change in the photos' order is the simpler thing: any other split must be as much better.
+_CLEARLY = 1.2
+_FEWEST_IN_GROUP = 2
+_LEAST_FOR_GROUPS = 5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PhotoLenses:
+    """What each photo would have of its own, in pixels at ``reach`` from the centre.
+
+    Attributes:
+        photos: (K,) the photos with enough corners to tell.
+        own: (K, 5) scale, shift x, shift y, shear x, shear y.
+        information: (K, 5, 5) what it costs to be elsewhere: a squared error in pixels.
+        squares: (K,) sum of squared errors of the photo with its own lens.
+        numbers: (K,) how many free numbers are left in each photo.
+        reach: half the shorter side, pixels.
+
+    """
+
+    photos: IntArray
+    own: FloatArray
+    information: FloatArray
+    squares: FloatArray
+    numbers: FloatArray
+    reach: float
+
+    def some(self, few: IntArray) -> PhotoLenses:
+        """Those at some places, as if there were no others."""
+        return PhotoLenses(
+            photos=np.arange(len(few)),
+            reach=self.reach,
+            **{name: getattr(self, name)[few] for name in _EACH},
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TwoLenses:
+    """Photos that fall into two groups, each with a lens of its own.
+
+    Attributes:
+        second: (K,) which of ``PhotoLenses.photos`` are in the smaller or later group.
+        kind: ``order`` where the lens changed once in the order of the photos, else ``mixed``.
+        chance: how often so clear a split would be found among photos through one lens.
+        own: (2, 3) scale, shift x, shift y of both groups, pixels.
+        share: of all photos' squared error that the two lenses explain, beside one for all.
+        explained: share of how the photos' own lenses differ that two lenses explain, however many
+            corners say so: all of it where there are two, and about half where every photo has one
+            of its own, since photos can always be sorted into two groups.
+
+    """
+
+    second: BoolArray
+    kind: Literal["order", "mixed"]
+    chance: float
+    own: FloatArray
+    share: float
+    explained: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unlike:
+    """How one photo differs from the others.
+
+    Attributes:
+        photo: its index.
+        chance: how often the most unlike of so many right photos would be as unlike.
+        size_px: how large the difference is at ``reach`` from the centre, pixels.
+        share: of the photo's squared error that it explains.
+
+    """
+
+    photo: int
+    chance: float
+    size_px: float
+    share: float
+
+
+def photo_lenses(
+    lens: FitLens, poses: Poses, pairs: Correspondences, world: FloatArray
+) -> PhotoLenses:
+    """What each photo would have of its own.
+
+    Args:
+        lens: the fitted lens.
+        poses: camera_from_world of each of ``pairs.images``.
+        pairs: the pairs of the fit.
+        world: (N, 3) their world points, as fitted.
+
+    """
+    photos, triangles = own_triangles(lens, poses, pairs, world, _shear)
+    free = triangles[:, :-1, :-1]
+    own = np.linalg.pinv(free, rcond=1e-9) @ triangles[:, :-1, -1:]
+    off = triangles[:, :, -1:] - np.pad(free, ((0, 0), (0, 1), (0, 0))) @ own
+    counts = np.bincount(pairs.image, minlength=len(pairs.images))
+    return PhotoLenses(
+        photos=photos,
+        own=own[:, :, 0],
+        information=free.transpose(0, 2, 1) @ free,
+        squares=np.sum(off[:, :, 0] ** 2, axis=1),
+        numbers=np.asarray(2.0 * counts[photos] - 6 - TERMS, float),
+        reach=min(pairs.image_size) / 2,
+    )
+
+
+def own_triangles(
+    lens: FitLens,
+    poses: Poses,
+    pairs: Correspondences,
+    world: FloatArray,
+    more: Callable[[slice, FloatArray, FloatArray], FloatArray],
+) -> tuple[IntArray, FloatArray]:
+    """All that there is to know of what each photo has of its own, beyond its pose.
+
+    Args:
+        lens: the fitted lens.
+        poses: camera_from_world of each of ``pairs.images``.
+        pairs: the pairs of the fit.
+        world: (N, 3) their world points, as fitted.
+        more: terms (n, 2, M) beside scale and shift, for a run of corners, the derivatives
+            (n, 2, 3) of their pixels by their points, and their pixels (n, 2) from the middle in
+            halves of the shorter side.
+
+    Returns:
+        (K,) the photos with enough corners to tell, and (K, 4 + M, 4 + M) triangles (QR) of scale,
+        shift x, shift y, more, and the miss: what the pose explains is taken out.
+
+    """
+    rows = []
+    # In runs: the derivatives by the lens, that come with those by the point, are many.
+    for _, run in runs_of_photos(pairs.image, len(pairs.images)):
+        rows.append(_linearised(lens, poses, pairs, world, run, more))
+    rows_of_all = np.concatenate(rows)
+    # The loss of the fit: grossly wrong corners must not speak for a photo.
+    miss = rows_of_all[:, :, -1]
+    weight = pairs.weight * huber_weight(np.hypot(miss[:, 0], miss[:, 1]), huber_px(miss))
+    rows_of_all *= np.sqrt(weight)[:, None, None]
+    counts = np.bincount(pairs.image, minlength=len(pairs.images))
+    stops, size = np.cumsum(counts), rows_of_all.shape[2]
+    photos = np.flatnonzero(counts >= _FEWEST_CORNERS)
+    triangles = np.empty((len(photos), size - 6, size - 6))
+    for place, photo in enumerate(photos):
+        own = rows_of_all[stops[photo] - counts[photo] : stops[photo]].reshape(-1, size)
+        triangles[place] = np.asarray(np.linalg.qr(own, mode="r"))[6:, 6:]
+    return photos.astype(np.intp), triangles
+
+
+def _linearised(
+    lens: FitLens,
+    poses: Poses,
+    pairs: Correspondences,
+    world: FloatArray,
+    run: slice,
+    more: Callable[[slice, FloatArray, FloatArray], FloatArray],
+) -> FloatArray:
+    """(n, 2, 10 + M) derivatives by pose, scale, shift and more, and the miss, all in pixels."""
+    image = pairs.image[run]
+    rotated = (poses.rotation[image] @ world[run, :, None])[:, :, 0]
+    pixel, d_point, _ = lens.project_jacobian(rotated + poses.translation[image])
+    middle = (np.array(pairs.image_size, float) - 1) / 2
+    from_middle = (pixel - middle) / (min(pairs.image_size) / 2)
+    return np.concatenate(
+        [
+            -d_point @ cross_matrix(rotated),
+            d_point,
+            from_middle[:, :, None],
+            np.broadcast_to(np.eye(2), (len(pixel), 2, 2)),
+            more(run, d_point, from_middle),
+            (pairs.pixel[run] - pixel)[:, :, None],
+        ],
+        axis=2,
+    )
+
+
+def _shear(run: slice, d_point: FloatArray, from_middle: FloatArray) -> FloatArray:
+    """A shift that grows from row to row."""
+    return from_middle[:, 1, None, None] * np.eye(2)
+
+
+def two_lenses(photos: PhotoLenses) -> TwoLenses | None:
+    """The split of the photos into two groups that explains best how their lenses differ.
+
+    What differs within the groups is the measure of what differs between them (an F test), so
+    that whatever else is imperfect, an object that bends or a lens that the model cannot follow,
+    counts against it. Splits are corrected for how many there are: along the photos' order, or
+    by any plane through the space of scale and centre (Cover, 1965).
+
+    Returns:
+        None where there are too few photos to tell.
+
+    """
+    count = len(photos.photos)
+    if count < _LEAST_FOR_GROUPS:
+        return None
+    own, weight = photos.own[:, _LENS], _without_shear(photos.information)
+    in_order = _best(np.arange(count)[None], own, weight)
+    mixed = _best(_sorted_along(own, weight), own, weight)
+    trials = {"order": count - 1, "mixed": sum(comb(count - 1, k) for k in range(4))}
+    chosen: tuple[float, Literal["order", "mixed"], BoolArray] | None = None
+    kinds: tuple[Literal["order", "mixed"], ...] = ("order", "mixed")
+    for kind, found in zip(kinds, (in_order, mixed), strict=True):
+        if found is not None and (chosen is None or found[0] > _CLEARLY * chosen[0]):
+            chosen = (found[0], kind, found[1])
+    if chosen is None:
+        return None
+    ratio, kind, second = chosen
+    if kind == "mixed" and 2 * second.sum() > count:
+        second = ~second
+    # The ratio is that of what is between to what is within, times the latter's freedom.
+    between = _scatter(own, weight) * ratio / (ratio + count - 2)
+    return TwoLenses(
+        second=second,
+        kind=kind,
+        chance=float(fdtrc(3, 3 * (count - 2), ratio)) * trials[kind],
+        own=np.stack([_mean(own[part], weight[part]) for part in (~second, second)]),
+        share=between / (_scatter(own, weight) + float(photos.squares.sum()) + 1e-300),
+        explained=ratio / (ratio + count - 2),
+    )
+
+
+def left_out_share(photos: PhotoLenses, second: BoolArray) -> float:
+    """How much larger the squared error is of photos that had no say in their group's lens.
+
+    Each photo in turn is given the scale and centre of the others of its group.
+
+    Args:
+        photos: what each photo has of its own.
+        second: (K,) which are in the second group.
+
+    Returns:
+        The squared error over that with lenses that follow from all photos; 1 or more.
+
+    """
+    own, weight = photos.own[:, _LENS], _without_shear(photos.information)
+    pull = (weight @ own[:, :, None])[:, :, 0]
+    known = unknown = float(photos.squares.sum()) + 1e-300
+    for group in (np.flatnonzero(~second), np.flatnonzero(second)):
+        known += _scatter(own[group], weight[group])
+        if len(group) < _FEWEST_IN_GROUP:
+            continue
+        others = weight[group].sum(axis=0) - weight[group]
+        means = np.linalg.solve(others, (pull[group].sum(axis=0) - pull[group])[:, :, None])
+        off = own[group] - means[:, :, 0]
+        unknown += float(np.einsum("ki,kij,kj->", off, weight[group], off))
+    return unknown / known
+
+
+def sheared_photos(photos: PhotoLenses) -> list[Unlike]:
+    """Photos that are sheared from the first row to the last, as no lens and no pose does."""
+    return _unlike(photos, _SHEAR)
+
+
+def zoomed_photos(photos: PhotoLenses) -> list[Unlike]:
+    """Single photos with another scale or centre than the others."""
+    return _unlike(photos, _LENS)
+
+
+def _unlike(photos: PhotoLenses, terms: slice) -> list[Unlike]:
+    """How much less like the others each photo is in some terms than those are like each other.
+
+    One for each of ``photos.photos``; none where they are too few to tell.
+    """
+    count = len(photos.photos)
+    if count < _LEAST_FOR_GROUPS:
+        return []
+    weight = _marginal(photos.information, terms)
+    own = photos.own[:, terms]
+    size = own.shape[1]
+    noise = photos.squares / np.maximum(photos.numbers, 1)
+    # A photo in dim light is noisier than the others, and nothing else.
+    noise = np.maximum(noise, np.median(noise))
+    typical = np.median(own, axis=0)
+    off = own - typical
+    distance = np.einsum("ki,kij,kj->k", off, weight, off) / (size * noise)
+    # What the photos' own terms are beyond noise, by the better half of them.
+    spread = max(1.0, float(np.median(distance)))
+    chance = fdtrc(size, np.maximum(photos.numbers, 1), distance / spread) * count
+    worth = np.einsum("ki,kij,kj->k", off, weight, off)
+    return [
+        Unlike(
+            photo=int(photos.photos[index]),
+            chance=float(chance[index]),
+            size_px=float(np.linalg.norm(off[index])),
+            share=float(worth[index] / (worth[index] + photos.squares[index] + 1e-300)),
+        )
+        for index in range(count)
+    ]
+
+
+def _marginal(information: FloatArray, terms: slice) -> FloatArray:
+    """Information on some terms with the others free: a Schur complement a photo."""
+    rest = np.setdiff1d(np.arange(TERMS), np.arange(TERMS)[terms])
+    kept = np.arange(TERMS)[terms]
+    inner = information[:, rest[:, None], rest]
+    cross = information[:, kept[:, None], rest]
+    floor = 1e-9 * np.trace(inner, axis1=1, axis2=2)[:, None, None] * np.eye(len(rest))
+    return np.asarray(
+        information[:, kept[:, None], kept]
+        - cross @ np.linalg.solve(inner + floor, cross.transpose(0, 2, 1))
+    )
+
+
+def _without_shear(information: FloatArray) -> FloatArray:
+    weight = _marginal(information, _LENS)
+    floor = 1e-9 * np.trace(weight, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    return np.asarray(weight + floor)
+
+
+def _mean(own: FloatArray, weight: FloatArray) -> FloatArray:
+    right = np.einsum("kij,kj->i", weight, own)
+    return np.asarray(np.linalg.solve(weight.sum(axis=0), right))
+
+
+def _scatter(own: FloatArray, weight: FloatArray) -> float:
+    off = own - _mean(own, weight)
+    return float(np.einsum("ki,kij,kj->", off, weight, off))
+
+
+def _best(orders: IntArray, own: FloatArray, weight: FloatArray) -> tuple[float, BoolArray] | None:
+    """The split with the largest ratio of what is between to what is within its groups.
+
+    Args:
+        orders: (S, K) photos in orders that are cut in two anywhere.
+        own: (K, 3) scale and shift of the photos.
+        weight: (K, 3, 3) information on them.
+
+    Returns:
+        The ratio, and which photos are behind the cut; None where there are too few.
+
+    """
+    total, count = _scatter(own, weight), len(own)
+    off = own - _mean(own, weight)
+    pull = (weight @ off[:, :, None])[:, :, 0]
+    square = np.sum(off * pull, axis=1)
+    # Of the photos up to each cut, and of those behind it: sums suffice for their scatter.
+    cuts = np.arange(_FEWEST_IN_GROUP, count - _FEWEST_IN_GROUP + 1)
+    best: tuple[float, BoolArray] | None = None
+    for order in orders if cuts.size else []:
+        weights, pulls, squares = (
+            np.cumsum(terms[order], axis=0) for terms in (weight, pull, square)
+        )
+        within = np.zeros(len(cuts))
+        for w, p, s in (
+            (weights[cuts - 1], pulls[cuts - 1], squares[cuts - 1]),
+            (weights[-1] - weights[cuts - 1], pulls[-1] - pulls[cuts - 1],
+             squares[-1] - squares[cuts - 1]),
+        ):  # fmt: skip
+            mean = np.linalg.solve(w, p[:, :, None])[:, :, 0]
+            within += np.maximum(s - np.sum(mean * p, axis=1), 0)
+        within = np.maximum(within, max(1e-12 * total, 1e-300))
+        cut = int(np.argmin(within))
+        ratio = float((total - within[cut]) / within[cut] * (count - 2))
+        if best is None or ratio > best[0]:
+            second = np.zeros(count, bool)
+            second[order[cuts[cut] :]] = True
+            best = (ratio, second)
+    return best
+
+
+def _sorted_along(own: FloatArray, weight: FloatArray) -> IntArray:
+    """(6, K) the photos sorted along the axes of their scatter: cuts are planes across them."""
+    # A mean to which each photo adds alike; medians of single entries need not be a matrix of this
+    # kind.
+    root = np.linalg.cholesky(
+        np.mean(weight / np.trace(weight, axis1=1, axis2=2)[:, None, None], 0)
+    )
+    white = own @ root
+    white = white - np.median(white, axis=0)
+    axes = np.linalg.svd(white, full_matrices=False)[2]
+    along = np.concatenate([white @ axes.T, own], axis=1)
+    return np.argsort(along, axis=0, kind="stable").T

@@ -1,0 +1,61 @@
+"""Photos from one place say no more than one of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cubicfish_cli.diagnosis.evidence import PhotoEvidence
+from cubicfish_cli.fitting.refinement import ObjectFit
+from cubicfish_cli.fitting.repeats import NEAR_SHARE, repeated_groups
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
+
+_FEWEST_PHOTOS = 3
+
+
+def repeats(fit: ObjectFit) -> list[Finding]:
+    """Photos that are from the same place, or all from nearly the same."""
+    pairs, poses = fit.reference.pairs, fit.cubic.poses
+    focal = fit.reference.camera.fx
+    count = len(pairs.images)
+    if count < 2:
+        return []
+    group = repeated_groups(poses, pairs, focal)
+    distinct = int(group.max()) + 1
+    if count >= _FEWEST_PHOTOS and repeated_groups(poses, pairs, focal, NEAR_SHARE).max() == 0:
+        figures = {"photos": count, "near": NEAR_SHARE}
+        return [Finding(code=Code.ONE_PLACE, severity=Severity.CARE, figures=figures)]
+    if distinct == count:
+        return []
+    same = [
+        f"{pairs.images[np.flatnonzero(group == group[photo])[0]]} = {pairs.images[photo]}"
+        for photo in range(count)
+        if np.flatnonzero(group == group[photo])[0] != photo
+    ]
+    few = 2 * distinct <= count or distinct < _FEWEST_PHOTOS
+    return [
+        Finding(
+            code=Code.REPEATS,
+            severity=Severity.CARE if few else Severity.NOTE,
+            figures={"photos": count, "distinct": distinct, "repeats": same},
+            images=tuple(np.array(pairs.images)[np.bincount(group)[group] > 1].tolist()),
+        )
+    ]
+
+
+def copies(evidence: PhotoEvidence) -> list[Finding]:
+    """Photos that are the same file as an earlier one, byte by byte."""
+    first: dict[str, str] = {}
+    pairs = []
+    for name, digest in zip(evidence.names, evidence.digests, strict=True):
+        if digest and first.setdefault(digest, name) != name:
+            pairs.append((first[digest], name))
+    if not pairs:
+        return []
+    told = Finding(
+        code=Code.REPEATS,
+        case="copies",
+        images=tuple(name for name in evidence.names if any(name in pair for pair in pairs)),
+        figures={"repeats": [f"{one} = {other}" for one, other in pairs]},
+    )
+    return [told]

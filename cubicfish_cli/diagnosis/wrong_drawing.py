@@ -1,0 +1,173 @@
+"""What is wrong with the drawing of several boards, by the object as it was measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from cubicfish_cli.diagnosis.few_photos import enough_photos, fit_of_few, spread_out
+from cubicfish_cli.diagnosis.measured_object import measured_object, plane_in_squares
+from cubicfish_cli.diagnosis.object_faults import Fault, object_fault
+from cubicfish_cli.diagnosis.orders import EXCHANGED
+from cubicfish_cli.fitting.evidence import FailedFit, FitEvidence
+from cubicfish_cli.fitting.local_noise import local_noise_px, times_noise
+from cubicfish_cli.fitting.radial_reference import fit_radial
+from cubicfish_cli.fitting.refinement import Drawing, ObjectFit, refine_object
+from cubicfish_cli.fitting.robust import noise_px
+from cubicfish_cli.fitting.statistics import rms_px
+from cubicfish_cli.target import Target
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
+
+# The object as drawn is to blame where it makes the error this many times larger; or somewhat
+# larger, where one fault is nearly all of what is wrong with it and beyond what a ruler misses, as
+# a share of the object's extent.
+_TIMES_WORSE = 2.0
+_SOMEWHAT_WORSE = 1.3
+_NEARLY_ALL, _BEYOND_A_RULER = 0.1, 5e-4
+# A fit so much worse than its corners' noise, and the object is measured to see whether it is as
+# drawn.
+_WORTH_MEASURING = 1.2
+# Photos agree with a lens when their noise is within this many times the best ones'.
+_AGREES = 6.0
+_SAID_RATIOS = {25.4: "inches_mm", 10.0: "cm_mm", 1000.0: "m_mm", 2.54: "inches_cm"}
+
+
+def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
+    """What is wrong with the drawing, where the object as fitted shows it."""
+    fit, drawing = evidence.fit, evidence.drawing
+    if drawing.target is None or len(drawing.target.boards) < 2:
+        return []
+    if fit.level != "off":
+        found = _of_refined(evidence.drawn, fit, drawing)
+        return [replace(finding, severity=Severity.CARE) for finding in found]
+    pairs, residual = fit.reference.pairs, fit.cubic.residual
+    times = times_noise(pairs, residual)
+    if times is None or times < _WORTH_MEASURING:
+        return []
+    everyone = np.arange(len(pairs.images))
+    few = spread_out(everyone, enough_photos(len(everyone)))
+    found = []
+    for photos in (few, everyone)[: 1 + (len(few) < len(everyone))]:
+        part = fit_of_few(fit, photos)
+        own = drawing.of(part.reference.pairs)
+        refined = refine_object(part, own, "shape", ())
+        found = _of_refined(part, refined, own)
+        if not found:
+            break
+    return found
+
+
+def _of_refined(drawn: ObjectFit, refined: ObjectFit, drawing: Drawing) -> list[Finding]:
+    """What is wrong with the drawing, where the object is free to be otherwise."""
+    target, real = drawing.target, refined.refined_target(drawing)
+    before, after = rms_px(drawn.cubic.residual), rms_px(refined.cubic.residual)
+    if before < _SOMEWHAT_WORSE * after or target is None or real is None:
+        return []
+    measured = {}
+    for index in np.unique(drawing.pairs.board):
+        measured[int(index)] = real.boards[index].world_points(*target.boards[index].places())
+    fault = object_fault(target, measured)
+    if fault is None or (before < _TIMES_WORSE * after and not _stands_out(fault)):
+        return []
+    return [_object_finding(fault, target, "refined", before_px=before, after_px=after)]
+
+
+def _stands_out(fault: Fault) -> bool:
+    """Whether a fault is large, and what else is wrong with the drawing is little beside it."""
+    extent = np.linalg.norm(np.ptp(np.concatenate(list(fault.points.values())), axis=0))
+    return bool(
+        fault.before > _BEYOND_A_RULER * extent and fault.after < _NEARLY_ALL * fault.before
+    )
+
+
+def _object_finding(fault: Fault, target: Target, because: str, **figures: float) -> Finding:
+    """A fault of the drawing as it is told."""
+    boards = [target.boards[index] for index in fault.boards]
+    every = len(boards) == len(target.boards) > 1
+    told = partial(
+        Finding,
+        severity=Severity.BAD,
+        because=because,
+        boards=() if fault.kind == "mirror" else tuple(board.name for board in boards),
+    )
+    if fault.kind == "mirror":
+        return told(code=Code.MIRRORED, case="target", figures=figures)
+    if fault.kind == "names":
+        return told(code=Code.BOARD_NAMES, figures=figures)
+    if fault.kind == "order":
+        order, size = fault.order, next((one for one in boards if one.columns != one.rows), None)
+        if order in EXCHANGED:
+            order = "exchanged" if size is None else "exchanged_size"
+        shape = {} if size is None else {"columns": size.columns, "rows": size.rows}
+        which = "all" if every else "one"
+        return told(
+            code=Code.BOARD_ORDER, figures={**figures, **shape, "order": order, "which": which}
+        )
+    if fault.kind in ("square", "squares"):
+        sizes = sorted({board.square for board in boards})
+        mixed = _mixed_units(fault.ratio)
+        return told(
+            code=Code.BOARD_SQUARE,
+            case="_".join(["all"] * every + ["units"] * bool(mixed)),
+            figures={
+                **figures,
+                "off": fault.ratio - 1,
+                "times": max(fault.ratio, 1 / fault.ratio),
+                "real": ", ".join(
+                    f"{fault.ratio * size:.4g} {target.units} for {size:g}" for size in sizes
+                ),
+                **({"units_mixed": mixed} if mixed else {}),
+            },
+        )
+    case = ["of", "two"] * (len(fault.points) == 2) + ["and", "square"] * (fault.kind != "place")
+    return told(
+        code=Code.BOARD_PLACE,
+        case="_".join(case),
+        figures={
+            **figures,
+            "shift": fault.shift,
+            "turn_deg": fault.turn_deg,
+            "units": target.units,
+            "off": fault.ratio - 1,
+            "both": [target.boards[index].name for index in fault.points],
+        },
+    )
+
+
+def _mixed_units(ratio: float) -> str:
+    larger = max(ratio, 1 / ratio)
+    return next((mix for known, mix in _SAID_RATIOS.items() if abs(larger / known - 1) < 0.02), "")
+
+
+def wrong_drawing_of_failure(evidence: FailedFit) -> list[Finding]:
+    """The fault of the drawing without which the corners fit."""
+    target = evidence.target
+    if target is None or len(target.boards) < 2:
+        return []
+    pairs, scale = evidence.scaled
+    measured = measured_object(pairs, target)
+    if measured is None:
+        return []
+    points = {}
+    for index, board in measured.boards.items():
+        drawn = target.boards[index]
+        points[index] = board.points(plane_in_squares(drawn, *drawn.places()))
+    fault = object_fault(target, points)
+    if fault is None:
+        return []
+    world = pairs.world.copy()
+    for index, real in fault.points.items():
+        own = pairs.board == index
+        world[own] = real[pairs.row[own] * target.boards[index].columns + pairs.column[own]] / scale
+    corrected = replace(pairs, world=world)
+    if fault.kind == "mirror":
+        pixel = corrected.pixel * [-1, 1] + [pairs.image_size[0] - 1, 0]
+        corrected = replace(corrected, pixel=pixel)
+    again = fit_radial(corrected)
+    noise = local_noise_px(again.pairs, again.residual)
+    if noise_px(again.residual) > _AGREES * max(noise, 1e-3):
+        return []
+    return [_object_finding(fault, target, "corrected", after_px=noise_px(again.residual))]

@@ -1,1 +1,0 @@
-"""Whether the target is drawn wrongly, as grids and photos show it."""
