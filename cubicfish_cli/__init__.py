@@ -44,7 +44,7 @@ _PLACES = {
     "library.planes": ("build_plane",),
     "library.rig_pictures": ("rectify", "stitch"),
     "library.rigs": ("calibrate_rig", "compare_rigs", "evaluate_rig", "save_rig"),
-    "model.cubic": ("CubicCamera",),
+    "lenses.cubic": ("CubicCamera",),
     "identification.photo_report": ("Detection",),
     "photos": ("read_picture",),
     "target": ("Target",),

@@ -97,7 +97,7 @@ def command(
     from cubicfish_cli.advice.picture import advice_svg
     from cubicfish_cli.errors import CubicfishError, OutputError
     from cubicfish_cli.files import refuse_existing, write_texts
-    from cubicfish_cli.model.cubic import CubicCamera
+    from cubicfish_cli.lenses.cubic import CubicCamera
     from cubicfish_cli.rendering.pose_table import pose_table_text
 
     if output is not None and output.suffix.lower() != ".svg":

@@ -307,11 +307,11 @@ def _outputs(folder: Path, inputs: Sequence[Path]) -> dict[str, Path]:
 def _compared(
     calibration: Calibration, drawn: Target | None, *, hold_out: bool
 ) -> list[dict[str, Any]]:
-    from cubicfish_cli.fitting.baselines.compare import compare_baselines
+    from cubicfish_cli.fitting.model_comparison import compare_models
 
     say("Fitting other lens models to the same corners.")
     with working("Fitting other lens models"):
-        rows = compare_baselines(calibration, drawn=drawn, hold_out=hold_out)
+        rows = compare_models(calibration, drawn=drawn, hold_out=hold_out)
     return [row.as_record() for row in rows]
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from cubicfish_cli.executors.executor import Executor
     from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
-    from cubicfish_cli.model.cubic import CubicCamera
+    from cubicfish_cli.lenses.cubic import CubicCamera
     from cubicfish_cli.undistortion.batch import PhotoJob
     from cubicfish_cli.undistortion.frames import Crop
     from cubicfish_cli.undistortion.maps import UndistortMap
@@ -168,7 +168,7 @@ class PlanesOfPhotos:
             CubicfishError: no corners, or too few, in all of them.
 
         """
-        from cubicfish_cli.model.cubic import CubicCamera
+        from cubicfish_cli.lenses.cubic import CubicCamera
 
         missing = [job for job in jobs if job.source.name not in self._poses]
         if not missing or not isinstance(self._loaded.camera, CubicCamera):
@@ -193,7 +193,7 @@ class PlanesOfPhotos:
         import numpy as np
 
         from cubicfish_cli.errors import ViewError
-        from cubicfish_cli.model.cubic import CubicCamera
+        from cubicfish_cli.lenses.cubic import CubicCamera
         from cubicfish_cli.undistortion.frames import camera_for_photos
         from cubicfish_cli.undistortion.view import matrix_of_rotation
 

@@ -15,48 +15,29 @@ from cubicfish_cli.cli.numbers import FloatRange
 from cubicfish_cli.cli.options import rig_path
 from cubicfish_cli.cli.terminal import print_json, result, say, working
 from cubicfish_cli.errors import FitError
+from cubicfish_cli.formats.registry import WRITTEN
 
 if TYPE_CHECKING:
     from cubicfish_cli.fitting.conversion.to_lens import Conversion
+    from cubicfish_cli.formats.camera_format import Poses
     from cubicfish_cli.formats.camera_yaml import CameraFile
-    from cubicfish_cli.formats.foreign import Poses
 
-# Those of formats.foreign, here so that --help need not load numpy; a test holds them together.
-FORMATS = (
-    "opencv", "ros", "kalibr-pinhole-equi", "kalibr-omni", "kalibr-eucm", "kalibr-ds",
-    "ocamcalib", "pyocamcalib", "colmap", "colmap-thin-prism-fisheye",
-    "colmap-rad-tan-thin-prism-fisheye", "colmap-eucm", "nerfstudio", "gyroflow", "nvidia",
-    "mrcal", "maps", "usd",
-)  # fmt: skip
+# Of no lens model, and so not among the registered formats.
+_MAPS = {
+    "maps": ".npz for cv2.remap; holds any lens",
+    "usd": ".usda and .exr in a folder; holds any lens",
+}
+FORMATS = {**WRITTEN, **_MAPS}
 
 # Of formats of one tool, the one that follows decentred lenses best.
 _NEAREST = {"colmap": "colmap-rad-tan-thin-prism-fisheye", "kalibr": "kalibr-omni"}
-# Formats whose files take no comment.
-_NO_COMMENTS = ("pyocamcalib",)
 _BEHIND_DEG = 90.0
 _USD = Path("usd")
 
-_HELP = """Write the camera for another tool, and say how near its lens model comes.
+_HELP = f"""Write the camera for another tool, and say how near its lens model comes.
 
 \b
-opencv                             K and D of cv2.fisheye, YAML
-ros                                camera_info.yaml
-kalibr-pinhole-equi                camchain.yaml
-kalibr-omni                        camchain.yaml; the nearest of Kalibr's
-kalibr-eucm                        camchain.yaml
-kalibr-ds                          camchain.yaml
-ocamcalib                          calib_results.txt
-pyocamcalib                        calibration.json
-colmap                             cameras.txt; OPENCV_FISHEYE
-colmap-thin-prism-fisheye          cameras.txt
-colmap-rad-tan-thin-prism-fisheye  cameras.txt; the nearest of COLMAP's
-colmap-eucm                        cameras.txt
-nerfstudio                         transforms.json, with poses
-gyroflow                           lens_profile.json
-nvidia                             rig.json; f-theta
-mrcal                              .cameramodel; holds any lens
-maps                               .npz for cv2.remap; holds any lens
-usd                                .usda and .exr in a folder; holds any lens
+{chr(10).join(f"{name:<35}{what}" for name, what in FORMATS.items())}
 
 Of a rig.yaml each camera's lens is written with its place on the body: opencv as stereo.opencv.yaml
 with R, T and, for flat pictures, R1, R2, P1, P2 and Q; ros as a folder of camera_info.yaml, static
@@ -99,7 +80,7 @@ camera.yaml's frame is printed, and poses that go into the file are turned along
 @click.option(
     "--to",
     "name",
-    type=click.Choice(FORMATS),
+    type=click.Choice(list(FORMATS)),
     required=True,
     metavar="FORMAT",
     help="What to write: a name of the list above.",
@@ -139,6 +120,7 @@ def command(
 ) -> None:
     """See ``_HELP``."""
     from cubicfish_cli.files import refuse_existing, write_text
+    from cubicfish_cli.formats import foreign
     from cubicfish_cli.formats.camera_yaml import load_camera
     from cubicfish_cli.formats.foreign import FILE_NAMES, foreign_text
 
@@ -169,14 +151,14 @@ def command(
         return
     with working("Fitting the other lens"):
         conversion, note = _converted(loaded, name, max_error, max_angle)
-    text = foreign_text(name, conversion.record, note, _poses(loaded.fit, conversion))
+    text = foreign_text(name, conversion.lens, note, _poses(loaded.fit, conversion))
     write_text(path, text, overwrite=overwrite)
     if as_json:
         print_json({"file": str(path), "format": name, **_record(conversion)})
         return
     result(f"wrote {path}")
     for line in note[1:]:
-        result(_without_matrix(line) if name not in _NO_COMMENTS else line)
+        result(_without_matrix(line) if foreign.WRITTEN[name].comments else line)
     _warn_beyond(conversion, max_error)
 
 
@@ -269,7 +251,7 @@ def _converted(
 def _record(conversion: Conversion) -> dict[str, Any]:
     """The lens and its errors, for JSON."""
     return {
-        "lens": conversion.record.model,
+        "lens": conversion.lens.name,
         **conversion.error.as_record(),
         "turned_deg": conversion.turned_deg,
         "lens_from_camera": conversion.lens_from_camera,

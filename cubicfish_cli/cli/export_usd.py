@@ -14,7 +14,7 @@ from cubicfish_cli.errors import FitError
 
 if TYPE_CHECKING:
     from cubicfish_cli.formats.lens_rig import Pose
-    from cubicfish_cli.model.cubic import CubicCamera
+    from cubicfish_cli.lenses.cubic import CubicCamera
 
 
 def write_usd(

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-    from cubicfish_cli.model.cubic import CubicCamera
+    from cubicfish_cli.lenses.cubic import CubicCamera
     from cubicfish_cli.rendering.film import Shutter
     from cubicfish_cli.rendering.outside import OutsideLens
     from cubicfish_cli.rendering.pose import Pose
@@ -390,7 +390,7 @@ def _lens(path: Path) -> _Source:
 
 def _chosen_lens(name: str, size: tuple[int, int] | None, target: Target) -> _Source:
     """The lens that --lens names."""
-    from cubicfish_cli.fitting.conversion.exact_lens import ExactLens
+    from cubicfish_cli.fitting.conversion.from_lens import ExactLens
     from cubicfish_cli.formats.foreign import read_foreign
     from cubicfish_cli.rendering.outside import outside_lens
 
@@ -399,16 +399,16 @@ def _chosen_lens(name: str, size: tuple[int, int] | None, target: Target) -> _So
     path = Path(name)
     if not path.exists():
         raise click.UsageError(f"--lens: {name} is no file and none of {', '.join(LENSES)}")
-    record, found = read_foreign(path, image_size=size)
-    exact = ExactLens.of(record)
+    given, found = read_foreign(path, image_size=size)
+    exact = ExactLens.of(given)
     say(
         f"true_camera.yaml will be the cubic camera nearest to the lens of {found}, "
         f"{exact.nearest.error.rms_px:.4f} px from it (RMS); photos and corners are the lens's own."
     )
-    made_from = {"imported_from": found, "lens": record.model}
+    made_from = {"imported_from": found, "lens": given.name}
     return _Source(
         lens=exact,
-        image_size=record.image_size,
+        image_size=given.image_size,
         text=lambda *_: _camera_text(exact.nearest.camera, made_from),
     )
 

@@ -12,8 +12,8 @@ from cubicfish_cli.fitting.conversion.to_lens import Conversion
 from cubicfish_cli.fitting.statistics import poses_on_record
 from cubicfish_cli.formats.lens_rig import FlatPair, LensRig, PlacedLens
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
+from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.library.rig_pictures import rectify
-from cubicfish_cli.model.validity import cone_rays
 from cubicfish_cli.rendering.pose import rotation_matrix
 from cubicfish_cli.undistortion.fit import sees
 from cubicfish_cli.undistortion.views import default_view
@@ -51,7 +51,7 @@ def _placed(one: ConvertedCamera) -> PlacedLens:
     turn, camera = one.conversion.lens_from_camera, one.camera
     return PlacedLens(
         name=camera.name,
-        record=one.conversion.record,
+        lens=one.conversion.lens,
         note=one.note,
         rotation=turn @ camera.rotation,
         translation=turn @ camera.translation,
