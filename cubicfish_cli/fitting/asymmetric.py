@@ -93,7 +93,7 @@ class BentFit:
 
     @property
     def _free(self) -> npt.NDArray[np.intp]:
-        return np.r_[0 : 4 + self.terms, 8 : 8 + (_BENDS if self.spread else 0)]
+        return np.array([*range(4 + self.terms), *range(8, 8 + (_BENDS if self.spread else 0))])
 
     @property
     def parameters(self) -> FloatArray:
@@ -114,9 +114,10 @@ class BentFit:
         """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
         plain = np.array([1, 1, 0, 0, *self.values[4:8]])
         flat, flat_by_point, flat_by_values = project_jacobian(plain, points)
-        pixel, by_flat, by_values = self._bent(flat)
-        by_values[:, :, 4:8] = by_flat @ flat_by_values[:, :, 4:]
-        return pixel, by_flat @ flat_by_point, by_values[:, :, self._free]
+        onto = _Onto.sensor(self.values, flat)
+        by_values = onto.by_values()
+        by_values[:, :, 4:8] = onto.moved(flat_by_values[:, :, 4:])
+        return onto.pixel, onto.moved(flat_by_point), by_values[:, :, self._free]
 
     def seen(self, rays: StillRays) -> tuple[FloatArray, FloatArray]:
         """Pixels (N, 2) of rays and their derivatives by the free parameters (N, 2, K).
@@ -124,71 +125,104 @@ class BentFit:
         What :meth:`project_jacobian` says of them, at a fraction of the cost.
         """
         radius = rays.theta + rays.odd @ self.values[4:8]
-        pixel, by_flat, by_values = self._bent(rays.direction * radius[:, None])
-        outwards = (by_flat @ rays.direction[:, :, None])[:, :, 0]
-        by_values[:, :, 4:8] = outwards[:, :, None] * rays.odd[:, None, :]
-        return pixel, by_values[:, :, self._free]
-
-    def _bent(self, flat: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """From the radial lens of focal length 1 on: (N, 2) -> pixels and their derivatives.
-
-        By the point in that lens's image (N, 2, 2), and by ``values`` (N, 2, 13), of which the
-        profile's are left to the caller.
-        """
-        focal, centre = self.values[:2], self.values[2:4]
-        p1, p2, t1, t2, skew = self.values[8:]
-        a, b = flat.T
-        square = a * a + b * b
-        moved = np.stack(
-            [
-                a + 2 * p1 * a * b + p2 * (square + 2 * a * a) + skew * b,
-                b + p1 * (square + 2 * b * b) + 2 * p2 * a * b,
-            ],
-            axis=-1,
-        )
-        moved_by_flat = np.empty((len(a), 2, 2))
-        moved_by_flat[:, 0, 0] = 1 + 2 * p1 * b + 6 * p2 * a
-        moved_by_flat[:, 1, 0] = 2 * p1 * a + 2 * p2 * b
-        moved_by_flat[:, 0, 1] = moved_by_flat[:, 1, 0] + skew
-        moved_by_flat[:, 1, 1] = 1 + 6 * p1 * b + 2 * p2 * a
-        depth = 1 + t1 * moved[:, 0] + t2 * moved[:, 1]
-        # A tilt that turns the sensor edge-on is a bad step: its cost turns it down.
-        depth = np.where(depth > 0, depth, np.nan)
-        tilted = moved / depth[:, None]
-        tilted_by_moved = (np.eye(2) - tilted[:, :, None] * np.array([t1, t2])) / depth[
-            :, None, None
-        ]
-        by_flat = focal[:, None] * (tilted_by_moved @ moved_by_flat)
-
-        moved_by_bends = np.zeros((len(a), 2, 3))
-        moved_by_bends[:, 0, 0] = moved_by_bends[:, 1, 1] = 2 * a * b
-        moved_by_bends[:, 1, 0] = square + 2 * b * b
-        moved_by_bends[:, 0, 1] = square + 2 * a * a
-        moved_by_bends[:, 0, 2] = b
-        by_bends = focal[:, None] * (tilted_by_moved @ moved_by_bends)
-        by_values = np.zeros((len(a), 2, 8 + _BENDS))
-        by_values[:, 0, 0] = tilted[:, 0]
-        by_values[:, 1, 1] = tilted[:, 1]
-        by_values[:, 0, 2] = by_values[:, 1, 3] = 1
-        by_values[:, :, 8:10] = by_bends[:, :, :2]
-        by_values[:, :, 10:12] = -(focal * tilted)[:, :, None] * tilted[:, None, :]
-        by_values[:, :, 12] = by_bends[:, :, 2]
-        pixel = np.where(np.isfinite(tilted), focal * tilted + centre, np.inf)
-        return pixel, by_flat, by_values
+        onto = _Onto.sensor(self.values, rays.direction * radius[:, None])
+        by_values = onto.by_values()
+        outwards = onto.moved(rays.direction[:, :, None])
+        np.multiply(outwards, rays.odd[:, None, :], out=by_values[:, :, 4:8])
+        return onto.pixel, by_values[:, :, self._free]
 
     def prior(self) -> tuple[FloatArray, FloatArray]:
         """The pulls to symmetry and to the anchor, weak: (L,) pixels, (L, K)."""
-        count = len(self._free)
-        residual, jacobian = np.zeros(0), np.zeros((0, count))
-        if self.spread:
+        bends = _BENDS if self.spread else 0
+        anchored = 0 if self.anchor is None else 2
+        residual = np.empty(bends + anchored)
+        jacobian = np.zeros((bends + anchored, 4 + self.terms + bends))
+        if bends:
             pull = self.noise_px / self.spread
-            residual = pull * self.values[8:]
-            jacobian = pull * np.eye(count)[-_BENDS:]
+            residual[:bends] = pull * self.values[8:]
+            np.fill_diagonal(jacobian[:bends, -bends:], pull)
         if self.anchor is not None:
             pull = self.noise_px / self.anchor_px
-            residual = np.append(residual, pull * (self.values[2:4] - self.anchor))
-            jacobian = np.vstack([jacobian, pull * np.eye(count)[2:4]])
+            residual[bends:] = pull * (self.values[2:4] - self.anchor)
+            np.fill_diagonal(jacobian[bends:, 2:4], pull)
         return residual, jacobian
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Onto:
+    """From the image of the radial lens of focal length 1 to pixels, by a lens's ``values``.
+
+    Attributes:
+        values: (13,) as :class:`BentFit` has them.
+        flat: (2, N) a and b in the radial lens's image.
+        tilted: (2, N) decentred, skewed and tilted.
+        depth: (N,) what the tilt divides by.
+        pixel: (N, 2).
+
+    """
+
+    values: FloatArray
+    flat: FloatArray
+    tilted: FloatArray
+    depth: FloatArray
+    pixel: FloatArray
+
+    @classmethod
+    def sensor(cls, values: FloatArray, flat: FloatArray) -> _Onto:
+        """Where points (N, 2) of the radial lens's image meet the sensor."""
+        p1, p2, t1, t2, skew = values[8:]
+        a, b = flat = np.ascontiguousarray(flat.T)
+        aa, bb, ab = a * a, b * b, 2 * a * b
+        moved = np.empty_like(flat)
+        moved[0] = a + p1 * ab + p2 * (3 * aa + bb) + skew * b
+        moved[1] = b + p1 * (aa + 3 * bb) + p2 * ab
+        depth = 1 + t1 * moved[0] + t2 * moved[1]
+        # A tilt that turns the sensor edge-on is a bad step: its cost turns it down.
+        depth[~(depth > 0)] = np.nan
+        tilted = moved / depth
+        pixel = (values[:2] * tilted.T) + values[2:4]
+        pixel[~np.isfinite(pixel)] = np.inf
+        return cls(values=values, flat=flat, tilted=tilted, depth=depth, pixel=pixel)
+
+    def moved(self, change: FloatArray) -> FloatArray:
+        """How pixels move (N, 2, C) when points of the radial lens's image do (N, 2, C)."""
+        p1, p2, _, _, skew = self.values[8:]
+        a, b = self.flat[:, :, None]
+        da, db = change[:, 0], change[:, 1]
+        across = 2 * (p1 * a + p2 * b)
+        return self._tilted(
+            (1 + 2 * p1 * b + 6 * p2 * a) * da + (across + skew) * db,
+            across * da + (1 + 6 * p1 * b + 2 * p2 * a) * db,
+        )
+
+    def _tilted(self, da: FloatArray, db: FloatArray) -> FloatArray:
+        """How pixels move (N, 2, C) when points before the tilt do, (N, C) each."""
+        (fx, fy), (t1, t2) = self.values[:2], self.values[10:12]
+        tilted, depth = self.tilted[:, :, None], self.depth[:, None]
+        away = t1 * da + t2 * db
+        pixel = np.empty((len(da), 2, da.shape[1]))
+        pixel[:, 0] = fx * (da - tilted[0] * away) / depth
+        pixel[:, 1] = fy * (db - tilted[1] * away) / depth
+        return pixel
+
+    def by_values(self) -> FloatArray:
+        """(N, 2, 13) derivatives of pixels, those by the profile left at 0."""
+        a, b = self.flat
+        aa, bb, ab = a * a, b * b, 2 * a * b
+        u, v = self.tilted
+        by_values = np.zeros((len(a), 2, 8 + _BENDS))
+        by_values[:, 0, 0], by_values[:, 1, 1] = u, v
+        by_values[:, 0, 2] = by_values[:, 1, 3] = 1
+        bends = np.zeros((2, len(a), 3))
+        bends[0, :, 0] = bends[1, :, 1] = ab
+        bends[1, :, 0], bends[0, :, 1], bends[0, :, 2] = aa + 3 * bb, 3 * aa + bb, b
+        by_bends = self._tilted(*bends)
+        by_values[:, :, 8:10], by_values[:, :, 12] = by_bends[:, :, :2], by_bends[:, :, 2]
+        across = u * v
+        by_values[:, 0, 10], by_values[:, 1, 11] = u * u, v * v
+        by_values[:, 0, 11] = by_values[:, 1, 10] = across
+        by_values[:, :, 10:12] *= -self.values[:2, None]
+        return by_values
 
 
 def bend(

@@ -153,13 +153,32 @@ class RayPrior:
 
     def nearest_lens(self, pixel: FloatArray) -> BentFit:
         """The bent lens nearest to pixels (M, 2) at the rays."""
+        seen, own, to_step = self._first_step
+        miss = (self.weights[:, None] * (pixel - seen)).reshape(-1)
         lens = self.lens
-        for _ in range(_NEAREST_ROUNDS):
+        lens = lens.with_parameters(lens.parameters + to_step @ np.concatenate([miss, own]))
+        for _ in range(_NEAREST_ROUNDS - 1):
             miss, by_lens = self._misses(pixel, lens)
-            scale = 1 / np.linalg.norm(by_lens, axis=0)
+            scale = 1 / np.sqrt(np.einsum("ij,ij->j", by_lens, by_lens))
             step = np.linalg.lstsq(by_lens * scale, -miss, rcond=None)[0]
             lens = lens.with_parameters(lens.parameters + scale * step)
         return lens
+
+    @cached_property
+    def _first_step(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Pixels of ``lens`` (M, 2), its own prior's misses (L,), and (K, 2M + L) from misses to
+        its step to the nearest lens.
+        """
+        seen, by_lens = self._seen
+        own, own_by_lens = self.lens.prior()
+        by_lens = -self.weights[:, None, None] * by_lens
+        slope = np.vstack([by_lens.reshape(seen.size, -1), own_by_lens])
+        scale = 1 / np.linalg.norm(slope, axis=0)
+        return seen, own, -scale[:, None] * np.linalg.pinv(slope * scale)
+
+    @cached_property
+    def _seen(self) -> tuple[FloatArray, FloatArray]:
+        return self.lens.seen(self._still)
 
     @cached_property
     def _still(self) -> StillRays:
@@ -236,7 +255,7 @@ class CubicFit:
         return (
             pixel * self.scale + self.centre,
             _through_unit_ray(slope, rays, length),
-            self._d_parameters(values, pixel, denominator),
+            self._d_parameters(values, pixel, denominator, np.empty((len(points), 2, 47))),
         )
 
     def project(self, points: FloatArray) -> FloatArray:
@@ -255,31 +274,23 @@ class CubicFit:
         P3Φ that vanishes somewhere differs widely from one that is positive on the whole cone.
         """
         prior = self.ray_prior
-        pixel, denominator = self._pixel(prior.values)
-        pixel = pixel * self.scale + self.centre
+        inside, denominator = self._pixel(prior.values)
+        pixel = inside * self.scale + self.centre
         change = prior.denominator_weight * (denominator / prior.denominator - 1)
-        by_pixel, by_denominator = self._d_prior(pixel, denominator)
         if not np.isfinite(pixel).all():  # a bad step: its cost turns it down
             return np.full(1, np.inf), np.zeros((1, 47))
         miss, by_lens = prior.nearest(pixel)
-        direct = np.zeros((len(miss), 47))
-        direct[: len(by_pixel)] = by_pixel
-        basis = np.linalg.qr(by_lens / np.linalg.norm(by_lens, axis=0))[0]
-        return (
-            np.concatenate([miss, change]),
-            np.vstack([direct - basis @ (basis.T @ direct), by_denominator]),
-        )
-
-    def _d_prior(self, pixel: FloatArray, denominator: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Weighted d pixel / d parameters (2M, 47) at the prior's rays, and d P3Φ's share."""
-        prior = self.ray_prior
-        inside = (pixel - self.centre) / self.scale
-        by_pixel = self._d_parameters(prior.values, inside, denominator)
-        by_pixel *= prior.weights[:, None, None]
-        by_denominator = np.zeros((len(denominator), 47))
+        slope = np.empty((len(miss) + len(change), 47))
+        direct = slope[: len(miss)]
+        by_pixel = slope[: pixel.size].reshape(-1, 2, 47)
+        self._d_parameters(prior.values, inside, denominator, by_pixel, prior.weights[:, None])
+        direct[pixel.size :] = 0
+        basis = np.linalg.qr(by_lens / np.sqrt(np.einsum("ij,ij->j", by_lens, by_lens)))[0]
+        direct -= basis @ (basis.T @ direct)
         share = (prior.denominator_weight / prior.denominator)[:, None]
-        by_denominator[:, 32:] = share * (prior.values @ self.denominator_basis)
-        return by_pixel.reshape(pixel.size, -1), by_denominator
+        slope[len(miss) :, :32] = 0
+        slope[len(miss) :, 32:] = share * (prior.values @ self.denominator_basis)
+        return np.concatenate([miss, change]), slope
 
     def _pixel(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         homogeneous = values @ self.coefficients.T
@@ -290,15 +301,20 @@ class CubicFit:
         return np.where(denominator[:, None] > 0, pixel, np.inf), denominator
 
     def _d_parameters(
-        self, values: FloatArray, pixel: FloatArray, denominator: FloatArray
+        self,
+        values: FloatArray,
+        pixel: FloatArray,
+        denominator: FloatArray,
+        out: FloatArray,
+        weight: FloatArray | float = 1.0,
     ) -> FloatArray:
-        share = self.scale * values / denominator[:, None]
-        jacobian = np.empty((len(values), 2, 47))
-        jacobian[:, 0, :16] = jacobian[:, 1, 16:32] = share
-        jacobian[:, 0, 16:32] = jacobian[:, 1, :16] = 0
+        """Weighted d pixel / d parameters, into (N, 2, 47); ``pixel`` is of order 1."""
+        share = values * (self.scale * weight / denominator[:, None])
+        out[:, 0, :16] = out[:, 1, 16:32] = share
+        out[:, 0, 16:32] = out[:, 1, :16] = 0
         by_denominator = share @ self.denominator_basis
-        np.multiply(-pixel[:, :, None], by_denominator[:, None, :], out=jacobian[:, :, 32:])
-        return jacobian
+        np.multiply(-pixel[:, :, None], by_denominator[:, None, :], out=out[:, :, 32:])
+        return out
 
     @property
     def P(self) -> FloatArray:
