@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from cubicfish_cli.fitting.normal_equations import (
     Linearised,
     NormalEquations,
     NormalSums,
+    Prior,
     runs_of_photos,
 )
 from cubicfish_cli.fitting.poses import Poses, cross_matrix
@@ -164,7 +166,7 @@ class _Evaluation:
 def _evaluated(state: _State, pairs: Correspondences, huber_px: float) -> _Evaluation:
     """Evaluate a state with its derivatives at once: nearly every step that is tried is taken."""
     lens, world = state.lens, state.world
-    priors = _priors(lens, world)
+    priors = lens.prior(), world.prior()
     sums = NormalSums(len(lens.parameters), len(world.parameters), len(state.poses), world)
     residual = np.empty_like(pairs.pixel)
     # A step may lead anywhere: what overflows there has an infinite cost and is turned down.
@@ -178,22 +180,23 @@ def _evaluated(state: _State, pairs: Correspondences, huber_px: float) -> _Evalu
                 return _Evaluation(np.inf, residual, None)
             root = np.sqrt(pairs.weight[run] * huber_weight(length, huber_px))
             sums.add(terms, root, photos, pairs.image[run], run)
-        cost = _cost(residual, pairs, huber_px, priors[0], world)
+        cost = _cost(residual, pairs, huber_px, priors, world)
     if not np.isfinite(cost):
         return _Evaluation(np.inf, residual, None)
-    return _Evaluation(cost, residual, sums.equations(priors))
+    return _Evaluation(cost, residual, sums.equations(*priors))
 
 
 def _cost(
-    residual: FloatArray, pairs: Correspondences, huber_px: float, prior: FloatArray, world: World
+    residual: FloatArray,
+    pairs: Correspondences,
+    huber_px: float,
+    priors: Sequence[Prior],
+    world: World,
 ) -> float:
     distance = np.hypot(residual[:, 0], residual[:, 1])
-    offset = world.offset_weight * world.offsets
-    return float(
-        np.sum(pairs.weight * huber_cost(distance, huber_px))
-        + 0.5 * np.sum(prior * prior)
-        + 0.5 * np.sum(offset * offset)
-    )
+    offset = (world.offset_weight * world.offsets).reshape(-1)
+    pulls = sum(float(prior @ prior) for prior, _ in priors) + offset @ offset
+    return float(pairs.weight @ huber_cost(distance, huber_px) + 0.5 * pulls)
 
 
 def views_of(lens: FitLens, poses: Poses) -> Poses:
@@ -250,13 +253,3 @@ def linearised(
         d_corner=d_corner,
         pose=body.shot_of(image),
     )
-
-
-def _priors(lens: FitLens, world: World) -> tuple[FloatArray, FloatArray]:
-    """The priors of lens and object as one block-diagonal set of pseudo-observations."""
-    lens_prior, d_lens = lens.prior()
-    world_prior, d_world = world.prior()
-    jacobian = np.zeros((len(lens_prior) + len(world_prior), d_lens.shape[1] + d_world.shape[1]))
-    jacobian[: len(lens_prior), : d_lens.shape[1]] = d_lens
-    jacobian[len(lens_prior) :, d_lens.shape[1] :] = d_world
-    return np.concatenate([lens_prior, world_prior]), jacobian

@@ -19,6 +19,8 @@ from cubicfish_cli.fitting.world import World
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
+Prior = tuple[FloatArray, FloatArray]
+"""Pseudo-observations: residuals (L,) and their derivatives (L, K)."""
 
 # Derivatives of so many pairs fit into a core's cache; larger arrays wait for memory.
 _RUN_PAIRS = 1000
@@ -402,24 +404,32 @@ class NormalSums:
         """Hessian (K, K) and gradient (K,) of the shared unknowns."""
         hessian, gradient = np.zeros((self._shared,) * 2), np.zeros(self._shared)
         for (first, stop), total in self._total.items():
-            own = np.arange(self._shared)[self._own(slice(first, stop))]
-            hessian[np.ix_(own, own)] += total[:, : len(own)]
+            own = self._own(slice(first, stop))
+            if isinstance(own, slice):
+                hessian += total[:, : self._shared]
+            else:
+                hessian[np.ix_(own, own)] += total[:, : len(own)]
             gradient[own] += total[:, -1]
         return hessian, gradient
 
-    def equations(self, priors: tuple[FloatArray, FloatArray]) -> NormalEquations:
-        """The sums with the priors: residuals (L,) and derivatives (L, K), and offsets' pull."""
+    def equations(self, of_lens: Prior, of_boards: Prior) -> NormalEquations:
+        """The sums with the priors of lens and boards, and offsets' pull."""
         count = self._shared
         hessian, gradient = self._totals()
-        residual, d_prior = priors
+        for own, (residual, slope) in (
+            (slice(0, self._lens), of_lens),
+            (slice(self._lens, count), of_boards),
+        ):
+            hessian[own, own] += slope.T @ slope
+            gradient[own] += slope.T @ residual
         offsets = self._world.offsets
         pull = self._world.offset_weight**2
         corner = self._by_corner[:, count:-1].reshape(-1, 3, 3)
         return NormalEquations(
-            shared=hessian + d_prior.T @ d_prior,
+            shared=hessian,
             pose=self._pose,
             shared_pose=self._shared_pose.reshape(count, 6 * len(self._pose)),
-            shared_gradient=gradient + d_prior.T @ residual,
+            shared_gradient=gradient,
             pose_gradient=self._pose_gradient,
             corner=corner + pull * np.eye(3),
             shared_corner=self._by_corner[:, :count].T,
