@@ -10,6 +10,8 @@ import numpy.typing as npt
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
+from cubicfish_cli.fitting.adjustment import huber_weight
+
 FloatArray = npt.NDArray[np.float64]
 
 _HUBER_PX = 1.0
@@ -19,6 +21,9 @@ _START_ROUNDS = 4
 _START_SHARE = 0.8
 # Rounds of least squares: each takes the rays that are in both fields under the last rotation.
 _FIT_ROUNDS = 3
+_MOST_STEPS = 50
+# Radians: of the differences that stand for derivatives, and of the last step.
+_SIDE, _SETTLED = 1e-5, 1e-9
 
 
 class ProjectingLens(Protocol):
@@ -29,7 +34,7 @@ class ProjectingLens(Protocol):
 
 
 def aligned_difference(
-    first: ProjectingLens, second: ProjectingLens, rays: FloatArray
+    first: ProjectingLens, second: ProjectingLens, rays: FloatArray, *, near: bool = False
 ) -> tuple[FloatArray, FloatArray]:
     """Pixel differences of two lenses under the rotation that makes them smallest.
 
@@ -41,6 +46,7 @@ def aligned_difference(
         first: one lens.
         second: the other.
         rays: (N, 3) unit rays in the second lens's frame; best spread over its whole field.
+        near: whether the frames are nearly the same already.
 
     Returns:
         Differences first(R d) − second(d), (N, 2) pixels, NaN where either lens
@@ -48,21 +54,20 @@ def aligned_difference(
 
     """
     wanted = second.project(rays)
-    rotation = _start(first, rays, wanted)
+    rotation = Rotation.identity() if near else _start(first, rays, wanted)
 
     def difference(rotation: Rotation, index: npt.NDArray[np.intp]) -> FloatArray:
         return first.project(rotation.apply(rays[index])) - wanted[index]
 
-    everyone = np.arange(len(rays))
+    everyone, common = np.arange(len(rays)), np.zeros(0, np.intp)
+    miss = difference(rotation, everyone)
     for _ in range(_FIT_ROUNDS):
-        common = np.flatnonzero(np.isfinite(difference(rotation, everyone)).all(axis=1))
-        if len(common) < 3:
+        before, common = common, np.flatnonzero(np.isfinite(miss).all(axis=1))
+        if len(common) < 3 or np.array_equal(before, common):
             break
-        step = _small_turn(difference, rotation, common)
-        rotation = step * rotation
-        if step.magnitude() < 1e-10:
-            break
-    return difference(rotation, everyone), rotation.as_matrix()
+        rotation = _small_turn(difference, rotation, common) * rotation
+        miss = difference(rotation, everyone)
+    return miss, rotation.as_matrix()
 
 
 def _small_turn(
@@ -70,19 +75,28 @@ def _small_turn(
     rotation: Rotation,
     common: npt.NDArray[np.intp],
 ) -> Rotation:
-    """The turn on the left of ``rotation`` with the smallest Huber loss."""
-    # Only here, since it takes a tenth of a second to load and calibrations do not come here.
-    from scipy.optimize import least_squares
+    """The turn on the left of ``rotation`` with the smallest Huber loss.
 
-    def residual(vector: FloatArray) -> FloatArray:
+    Gauss and Newton, with the loss's weights anew in each step.
+    """
+
+    def miss(turn: Rotation) -> FloatArray:
+        return difference(turn * rotation, common).ravel()
+
+    turn, slope = Rotation.identity(), np.empty((2 * len(common), 3))
+    for _ in range(_MOST_STEPS):
+        now = miss(turn)
+        for axis, side in enumerate(_SIDE * np.eye(3)):
+            ahead, behind = (Rotation.from_rotvec(way) * turn for way in (side, -side))
+            slope[:, axis] = (miss(ahead) - miss(behind)) / (2 * _SIDE)
         # A ray that leaves the field as R changes pulls neither way.
-        miss = difference(Rotation.from_rotvec(vector) * rotation, common)
-        return np.nan_to_num(miss).ravel()
-
-    fit = least_squares(
-        residual, np.zeros(3), loss="huber", f_scale=_HUBER_PX, xtol=1e-14, gtol=1e-12
-    )
-    return Rotation.from_rotvec(fit.x)
+        seen = np.isfinite(now) & np.isfinite(slope).all(axis=1)
+        weight = huber_weight(np.abs(now[seen]), _HUBER_PX)[:, None] * slope[seen]
+        step = np.linalg.lstsq(slope[seen].T @ weight, -weight.T @ now[seen], rcond=None)[0]
+        turn = Rotation.from_rotvec(step) * turn
+        if np.linalg.norm(step) < _SETTLED:
+            break
+    return turn
 
 
 def _start(first: ProjectingLens, rays: FloatArray, wanted: FloatArray) -> Rotation:

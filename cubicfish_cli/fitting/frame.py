@@ -33,7 +33,8 @@ def in_references_frame(
         covered: angle from the axis up to which there are corners, radians.
 
     """
-    miss, rotation = aligned_difference(camera, camera.radial, cone_rays(covered, _RAYS))
+    rays = cone_rays(covered, _RAYS)
+    miss, rotation = aligned_difference(camera, camera.radial, rays, near=True)
     if not np.isfinite(miss).any():
         return camera, poses
     P = camera.P @ lift_rotation(rotation)

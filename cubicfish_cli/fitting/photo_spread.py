@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -120,14 +121,17 @@ class PhotoSpread:
         """(2N, G) how the pixels of rays move by each step, the common turn taken out."""
         if not len(steps):
             return np.zeros((2 * len(rays), 0))
-        lens = self.noise.result.lens
-        _, by_ray, by_lens = lens.project_jacobian(self.aligned)
-        turned = (-by_ray @ cross_matrix(self.aligned)).reshape(-1, 3)
-        moved = (by_lens @ steps.T).reshape(-1, len(steps))
-        turn = np.linalg.lstsq(turned, moved, rcond=None)[0]
-        _, by_ray, by_lens = lens.project_jacobian(rays)
-        change = by_lens @ steps.T - (-by_ray @ cross_matrix(rays)) @ turn
+        _, by_ray, by_lens = self.noise.result.lens.project_jacobian(rays)
+        turned = -by_ray @ cross_matrix(rays)
+        change = (by_lens - turned @ self._turn) @ steps.T
         return np.asarray(change.reshape(-1, len(steps)))
+
+    @cached_property
+    def _turn(self) -> FloatArray:
+        """(3, K) the common turn by the lens's parameters."""
+        _, by_ray, by_lens = self.noise.result.lens.project_jacobian(self.aligned)
+        turned = (-by_ray @ cross_matrix(self.aligned)).reshape(-1, 3)
+        return np.linalg.lstsq(turned, by_lens.reshape(len(turned), -1), rcond=None)[0]
 
 
 def variance_of_few(squares: FloatArray, clusters: int) -> FloatArray:

@@ -62,7 +62,12 @@ class Uncertainty:
 
     def sigma_px(self, rays: FloatArray) -> FloatArray:
         """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (N,), pixels."""
-        return np.sqrt(np.trace(self.covariance(rays), axis1=1, axis2=2))
+        by_shared, by_turn = self._by_unknowns(rays)
+        variance = np.zeros(len(rays))
+        for by, spread in ((by_shared, self.shared), (by_turn, self.turn)):
+            flat = by.reshape(2 * len(rays), -1)
+            variance += np.sum((flat @ spread) * flat, axis=1).reshape(-1, 2).sum(axis=1)
+        return np.sqrt(variance)
 
     def variance(self, rays: FloatArray, weights: FloatArray) -> FloatArray:
         """Variance (F,) of weighted sums of pixels, weights (F, 2N), of unit rays (N, 3)."""
