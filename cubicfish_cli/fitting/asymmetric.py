@@ -12,9 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.fitting.adjustment import adjust
+from cubicfish_cli.fitting.adjustment import COLD_DAMPING, WARM_DAMPING, adjust
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px, noise_px
+from cubicfish_cli.geometry import mean_rotation
 from cubicfish_cli.lenses.radial import RadialCamera, project_jacobian
 
 FloatArray = npt.NDArray[np.float64]
@@ -225,6 +226,20 @@ class _Onto:
         return by_values
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bend:
+    """What a bent lens and the poses that go with it differ by from the radial lens and its own.
+
+    Attributes:
+        values: (13,) by what its values differ.
+        turn: (3, 3) the turn that all poses share.
+
+    """
+
+    values: FloatArray
+    turn: FloatArray
+
+
 def bend(
     camera: RadialCamera,
     terms: int,
@@ -232,6 +247,7 @@ def bend(
     pairs: Correspondences,
     residual: FloatArray,
     spread: float,
+    near: Bend | None = None,
 ) -> tuple[BentFit, Poses]:
     """The bent lens nearest to corners, anchored there, and the poses that go with it.
 
@@ -242,15 +258,37 @@ def bend(
         pairs: the corners.
         residual: (N, 2) of the radial lens, pixels.
         spread: expected asymmetry, see :class:`BentFit`.
+        near: a bend from which to start, of much the same lens.
 
     """
     noise = max(noise_px(residual), 1e-3)
     lens = BentFit.unbent(camera, terms=terms, noise_px=noise, spread=spread)
     if spread:
-        fit = adjust(lens, poses, pairs, huber_px=huber_px(residual), relative_decrease=_DECREASE)
+        if near is not None:
+            lens = replace(lens, values=lens.values + near.values)
+            poses = Poses(
+                rotation=near.turn @ poses.rotation, translation=poses.translation @ near.turn.T
+            )
+        fit = adjust(
+            lens,
+            poses,
+            pairs,
+            huber_px=huber_px(residual),
+            relative_decrease=_DECREASE,
+            damping=COLD_DAMPING if near is None else WARM_DAMPING,
+        )
         if not isinstance(fit.lens, BentFit):
             raise TypeError("the adjustment must be of a bent lens")
         lens, poses = fit.lens, fit.poses
     return replace(
         lens, anchor=lens.values[2:4], anchor_px=_CENTRE_SPREAD * float(lens.values[:2].mean())
     ), poses
+
+
+def bend_between(camera: RadialCamera, poses: Poses, bent: BentFit, bent_poses: Poses) -> Bend:
+    """By what a bent lens and its poses differ from a radial lens and its own."""
+    turns = bent_poses.rotation @ poses.rotation.transpose(0, 2, 1)
+    return Bend(
+        values=bent.values - BentFit.unbent(camera).values,
+        turn=mean_rotation(turns, np.ones(len(turns))),
+    )

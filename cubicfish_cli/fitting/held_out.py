@@ -37,9 +37,8 @@ _FOLD_DECREASE = 1e-4
 _LEAST_SPREAD = 1e-3
 _FEWEST_TO_COMPARE = 2
 _RADIAL_DECREASE = 1e-5
-# Of poses alone, on the way and at their optimum.
+# Of poses alone.
 _WIDE_PX = 10.0
-_ROUGH_DECREASE = 1e-2
 _POSE_DECREASE = 1e-7
 
 
@@ -219,21 +218,23 @@ def pose_only_residual(
         return poses, np.zeros((0, 2)), index
     own, photos = select(pairs, inside)
     lens = FixedLens(camera=camera)
-    # The first only leads to the second, whose loss follows what it leaves.
     fit = adjust(
         lens,
         poses[photos],
         own,
         huber_px=_WIDE_PX,
-        relative_decrease=_ROUGH_DECREASE,
-        damping=WARM_DAMPING,
-    )
-    fit = adjust(
-        lens,
-        fit.poses,
-        own,
-        huber_px=huber_px(fit.residual),
         relative_decrease=_POSE_DECREASE,
         damping=WARM_DAMPING,
     )
+    limit = huber_px(fit.residual)
+    if np.hypot(*fit.residual.T).max() > min(limit, _WIDE_PX):
+        # Once more, with a loss that follows what the first left.
+        fit = adjust(
+            lens,
+            fit.poses,
+            own,
+            huber_px=limit,
+            relative_decrease=_POSE_DECREASE,
+            damping=WARM_DAMPING,
+        )
     return poses.with_photos(photos, fit.poses), fit.residual, index

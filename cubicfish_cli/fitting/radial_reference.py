@@ -13,7 +13,7 @@ from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import COLD_DAMPING, WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.fitting.asymmetric import BentFit, bend
+from cubicfish_cli.fitting.asymmetric import Bend, BentFit, bend, bend_between
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.lenses import RadialFit
 from cubicfish_cli.fitting.poses import Poses
@@ -70,6 +70,7 @@ class RadialReference:
         unfit: why each photo that was left out was, by name.
         terms: how many coefficients of the radial profile are in use.
         focal_uncertainty: standard deviation of the focal length, as a share of it.
+        bends: what bent this lens before, by expected asymmetry: where to start from.
 
     """
 
@@ -80,14 +81,22 @@ class RadialReference:
     unfit: dict[str, Finding]
     terms: int
     focal_uncertainty: float
+    bends: dict[float, Bend] = field(default_factory=dict, repr=False)
     _bent: dict[float, tuple[BentFit, Poses]] = field(default_factory=dict, init=False, repr=False)
 
     def bent(self, spread: float) -> tuple[BentFit, Poses]:
         """The nearest lens of this expected asymmetry, and the poses that go with it."""
         if spread not in self._bent:
-            self._bent[spread] = bend(
-                self.camera, self.terms, self.poses, self.pairs, self.residual, spread
+            bent, poses = self._bent[spread] = bend(
+                self.camera,
+                self.terms,
+                self.poses,
+                self.pairs,
+                self.residual,
+                spread,
+                self.bends.get(spread),
             )
+            self.bends[spread] = bend_between(self.camera, self.poses, bent, poses)
         return self._bent[spread]
 
     @property
@@ -209,6 +218,7 @@ def refit_radial(
         unfit=reference.unfit,
         terms=terms,
         focal_uncertainty=_focal_uncertainty(fit),
+        bends=dict(reference.bends),
     )
 
 
