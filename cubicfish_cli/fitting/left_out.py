@@ -10,15 +10,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.fitting.adjustment import Adjustment, huber_weight, linearised
+from cubicfish_cli.fitting.adjustment import Adjustment, huber_weight, linearised, views_of
 from cubicfish_cli.fitting.fit_lens import FitLens
-from cubicfish_cli.fitting.normal_equations import Eliminated, NormalEquations
+from cubicfish_cli.fitting.normal_equations import (
+    Eliminated,
+    NormalEquations,
+    runs_of_photos,
+)
+from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.rig_lens import body_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -66,18 +72,41 @@ class _Part:
         pulled: FloatArray = (self.by_corner.transpose(0, 2, 1) @ own)[:, :, 0]
         return pulled
 
+    def rows(self, start: int, stop: int) -> _Part:
+        """What pairs ``start`` to ``stop`` put in."""
+        of_pairs, of_rows = slice(start, stop), slice(2 * start, 2 * stop)
+        return _Part(
+            shared=self.shared[of_rows],
+            pose=self.pose[of_rows],
+            residual=self.residual[of_rows],
+            root=self.root[of_pairs],
+            corner=self.corner[of_pairs],
+            by_corner=self.by_corner[of_pairs],
+        )
+
     @cached_property
     def _by_pose(self) -> FloatArray:
         """(2n, 6) orthonormal: what a pose can make of the residuals."""
         basis, size, _ = np.linalg.svd(self.pose, full_matrices=False)
-        return np.asarray(basis[:, size > _RANK * size[0]])
+        return np.asarray(basis[:, size > _RANK * size[:1]])
+
+    def _without_pose(self, residual: FloatArray) -> FloatArray:
+        """What a pose fitted anew leaves of residuals (2n, ...)."""
+        left: FloatArray = residual - self._by_pose @ (self._by_pose.T @ residual)
+        return left
+
+    @cached_property
+    def _left(self) -> tuple[FloatArray, FloatArray]:
+        """(2n,) and (2n, K): residuals and their derivatives, the pose fitted anew."""
+        return self._without_pose(self.residual), self._without_pose(self.shared)
 
     def after(self, shared: FloatArray, offset: FloatArray) -> FloatArray:
         """Residuals (n, 2) after a step of what is shared, the photo's pose fitted anew."""
-        residual = self.residual + self.shared @ shared
+        residual, slope = self._left
+        residual = residual + slope @ shared
         if len(self.corner):
-            residual = residual + (self.by_corner @ offset[self.corner, :, None]).reshape(-1)
-        residual = residual - self._by_pose @ (self._by_pose.T @ residual)
+            moved = (self.by_corner @ offset[self.corner, :, None]).reshape(-1)
+            residual += self._without_pose(moved)
         return residual.reshape(-1, 2) / self.root[:, None]
 
 
@@ -100,12 +129,9 @@ class Leaving:
             groups: photos to be left out together.
 
         """
-        runs = _runs(fit, pairs)
+        parts = _parts(fit, pairs, huber_px)
         self._fit = fit
-        self._groups = [
-            (photos, [_part(fit, pairs, huber_px, runs[photo]) for photo in photos])
-            for photos in groups
-        ]
+        self._groups = [(photos, [parts[photo] for photo in photos]) for photos in groups]
         self._equations = [
             _without(fit.normal, photos, parts).eliminated(_DAMPING)
             for photos, parts in self._groups
@@ -138,15 +164,12 @@ class Leaving:
 
     @cached_property
     def _prior(self) -> tuple[FloatArray, FloatArray]:
-        return self._fit.lens.prior()
+        return _squared(self._fit.lens)
 
     def _other_prior(self, lens: FitLens) -> tuple[FloatArray, FloatArray]:
         """What another lens's prior adds to the Hessian (L, L) and to the gradient (L,)."""
-        (residual, slope), (new_residual, new_slope) = self._prior, lens.prior()
-        return (
-            new_slope.T @ new_slope - slope.T @ slope,
-            new_slope.T @ new_residual - slope.T @ residual,
-        )
+        (hessian, gradient), (new_hessian, new_gradient) = self._prior, _squared(lens)
+        return new_hessian - hessian, new_gradient - gradient
 
     def held_as(self, lens: FitLens) -> FloatArray:
         """Step (K,) of the shared unknowns with no photo left out, under another lens's prior."""
@@ -174,27 +197,38 @@ class Leaving:
         return steps
 
 
-def _runs(fit: Adjustment, pairs: Correspondences) -> list[list[slice]]:
-    """Where the pairs of each pose are: in one place, or one for each camera that saw the shot."""
-    body = body_of(fit.lens)
-    views = np.arange(len(body.views(fit.poses)))
-    bounds = np.searchsorted(pairs.image, np.arange(len(views) + 1))
-    runs: list[list[slice]] = [[] for _ in range(len(fit.poses))]
-    for view, pose in enumerate(body.shot_of(views)):
-        runs[pose].append(slice(int(bounds[view]), int(bounds[view + 1])))
-    return runs
+def _squared(lens: FitLens) -> tuple[FloatArray, FloatArray]:
+    """What a lens's prior puts into Hessian (L, L) and gradient (L,)."""
+    residual, slope = lens.prior()
+    return slope.T @ slope, slope.T @ residual
 
 
-def _part(fit: Adjustment, pairs: Correspondences, limit: float, runs: Sequence[slice]) -> _Part:
-    found = [_view(fit, pairs, limit, run) for run in runs]
-    if len(found) == 1:
-        return found[0]
+def _parts(fit: Adjustment, pairs: Correspondences, limit: float) -> list[_Part]:
+    """What was seen from each pose; in one place, or one for each camera that saw the shot."""
+    body, views = body_of(fit.lens), views_of(fit.lens, fit.poses)
+    found: list[list[_Part]] = [[] for _ in range(len(fit.poses))]
+    for photos, run in runs_of_photos(pairs.image, len(views), body.stops):
+        if run.start == run.stop:
+            continue
+        whole = _run(fit, views, pairs, limit, run)
+        numbers = np.arange(photos.start, photos.stop)
+        bounds = np.searchsorted(pairs.image[run], np.append(numbers, photos.stop))
+        for pose, (start, stop) in zip(body.shot_of(numbers), pairwise(bounds), strict=True):
+            found[pose].append(whole.rows(start, stop))
+    return [_joined(some or [whole.rows(0, 0)]) for some in found]
+
+
+def _joined(some: Sequence[_Part]) -> _Part:
+    if len(some) == 1:
+        return some[0]
     names = [one.name for one in fields(_Part)]
-    return _Part(**{name: np.concatenate([getattr(one, name) for one in found]) for name in names})
+    return _Part(**{name: np.concatenate([getattr(one, name) for one in some]) for name in names})
 
 
-def _view(fit: Adjustment, pairs: Correspondences, limit: float, run: slice) -> _Part:
-    terms = linearised(fit.lens, fit.poses, fit.world, pairs, run)
+def _run(
+    fit: Adjustment, views: Poses, pairs: Correspondences, limit: float, run: slice
+) -> _Part:
+    terms = linearised(fit.lens, fit.poses, fit.world, pairs, run, views)
     length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
     root = np.sqrt(np.maximum(pairs.weight[run], _SMALLEST_WEIGHT) * huber_weight(length, limit))
     lens = len(fit.lens.parameters)
