@@ -79,20 +79,21 @@ def reach(camera: CubicCamera, points: FloatArray, residual: FloatArray, sigma: 
     """
     angle = np.rad2deg(angle_from_axis(points))
     covered = float(angle.max())
-    edge = np.rad2deg(angle_from_axis(camera.edge(_DIRECTIONS)))
+    at_edge = camera.edge(_DIRECTIONS)
+    edge = np.rad2deg(angle_from_axis(at_edge))
     own = np.rad2deg(azimuth(points[:, :2]))
     around = np.arange(_DIRECTIONS) * 360 / _DIRECTIONS
     beside = np.abs((own - around[:, None] + 180) % 360 - 180) <= _BESIDE_DEG
     reached = np.where(beside, angle, 0.0).max(axis=1)
     short = np.minimum(edge, covered) - reached
-    at_edge = sigma(camera.edge(_DIRECTIONS))
-    at_edge = at_edge[np.isfinite(at_edge)]
+    uncertain = sigma(at_edge)
+    uncertain = uncertain[np.isfinite(uncertain)]
     rim, middle, rim_from = _errors(angle, residual)
     return Reach(
         all_around_deg=_all_around(reached, edge, covered),
         rim_coverage=float(np.mean(short <= _NEAR * covered)),
         extrapolated_deg=float(np.median(np.maximum(edge - reached, 0))),
-        edge_uncertainty_px=float(np.median(at_edge)) if at_edge.size else None,
+        edge_uncertainty_px=float(np.median(uncertain)) if uncertain.size else None,
         rim_from_deg=rim_from,
         rim_rms_px=rim,
         middle_rms_px=middle,

@@ -8,6 +8,7 @@ picture is neither folded nor mirrored) over the whole cone.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -45,20 +46,10 @@ class Validity:
 def check_validity(P: npt.ArrayLike, angle_deg: float) -> Validity:
     """Examine P (3, 20) for poles and folds over the cone of half-angle ``angle_deg``."""
     P = np.asarray(P, float)
-    angle = np.deg2rad(angle_deg)
-    rim_azimuth = np.linspace(0, 2 * np.pi, 720, endpoint=False)
-    rim = np.stack(
-        [
-            np.sin(angle) * np.cos(rim_azimuth),
-            np.sin(angle) * np.sin(rim_azimuth),
-            np.full(720, np.cos(angle)),
-        ],
-        axis=-1,
-    )
-    rays = np.vstack([[[0.0, 0.0, 1.0]], cone_rays(angle, _CHECK_RAYS), rim])
+    rays, basis = _checked(float(angle_deg))
     homogeneous, gradient = evaluate_cubics(P, rays)
     denominator = homogeneous[:, 2]
-    gradient = gradient @ tangent_basis(rays)
+    gradient = gradient @ basis
     # d(u, v) = (d(P1Φ, P2Φ) − (u, v) d(P3Φ)) / P3Φ; times P3Φ² it stays finite at a pole.
     a = gradient[:, :2] * denominator[:, None, None]
     numerator = a - homogeneous[:, :2, None] * gradient[:, 2:, :]
@@ -71,6 +62,26 @@ def check_validity(P: npt.ArrayLike, angle_deg: float) -> Validity:
         smallest_denominator=_smallest(denominator),
         smallest_determinant=_smallest(determinant),
     )
+
+
+@lru_cache(maxsize=4)
+def _checked(angle_deg: float) -> tuple[FloatArray, FloatArray]:
+    """Rays of a cone, (N, 3), and their tangents, (N, 3, 2): a fit asks for the same many times."""
+    angle = np.deg2rad(angle_deg)
+    rim_azimuth = np.linspace(0, 2 * np.pi, 720, endpoint=False)
+    rim = np.stack(
+        [
+            np.sin(angle) * np.cos(rim_azimuth),
+            np.sin(angle) * np.sin(rim_azimuth),
+            np.full(720, np.cos(angle)),
+        ],
+        axis=-1,
+    )
+    rays = np.vstack([[[0.0, 0.0, 1.0]], cone_rays(angle, _CHECK_RAYS), rim])
+    basis = tangent_basis(rays)
+    for array in (rays, basis):
+        array.flags.writeable = False
+    return rays, basis
 
 
 def _smallest(values: FloatArray) -> float:
