@@ -122,6 +122,7 @@ def fit_cubic(
             world=world,
             relative_decrease=max(relative_decrease, _ROUGH_DECREASE),
             damping=COLD_DAMPING if start is None else WARM_DAMPING,
+            known=None if start is None else start.fit,
         )
         if relative_decrease < _ROUGH_DECREASE:  # to the bottom, the loss's scale settled
             fit = adjust(
@@ -132,6 +133,7 @@ def fit_cubic(
                 world=fit.world,
                 relative_decrease=relative_decrease,
                 damping=WARM_DAMPING,
+                known=fit,
             )
         result = _result(fit, hold, max_angle_deg)
         if result.validity.valid:

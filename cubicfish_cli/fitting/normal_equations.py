@@ -294,7 +294,7 @@ class NormalSums:
 
     def __init__(self, lens: int, boards: int, poses: int, world: World) -> None:
         """Zeros for so many parameters of lens and boards and so many poses."""
-        self._world = world
+        self._corner = world.corner
         self._lens = lens
         self._boards = boards
         count = self._shared = lens + boards
@@ -360,7 +360,7 @@ class NormalSums:
             self._pose_gradient[pose] += gram[count:-1, -1]
         if self._corners and terms.d_corner is not None:
             d_corner = terms.d_corner * root[:, None, None]
-            self._add_corners(jacobian, d_corner, own, terms.pose, self._world.corner[pairs])
+            self._add_corners(jacobian, d_corner, own, terms.pose, self._corner[pairs])
 
     def _add_alike(
         self, jacobian: FloatArray, total: FloatArray, own: IntArray | slice, pose: IntArray
@@ -412,8 +412,8 @@ class NormalSums:
             gradient[own] += total[:, -1]
         return hessian, gradient
 
-    def equations(self, of_lens: Prior, of_boards: Prior) -> NormalEquations:
-        """The sums with the priors of lens and boards, and offsets' pull."""
+    def equations(self, of_lens: Prior, of_boards: Prior, world: World) -> NormalEquations:
+        """The sums with the priors of lens and boards, and the pull of a world's offsets."""
         count = self._shared
         hessian, gradient = self._totals()
         for own, (residual, slope) in (
@@ -422,8 +422,7 @@ class NormalSums:
         ):
             hessian[own, own] += slope.T @ slope
             gradient[own] += slope.T @ residual
-        offsets = self._world.offsets
-        pull = self._world.offset_weight**2
+        offsets, pull = world.offsets, world.offset_weight**2
         corner = self._by_corner[:, count:-1].reshape(-1, 3, 3)
         return NormalEquations(
             shared=hessian,

@@ -306,7 +306,7 @@ def _adjusted(fit: Adjustment, pairs: Correspondences) -> Adjustment:
     """Continue with a loss that follows the residuals down to the noise."""
     for damping in (COLD_DAMPING, WARM_DAMPING):
         limit = huber_px(fit.residual)
-        fit = adjust(fit.lens, fit.poses, pairs, huber_px=limit, damping=damping)
+        fit = adjust(fit.lens, fit.poses, pairs, huber_px=limit, damping=damping, known=fit)
     return fit
 
 

@@ -152,6 +152,7 @@ def _continued(
         world=world or fit.world,
         relative_decrease=_ROUGH_DECREASE,
         damping=WARM_DAMPING,
+        known=fit,
     )
 
 
