@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import NEAR_DECREASE, CubicResult, Hold, fit_cubic
 from cubicfish_cli.fitting.departures import Departure, departures
 from cubicfish_cli.fitting.evidence import Diagnose, FailedFit, FitEvidence
 from cubicfish_cli.fitting.findings import (
@@ -36,7 +36,14 @@ from cubicfish_cli.fitting.radial_reference import (
     refit_radial,
 )
 from cubicfish_cli.fitting.reach import Reach, reach, trusted_angle_deg
-from cubicfish_cli.fitting.refinement import LEVELS, Drawing, Level, ObjectFit, refine_object
+from cubicfish_cli.fitting.refinement import (
+    LEVELS,
+    Drawing,
+    Level,
+    ObjectFit,
+    refine_object,
+    to_the_bottom,
+)
 from cubicfish_cli.fitting.repeats import repeated_groups
 from cubicfish_cli.fitting.robust import gross_px
 from cubicfish_cli.fitting.stages import Progress, Stage, Stages
@@ -294,6 +301,7 @@ def _calibrated(
     drawing = Drawing(target=target, pairs=fit.reference.pairs, scale=scale)
     drawn = fit
     fit, held_out, refused = _climb(drawn, drawing, refine_target, hold_out, stages)
+    fit = to_the_bottom(fit)
     stages.begin("checks")
     held_out_by_level = {level: error.rms_px for level, error in held_out.items() if error}
     cubic, reference = fit.cubic, fit.reference
@@ -458,7 +466,13 @@ def _judged(
     held_out = held_out_error(fit, progress)
     if held_out is None or held_out.rms_px <= held_out.companion_rms_px:
         return fit, held_out
-    cubic = fit_cubic(fit.reference, FIRMEST, world=fit.cubic.fit.world, start=fit.cubic)
+    cubic = fit_cubic(
+        fit.reference,
+        FIRMEST,
+        world=fit.cubic.fit.world,
+        start=fit.cubic,
+        relative_decrease=1e-10 if fit.level == "off" else NEAR_DECREASE,
+    )
     rival = fit.cubic.rival or fit.cubic.hold
     firm = replace(fit, cubic=replace(cubic, rival=rival))
     measured = held_out_error(firm, progress)

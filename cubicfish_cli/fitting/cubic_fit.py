@@ -44,8 +44,8 @@ _SAFER_PULLS = (1e-2, 1.0, 100.0)
 # Expected relative departure of P3Φ from that of the reference's cubic.
 _DENOMINATOR_SPREAD = 0.1
 _STRONGEST = 1e4
-# For fits that only lead to the next one.
-_ROUGH_DECREASE = 1e-6
+NEAR_DECREASE = 1e-6
+"""For fits that only lead to the next one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,11 +120,11 @@ def fit_cubic(
             reference.pairs,
             huber_px=huber_px(reference.residual if start is None else start.residual),
             world=world,
-            relative_decrease=max(relative_decrease, _ROUGH_DECREASE),
+            relative_decrease=max(relative_decrease, NEAR_DECREASE),
             damping=COLD_DAMPING if start is None else WARM_DAMPING,
             known=None if start is None else start.fit,
         )
-        if relative_decrease < _ROUGH_DECREASE:  # to the bottom, the loss's scale settled
+        if relative_decrease < NEAR_DECREASE:  # to the bottom, the loss's scale settled
             fit = adjust(
                 fit.lens,
                 fit.poses,

@@ -50,6 +50,7 @@ def choose_hold(
     world: World | None = None,
     start: CubicResult | None = None,
     everywhere: bool = False,
+    relative_decrease: float = 1e-10,
 ) -> CubicResult:
     """Fit the cubic under the hold that photos left out speak for.
 
@@ -62,6 +63,7 @@ def choose_hold(
         world: the object, where it is free.
         start: a fit to the same photos whose hold is where to begin.
         everywhere: look at all holds from there, as without a start; else at those around.
+        relative_decrease: when the fit under the hold that was chosen stops.
 
     Raises:
         FitError: no hold gives a sound camera.
@@ -69,7 +71,9 @@ def choose_hold(
     """
     hold = UNTOLD if start is None else start.hold
     if len(groups) < 2:
-        return fit_cubic(reference, hold, world=world, start=start)
+        return fit_cubic(
+            reference, hold, world=world, start=start, relative_decrease=relative_decrease
+        )
     place, seen = _place_of(hold), list[_Place]()
     squares: dict[_Place, FloatArray] = {}
     places = _EVERY_PLACE if everywhere or start is None else _around(place)
@@ -91,7 +95,9 @@ def choose_hold(
     assert start is not None
     # A search that comes back to an earlier hold ends there; a hold that was made firmer stays so.
     hold = start.hold if place == seen[-1] else _hold(place)
-    fitted = fit_cubic(reference, hold, world=start.fit.world, start=start)
+    fitted = fit_cubic(
+        reference, hold, world=start.fit.world, start=start, relative_decrease=relative_decrease
+    )
     return replace(fitted, rival=_hold(_best(squares)))
 
 

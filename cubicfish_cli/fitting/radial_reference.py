@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 
 import numpy as np
@@ -83,6 +83,12 @@ class RadialReference:
     focal_uncertainty: float
     bends: dict[float, Bend] = field(default_factory=dict, repr=False)
     _bent: dict[float, tuple[BentFit, Poses]] = field(default_factory=dict, init=False, repr=False)
+
+    def followed(self, world: FloatArray) -> RadialReference:
+        """The same lens, and what it is bent to, for world points (N, 3) that moved a little on."""
+        follower = replace(self, pairs=replace(self.pairs, world=world))
+        follower._bent.update(self._bent)
+        return follower
 
     def bent(self, spread: float) -> tuple[BentFit, Poses]:
         """The nearest lens of this expected asymmetry, and the poses that go with it."""

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.fitting.cubic_fit import CubicResult, cubic_of
+from cubicfish_cli.fitting.cubic_fit import NEAR_DECREASE, CubicResult, cubic_of, fit_cubic
 from cubicfish_cli.fitting.hold import choose_hold
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.poses import Poses
@@ -95,6 +95,8 @@ def refine_object(
         groups: photos that are left out together to choose how P is held; see
             :func:`~cubicfish_cli.fitting.hold.choose_hold`.
 
+    The fit is good to compare and to go on from; :func:`to_the_bottom` goes the rest of the way.
+
     Raises:
         FitError: no sound camera was found.
         ValueError: the drawing is unknown.
@@ -111,6 +113,15 @@ def refine_object(
     adjusted = _continued(adjusted, drawing.pairs)
     adjusted, spread = settled_spread(adjusted, drawing.pairs, spread)
     return _joint(fit, drawing, level, adjusted, spread, groups)
+
+
+def to_the_bottom(fit: ObjectFit) -> ObjectFit:
+    """The same fit to the last digit, which it need not be to lead on or to be compared."""
+    if fit.level == "off":
+        return fit
+    cubic = fit_cubic(fit.reference, fit.cubic.hold, world=fit.cubic.fit.world, start=fit.cubic)
+    reference = fit.reference.followed(cubic.fit.world.points)
+    return replace(fit, reference=reference, cubic=replace(cubic, rival=fit.cubic.rival))
 
 
 def free_world(drawing: Drawing, *, noise: float, offset_spread: float | None) -> RefinedWorld:
@@ -230,11 +241,12 @@ def _joint(
         poses=adjusted.poses,
         residual=adjusted.residual,
     )
-    cubic = choose_hold(reference, groups, world=world, start=near)
-    pairs = replace(pairs, world=cubic.fit.world.points)
+    cubic = choose_hold(
+        reference, groups, world=world, start=near, relative_decrease=NEAR_DECREASE
+    )
     return ObjectFit(
         level=level,
-        reference=replace(reference, pairs=pairs),
+        reference=reference.followed(cubic.fit.world.points),
         cubic=cubic,
         offset_spread=spread,
     )
