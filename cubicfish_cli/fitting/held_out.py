@@ -39,7 +39,7 @@ _FEWEST_TO_COMPARE = 2
 _RADIAL_DECREASE = 1e-5
 # Of poses alone.
 _WIDE_PX = 10.0
-_POSE_DECREASE = 1e-7
+_POSE_DECREASE = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
