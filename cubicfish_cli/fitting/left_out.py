@@ -225,9 +225,7 @@ def _joined(some: Sequence[_Part]) -> _Part:
     return _Part(**{name: np.concatenate([getattr(one, name) for one in some]) for name in names})
 
 
-def _run(
-    fit: Adjustment, views: Poses, pairs: Correspondences, limit: float, run: slice
-) -> _Part:
+def _run(fit: Adjustment, views: Poses, pairs: Correspondences, limit: float, run: slice) -> _Part:
     terms = linearised(fit.lens, fit.poses, fit.world, pairs, run, views)
     length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
     root = np.sqrt(np.maximum(pairs.weight[run], _SMALLEST_WEIGHT) * huber_weight(length, limit))

@@ -131,7 +131,8 @@ class PhotoSpread:
         """(3, K) the common turn by the lens's parameters."""
         _, by_ray, by_lens = self.noise.result.lens.project_jacobian(self.aligned)
         turned = (-by_ray @ cross_matrix(self.aligned)).reshape(-1, 3)
-        return np.linalg.lstsq(turned, by_lens.reshape(len(turned), -1), rcond=None)[0]
+        found = np.linalg.lstsq(turned, by_lens.reshape(len(turned), -1), rcond=None)
+        return np.asarray(found[0])
 
 
 def variance_of_few(squares: FloatArray, clusters: int) -> FloatArray:

@@ -241,9 +241,7 @@ def _joint(
         poses=adjusted.poses,
         residual=adjusted.residual,
     )
-    cubic = choose_hold(
-        reference, groups, world=world, start=near, relative_decrease=NEAR_DECREASE
-    )
+    cubic = choose_hold(reference, groups, world=world, start=near, relative_decrease=NEAR_DECREASE)
     return ObjectFit(
         level=level,
         reference=reference.followed(cubic.fit.world.points),
