@@ -111,14 +111,14 @@ MUTATIONS = tuple(
         ),
         (
             "fitting/normal_equations.py",
-            "gradient + d_prior.T @ residual",
+            "gradient[own] += slope.T @ residual",
             "gradient",
             "fitting/test_adjustment",
         ),
         ("fitting/lenses.py", "slope - radial * rays[:, None, :]", "slope", "lenses/test_cameras"),
         (
             "fitting/lenses.py",
-            "direct - basis @ (basis.T @ direct)",
+            "direct -= basis @ (basis.T @ direct)",
             "direct",
             "lenses/test_cameras",
         ),
@@ -136,8 +136,8 @@ MUTATIONS = tuple(
         ),
         (
             "fitting/asymmetric.py",
-            "-(focal * tilted)[:, :, None]",
-            "(focal * tilted)[:, :, None]",
+            "*= -self.values[:2, None]",
+            "*= self.values[:2, None]",
             "lenses/test_cameras",
         ),
         (
