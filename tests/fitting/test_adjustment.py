@@ -19,7 +19,7 @@ from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.fitting.world import DrawnWorld
 from cubicfish_cli.lenses.radial import RadialCamera
-from cubicfish_cli.lenses.validity import cone_rays
+from cubicfish_cli.lenses.sphere import cone_rays
 
 TRUTH = RadialCamera(
     image_size=(960, 720), fx=255, fy=256, cx=500, cy=340, k=np.array([-0.03, 0.002, 0, 0])
