@@ -8,6 +8,7 @@ import pytest
 from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.boards.types import BOARD_TYPES
 from cubicfish_cli.detection.finder import find_grids
+from cubicfish_cli.detection.glance import glance_at_markers
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.markers import How, find_marked_corners
 from cubicfish_cli.detection.markers_detect import families
@@ -356,3 +357,30 @@ def test_a_board_behind_a_bar_is_still_one_board():
     columns = found.column[found.board == 0]
     assert columns.min() == 0
     assert columns.max() == 5
+
+
+@pytest.mark.slow
+def test_markers_at_a_glance_name_most_corners_where_they_are():
+    found = glance_at_markers(mixed_photo(), MIXED)
+    error, recall = errors(found, MIXED)
+    assert np.median(error) < 0.1
+    assert np.quantile(error, 0.95) < 1
+    assert recall > 0.6
+    assert set(found.board.tolist()) == {0, 1, 2}
+
+
+def test_markers_at_a_glance_are_none_where_none_agree():
+    rng = np.random.default_rng(4)
+    for photo in (np.full((200, 300), 99, np.uint8), rng.integers(0, 255, (200, 300), np.uint8)):
+        assert len(glance_at_markers(photo, MIXED)) == 0
+    board = Target(units="mm", boards=(wall("front", "charuco", (4, 4), 40.0),))
+    photo = photo_of(board)
+    found = glance_at_markers(photo, board)
+    assert len(found) == 16
+    # Of one marker all four corners are left, and nothing else.
+    own = found.pixel[(found.column < 2) & (found.row > 0) & (found.row < 3)]
+    assert [1, 2] in board.boards[0].marker_cells()[:, 1:].tolist()
+    (left, top), (right, bottom) = own.min(axis=0).astype(int) - 8, own.max(axis=0).astype(int) + 8
+    hidden = np.full_like(photo, 128)
+    hidden[top:bottom, left:right] = photo[top:bottom, left:right]
+    assert len(glance_at_markers(hidden, board)) == 0
