@@ -38,7 +38,7 @@ _FEWEST_CORNERS = 4
 class Worth:
     """What photos add to those that are taken: the share of the uncertainty that goes."""
 
-    flat = 0.002
+    flat = 0.01
     """A photo that adds less than this is not worth its time."""
 
     def __init__(self, pairs: Correspondences, quality: Mapping[str, float]) -> None:

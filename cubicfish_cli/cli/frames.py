@@ -87,7 +87,7 @@ def command(
         )
         return
     result(
-        f"{count(len(chosen.photos), 'frame')} chosen of {chosen.frames}; corners were looked for "
+        f"{count(len(chosen.photos), 'frame')} of {chosen.frames:,} chosen; boards were looked for "
         f"in {chosen.looked_at}"
     )
     result(f"wrote {output}: frames, {chosen.table.name} and {chosen.sheet.name}")

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.cli.choosing import found_in, say_of_film
+from cubicfish_cli.cli.cache_folder import cache_folder
+from cubicfish_cli.cli.choosing import say_of_film
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.target_choice import TargetChoice
 from cubicfish_cli.cli.terminal import progress, say
@@ -224,15 +225,20 @@ def _chosen(
 
     from cubicfish_cli.films.choose import Seen, choose_shots
     from cubicfish_cli.films.scan import still_px
+    from cubicfish_cli.library.frame_search import found_in
     from cubicfish_cli.photos import Photo
 
+    cache = None if no_cache else cache_folder()
     shots: list[list[Seen | None]] = [[None] * len(names) for _ in found.time]
     for column, (name, film) in enumerate(zip(names, measured, strict=True)):
         rows = np.flatnonzero(found.frame[:, column] >= 0).tolist()
         frames = found.frame[rows, column].tolist()
         photos = [Photo(name=f"{name} {index}", path=taken[name][index]) for index in frames]
         try:
-            patches = found_in(photos, target.load(), jobs, no_cache).patches
+            with progress(f"Finding corners in {name}") as callback:
+                patches = found_in(
+                    photos, target.load(), jobs=jobs, cache=cache, progress=callback
+                ).patches
         except DetectionError as error:
             raise DetectionError(f"camera {name}: no frame can be chosen: {error}") from error
         for row, index, photo in zip(rows, frames, photos, strict=True):

@@ -7,6 +7,7 @@ that agree with each other about where the board is; what they contradict is lef
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
@@ -48,6 +49,8 @@ _VOUCH_MISS = 0.4
 _LEAST_VOTES, _LEAST_SHARE = 3, 0.8
 # A marker that stands alone must have this many of its corners seen as corners.
 _ALONE = 3
+# Where nothing else vouches for markers, so many must agree.
+_AGREEING = 2
 # Of the markers that are clearly seen through a board's corners, so many times more must be
 # its own than others; and a marker that nothing else vouched for must not be the only one.
 _OWN_FOR_ANOTHER = 4
@@ -122,15 +125,36 @@ def find_marked_corners(
         grids: what :func:`~.finder.find_grids` found in the same photo.
 
     """
+    return _however_printed(_find, image, target, grids)
+
+
+def outlined_corners(image: npt.NDArray[np.generic], target: Target) -> MarkedCorners:
+    """Corners of the same boards that markers with clear outlines name, and no others.
+
+    They are good to a few tenths of a pixel, and boards of which fewer than two markers agree are
+    left out: a fraction of the work, for those who want to know roughly what a photo shows.
+    """
+    height, width = image.shape
+    none = FoundGrids(grids=(), refused=np.zeros((0, 2)), image_size=(width, height))
+    return _however_printed(_outlined, image, target, none)
+
+
+_Finder = Callable[[npt.NDArray[np.generic], Target, FoundGrids], MarkedCorners]
+
+
+def _however_printed(
+    find: _Finder, image: npt.NDArray[np.generic], target: Target, grids: FoundGrids
+) -> MarkedCorners:
+    """What is found of dark markers, light ones, and both in a mirror."""
     if target.mirrored:
-        found = find_marked_corners(image[:, ::-1], target.in_mirror(), grids_in_mirror(grids))
-        return _in_mirror(found, target, image.shape[1])
+        mirrored = image[:, ::-1], target.in_mirror(), grids_in_mirror(grids)
+        return _in_mirror(_however_printed(find, *mirrored), target, image.shape[1])
     inverted = _with_markers(target, inverted=True)
     if inverted is None:
-        return _find(image, target, grids)
-    negative = _find(negative_photo(image), inverted, negative_grids(grids))
+        return find(image, target, grids)
+    negative = find(negative_photo(image), inverted, negative_grids(grids))
     others = _with_markers(target, inverted=False)
-    return negative if others is None else _both(_find(image, others, grids), negative)
+    return negative if others is None else _both(find(image, others, grids), negative)
 
 
 def _with_markers(target: Target, *, inverted: bool) -> Target | None:
@@ -174,11 +198,9 @@ def _find(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> 
     if not all_families or min(image.shape) < 8:
         return _marked([], len(grids.grids), ())
     pyramid = build_pyramid(image)
-    grey = np.clip(np.rint(pyramid.levels[0]), 0, 255).astype(np.uint8)
-    outlines = find_outlines(grey, all_families)
     markers = join(
         [
-            read_outlines(pyramid, target, all_families, outlines),
+            _read_alone(pyramid, target, all_families),
             *(read_grid(pyramid, target, all_families, grid) for grid in grids.grids),
         ]
     )
@@ -209,6 +231,36 @@ def _find(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> 
     refuted[[piece.board for piece in kept]] = 0
     contradictory |= set(np.nonzero(refuted >= _NO_ACCIDENT)[0].tolist())
     return _marked(kept, len(grids.grids), tuple(sorted(contradictory)))
+
+
+def _read_alone(pyramid: Pyramid, target: Target, all_families: list[Family]) -> SeenMarkers:
+    """Markers that are read by their own outlines."""
+    grey = np.clip(np.rint(pyramid.levels[0]), 0, 255).astype(np.uint8)
+    return read_outlines(pyramid, target, all_families, find_outlines(grey, all_families))
+
+
+def _outlined(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> MarkedCorners:
+    """As :func:`_find`, of outlines alone."""
+    all_families = families(target)
+    if not all_families or min(image.shape) < 8:
+        return _marked([], len(grids.grids), ())
+    pyramid = build_pyramid(image)
+    markers = _read_alone(pyramid, target, all_families)
+    pieces = []
+    for index in np.unique(markers.board).tolist():
+        own = markers.of(index)
+        label = _places(own, target, index)
+        agreeing = {
+            place: len(np.unique(own.cell[label == place], axis=0)) for place in label.tolist()
+        }
+        place = max(agreeing, key=lambda one: agreeing[one])
+        if agreeing[place] < _AGREEING:
+            continue
+        lattice = _placed(pyramid, target, index, own, label == place, np.zeros((0, 2)))
+        how = np.full(lattice.known.shape, int(How.MARKER))
+        agree = agreeing[place]
+        pieces.append(_Piece(board=index, lattice=lattice, how=how, markers=agree, grids=set()))
+    return _marked(pieces, len(grids.grids), ())
 
 
 def _places(markers: SeenMarkers, target: Target, board: int) -> IntArray:
@@ -244,15 +296,7 @@ def _piece(
     free: FloatArray,
 ) -> _Piece | None:
     """The board as the chosen markers place it, grown as far as it can be seen."""
-    board = target.boards[index]
-    lattice = BoardLattice(board=board)
-    cells, pixel = _seeds(board, markers.cell[chosen], markers.pixel[chosen], target, index)
-    lattice.put(cells, pixel)
-    cells = lattice.cells()
-    fit = lattice.fit(cells)
-    pixel, found = snap(pyramid, lattice, lattice.at(cells), fit, free)
-    lattice.put(cells, np.where((found & fit.sound)[:, None], pixel, np.nan))
-    clean(lattice)
+    lattice = _placed(pyramid, target, index, markers, chosen, free)
     verify(pyramid, lattice)
     agreeing = len(np.unique(markers.cell[chosen], axis=0))
     if lattice.known.sum() < (_ALONE if agreeing == 1 else 4):
@@ -262,6 +306,27 @@ def _piece(
     piece = _Piece(board=index, lattice=lattice, how=how, markers=agreeing, grids=set())
     _extend(pyramid, piece, grids, free)
     return piece if lattice.known.sum() >= 4 else None
+
+
+def _placed(
+    pyramid: Pyramid,
+    target: Target,
+    index: int,
+    markers: SeenMarkers,
+    chosen: BoolArray,
+    free: FloatArray,
+) -> BoardLattice:
+    """The corners around the chosen markers, each where a saddle is seen nearby."""
+    board = target.boards[index]
+    lattice = BoardLattice(board=board)
+    cells, pixel = _seeds(board, markers.cell[chosen], markers.pixel[chosen], target, index)
+    lattice.put(cells, pixel)
+    cells = lattice.cells()
+    fit = lattice.fit(cells)
+    pixel, found = snap(pyramid, lattice, lattice.at(cells), fit, free)
+    lattice.put(cells, np.where((found & fit.sound)[:, None], pixel, np.nan))
+    clean(lattice)
+    return lattice
 
 
 def _extend(pyramid: Pyramid, piece: _Piece, grids: tuple[Grid, ...], free: FloatArray) -> None:

@@ -70,7 +70,7 @@ def open_films(paths: Sequence[Path]) -> list[Film]:
 
 
 def _film(path: Path, label: str) -> Film:
-    with opened(path) as (_, stream):
+    with opened(path) as (container, stream):
         if _is_cover(stream):
             raise PhotoError(f"{shown(path)} holds sound and a cover, no film: give a film")
         size = (int(stream.width), int(stream.height))
@@ -81,7 +81,7 @@ def _film(path: Path, label: str) -> Film:
             path=path,
             label=label,
             size=size,
-            frames=frame_count(stream),
+            frames=frame_count(container, stream),
             rate=float(getattr(stream, "average_rate", None) or 0),
             counted=bool(stream.frames),
             stamp=(status.st_size, status.st_mtime_ns),

@@ -16,13 +16,13 @@ Bytes = npt.NDArray[np.uint8]
 Float32Array = npt.NDArray[np.float32]
 
 # Lines of the frame that are looked at for its sharpness, along and across.
-_LINES = 64
+_LINES = 32
 # Edges that count are at least this share of the strongest: the rest is noise and shading.
 _STRONG = 0.4
 _FEWEST_EDGES = 20
-# The small picture's width, about, and its shorter side at least; and its blur: motion up to twice
-# that is told from more.
-_SMALL, _LEAST_SMALL = 240, 16
+# The small picture is up to so many pixels wide, and its shorter side has these at least; and its
+# blur: motion up to twice that is told from more.
+_SMALL, _LEAST_SMALL = 270, 16
 _BLUR, _BLUR_SIZE = 1.5, (9, 9)
 _BLOCKS = (6, 8)  # rows, columns
 # A block shows motion when its texture is this share of that of the block with most.
@@ -63,18 +63,19 @@ def _steepness(lines: Bytes, step: int) -> float | None:
         return None
     one = cv2.absdiff(lines[:, 1:], lines[:, :-1])
     steepest = cv2.dilate(one, np.ones((1, step), np.uint8), anchor=(0, 0))
-    return float(np.median(steepest[:, : rise.shape[1]][strong] / whole))
+    shares = steepest[:, : rise.shape[1]][strong] / whole
+    middle = len(shares) // 2
+    return float(np.partition(shares, middle)[middle])  # many times faster than np.median
 
 
 def small_picture(grey: Grey) -> Float32Array:
     """A small and slightly blurred copy of a picture (H, W), by which motion is measured."""
-    height, width = grey.shape
-    # Whole pixels go into one, which is many times faster than parts of pixels.
-    share = max(1, min(round(width / _SMALL), min(height, width) // _LEAST_SMALL))
-    size = (width // share, height // share)
-    whole = grey[: size[1] * share, : size[0] * share]
-    small = cv2.resize(whole, size, interpolation=cv2.INTER_AREA).astype(np.float32)
-    return np.asarray(cv2.GaussianBlur(small, _BLUR_SIZE, _BLUR))
+    # Half by half, which is many times faster than any other share.
+    while grey.shape[1] > _SMALL and min(grey.shape) >= 2 * _LEAST_SMALL:
+        height, width = (side // 2 for side in grey.shape)
+        whole = grey[: 2 * height, : 2 * width]
+        grey = cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.GaussianBlur(grey.astype(np.float32), _BLUR_SIZE, _BLUR))
 
 
 def motion(before: Float32Array, after: Float32Array, width: int) -> float:
@@ -92,8 +93,7 @@ def motion(before: Float32Array, after: Float32Array, width: int) -> float:
         Pixels of the frames.
 
     """
-    level = float(before.mean())
-    other = float(after.mean())
+    level, other = (cv2.mean(picture)[0] for picture in (before, after))
     if level > 0 and other > 0:  # the exposure may have changed
         after = after * (level / other)
     middle = cv2.addWeighted(before, 0.5, after, 0.5, 0)
@@ -110,6 +110,8 @@ def motion(before: Float32Array, after: Float32Array, width: int) -> float:
 
 
 def _blocks(picture: cv2.typing.MatLike) -> Float32Array:
-    """The mean of each block."""
-    rows, columns = _BLOCKS
-    return np.asarray(cv2.resize(picture, (columns, rows), interpolation=cv2.INTER_AREA))
+    """The mean of each block; what is left over at the right and below is in none."""
+    (rows, columns), (height, width) = _BLOCKS, picture.shape
+    # Whole pixels go into one, which is many times faster than parts of pixels.
+    whole = picture[: height // rows * rows or height, : width // columns * columns or width]
+    return np.asarray(cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA))

@@ -13,26 +13,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import OutputError, PhotoError
 from cubicfish_cli.files import whole_file, write_text
 from cubicfish_cli.films.film import Film
-from cubicfish_cli.films.measure import Grey, motion, sharpness, small_picture
+from cubicfish_cli.films.measure import motion, sharpness, small_picture
+from cubicfish_cli.films.raw import SUFFIX, brightness, save_frame
 from cubicfish_cli.films.source import decode, opened
 from cubicfish_cli.photos import shown
 
-_VERSION = 1
-# Brightness can be read where it is stored in these; everything else is converted.
-_PLAIN = ("gray", "yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444p", "nv12")
+_VERSION = 2
 # A film that claims more frames than this share beyond what came out of it was cut short.
 _SHORT = 0.95
-# Half of the time that a film takes would else go into compressing.
-_FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
-if hasattr(cv2, "IMWRITE_PNG_FILTER"):  # OpenCV 4.12 and later
-    _FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP]
 _SAME = 1e-4
 
 
@@ -45,7 +39,7 @@ class Measured:
         time: seconds from its beginning, of each frame.
         sharpness: see :mod:`cubicfish_cli.films.measure`.
         motion: to the nearer of both neighbours, pixels.
-        kept: frames (by index) that were kept -> their picture files.
+        kept: frames (by index) that were kept -> their files, see :mod:`cubicfish_cli.films.raw`.
         turned_deg: how far players are told to turn the film.
         interlaced: whether frames are two half pictures of different times.
         problem: one line where the film ends before its end.
@@ -72,7 +66,7 @@ def scan(
     every: int,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Measured:
-    """Measure every frame, and keep the best of each ``every`` frames as a PNG.
+    """Measure every frame, and keep the best of each ``every`` frames as it is.
 
     Args:
         film: the film.
@@ -182,9 +176,9 @@ class _Scan:
     def _take(self, line: str) -> None:
         pts, time, sharp, moved, kept = line.rstrip("\n").split(",")
         for index in kept.split():
-            path = self._folder / f"{int(index)}.png"
+            path = self._folder / f"{int(index)}{SUFFIX}"
             if not path.is_file():
-                raise ValueError("a picture is missing")
+                raise ValueError("a frame is missing")
             self.measured.kept[int(index)] = path
         self._add(int(pts), float(time), float(sharp), float(moved))
 
@@ -220,7 +214,7 @@ class _Scan:
                         getattr(frame, "rotation", 0) or 0
                     )
                     measured.interlaced = measured.interlaced or bool(frame.interlaced_frame)
-                    grey = _brightness(frame)
+                    grey = brightness(frame)
                     small, sharp = small_picture(grey), sharpness(grey)
                     if not entered:
                         entered = self._is_the_last(frame.pts, sharp)
@@ -289,8 +283,9 @@ class _Scan:
         if self._best is None:
             return
         _, index, frame = self._best
-        path = self._folder / f"{index}.png"
-        write_frame(path, frame)
+        path = self._folder / f"{index}{SUFFIX}"
+        with whole_file(path, overwrite=True) as temporary:
+            save_frame(temporary, frame)
         self.measured.kept[index] = path
         self._rows[-1] += str(index)
         self._append("".join(f"{row}\n" for row in self._rows))
@@ -309,22 +304,3 @@ def still_px(size: tuple[int, int]) -> float:
 def quality(sharp: float, moved: float, size: tuple[int, int]) -> float:
     """How good a frame is beside its neighbours: sharp, and still."""
     return sharp / (1 + (moved / still_px(size)) ** 2) ** 0.5
-
-
-def _brightness(frame: Any) -> Grey:
-    if frame.format.name not in _PLAIN:
-        return np.asarray(frame.to_ndarray(format="gray"))
-    plane = frame.planes[0]
-    rows = np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)
-    return np.asarray(rows[:, : plane.width])
-
-
-def write_frame(path: Path, frame: Any) -> None:
-    """A frame as a PNG of 8 bits: grey where the film is grey."""
-    grey = frame.format.name.startswith("gray")
-    picture = frame.to_ndarray(format="gray" if grey else "bgr24")
-    done, data = cv2.imencode(".png", picture, _FAST)
-    if not done:
-        raise OutputError(f"{path} cannot be written: a frame is no picture")
-    with whole_file(path, overwrite=True) as temporary:
-        temporary.write_bytes(data.tobytes())

@@ -15,10 +15,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.files import whole_file
 from cubicfish_cli.films.film import Film
 from cubicfish_cli.films.recordings import is_recording
-from cubicfish_cli.films.scan import Measured, quality, write_frame
+from cubicfish_cli.films.scan import Measured, quality
 from cubicfish_cli.films.source import decode, opened
+from cubicfish_cli.films.write import write_frame
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
@@ -139,7 +141,8 @@ def take_out(
     with opened(film.path) as (container, stream):
         for index, frame in enumerate(decode(film.path, container, stream, sound=False)):
             if index in paths:
-                write_frame(paths[index], frame)
+                with whole_file(paths[index], overwrite=True) as temporary:
+                    write_frame(temporary, frame)
             progress(index, last + 1)
             if index >= last:
                 return

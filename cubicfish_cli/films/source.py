@@ -85,13 +85,16 @@ def is_frame(item: Any) -> bool:
     return hasattr(item, "planes")
 
 
-def frame_count(stream: Any) -> int:
+def frame_count(container: Any, stream: Any) -> int:
     """How many frames a stream has, as its header says; 0 where that is not known."""
     if stream.frames:
         return int(stream.frames)
-    if stream.duration and stream.average_rate:
+    if not stream.average_rate:
+        return 0
+    if stream.duration:
         return int(stream.duration * stream.time_base * stream.average_rate)
-    return 0
+    # Matroska has the length of the file alone, in microseconds.
+    return int((container.duration or 0) * stream.average_rate / 1_000_000)
 
 
 def decode(source: Path, container: Any, stream: Any, *, sound: bool = True) -> Iterator[Any]:

@@ -153,7 +153,7 @@ def _pipeline(
     writer: _Writer,
     progress: Callable[[int, int], None],
 ) -> VideoResult:
-    total = frame_count(stream)
+    total = frame_count(container, stream)
     turned = 0
 
     def decoded() -> Iterator[Any]:

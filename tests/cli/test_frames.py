@@ -14,9 +14,10 @@ pytest.importorskip("av")
 from filming import RATE, SIZE, TARGET, photos, spoilt_film, write_film, write_sound
 from running import Run
 
-from cubicfish_cli.cli import choosing
 from cubicfish_cli.cli.json_keys import FRAMES
 from cubicfish_cli.films import scan
+from cubicfish_cli.films.written import PASSED_OVER
+from cubicfish_cli.library import frames as library_frames
 
 pytestmark = pytest.mark.slow
 
@@ -81,8 +82,8 @@ def test_every_frame_says_why_it_was_not_chosen(
     table = rows(out)
     assert sum(row["chosen"] == "yes" for row in table) == 4
     said = {row["chosen"] for row in table}
-    assert {"yes", choosing._PASSED_OVER, "adds less than those chosen"} <= said
-    assert all(row["corners"] == "" for row in table if row["chosen"] == choosing._PASSED_OVER)
+    assert {"yes", PASSED_OVER, "adds less than those chosen"} <= said
+    assert all(row["corners"] == "" for row in table if row["chosen"] == PASSED_OVER)
 
 
 def test_json_has_its_keys(run: Run, short: Path, tmp_path: Path) -> None:
@@ -149,7 +150,7 @@ def test_a_search_that_was_interrupted_does_not_read_the_film_again(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(choosing, "found_in", stop)
+        patch.setattr(library_frames, "found_at_a_glance", stop)
         run("frames", short, "-o", tmp_path / "p", "-j", 1, code=130)
     monkeypatch.setattr(scan, "decode", stop)
     run("frames", short, "-o", tmp_path / "p", "-j", 1)
@@ -309,97 +310,3 @@ def test_best_is_offered_where_photos_are_many(
     monkeypatch.setattr(inputs, "_MANY", 3)
     args = ("calibrate", tmp_path, "-t", target, "-o", tmp_path / "c", "-j", 1)
     assert "--best 60" in run(*args).stderr
-
-
-def search(monkeypatch, shows: list[bool], adds: list[bool], most: int = 60) -> choosing._Search:
-    """A search, in rounds of two, of frames of which some show the object and some add to it."""
-    from cubicfish_cli.errors import DetectionError
-    from cubicfish_cli.films.choose import Choice, Patch, Seen
-    from cubicfish_cli.photos import Photo
-
-    patch = Patch(board=0, cells=np.zeros((1, 2), int), pixel=np.zeros((1, 2)))
-
-    def found(photos, targets, jobs, no_cache) -> choosing._Found:
-        names = [photo.name for photo in photos if shows[int(photo.name)]]
-        if not names:
-            raise DetectionError("nothing there")
-        return choosing._Found(patches=dict.fromkeys(names, (patch,)), pairs=None)
-
-    def choose(names, seen, found, size, most) -> Choice:
-        order = [at for at, one in enumerate(seen) if one.corners and adds[at]][:most]
-        return Choice(order=tuple(order), gain=np.zeros(len(seen)), why_not=("",) * len(seen))
-
-    monkeypatch.setattr(choosing, "_ROUND", 2)
-    monkeypatch.setattr(choosing, "found_in", found)
-    monkeypatch.setattr(choosing, "_choose", choose)
-    return choosing._Search(
-        photos=[Photo(name=str(at), path=Path(str(at))) for at in range(len(shows))],
-        seen=[Seen(patches=(), sharpness=1.0)] * len(shows),
-        size=SIZE,
-        most=most,
-        target=None,
-    )
-
-
-def test_frames_are_searched_until_they_add_nothing(monkeypatch) -> None:
-    looking = search(monkeypatch, [True] * 10, [True] * 10)
-    looking.look([None] * 10, 1, no_cache=True)
-    assert looking.looked_at == list(range(10))
-    # Rounds are 0 and 5, 1 and 6, ...; from the second on they add nothing.
-    looking = search(monkeypatch, [True] * 10, [at in (0, 5) for at in range(10)])
-    looking.look([None] * 10, 1, no_cache=True)
-    assert looking.looked_at == [0, 1, 5, 6]
-    looking = search(monkeypatch, [True] * 10, [True] * 10, most=4)
-    looking.look([None] * 10, 1, no_cache=True)
-    assert looking.looked_at == [0, 1, 5, 6]
-    assert looking.choice.order == (0, 1, 5, 6)
-
-
-def test_frames_that_show_nothing_do_not_end_the_search(monkeypatch) -> None:
-    from cubicfish_cli.errors import DetectionError
-
-    late = [at in (4, 9) for at in range(10)]
-    looking = search(monkeypatch, late, [True] * 10)
-    looking.look([None] * 10, 1, no_cache=True)
-    assert looking.choice.order == (4, 9)
-    with pytest.raises(DetectionError, match="nothing there"):
-        search(monkeypatch, [False] * 4, [True] * 4).look([None] * 4, 1, no_cache=True)
-
-
-def test_blurred_frames_are_searched_where_good_ones_show_little(monkeypatch) -> None:
-    why = [None, None, None, None, "blurred", "moving", choosing._REPEATED, "moving"]
-    looking = search(monkeypatch, [True] * 8, [True] * 8)
-    looking.look(why, 1, no_cache=True)
-    assert looking.looked_at == [0, 1, 2, 3]
-    looking = search(monkeypatch, [False] * 3 + [True] * 5, [True] * 8)
-    looking.look(why, 1, no_cache=True)
-    assert looking.looked_at == [0, 1, 2, 3, 4, 5, 7]  # and never a copy
-    assert looking.choice.order == (3, 4, 5, 7)
-
-
-def test_near_copies_are_told_before_corners_are_looked_for(tmp_path: Path) -> None:
-    from cubicfish_cli.films.choose import Seen
-    from cubicfish_cli.photos import Photo
-
-    one, other = photos()[:2]
-    pictures = [one, one, np.roll(one, (9, 9), (0, 1)), other, one, other]
-    sharp = [0.5, 0.6, 0.6, 0.6, 0.2, 0.5]
-    frames = [Photo(name=str(n), path=tmp_path, picture=p) for n, p in enumerate(pictures)]
-    measured = [Seen(patches=(), sharpness=value) for value in sharp]
-    why = choosing._passed_over(frames, measured, SIZE)
-    repeated = choosing._REPEATED
-    assert why == [repeated, None, None, None, "blurred", repeated]
-
-
-@pytest.mark.parametrize(
-    ("frames", "rate", "every"),
-    [(0, 30, 15), (50, 30, 1), (3600, 30, 40), (18_000, 30, 60), (108_000, 30, 360), (900, 0, 10)],
-)
-def test_a_long_film_has_frames_kept_more_often(frames: int, rate: float, every: int) -> None:
-    from cubicfish_cli.films.film import Film
-
-    film = Film(
-        path=Path("film.mp4"), label="film", size=SIZE, frames=frames, rate=rate, counted=True,
-        stamp=(0, 0),
-    )  # fmt: skip
-    assert choosing._every([film], 60) == every

@@ -8,6 +8,7 @@ import pytest
 from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.boards.types import BOARD_TYPES
 from cubicfish_cli.detection.finder import find_grids
+from cubicfish_cli.detection.glance import glance_at_markers
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.markers import How, find_marked_corners
 from cubicfish_cli.detection.markers_detect import families
@@ -356,3 +357,29 @@ def test_a_board_behind_a_bar_is_still_one_board():
     columns = found.column[found.board == 0]
     assert columns.min() == 0
     assert columns.max() == 5
+
+
+@pytest.mark.slow
+def test_markers_at_a_glance_name_most_corners_where_they_are():
+    found = glance_at_markers(mixed_photo(), MIXED)
+    error, recall = errors(found, MIXED)
+    assert np.median(error) < 0.1
+    assert np.quantile(error, 0.95) < 1
+    assert recall > 0.6
+    assert set(found.board.tolist()) == {0, 1, 2}
+
+
+def test_markers_at_a_glance_are_none_where_none_agree():
+    rng = np.random.default_rng(4)
+    for photo in (np.full((200, 300), 99, np.uint8), rng.integers(0, 255, (200, 300), np.uint8)):
+        assert len(glance_at_markers(photo, MIXED)) == 0
+    one = wall("front", "charuco", (2, 2), 60.0)
+    alone = replace(one, markers=replace(one.markers, count=len(one.marker_cells())))
+    photo = photo_of(Target(units="mm", boards=(alone,)))
+    hidden = photo.copy()
+    found = glance_at_markers(photo, Target(units="mm", boards=(alone,)))
+    assert len(found) == 4
+    # All but the upper left part is hidden.
+    x, y = found.pixel[(found.column == 0) & (found.row == 0)][0].astype(int)
+    hidden[y + 8 :], hidden[:, x + 8 :] = 128, 128
+    assert len(glance_at_markers(hidden, Target(units="mm", boards=(alone,)))) == 0

@@ -1,0 +1,257 @@
+"""Looking for boards in many pictures of one camera, as long as that brings anything.
+
+A glance at each tells what it shows and what it would add. Only where boards are not seen at a
+glance, in small squares for example, they are looked for as `detect` does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.advice.worth import Worth
+from cubicfish_cli.correspondences import Corners, Correspondences, joined, pair
+from cubicfish_cli.detection.grid_cache import GridCache
+from cubicfish_cli.detection.grids import FoundGrids
+from cubicfish_cli.detection.look import nameless_grids
+from cubicfish_cli.errors import DetectionError, FitError
+from cubicfish_cli.films.choose import Choice, Patch, Seen, choose
+from cubicfish_cli.films.scan import still_px
+from cubicfish_cli.identification.glance import Looked, glance, named_at_a_glance
+from cubicfish_cli.library.detection import first_look
+from cubicfish_cli.photos import Photo
+from cubicfish_cli.target import Target
+
+FloatArray = npt.NDArray[np.float64]
+
+# Where fewer than these of the pictures show the object, what is good is not told by them.
+_FEW, _FEW_SHARE = 3, 0.5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Found:
+    """What pictures show.
+
+    Attributes:
+        patches: corners by the names of the pictures that have any.
+        pairs: the same as pairs; None where no object is known.
+        target: the object that they are of.
+
+    """
+
+    patches: dict[str, tuple[Patch, ...]] = field(default_factory=dict)
+    pairs: Correspondences | None = None
+    target: Target | None = None
+
+    def with_more(self, more: Found) -> Found:
+        """Of these and of other pictures."""
+        one, other = self.pairs, more.pairs
+        both = other if one is None else one if other is None else joined(one, other)
+        return Found(
+            patches={**self.patches, **more.patches},
+            pairs=both,
+            target=more.target or self.target,
+        )
+
+
+Look = Callable[[Sequence[int], Sequence[Target] | None], Found]
+
+
+def found_at_a_glance(
+    pictures: Sequence[Looked],
+    targets: Sequence[Target] | None,
+    size: tuple[int, int],
+    *,
+    jobs: int | None = 1,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Found:
+    """Corners of a target, or grids as they are, as far as a glance shows them.
+
+    Args:
+        pictures: all of one size.
+        targets: what the object may be; None looks for any checkerboard.
+        size: (width, height) of the pictures.
+        jobs: processes to use; None for one a processor.
+        progress: called with pictures done and all pictures.
+
+    """
+    seen = glance(pictures, targets[0] if targets else None, jobs=jobs, progress=progress)
+    names = [picture.name for picture in pictures]
+    if targets:
+        return _of_corners(named_at_a_glance(seen, targets, size, names))
+    return _of_grids(
+        {name: one for name, one in zip(names, seen, strict=True) if isinstance(one, FoundGrids)}
+    )
+
+
+def found_in(
+    photos: Sequence[Photo],
+    targets: Sequence[Target] | None,
+    *,
+    jobs: int | None = 1,
+    cache: Path | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Found:
+    """Corners of a target, or grids as they are, as the finder shows them.
+
+    Args:
+        photos: all of one size.
+        targets: what the object may be; None looks for any checkerboard.
+        jobs: processes to use; None for one a processor.
+        progress: called with photos done and all photos.
+        cache: a folder in which what is found in files is kept.
+
+    Raises:
+        DetectionError: no photo shows the target.
+
+    """
+    if targets:
+        return _of_corners(
+            first_look(photos, targets, jobs=jobs, progress=progress, cache=cache).corners
+        )
+    kept = None if cache is None else GridCache(folder=cache)
+    found = nameless_grids(photos, jobs=jobs, progress=progress, cache=kept)
+    return _of_grids({photo.name: one for photo, one in zip(photos, found, strict=True) if one})
+
+
+def _of_grids(found: Mapping[str, FoundGrids]) -> Found:
+    patches = {
+        name: tuple(Patch(board=-1, cells=grid.cells, pixel=grid.pixel) for grid in one.grids)
+        for name, one in found.items()
+        if one.grids
+    }
+    return Found(patches=patches)
+
+
+def _of_corners(corners: Corners) -> Found:
+    cells = np.column_stack([corners.column, corners.row])
+    patches = {}
+    for number in np.unique(corners.image).tolist():
+        here = corners.image == number
+        patches[corners.images[number]] = tuple(
+            Patch(board=int(board), cells=cells[own], pixel=corners.pixel[own])
+            for board in np.unique(corners.board[here])
+            for own in (here & (corners.board == board),)
+        )
+    target = corners.target
+    pairs = None if target is None or not len(corners.pixel) else pair(corners, target)
+    return Found(patches=patches, pairs=pairs, target=target)
+
+
+def choose_by_worth(
+    names: Sequence[str], seen: Sequence[Seen], found: Found, size: tuple[int, int], most: int
+) -> Choice:
+    """Choose by what pictures add to the camera, or where none can be fitted, by what they show.
+
+    Args:
+        names: of the pictures.
+        seen: what is known of each.
+        found: the corners of those that were looked at.
+        size: (width, height) of the pictures.
+        most: how many may be chosen.
+
+    """
+
+    def gains(quality: FloatArray) -> _Gains | None:
+        if found.pairs is None:
+            return None
+        try:
+            worth = Worth(found.pairs, dict(zip(names, quality, strict=True)))
+        except FitError:
+            return None
+        return _Gains(names=names, worth=worth)
+
+    return choose(seen, size, most, still_px(size), gains)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Gains:
+    """What pictures add, by their numbers."""
+
+    names: Sequence[str]
+    worth: Worth
+
+    @property
+    def flat(self) -> float:
+        return self.worth.flat
+
+    def of(self, picture: int) -> float:
+        return self.worth.of(self.names[picture])
+
+    def take(self, picture: int) -> None:
+        self.worth.take(self.names[picture])
+
+
+@dataclass(kw_only=True, eq=False)
+class Search:
+    """A search through pictures, and what is chosen of them.
+
+    Attributes:
+        names, seen: the pictures' names, and what is known of each.
+        size: (width, height) of them.
+        most: how many may be chosen.
+        targets: what the object may be; None where none is known.
+        at_once: how many are looked at before it is asked whether more would add anything.
+        looked_at: numbers of those that were looked at.
+        choice: what is chosen of these.
+
+    """
+
+    names: Sequence[str]
+    seen: list[Seen]
+    size: tuple[int, int]
+    most: int
+    targets: Sequence[Target] | None
+    at_once: int
+    looked_at: set[int] = field(default_factory=set)
+    choice: Choice = field(init=False)
+
+    def look(self, ways: Sequence[Look], good: Sequence[int], others: Sequence[int]) -> None:
+        """Look at good pictures, and only where these show little, at others or more closely.
+
+        Args:
+            ways: how corners are found in pictures, by their numbers; the quickest first.
+            good: numbers of pictures.
+            others: those of worse ones.
+
+        Raises:
+            DetectionError: none shows the object.
+
+        """
+        failure: DetectionError | None = None
+        self._is_enough(Found())
+        for way in ways:
+            found, looked_at = Found(), 0
+            for numbers in (good, others):
+                rounds = math.ceil(len(numbers) / self.at_once)
+                for first in range(rounds):
+                    some = numbers[first::rounds]  # from the beginning to the end
+                    try:
+                        more = way(some, self.targets)
+                    except DetectionError as error:
+                        failure, more = error, Found()
+                    found = found.with_more(more)
+                    if more.pairs is not None and more.target is not None:
+                        self.targets = [more.target]
+                    looked_at += len(some)
+                    self.looked_at.update(some)
+                    if self._is_enough(found):
+                        break
+                if len(found.patches) >= max(_FEW, _FEW_SHARE * looked_at):
+                    return
+        if failure is not None and not found.patches:
+            raise failure
+
+    def _is_enough(self, found: Found) -> bool:
+        """Choose; and whether more pictures would add hardly anything."""
+        self.seen = [
+            replace(one, patches=found.patches.get(name, ()))
+            for one, name in zip(self.seen, self.names, strict=True)
+        ]
+        self.choice = choose_by_worth(self.names, self.seen, found, self.size, self.most)
+        return len(self.choice.order) >= self.most or self.choice.flattened

@@ -1,0 +1,342 @@
+"""Films, or many photos -> the few that are worth calibrating from."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from glob import glob, has_magic
+from pathlib import Path
+from typing import Any
+
+from cubicfish_cli.errors import DetectionError, PhotoError
+from cubicfish_cli.executors.pool import map_photos, workers_for
+from cubicfish_cli.files import refuse_existing, whole_file
+from cubicfish_cli.films import sheet, table
+from cubicfish_cli.films.candidates import REPEATED, Candidate, candidates, kept_of, passed_over
+from cubicfish_cli.films.choose import Seen
+from cubicfish_cli.films.film import open_films
+from cubicfish_cli.films.measure import sharpness
+from cubicfish_cli.films.raw import load_frame
+from cubicfish_cli.films.scan import Measured, scan
+from cubicfish_cli.films.write import write_frame
+from cubicfish_cli.films.written import Chosen, listed, write_chosen
+from cubicfish_cli.formats.target_yaml import target_text
+from cubicfish_cli.library.frame_search import Found, Search, found_at_a_glance, found_in
+from cubicfish_cli.photos import Photo, photo_size
+from cubicfish_cli.target import Target
+
+StrPath = str | os.PathLike[str]
+Progress = Callable[[str, int, int], None]
+
+MOST = 60
+_UNFINISHED = ".unfinished"
+# Frames are looked at in rounds of so many from all over the films, until more would hardly add
+# anything.
+_ROUND = 24
+_ENOUGH = "not looked at: others of all times had no more to add"
+
+
+def _silent(what: str, done: int, total: int) -> None:
+    """Show nothing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChosenFrames:
+    """What became of films.
+
+    Attributes:
+        photos: the pictures that were written, in the films' order.
+        table: frames.csv.
+        sheet: the contact sheet.
+        frames: how many frames the films have.
+        looked_at: in how many of them corners were looked for.
+        films: a record a film: its path, frames, image_size, seconds, turned_deg (what players are
+            told), interlaced, and the problem with it in one line or None.
+
+    """
+
+    photos: tuple[Path, ...]
+    table: Path
+    sheet: Path
+    frames: int
+    looked_at: int
+    films: tuple[dict[str, Any], ...]
+
+
+def choose_frames(
+    films: StrPath | Sequence[StrPath],
+    folder: StrPath,
+    target: Target | Sequence[Target] | None = None,
+    *,
+    most: int = MOST,
+    jobs: int | None = 1,
+    cache: StrPath | None = None,
+    overwrite: bool = False,
+    progress: Progress = _silent,
+    tell: Callable[[Measured], None] = lambda film: None,
+) -> ChosenFrames:
+    """Choose the frames of films that a camera is best calibrated from, as ``cubicfish frames``.
+
+    They are written as PNG, with their time in the name, beside frames.csv and a contact sheet, or
+    nothing is. What was measured by a run that was broken off lies in a hidden folder in ``folder``
+    and is not done again.
+
+    Args:
+        films: films of one camera, all of one size: files, recordings with their topic, or globs.
+        folder: where the frames go.
+        target: the object, or what it may be; None looks for any checkerboard.
+        most: how many frames may be chosen.
+        jobs: processes to use where boards are searched closely; None for one a processor.
+        cache: a folder in which what is found then is kept; by default nothing is.
+        overwrite: whether frames of an earlier choice may be replaced.
+        progress: called with what is done now, how much of it is done, and of how much (0 where
+            that is not known).
+        tell: called with what is known of each film once it has been read.
+
+    Raises:
+        PhotoError: a film cannot be used.
+        DetectionError: no frame shows the target.
+        OutputError: ``folder`` holds frames already, or cannot be written; the extra ``video`` is
+            not installed.
+
+    """
+    folder, targets = Path(folder), _targets(target)
+    opened = open_films(_expanded(films))
+    for name in (table.NAME, sheet.NAME):
+        refuse_existing(folder / name, overwrite=overwrite)
+    unfinished = folder / _UNFINISHED
+    every, measured = kept_of(opened, most), []
+    for film in opened:
+        reading = _of(progress, f"Reading {film.path.name}")
+        measured.append(scan(film, unfinished / film.label, every, reading))
+        tell(measured[-1])
+    frames = candidates(measured)
+    why = passed_over(frames, opened[0].size, _of(progress, "Comparing frames"))
+    search = Search(
+        names=[frame.name for frame in frames],
+        seen=[frame.seen for frame in frames],
+        size=opened[0].size,
+        most=most,
+        targets=targets,
+        at_once=_ROUND,
+    )
+
+    def glance(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
+        some = [frames[at] for at in numbers]
+        return found_at_a_glance(
+            some, targets, search.size, progress=_of(progress, "Glancing at frames")
+        )
+
+    def closely(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
+        return found_in(
+            [_photo(frames[at]) for at in numbers],
+            targets,
+            jobs=jobs,
+            cache=None if cache is None else Path(cache),
+            progress=_of(progress, "Finding boards"),
+        )
+
+    try:
+        search.look(
+            (glance, closely),
+            [at for at, word in enumerate(why) if word is None],
+            [at for at, word in enumerate(why) if word not in (None, REPEATED)],
+        )
+    except DetectionError as error:
+        raise DetectionError(f"no frame can be chosen of {listed(measured)}: {error}") from error
+    looked_at = frozenset(search.looked_at)
+    if not search.choice.order:
+        raise DetectionError(
+            f"no frame can be chosen of {listed(measured)}: no board was found in "
+            f"{len(looked_at)} frame{'s' * (len(looked_at) != 1)} from all over: is a board in "
+            "view, whole squares of it, sharp and not covered?"
+        )
+    chosen = Chosen(
+        measured=measured,
+        frames=frames,
+        looked_at=looked_at,
+        seen=search.seen,
+        gain=search.choice.gain,
+        why_not=[
+            search.choice.why_not[at] if at in looked_at else (why[at] or _ENOUGH)
+            for at in range(len(frames))
+        ],
+    )
+    of = table.depends_on(opened, most, _fingerprint(targets))
+    progress("Writing frames", 0, 0)
+    write_chosen(folder, of, chosen, overwrite=overwrite)
+    shutil.rmtree(unfinished, ignore_errors=True)
+    return ChosenFrames(
+        photos=tuple(folder / frames[at].name for at in chosen.numbers),
+        table=folder / table.NAME,
+        sheet=folder / sheet.NAME,
+        frames=sum(map(len, measured)),
+        looked_at=len(looked_at),
+        films=tuple(_record(one) for one in measured),
+    )
+
+
+def earlier_frames(
+    films: StrPath | Sequence[StrPath],
+    folder: StrPath,
+    target: Target | Sequence[Target] | None = None,
+    *,
+    most: int = MOST,
+) -> tuple[Path, ...]:
+    """Frames that an earlier :func:`choose_frames` of the same arguments chose; none if none did.
+
+    Raises:
+        PhotoError: a film cannot be used.
+        OutputError: the extra ``video`` is not installed.
+
+    """
+    path = Path(folder) / table.NAME
+    of = table.depends_on(open_films(_expanded(films)), most, _fingerprint(_targets(target)))
+    if not (path.is_file() and table.is_of(path, of)):
+        return ()
+    kept = tuple(path.parent / name for name in table.photos_of_table(path))
+    return kept if all(one.is_file() for one in kept) else ()
+
+
+def choose_photos(
+    photos: Sequence[Photo],
+    target: Target | Sequence[Target],
+    *,
+    most: int = MOST,
+    jobs: int | None = 1,
+    cache: StrPath | None = None,
+    progress: Progress = _silent,
+) -> list[Photo]:
+    """Choose those of many photos that are worth calibrating from, in the order given.
+
+    Args:
+        photos: photos of one camera.
+        target: the object, or what it may be.
+        most: how many photos may be chosen.
+        jobs: processes to use; None for one a processor.
+        cache: a folder in which what is found in files is kept.
+        progress: as of :func:`choose_frames`.
+
+    Raises:
+        DetectionError: none shows the target.
+
+    """
+    sizes = [_size(photo) for photo in photos]
+    known = Counter(size for size in sizes if size is not None)
+    if not known:
+        raise DetectionError("none of the photos can be read: check the files")
+    size = known.most_common(1)[0][0]
+    usual = [photo for photo, own in zip(photos, sizes, strict=True) if own == size]
+    seen = []
+    for sharp in map_photos(_sharpness, usual, workers_for(jobs, len(usual))):
+        seen.append(Seen(patches=(), sharpness=sharp))
+        progress("Measuring sharpness", len(seen), len(usual))
+    search = Search(
+        names=[photo.name for photo in usual],
+        seen=seen,
+        size=size,
+        most=most,
+        targets=_targets(target),
+        at_once=len(usual),
+    )
+
+    def glance(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
+        some, reading = [usual[at] for at in numbers], _of(progress, "Glancing at photos")
+        return found_at_a_glance(some, targets, size, jobs=jobs, progress=reading)
+
+    def closely(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
+        some, reading = [usual[at] for at in numbers], _of(progress, "Finding boards")
+        kept = None if cache is None else Path(cache)
+        return found_in(some, targets, jobs=jobs, cache=kept, progress=reading)
+
+    search.look((glance, closely), range(len(usual)), ())
+    return [usual[at] for at in sorted(search.choice.order)]
+
+
+def refuse_other_photos(photos: Sequence[Photo], films: StrPath | Sequence[StrPath]) -> None:
+    """Raise :class:`PhotoError` where photos beside films are of another size."""
+    film = open_films(_expanded(films))[0]
+    for photo in photos:
+        size = _size(photo)
+        if size not in (None, film.size):
+            raise PhotoError(
+                "{} has {}x{} pixels and {} has {}x{}: photos and films differ in crop and "
+                "stabilisation, so calibrate each by itself".format(
+                    photo.name, *size, film.path, *film.size
+                )
+            )
+
+
+def _targets(target: Target | Sequence[Target] | None) -> list[Target] | None:
+    if target is None or isinstance(target, Target):
+        return None if target is None else [target]
+    return list(target) or None
+
+
+def _fingerprint(targets: Sequence[Target] | None) -> str | None:
+    """What tells one object from another."""
+    if targets is None:
+        return None
+    return hashlib.sha256("\n".join(map(target_text, targets)).encode()).hexdigest()
+
+
+def _expanded(films: StrPath | Sequence[StrPath]) -> list[Path]:
+    """Films, with patterns replaced by what they match."""
+    given = [films] if isinstance(films, str | os.PathLike) else films
+    every: list[Path] = []
+    for path in map(Path, given):
+        matches = [path]
+        if not path.exists() and has_magic(str(path)):
+            matches = [Path(one) for one in sorted(glob(str(path), recursive=True))]
+            if not matches:
+                raise PhotoError(f"{path} matches no film: check the name and the current folder")
+        every += matches
+    if not every:
+        raise PhotoError("no film was given: name one")
+    return every
+
+
+def _of(progress: Progress, what: str) -> Callable[[int, int], None]:
+    """The progress of one step."""
+    return lambda done, total: progress(what, done, total)
+
+
+def _photo(frame: Candidate) -> Photo:
+    """A frame as a photo, in a file: what is found in that can be kept."""
+    path = frame.path.with_suffix(".png")
+    if not path.is_file():
+        with whole_file(path, overwrite=True) as temporary:
+            write_frame(temporary, load_frame(frame.path))
+    return Photo(name=frame.name, path=path)
+
+
+def _size(photo: Photo) -> tuple[int, int] | None:
+    """Its (width, height); None for a damaged one, which is left out with a word later."""
+    try:
+        return photo_size(photo.path)
+    except PhotoError:
+        return None
+
+
+def _sharpness(photo: Photo) -> float:
+    try:
+        return sharpness(photo.read_grey())
+    except PhotoError:
+        return 0.0
+
+
+def _record(measured: Measured) -> dict[str, Any]:
+    film = measured.film
+    return {
+        "film": str(film.path),
+        "frames": len(measured),
+        "image_size": film.size,
+        "seconds": measured.time[-1],
+        "turned_deg": measured.turned_deg,
+        "interlaced": measured.interlaced,
+        "problem": measured.problem,
+    }

@@ -1,0 +1,155 @@
+"""Choosing frames and photos in a program: what is looked at, and when that ends."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("av")
+
+from filming import RATE, SIZE, TARGET, photos, spoilt_film, write_film
+
+from cubicfish_cli.errors import DetectionError, PhotoError
+from cubicfish_cli.films.choose import Choice, Patch, Seen
+from cubicfish_cli.library import frame_search
+from cubicfish_cli.library.frame_search import Found, Search
+from cubicfish_cli.library.frames import choose_frames, earlier_frames
+from cubicfish_cli.photos import read_picture
+from cubicfish_cli.target import Target
+
+
+def search(monkeypatch, adds: list[bool], most: int = 60) -> Search:
+    """A search, in rounds of two, of pictures some of which add something."""
+
+    def choose(names, seen, found, size, most) -> Choice:
+        order = [at for at, one in enumerate(seen) if one.corners and adds[at]][:most]
+        flattened = any(one.corners and not adds[at] for at, one in enumerate(seen))
+        none = np.zeros(len(seen))
+        return Choice(order=tuple(order), gain=none, why_not=("",) * len(seen), flattened=flattened)
+
+    monkeypatch.setattr(frame_search, "choose_by_worth", choose)
+    return Search(
+        names=[str(at) for at in range(len(adds))],
+        seen=[Seen(patches=(), sharpness=1.0)] * len(adds),
+        size=SIZE,
+        most=most,
+        targets=None,
+        at_once=2,
+    )
+
+
+def shows(what: list[bool]):
+    """A look at pictures of which some show the object."""
+    patch = Patch(board=0, cells=np.zeros((1, 2), int), pixel=np.zeros((1, 2)))
+
+    def look(numbers, targets) -> Found:
+        seen = [str(at) for at in numbers if what[at]]
+        if not seen:
+            raise DetectionError("nothing there")
+        return Found(patches=dict.fromkeys(seen, (patch,)))
+
+    return look
+
+
+def test_pictures_are_looked_at_until_one_adds_hardly_anything(monkeypatch) -> None:
+    all_ten, way = list(range(10)), shows([True] * 10)
+    looking = search(monkeypatch, [True] * 10)
+    looking.look([way], all_ten, [])
+    assert looking.looked_at == set(range(10))
+    # Rounds are 0 and 5, 1 and 6, ...
+    looking = search(monkeypatch, [at != 6 for at in range(10)])
+    looking.look([way], all_ten, [])
+    assert looking.looked_at == {0, 5, 1, 6}
+    assert looking.choice.order == (0, 1, 5)
+    looking = search(monkeypatch, [True] * 10, most=4)
+    looking.look([way], all_ten, [])
+    assert looking.looked_at == {0, 5, 1, 6}
+
+
+def test_pictures_that_show_nothing_do_not_end_the_search(monkeypatch) -> None:
+    looking = search(monkeypatch, [True] * 10)
+    looking.look([shows([at in (4, 9) for at in range(10)])], range(10), [])
+    assert looking.choice.order == (4, 9)
+    with pytest.raises(DetectionError, match="nothing there"):
+        search(monkeypatch, [True] * 4).look([shows([False] * 4)], range(4), [])
+
+
+def test_worse_pictures_are_looked_at_where_good_ones_show_little(monkeypatch) -> None:
+    good, others = [0, 1, 2, 3], [4, 5, 7]
+    looking = search(monkeypatch, [True] * 8)
+    looking.look([shows([True] * 8)], good, others)
+    assert looking.looked_at == set(good)
+    looking = search(monkeypatch, [True] * 8)
+    looking.look([shows([False] * 3 + [True] * 5)], good, others)
+    assert looking.looked_at == {*good, *others}
+    assert looking.choice.order == (3, 4, 5, 7)
+
+
+def test_what_is_not_seen_at_a_glance_is_looked_at_closely(monkeypatch) -> None:
+    glance, closely = shows([at == 0 for at in range(8)]), shows([at < 7 for at in range(8)])
+    looking = search(monkeypatch, [True] * 8)
+    looking.look([glance, closely], range(8), [])
+    assert looking.choice.order == tuple(range(7))  # and of no picture what was seen twice
+    closer = []
+    looking = search(monkeypatch, [True] * 8)
+    looking.look([shows([True] * 8), lambda *_: closer.append(1)], range(8), [])
+    assert not closer
+
+
+@pytest.fixture
+def target(tmp_path: Path) -> Target:
+    (tmp_path / "target.yaml").write_text(TARGET)
+    return Target.load(tmp_path / "target.yaml")
+
+
+@pytest.mark.slow
+def test_a_program_chooses_frames_and_finds_them_again(tmp_path: Path, target: Target) -> None:
+    film = write_film(tmp_path / "film.mp4", spoilt_film()[0])
+    steps, told = [], []
+    chosen = choose_frames(
+        film,
+        tmp_path / "photos",
+        target,
+        most=5,
+        progress=lambda what, done, total: steps.append((what, done, total)),
+        tell=told.append,
+    )
+    assert len(chosen.photos) == 5
+    assert read_picture(chosen.photos[0]).shape[:2] == SIZE[::-1]
+    assert chosen.frames == len(spoilt_film()[0]) == len(told[0])
+    reading = [done for what, done, _ in steps if what == "Reading film.mp4"]
+    assert reading == sorted(reading)
+    assert "Glancing at frames" in {what for what, _, _ in steps}
+    again = earlier_frames(film, tmp_path / "photos", target, most=5)
+    assert again == chosen.photos
+    assert earlier_frames(film, tmp_path / "photos", target, most=6) == ()
+    assert earlier_frames(film, tmp_path / "photos", None, most=5) == ()
+    chosen.photos[0].unlink()
+    assert earlier_frames(film, tmp_path / "photos", target, most=5) == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("codec", "pix_fmt"), [("libx265", "yuv420p10le"), ("ffv1", "yuv422p10le"), ("ffv1", "gray")]
+)
+def test_films_of_other_codecs_and_depths_are_read(
+    codec: str, pix_fmt: str, tmp_path: Path, target: Target
+) -> None:
+    frames = [photo for photo in photos()[:3] for _ in range(3)]
+    quiet = {"x265-params": "log-level=none"} if codec == "libx265" else {}
+    film = write_film(tmp_path / "film.mkv", frames, codec=codec, pix_fmt=pix_fmt, options=quiet)
+    chosen = choose_frames(film, tmp_path / "photos", target)
+    assert len(chosen.photos) == 3
+    for path in chosen.photos:
+        picture = read_picture(path)
+        assert picture.dtype == np.uint8
+        assert picture.ndim == (2 if pix_fmt == "gray" else 3)
+        number = round(float(path.stem.split("_")[1][:-1]) * RATE)
+        grey = picture if picture.ndim == 2 else picture[..., 1]
+        assert np.abs(grey.astype(int) - frames[number]).mean() < 4
+
+
+def test_what_is_no_film_is_refused(tmp_path: Path) -> None:
+    for films, says in (([], "no film was given"), (tmp_path / "*.mp4", "matches no film")):
+        with pytest.raises(PhotoError, match=says):
+            choose_frames(films, tmp_path / "photos")
