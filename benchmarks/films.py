@@ -1,4 +1,4 @@
-"""What frames of a film are worth: ``python benchmarks/films.py FOLDER [--seconds 18] ...``.
+"""What frames of a film are worth: ``python benchmarks/films.py FOLDER [--seconds 120] ...``.
 
 `cubicfish simulate --film` renders films through lenses from outside the fitted family, of a corner
 of three checkerboards, a ChArUco board and an AprilGrid that a hand moves: blur by exposure time,
@@ -10,7 +10,10 @@ with the rotation between them taken out. Films in FOLDER stay there, and are no
 n          frames chosen, of all
 chosen     RMS over the field in px of the camera from the chosen frames
 all, equal the same of the others' cameras; ``/`` chosen's over it
-time       processor time of `cubicfish frames`, in times of that of decoding alone
+time       processor time of `cubicfish frames`, its start included, in times of that of decoding
+           alone: all frames, one after the other, by PyAV as `frames` does it
+1          the same, in times of decoding by one thread
+camera     processor time of `cubicfish calibrate film.mp4` beyond that, likewise
 """
 
 import argparse
@@ -63,20 +66,29 @@ def cubicfish(*words: object) -> float:
     return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
 
 
-def photos_of(film: Path) -> tuple[list[Photo], float]:
-    """All frames of a film, and the processor time of decoding alone."""
-    begin = time.process_time()
-    with opened(film) as (container, stream):
-        for _ in decode(film, container, stream, sound=False):
-            pass
-    seconds = time.process_time() - begin
+def decoding(film: Path, threads: int | None = None) -> float:
+    """Processor time of decoding a film, seconds: the median of three."""
+    seconds = []
+    for _ in range(3):
+        begin = time.process_time()
+        with opened(film) as (container, stream):
+            if threads is not None:
+                stream.thread_count = threads
+            for _ in decode(film, container, stream, sound=False):
+                pass
+        seconds.append(time.process_time() - begin)
+    return float(np.median(seconds))
+
+
+def photos_of(film: Path) -> list[Photo]:
+    """All frames of a film."""
     photos = []
     with opened(film) as (container, stream):
         for frame in decode(film, container, stream, sound=False):
             name = frame_name(film.stem, float(frame.pts * stream.time_base)) + ".png"
             picture = frame.to_ndarray(format="gray")
             photos.append(Photo(name=name, path=Path(name), picture=picture))
-    return photos, seconds
+    return photos
 
 
 def rms_px(fit: Calibration | None, truth: object, angle: float) -> float:
@@ -90,11 +102,11 @@ def rms_px(fit: Calibration | None, truth: object, angle: float) -> float:
 def measured(folder: Path, target_file: Path, most: int) -> tuple[float, ...]:
     target = load_target(target_file)
     film, out = folder / "film.mp4", folder / "chosen"
-    seconds = cubicfish(
-        "frames", film, "-t", target_file, "-o", out, "--overwrite", "--no-cache", "-j", 1,
-        "--most", most,
-    )  # fmt: skip
-    photos, decoding = photos_of(film)
+    options = ("-t", target_file, "--overwrite", "--no-cache", "-j", 1)
+    seconds = cubicfish("frames", film, *options, "-o", out, "--most", most)
+    whole = cubicfish("calibrate", film, *options, "-o", folder / "calibration", "--best", most)
+    usual, one = decoding(film), decoding(film, threads=1)
+    photos = photos_of(film)
     with (out / "frames.csv").open(encoding="utf-8") as file:
         next(file)
         chosen = {row["photo"] for row in csv.DictReader(file) if row["photo"]}
@@ -124,7 +136,8 @@ def measured(folder: Path, target_file: Path, most: int) -> tuple[float, ...]:
     angle = min(fit.camera.max_angle_deg for fit in fits if fit is not None)
     truth = load_lens(folder / "true_camera.yaml")
     errors = [rms_px(fit, truth, np.deg2rad(angle)) for fit in fits]
-    return len(chosen), len(photos), *errors, seconds / decoding
+    times = (seconds / usual, seconds / one, (whole - seconds) / usual)
+    return len(chosen), len(photos), *errors, *times
 
 
 def main() -> None:
@@ -133,16 +146,16 @@ def main() -> None:
     parser.add_argument("--lenses", nargs="+", default=LENSES)
     parser.add_argument("--targets", nargs="+", choices=TARGETS, default=list(TARGETS))
     parser.add_argument("--size", default="720x540")
-    parser.add_argument("--seconds", type=float, default=18)
-    parser.add_argument("--rate", type=float, default=20)
+    parser.add_argument("--seconds", type=float, default=120)
+    parser.add_argument("--rate", type=float, default=30)
     parser.add_argument("--most", type=int, default=60)
     parser.add_argument("--seed", type=int, default=3)
     args = parser.parse_args()
     warnings.simplefilter("ignore")
     args.folder.mkdir(parents=True, exist_ok=True)
     print(
-        f"{'lens':<14}{'target':<11}{'n':>9}{'chosen':>9}{'all':>8}{'/':>6}{'equal':>8}{'/':>6}"
-        f"{'time':>7}"
+        f"{'lens':<14}{'target':<11}{'n':>10}{'chosen':>9}{'all':>8}{'/':>6}{'equal':>8}{'/':>6}"
+        f"{'time':>7}{'1':>5}{'camera':>8}"
     )
     rows = []
     for lens in args.lenses:
@@ -155,15 +168,19 @@ def main() -> None:
                     "simulate", "-t", target, "--lens", lens, "--size", args.size, "--film",
                     args.seconds, "--rate", args.rate, "-o", folder, "--seed", args.seed,
                 )  # fmt: skip
-            number, of, chosen, every, equal, times = measured(folder, target, args.most)
-            rows.append((chosen / every, chosen / equal, times))
+            number, of, chosen, every, equal, *times = measured(folder, target, args.most)
+            rows.append((chosen / every, chosen / equal, *times))
             print(
                 f"{lens:<14}{name:<11}{number:>4} /{of:>4}{chosen:>9.4f}{every:>8.4f}"
-                f"{chosen / every:>6.2f}{equal:>8.4f}{chosen / equal:>6.2f}{times:>7.1f}",
+                f"{chosen / every:>6.2f}{equal:>8.4f}{chosen / equal:>6.2f}{times[0]:>7.1f}"
+                f"{times[1]:>5.1f}{times[2]:>8.1f}",
                 flush=True,
             )
     median = np.nanmedian(np.array(rows), axis=0)
-    print(f"{'median':<25}{'':>26}{median[0]:>6.2f}{'':>8}{median[1]:>6.2f}{median[2]:>7.1f}")
+    print(
+        f"{'median':<25}{'':>27}{median[0]:>6.2f}{'':>8}{median[1]:>6.2f}"
+        f"{median[2]:>7.1f}{median[3]:>5.1f}{median[4]:>8.1f}"
+    )
 
 
 if __name__ == "__main__":

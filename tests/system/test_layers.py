@@ -28,7 +28,7 @@ ALLOWED: dict[str, set[str]] = {
     "picture_headers": set(),
     "frame_names": set(),
     "photos": {"errors", "wording", "hosts", "picture_headers"},
-    "films": {"errors", "files", "photos", "wording"},
+    "films": {"errors", "files", "frame_names", "photos", "wording"},
     "executors": {"errors", "files", "hosts", "photos"},
     "detection": {
         "errors",
