@@ -7,7 +7,7 @@ are made of those of the chosen frames, of all, and of as many frames equally sp
 chosen, the target as drawn. Each is compared with the true lens over the cone that all three know,
 with the rotation between them taken out. Films in FOLDER stay there, and are not rendered again.
 
-n          frames chosen, of all
+n          frames chosen, of all that show the target (of one of ``--every`` frames)
 chosen     RMS over the field in px of the camera from the chosen frames
 all, equal the same of the others' cameras; ``/`` chosen's over it
 time       processor time of `cubicfish frames`, its start included, in times of that of decoding
@@ -17,13 +17,13 @@ camera     processor time of `cubicfish calibrate film.mp4` beyond that, likewis
 """
 
 import argparse
-import csv
 import os
 import resource
 import subprocess
 import sys
 import time
 import warnings
+from itertools import islice
 from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -31,7 +31,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from cubicfish_cli.correspondences import load_corners, pair, save_corners
+from cubicfish_cli.correspondences import Correspondences, load_corners, pair, save_corners
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.films.source import decode, opened
 from cubicfish_cli.fitting.alignment import aligned_difference
@@ -40,9 +40,9 @@ from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.frame_names import frame_name
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.library.detect_corners import detect_corners
-from cubicfish_cli.photos import Photo
+from cubicfish_cli.photos import Photo, find_photos
 from cubicfish_cli.rendering.lens_file import load_lens
-from cubicfish_cli.target import load_target
+from cubicfish_cli.target import Target, load_target
 
 SAMPLE = Path(__file__).resolve().parents[1] / "sample_data" / "target.yaml"
 TARGETS = {
@@ -80,11 +80,11 @@ def decoding(film: Path, threads: int | None = None) -> float:
     return float(np.median(seconds))
 
 
-def photos_of(film: Path) -> list[Photo]:
-    """All frames of a film."""
+def photos_of(film: Path, every: int) -> list[Photo]:
+    """Frames of a film, one of so many."""
     photos = []
     with opened(film) as (container, stream):
-        for frame in decode(film, container, stream, sound=False):
+        for frame in islice(decode(film, container, stream, sound=False), None, None, every):
             name = frame_name(film.stem, float(frame.pts * stream.time_base)) + ".png"
             picture = frame.to_ndarray(format="gray")
             photos.append(Photo(name=name, path=Path(name), picture=picture))
@@ -99,45 +99,38 @@ def rms_px(fit: Calibration | None, truth: object, angle: float) -> float:
     return float(np.sqrt(np.mean(np.sum(miss**2, axis=-1))))
 
 
-def measured(folder: Path, target_file: Path, most: int) -> tuple[float, ...]:
+def fitted(pairs: Correspondences, target: Target) -> Calibration | None:
+    """The camera, the target as drawn; None where there is none."""
+    try:
+        return calibrate(pairs, target=target, refine_target="off", hold_out=False)
+    except CubicfishError as problem:
+        print(f"  {problem}", file=sys.stderr)
+        return None
+
+
+def measured(folder: Path, target_file: Path, most: int, every: int) -> tuple[float, ...]:
     target = load_target(target_file)
     film, out = folder / "film.mp4", folder / "chosen"
     options = ("-t", target_file, "--overwrite", "--no-cache", "-j", 1)
     seconds = cubicfish("frames", film, *options, "-o", out, "--most", most)
     whole = cubicfish("calibrate", film, *options, "-o", folder / "calibration", "--best", most)
     usual, one = decoding(film), decoding(film, threads=1)
-    photos = photos_of(film)
-    with (out / "frames.csv").open(encoding="utf-8") as file:
-        next(file)
-        chosen = {row["photo"] for row in csv.DictReader(file) if row["photo"]}
-    table = folder / "all_corners.csv"
+    table = folder / ("all_corners.csv" if every == 1 else f"all_corners_{every}.csv")
     if not table.exists():
-        save_corners(table, detect_corners(photos, target, jobs=1).corners)
+        save_corners(table, detect_corners(photos_of(film, every), target, jobs=1).corners)
     pairs = pair(load_corners(table, target), target)
-    equal = {
-        photos[number].name
-        for number in np.linspace(0, len(photos) - 1, min(most, len(photos))).round().astype(int)
-    }
-    fits = []
-    for names in (chosen, None, equal):
-        own = [n for n, name in enumerate(pairs.images) if names is None or name in names]
-        try:
-            fits.append(
-                calibrate(
-                    select_photos(pairs, np.array(own)),
-                    target=target,
-                    refine_target="off",
-                    hold_out=False,
-                )
-            )
-        except CubicfishError as problem:
-            print(f"  {problem}", file=sys.stderr)
-            fits.append(None)
+    chosen = find_photos([out])
+    equal = [int(one) for one in np.linspace(0, len(pairs.images) - 1, most).round()]
+    fits = [
+        fitted(pair(detect_corners(chosen, target, jobs=1).corners, target), target),
+        fitted(pairs, target),
+        fitted(select_photos(pairs, np.unique(equal)), target),
+    ]
     angle = min(fit.camera.max_angle_deg for fit in fits if fit is not None)
     truth = load_lens(folder / "true_camera.yaml")
     errors = [rms_px(fit, truth, np.deg2rad(angle)) for fit in fits]
     times = (seconds / usual, seconds / one, (whole - seconds) / usual)
-    return len(chosen), len(photos), *errors, *times
+    return len(chosen), len(pairs.images), *errors, *times
 
 
 def main() -> None:
@@ -148,6 +141,7 @@ def main() -> None:
     parser.add_argument("--size", default="720x540")
     parser.add_argument("--seconds", type=float, default=120)
     parser.add_argument("--rate", type=float, default=30)
+    parser.add_argument("--every", type=int, default=1)
     parser.add_argument("--most", type=int, default=60)
     parser.add_argument("--seed", type=int, default=3)
     args = parser.parse_args()
@@ -168,11 +162,13 @@ def main() -> None:
                     "simulate", "-t", target, "--lens", lens, "--size", args.size, "--film",
                     args.seconds, "--rate", args.rate, "-o", folder, "--seed", args.seed,
                 )  # fmt: skip
-            number, of, chosen, every, equal, *times = measured(folder, target, args.most)
-            rows.append((chosen / every, chosen / equal, *times))
+            number, of, chosen, all_of, equal, *times = measured(
+                folder, target, args.most, args.every
+            )
+            rows.append((chosen / all_of, chosen / equal, *times))
             print(
-                f"{lens:<14}{name:<11}{number:>4} /{of:>4}{chosen:>9.4f}{every:>8.4f}"
-                f"{chosen / every:>6.2f}{equal:>8.4f}{chosen / equal:>6.2f}{times[0]:>7.1f}"
+                f"{lens:<14}{name:<11}{number:>4} /{of:>4}{chosen:>9.4f}{all_of:>8.4f}"
+                f"{chosen / all_of:>6.2f}{equal:>8.4f}{chosen / equal:>6.2f}{times[0]:>7.1f}"
                 f"{times[1]:>5.1f}{times[2]:>8.1f}",
                 flush=True,
             )
