@@ -2,6 +2,7 @@
 
 from cubicfish_cli import Calibration as Calibration
 from cubicfish_cli import CameraFile as CameraFile
+from cubicfish_cli import ChosenFrames as ChosenFrames
 from cubicfish_cli import Comparison as Comparison
 from cubicfish_cli import Corners as Corners
 from cubicfish_cli import Correspondences as Correspondences
@@ -21,6 +22,7 @@ from cubicfish_cli import build_plane as build_plane
 from cubicfish_cli import build_view as build_view
 from cubicfish_cli import calibrate as calibrate
 from cubicfish_cli import calibrate_rig as calibrate_rig
+from cubicfish_cli import choose_frames as choose_frames
 from cubicfish_cli import compare as compare
 from cubicfish_cli import compare_rigs as compare_rigs
 from cubicfish_cli import detect as detect

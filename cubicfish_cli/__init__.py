@@ -10,7 +10,7 @@ In a program::
 
 What the names below offer is described in docs/library.md. They are loaded when they are first
 used, so that importing the package loads nothing else. Nothing here prints, and files are written
-by the functions called ``save_...`` alone.
+by ``choose_frames`` and the functions called ``save_...`` alone.
 
 Conventions, the same everywhere in the package:
 
@@ -40,6 +40,7 @@ _PLACES = {
     "library.calibration": ("calibrate", "evaluate", "judge", "uncertainty"),
     "library.cameras": ("save_camera", "save_target"),
     "library.detection": ("detect",),
+    "library.frames": ("ChosenFrames", "choose_frames"),
     "library.pictures": ("undistort",),
     "library.planes": ("build_plane",),
     "library.rig_pictures": ("rectify", "stitch"),

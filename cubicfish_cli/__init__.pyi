@@ -24,6 +24,8 @@ from cubicfish_cli.library.calibration import uncertainty as uncertainty
 from cubicfish_cli.library.cameras import save_camera as save_camera
 from cubicfish_cli.library.cameras import save_target as save_target
 from cubicfish_cli.library.detection import detect as detect
+from cubicfish_cli.library.frames import ChosenFrames as ChosenFrames
+from cubicfish_cli.library.frames import choose_frames as choose_frames
 from cubicfish_cli.library.pictures import undistort as undistort
 from cubicfish_cli.library.planes import build_plane as build_plane
 from cubicfish_cli.library.rig_pictures import rectify as rectify
