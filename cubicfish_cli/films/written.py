@@ -17,7 +17,7 @@ from cubicfish_cli.films.choose import Seen
 from cubicfish_cli.films.raw import load_frame
 from cubicfish_cli.films.scan import Measured
 from cubicfish_cli.films.sheet import NAME as SHEET
-from cubicfish_cli.films.sheet import sheet
+from cubicfish_cli.films.sheet import Shown, sheet
 from cubicfish_cli.films.table import NAME as TABLE
 from cubicfish_cli.films.table import FrameRow, photos_of_table, write_rows
 from cubicfish_cli.films.write import write_frame
@@ -93,22 +93,34 @@ def write_chosen(folder: Path, of: Mapping[str, Any], chosen: Chosen, *, overwri
         write_rows(table, of, chosen.rows())
         for picture, frame in zip(pictures, frames, strict=True):
             write_frame(picture, load_frame(frame.path))
-        shown_small = zip(pictures, _captions(chosen), strict=True)
-        write_text(page, sheet(_title(chosen), shown_small), overwrite=False)
+        write_text(page, _sheet(chosen, pictures), overwrite=False)
 
 
-def _title(chosen: Chosen) -> str:
-    count = len(chosen.numbers)
-    return f"{count} frame{'s' * (count != 1)} of {listed(chosen.measured)}"
-
-
-def _captions(chosen: Chosen) -> Iterator[str]:
-    for at in chosen.numbers:
-        one = chosen.seen[at]
-        yield (
-            f"{chosen.frames[at].name}: {one.corners} corners, sharpness {one.sharpness:.2f}, "
-            f"motion {one.motion:.1f} px, gain {chosen.gain[at]:.3f}"
+def _sheet(chosen: Chosen, pictures: Sequence[Path]) -> str:
+    numbers = chosen.numbers
+    every = sum(len(film) for film in chosen.measured)
+    several = len(chosen.measured) > 1
+    frames = []
+    for at, path in zip(numbers, pictures, strict=True):
+        frame, seen = chosen.frames[at], chosen.seen[at]
+        film = chosen.measured[frame.film]
+        frames.append(
+            Shown(
+                path=path,
+                head=f"{film.film.label} " * several + f"{film.time[frame.index]:.3f} s",
+                words=f"{seen.corners} corners, sharpness {seen.sharpness:.2f}, motion "
+                f"{seen.motion:.1f} px, gain {chosen.gain[at]:.2f}",
+            )
         )
+    return sheet(
+        f"{len(numbers)} frame{'s' * (len(numbers) != 1)} of {listed(chosen.measured)}",
+        f"Chosen of {every:,} frames; boards were looked for in {len(chosen.looked_at):,}. Gain is "
+        "what a frame added to those chosen before it. frames.csv says of every frame why it was "
+        "not chosen.",
+        frames,
+        np.concatenate([chosen.seen[at].pixel for at in numbers]),
+        chosen.measured[0].film.size,
+    )
 
 
 def listed(films: Sequence[Measured]) -> str:
