@@ -34,7 +34,8 @@ def test_grids_are_where_a_closer_look_finds_them(share: float) -> None:
 
 def test_there_are_none_in_noise_or_nothing() -> None:
     noise = np.random.default_rng(2).integers(0, 255, (400, 700)).astype(np.uint8)
-    for photo in (noise, np.full((400, 700), 90, np.uint8), noise[:12, :12]):
+    cells = np.kron(noise[:70, :100] > 127, np.full((8, 8), 200)).astype(np.uint8)[:, :700]
+    for photo in (noise, np.full((400, 700), 90, np.uint8), noise[:12, :12], cells):
         seen = glance_at_grids(photo)
         assert seen.grids == ()
         assert seen.image_size == photo.shape[::-1]

@@ -21,6 +21,33 @@ def at(x: float, y: float, sharp: float = 0.6, moved: float = 0.0) -> Seen:
     return Seen(patches=(Patch(board=0, cells=cells, pixel=pixel),), sharpness=sharp, motion=moved)
 
 
+class Fixed:
+    """What three pictures add."""
+
+    flat = 0.1
+
+    def __init__(self, gains: list[float]) -> None:
+        self._gains = gains
+
+    def of(self, picture: int) -> float:
+        return self._gains[picture]
+
+    def take(self, picture: int) -> None:
+        pass
+
+
+@pytest.mark.parametrize(
+    ("gains", "most", "flattened"),
+    [([0.5, 0.3, 0.05], 9, True), ([0.5, 0.3, 0.2], 9, False), ([0.5, 0.3, 0.05], 2, False)],
+)
+def test_it_is_said_whether_what_is_left_adds_hardly_anything(
+    gains: list[float], most: int, flattened: bool
+) -> None:
+    pictures = [at(40, 40), at(300, 40), at(40, 240)]
+    made = choose(pictures, SIZE, most, 0.6, lambda quality: Fixed(gains))
+    assert made.flattened is flattened
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("turned", [False, True])
 def test_blur_of_any_kind_lowers_sharpness_and_light_does_not(turned: bool) -> None:

@@ -86,10 +86,10 @@ def test_worse_pictures_are_looked_at_where_good_ones_show_little(monkeypatch) -
 
 
 def test_what_is_not_seen_at_a_glance_is_looked_at_closely(monkeypatch) -> None:
-    glance, closely = shows([at == 0 for at in range(8)]), shows([at < 7 for at in range(8)])
+    glance, closely = shows([at == 0 for at in range(8)]), shows([at > 0 for at in range(8)])
     looking = search(monkeypatch, [True] * 8)
     looking.look([glance, closely], range(8), [])
-    assert looking.choice.order == tuple(range(7))  # and of no picture what was seen twice
+    assert looking.choice.order == tuple(range(1, 8))  # what a glance showed is forgotten
     closer = []
     looking = search(monkeypatch, [True] * 8)
     looking.look([shows([True] * 8), lambda *_: closer.append(1)], range(8), [])
