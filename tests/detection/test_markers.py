@@ -373,13 +373,14 @@ def test_markers_at_a_glance_are_none_where_none_agree():
     rng = np.random.default_rng(4)
     for photo in (np.full((200, 300), 99, np.uint8), rng.integers(0, 255, (200, 300), np.uint8)):
         assert len(glance_at_markers(photo, MIXED)) == 0
-    one = wall("front", "charuco", (2, 2), 60.0)
-    alone = replace(one, markers=replace(one.markers, count=len(one.marker_cells())))
-    photo = photo_of(Target(units="mm", boards=(alone,)))
-    hidden = photo.copy()
-    found = glance_at_markers(photo, Target(units="mm", boards=(alone,)))
-    assert len(found) == 4
-    # Of four markers, those of the other rows are hidden.
-    y = int(found.pixel[found.row == 0, 1].max()) + 6
-    hidden[y:] = 128
-    assert len(glance_at_markers(hidden, Target(units="mm", boards=(alone,)))) == 0
+    board = Target(units="mm", boards=(wall("front", "charuco", (4, 4), 40.0),))
+    photo = photo_of(board)
+    found = glance_at_markers(photo, board)
+    assert len(found) == 16
+    # Of one marker all four corners are left, and nothing else.
+    own = found.pixel[(found.column < 2) & (found.row > 0) & (found.row < 3)]
+    assert [1, 2] in board.boards[0].marker_cells()[:, 1:].tolist()
+    (left, top), (right, bottom) = own.min(axis=0).astype(int) - 8, own.max(axis=0).astype(int) + 8
+    hidden = np.full_like(photo, 128)
+    hidden[top:bottom, left:right] = photo[top:bottom, left:right]
+    assert len(glance_at_markers(hidden, board)) == 0
