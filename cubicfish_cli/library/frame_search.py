@@ -31,6 +31,8 @@ FloatArray = npt.NDArray[np.float64]
 
 # Where fewer than these of the pictures show the object, what is good is not told by them.
 _FEW, _FEW_SHARE = 3, 0.5
+# Pictures have no more to add when of the last few hardly any is chosen.
+_HARDLY_ANY = 0.1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -224,7 +226,7 @@ class Search:
 
         """
         failure: DetectionError | None = None
-        self._is_enough(Found())
+        self._is_enough(Found(), ())
         for way in ways:
             found, looked_at = Found(), 0
             for numbers in (good, others):
@@ -240,18 +242,27 @@ class Search:
                         self.targets = [more.target]
                     looked_at += len(some)
                     self.looked_at.update(some)
-                    if self._is_enough(found):
+                    if self._is_enough(found, some if first else ()):
                         break
                 if len(found.patches) >= max(_FEW, _FEW_SHARE * looked_at):
                     return
         if failure is not None and not found.patches:
             raise failure
 
-    def _is_enough(self, found: Found) -> bool:
-        """Choose; and whether more pictures would add hardly anything."""
+    def _is_enough(self, found: Found, last: Sequence[int]) -> bool:
+        """Choose; and whether more pictures would add hardly anything to those chosen.
+
+        Args:
+            found: what was seen.
+            last: the pictures looked at last, where others were before.
+
+        """
         self.seen = [
             replace(one, patches=found.patches.get(name, ()))
             for one, name in zip(self.seen, self.names, strict=True)
         ]
         self.choice = choose_by_worth(self.names, self.seen, found, self.size, self.most)
-        return len(self.choice.order) >= self.most or self.choice.flattened
+        chosen = set(self.choice.order)
+        new = len(chosen.intersection(last))
+        nothing_new = bool(last) and len(chosen) > new and new <= _HARDLY_ANY * len(last)
+        return len(chosen) >= self.most or self.choice.flattened or nothing_new

@@ -18,12 +18,12 @@ from cubicfish_cli.photos import read_picture
 from cubicfish_cli.target import Target
 
 
-def search(monkeypatch, adds: list[bool], most: int = 60) -> Search:
+def search(monkeypatch, adds: list[bool], most: int = 60, flattens: bool = True) -> Search:
     """A search, in rounds of two, of pictures some of which add something."""
 
     def choose(names, seen, found, size, most) -> Choice:
         order = [at for at, one in enumerate(seen) if one.corners and adds[at]][:most]
-        flattened = any(one.corners and not adds[at] for at, one in enumerate(seen))
+        flattened = flattens and any(one.corners and not adds[at] for at, one in enumerate(seen))
         none = np.zeros(len(seen))
         return Choice(order=tuple(order), gain=none, why_not=("",) * len(seen), flattened=flattened)
 
@@ -61,6 +61,10 @@ def test_pictures_are_looked_at_until_one_adds_hardly_anything(monkeypatch) -> N
     looking.look([way], all_ten, [])
     assert looking.looked_at == {0, 5, 1, 6}
     assert looking.choice.order == (0, 1, 5)
+    # Or as soon as none of a round is worth choosing, as where all are the same view.
+    looking = search(monkeypatch, [at in (0, 5) for at in range(10)], flattens=False)
+    looking.look([way], all_ten, [])
+    assert looking.looked_at == {0, 5, 1, 6}
     looking = search(monkeypatch, [True] * 10, most=4)
     looking.look([way], all_ten, [])
     assert looking.looked_at == {0, 5, 1, 6}
