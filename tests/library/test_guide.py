@@ -61,7 +61,8 @@ def test_the_guide_runs_and_prints_what_it_shows(
             exec(compile(text, f"library.md: {text[:40]!r}", "exec"), names)
         printed = out.getvalue()
     assert not printed
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["film.avi", "frames", "sample_data", "saved"]
+    left = sorted(path.name for path in tmp_path.iterdir())
+    assert left == ["film.avi", "frames", "sample_data", "saved"]
 
 
 def test_every_public_name_is_in_the_table_and_no_other() -> None:
