@@ -153,7 +153,7 @@ def test_dictionaries_hold_as_many_markers_as_opencv_has(name: str) -> None:
 
 @given(
     st.tuples(*[st.floats(-3, 3)] * 3),
-    st.tuples(*[st.floats(-4e-4, 4e-4)] * 6),
+    st.tuples(*[st.floats(-2.5e-4, 2.5e-4)] * 6),
 )
 def test_nearly_orthonormal_axes_become_orthonormal(
     tmp_path_factory: Any, turn: tuple[float, ...], noise: tuple[float, ...]
