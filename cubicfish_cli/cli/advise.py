@@ -11,6 +11,7 @@ import click
 from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange, IntRange
+from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.streams import text_width
 from cubicfish_cli.cli.terminal import print_json, result, say, working
 
@@ -29,50 +30,37 @@ _LINE = 96
 _MOST_PARTS = 4
 
 
-@click.command(
+@as_command(
     "advise",
-    short_help="What to photograph next, and how much it would help.",
-    epilog=options.examples(
-        "cubicfish advise",
-        "cubicfish advise calibration/ -o advice.svg",
-        "cubicfish advise --model camera.yaml --corners corners.csv --target target.yaml",
-        "cubicfish advise --goal 0.05 --poses next.csv",
-    ),
+    "What to photograph next, and how much it would help.",
+    "cubicfish advise",
+    "cubicfish advise calibration/ -o advice.svg",
+    "cubicfish advise --model camera.yaml --corners corners.csv --target target.yaml",
+    "cubicfish advise --goal 0.05 --poses next.csv",
 )
 @options.calibration_argument
 @options.model_option
 @options.target_option
-@click.option(
-    "--corners",
-    type=options.FILE,
-    metavar="FILE",
-    help="The corners.csv that the camera was calibrated from, where it is not beside it.",
+@option(
+    "--corners FILE",
+    "The corners.csv that the camera was calibrated from, where it is not beside it.",
+    options.FILE,
 )
 @options.output_option("Also draw where the target should appear.", metavar="FILE.svg")
-@click.option(
-    "--poses",
-    type=options.FILE,
-    metavar="FILE",
-    help="Also write the proposed poses, for 'cubicfish simulate --poses'.",
+@option(
+    "--poses FILE", "Also write the proposed poses, for 'cubicfish simulate --poses'.", options.FILE
 )
-@click.option(
-    "--goal",
-    type=FloatRange(min=0, min_open=True),
-    metavar="PX",
-    help="The uncertainty wanted over the field. [default: 0.2, more for photos of more than 2000 "
+@option(
+    "--goal PX",
+    "The uncertainty wanted over the field. [default: 0.2, more for photos of more than 2000 "
     "pixels a side]",
+    FloatRange(min=0, min_open=True),
 )
-@click.option(
-    "--seed",
-    type=IntRange(0),
-    default=0,
-    show_default=True,
-    metavar="N",
-    help="Other poses are tried; the same seed gives the same proposals.",
+@option(
+    "--seed N", "Other poses are tried; the same seed gives the same proposals.", IntRange(0), 0
 )
 @options.overwrite_option
 @options.json_option(json_keys.ADVISE)
-@options.common_options
 def command(
     calibration: Path | None,
     model: Path | None,

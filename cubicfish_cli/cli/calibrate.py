@@ -33,6 +33,7 @@ from cubicfish_cli.cli.inputs import (
 )
 from cubicfish_cli.cli.next_step import say_next
 from cubicfish_cli.cli.numbers import IntRange
+from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table
 from cubicfish_cli.cli.provenance import check_title, made_at, made_by_record
 from cubicfish_cli.cli.target_choice import (
@@ -61,16 +62,14 @@ if TYPE_CHECKING:
 MAP = "undistort_map.npz"
 
 
-@click.command(
+@as_command(
     "calibrate",
-    short_help="Photos of a known target to a camera and its undistortion map.",
-    epilog=options.examples(
-        "cubicfish calibrate photos/ --target target.yaml",
-        "cubicfish calibrate photos/ --board 9x6 --square 25mm --title 'front left'",
-        "cubicfish calibrate film.mp4 --target target.yaml",
-        "cubicfish calibrate corners.csv --target target.yaml -o lens_a --max-rms 0.5",
-        "cubicfish calibrate --correspondences pairs.csv --size 1280x800",
-    ),
+    "Photos of a known target to a camera and its undistortion map.",
+    "cubicfish calibrate photos/ --target target.yaml",
+    "cubicfish calibrate photos/ --board 9x6 --square 25mm --title 'front left'",
+    "cubicfish calibrate film.mp4 --target target.yaml",
+    "cubicfish calibrate corners.csv --target target.yaml -o lens_a --max-rms 0.5",
+    "cubicfish calibrate --correspondences pairs.csv --size 1280x800",
 )
 @options.argument(
     "inputs",
@@ -79,11 +78,10 @@ MAP = "undistort_map.npz"
     metavar="[PHOTOS|FILM|CSV]...",
 )
 @target_options
-@click.option(
-    "--correspondences",
-    type=options.FILE,
-    metavar="FILE",
-    help="2D-3D pairs instead of photos: a CSV file with the columns image,X,Y,Z,x,y.",
+@option(
+    "--correspondences FILE",
+    "2D-3D pairs instead of photos: a CSV file with the columns image,X,Y,Z,x,y.",
+    options.FILE,
 )
 @options.size_option
 @options.output_option(
@@ -91,49 +89,40 @@ MAP = "undistort_map.npz"
     default="calibration",
     folder=True,
 )
-@click.option("--title", metavar="TEXT", help="What to call this camera, in its file and report.")
-@click.option(
+@option("--title TEXT", "What to call this camera, in its file and report.")
+@option(
     "--refine-target",
-    type=click.Choice(["off", "shape", "points", "auto"]),
-    default="auto",
-    show_default=True,
-    help="Fit the target too: boards' shapes and places, or each corner's own place as well; "
+    "Fit the target too: boards' shapes and places, or each corner's own place as well; "
     "auto goes as far as it lowers the held-out error.",
+    click.Choice(["off", "shape", "points", "auto"]),
+    "auto",
 )
-@click.option(
+@option(
     "--hold-out/--no-hold-out",
-    default=True,
-    show_default=True,
-    help="Measure the error on photos left out of the fit (five more fits; "
+    "Measure the error on photos left out of the fit (five more fits; "
     "--refine-target auto needs it).",
+    default=True,
 )
-@click.option(
+@option(
     "--lift",
-    type=click.Choice(["ray", "point"]),
-    default="ray",
-    show_default=True,
-    help="What the cubics are of: the viewing ray, a camera for everything else here; or the 3D "
+    "What the cubics are of: the viewing ray, a camera for everything else here; or the 3D "
     "point itself, as the paper prints it, which holds only where the corners were.",
+    click.Choice(["ray", "point"]),
+    "ray",
 )
-@click.option(
-    "--best",
-    type=IntRange(min=1),
-    metavar="N",
-    help="Calibrate from those N of many photos that add most. [default: all photos, and of films "
+@option(
+    "--best N",
+    "Calibrate from those N of many photos that add most. [default: all photos, and of films "
     f"{MOST} frames]",
+    IntRange(min=1),
 )
-@click.option(
-    "--compare",
-    is_flag=True,
-    help="Also fit other lens models to the same corners, and print one table.",
-)
+@option("--compare", "Also fit other lens models to the same corners, and print one table.")
 @report_step.report_option
 @options.max_rms_option
 @options.overwrite_option
 @options.json_option(json_keys.CALIBRATE)
 @options.jobs_option
 @options.no_cache_option
-@options.common_options
 def command(
     inputs: tuple[Path, ...],
     target: TargetChoice,

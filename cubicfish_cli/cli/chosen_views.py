@@ -12,7 +12,7 @@ import click
 
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import FILE, bundle
+from cubicfish_cli.cli.options import FILE, bundle, option
 from cubicfish_cli.cli.target_choice import target_path
 from cubicfish_cli.cli.view_options import ChosenView, SeenField, ViewOptions
 
@@ -266,32 +266,27 @@ def _poses_of(fit: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
 plane_options = bundle(
     "plane",
     PlaneOptions,
-    click.option(
-        "--plane",
-        "board",
-        metavar="BOARD",
-        help="The metric picture of a board's plane instead of a view; needs --target.",
+    option(
+        "--plane BOARD",
+        "The metric picture of a board's plane instead of a view; needs --target.",
+        to="board",
     ),
-    click.option(
-        "-t",
-        "--target",
-        type=FILE,
-        metavar="FILE",
-        help="The calibration target: a target.yaml, or one of Kalibr's target files. Where "
+    option(
+        "-t --target FILE",
+        "The calibration target: a target.yaml, or one of Kalibr's target files. Where "
         "one is needed, ./target.yaml stands for it; for --plane.",
+        FILE,
     ),
-    click.option(
-        "--pixels-per-unit",
-        "pixels_a_unit",
-        type=FloatRange(1e-9, 1_000_000_000),
-        metavar="N",
-        help="Scale of a plane: pixels per mm, or whatever the target's units are. [default: "
+    option(
+        "--pixels-per-unit N",
+        "Scale of a plane: pixels per mm, or whatever the target's units are. [default: "
         "the largest that the photo has there]",
+        FloatRange(1e-9, 1_000_000_000),
+        to="pixels_a_unit",
     ),
-    click.option(
-        "--margin",
-        type=FloatRange(0, 1_000_000),
-        metavar="UNITS",
-        help="Of a plane: how far it goes on beyond the outer corners. [default: a square]",
+    option(
+        "--margin UNITS",
+        "Of a plane: how far it goes on beyond the outer corners. [default: a square]",
+        FloatRange(0, 1_000_000),
     ),
 )

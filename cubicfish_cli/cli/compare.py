@@ -9,6 +9,7 @@ import click
 
 from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import hold_gate, print_spread, px
+from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.terminal import print_json, print_table, result
 
 _DRAWN_PIXELS = 150_000
@@ -18,15 +19,13 @@ if TYPE_CHECKING:
     from cubicfish_cli.fitting.comparison import ComparedCamera, Comparison
 
 
-@click.command(
+@as_command(
     "compare",
-    short_help="How far apart two cameras are, in pixels.",
-    epilog=options.examples(
-        "cubicfish compare last_year/camera.yaml calibration/camera.yaml",
-        "cubicfish compare a.yaml b.yaml --picture difference.png --max-rms 0.3",
-        "cubicfish compare simulated/true_camera.yaml calibration/camera.yaml",
-        "cubicfish compare last_year/rig.yaml rig/rig.yaml",
-    ),
+    "How far apart two cameras are, in pixels.",
+    "cubicfish compare last_year/camera.yaml calibration/camera.yaml",
+    "cubicfish compare a.yaml b.yaml --picture difference.png --max-rms 0.3",
+    "cubicfish compare simulated/true_camera.yaml calibration/camera.yaml",
+    "cubicfish compare last_year/rig.yaml rig/rig.yaml",
 )
 @options.argument(
     "first",
@@ -40,16 +39,10 @@ if TYPE_CHECKING:
     metavar="B",
     missing=_BOTH,
 )
-@click.option(
-    "--picture",
-    type=options.FILE,
-    metavar="FILE",
-    help="Also draw the difference at every pixel of camera A.",
-)
+@option("--picture FILE", "Also draw the difference at every pixel of camera A.", options.FILE)
 @options.max_rms_option
 @options.overwrite_option
 @options.json_option(json_keys.COMPARE)
-@options.common_options
 def command(
     first: Path,
     second: Path,

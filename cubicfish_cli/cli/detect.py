@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
-import click
-
 from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.inputs import detect, lost_word, mark_of, photos_of, say_photo_problems
+from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.photo_table import GOOD, PhotoRow, corners_by_board, print_photo_table
 from cubicfish_cli.cli.scheduler_options import SchedulerOptions, scheduler_options
 from cubicfish_cli.cli.target_choice import TargetChoice, say_default, target_options
@@ -25,32 +24,28 @@ if TYPE_CHECKING:
 _FEW_CORNERS = 20
 
 
-@click.command(
+@as_command(
     "detect",
-    short_help="Find and name the corners of the target in photos.",
-    epilog=options.examples(
-        "cubicfish detect photos/ --target target.yaml",
-        "cubicfish detect 'run7/*.png' --target target.yaml -o run7.csv --draw seen/",
-    ),
+    "Find and name the corners of the target in photos.",
+    "cubicfish detect photos/ --target target.yaml",
+    "cubicfish detect 'run7/*.png' --target target.yaml -o run7.csv --draw seen/",
 )
 @options.argument(
     "photos", "Photos: files, folders or globs.", nargs=-1, required=True, metavar="PHOTOS..."
 )
 @target_options
 @options.output_option("Where the corners go.", default="corners.csv")
-@click.option(
-    "--draw",
-    type=options.FOLDER,
-    metavar="FOLDER",
-    help="Also write FOLDER/<photo>.png for each photo: its corners in a colour a board, a disc at "
+@option(
+    "--draw FOLDER",
+    "Also write FOLDER/<photo>.png for each photo: its corners in a colour a board, a disc at "
     "corner (0, 0), arrows along x and y, in red what was left out and why.",
+    options.FOLDER,
 )
 @options.overwrite_option
 @options.json_option(json_keys.DETECT)
 @options.jobs_option
 @scheduler_options
 @options.no_cache_option
-@options.common_options
 def command(
     photos: tuple[Path, ...],
     target: TargetChoice,

@@ -18,6 +18,7 @@ from cubicfish_cli.cli.inputs import (
     say_photo_problems,
     why_lost,
 )
+from cubicfish_cli.cli.options import as_command
 from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table
 from cubicfish_cli.cli.target_choice import TargetChoice, target_options
 from cubicfish_cli.cli.terminal import print_json, result, say, working
@@ -29,14 +30,12 @@ if TYPE_CHECKING:
     from cubicfish_cli.fitting.uncertainty import FloatArray
 
 
-@click.command(
+@as_command(
     "evaluate",
-    short_help="Measure a camera on other photos, poses refitted.",
-    epilog=options.examples(
-        "cubicfish evaluate new_photos/ --target target.yaml",
-        "cubicfish evaluate corners.csv --target target.yaml --max-rms 0.5",
-        "cubicfish evaluate rig/rig.yaml left/ right/ --target target.yaml",
-    ),
+    "Measure a camera on other photos, poses refitted.",
+    "cubicfish evaluate new_photos/ --target target.yaml",
+    "cubicfish evaluate corners.csv --target target.yaml --max-rms 0.5",
+    "cubicfish evaluate rig/rig.yaml left/ right/ --target target.yaml",
 )
 @options.argument(
     "inputs",
@@ -51,7 +50,6 @@ if TYPE_CHECKING:
 @options.json_option(json_keys.EVALUATE)
 @options.jobs_option
 @options.no_cache_option
-@options.common_options
 def command(
     inputs: tuple[Path, ...],
     target: TargetChoice,

@@ -12,7 +12,7 @@ import click
 from cubicfish_cli import __version__
 from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import rig_path
+from cubicfish_cli.cli.options import as_command, option, rig_path
 from cubicfish_cli.cli.terminal import print_json, result, say, working
 from cubicfish_cli.errors import FitError
 
@@ -78,17 +78,15 @@ camera.yaml's frame is printed, and poses that go into the file are turned along
 """
 
 
-@click.command(
+@as_command(
     "export",
+    "The camera for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
+    "cubicfish export --to opencv",
+    "cubicfish export --to kalibr-ds -o camchain.yaml --max-angle 90",
+    "cubicfish export --to mrcal -m lens_a/camera.yaml",
+    "cubicfish export rig/rig.yaml --to kalibr-omni -o camchain.yaml",
+    "cubicfish export rig --to opencv --pair left,right",
     help=_HELP,
-    short_help="The camera for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
-    epilog=options.examples(
-        "cubicfish export --to opencv",
-        "cubicfish export --to kalibr-ds -o camchain.yaml --max-angle 90",
-        "cubicfish export --to mrcal -m lens_a/camera.yaml",
-        "cubicfish export rig/rig.yaml --to kalibr-omni -o camchain.yaml",
-        "cubicfish export rig --to opencv --pair left,right",
-    ),
 )
 @options.argument(
     "calibration",
@@ -96,36 +94,31 @@ camera.yaml's frame is printed, and poses that go into the file are turned along
     required=False,
     metavar="[CAMERA|RIG]",
 )
-@click.option(
-    "--to",
-    "name",
-    type=click.Choice(FORMATS),
+@option(
+    "--to FORMAT",
+    "What to write: a name of the list above.",
+    click.Choice(FORMATS),
+    to="name",
     required=True,
-    metavar="FORMAT",
-    help="What to write: a name of the list above.",
 )
 @options.output_option("Where it goes. [default: the format's usual name, in the current folder]")
 @options.model_option
-@click.option(
-    "--max-error",
-    type=FloatRange(min=0, min_open=True),
-    default=0.5,
-    show_default=True,
-    metavar="PX",
-    help="Write nothing when the format's lens is farther than this from the camera anywhere up "
+@option(
+    "--max-error PX",
+    "Write nothing when the format's lens is farther than this from the camera anywhere up "
     "to where the calibration's corners reach. Beyond, the error is printed alone.",
+    FloatRange(min=0, min_open=True),
+    0.5,
 )
-@click.option(
-    "--max-angle",
-    type=FloatRange(min=0, max=180, min_open=True),
-    metavar="DEG",
-    help="Leave out of the conversion what is farther from the axis, so that the rest is met more "
+@option(
+    "--max-angle DEG",
+    "Leave out of the conversion what is farther from the axis, so that the rest is met more "
     "nearly. [default: the whole field]",
+    FloatRange(min=0, max=180, min_open=True),
 )
 @options.pair_option
 @options.overwrite_option
 @options.json_option(json_keys.EXPORT)
-@options.common_options
 def command(
     calibration: Path | None,
     name: str,

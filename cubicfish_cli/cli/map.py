@@ -17,6 +17,7 @@ from cubicfish_cli.cli.mask_limit import (
     trusted_within,
     uncertainty_of,
 )
+from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.rendering_options import crop_option
 from cubicfish_cli.cli.terminal import print_json, result, say
 from cubicfish_cli.cli.undistort_dry_run import say_what_is_unseen
@@ -45,17 +46,15 @@ P2 and Q.
 """
 
 
-@click.command(
+@as_command(
     "map",
+    "The undistortion map alone: for cv2.remap, as an STMap, for ffmpeg.",
+    "cubicfish map left.npz --rotate -60,0,0 --hfov 80 --size 800x600",
+    "cubicfish map undistort.exr --fit outer",
+    "cubicfish map redistort.exr --fit outer --redistort",
+    "cubicfish map flat.pgm --size 1920x1080",
+    "cubicfish map stereo.npz --pair left,right --rig rig --view equirectangular",
     help=_HELP,
-    short_help="The undistortion map alone: for cv2.remap, as an STMap, for ffmpeg.",
-    epilog=options.examples(
-        "cubicfish map left.npz --rotate -60,0,0 --hfov 80 --size 800x600",
-        "cubicfish map undistort.exr --fit outer",
-        "cubicfish map redistort.exr --fit outer --redistort",
-        "cubicfish map flat.pgm --size 1920x1080",
-        "cubicfish map stereo.npz --pair left,right --rig rig --view equirectangular",
-    ),
 )
 @options.argument(
     "output",
@@ -67,31 +66,25 @@ P2 and Q.
 @options.rig_option
 @options.pair_option
 @view_options
-@click.option(
+@option(
     "--photo-size",
-    type=options.SIZE,
-    help="Size of the photos, when it is an exact rescale of the calibrated ones.",
+    "Size of the photos, when it is an exact rescale of the calibrated ones.",
+    options.SIZE,
 )
 @crop_option
-@click.option(
-    "--redistort", is_flag=True, help="The way back: from the view to the photo of the camera."
-)
-@click.option(
-    "--fixed-point",
-    is_flag=True,
-    help="In .npz, map_1 and map_2 of cv2.convertMaps instead of floats.",
-)
-@click.option(
+@option("--redistort", "The way back: from the view to the photo of the camera.")
+@option("--fixed-point", "In .npz, map_1 and map_2 of cv2.convertMaps instead of floats.")
+@option(
     "--origin",
-    type=click.Choice(["bottom-left", "top-left"]),
-    default="bottom-left",
-    help="Where y of an STMap (.exr, .png) is 0. [default: bottom-left, as in Nuke and Flame]",
+    "Where y of an STMap (.exr, .png) is 0. [default: bottom-left, as in Nuke and Flame]",
+    click.Choice(["bottom-left", "top-left"]),
+    "bottom-left",
+    show_default=False,
 )
 @mask_option
 @mask_limit_option
 @options.overwrite_option
 @options.json_option(json_keys.MAP)
-@options.common_options
 def command(
     output: Path,
     model: Path | None,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import FILE
+from cubicfish_cli.cli.options import FILE, option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,19 +25,15 @@ if TYPE_CHECKING:
 
 _PIXELS_A_BLOCK = 262_144  # bounds the memory that a large picture takes
 
-mask_option = click.option(
-    "--mask",
-    type=FILE,
-    metavar="FILE",
-    help="Also write where the result may be trusted: 255, and 0 elsewhere.",
+mask_option = option(
+    "--mask FILE", "Also write where the result may be trusted: 255, and 0 elsewhere.", FILE
 )
 
-mask_limit_option = click.option(
-    "--mask-limit",
-    type=FloatRange(0, min_open=True),
-    metavar="PX",
-    help="With --mask: 0 also where the camera's own uncertainty is above this, in pixels of the "
+mask_limit_option = option(
+    "--mask-limit PX",
+    "With --mask: 0 also where the camera's own uncertainty is above this, in pixels of the "
     "photo as calibrated.",
+    FloatRange(0, min_open=True),
 )
 
 

@@ -102,6 +102,50 @@ def examples(*lines: str) -> str:
     return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
 
 
+def as_command(
+    name: str, short_help: str, *lines: str, **more: Any
+) -> Callable[[Callable[..., None]], click.Command]:
+    """A command, with what all have in common.
+
+    Args:
+        name: of the command.
+        short_help: what it is for, in the list of commands.
+        lines: command lines that show it at work.
+        more: as click has it.
+
+    """
+
+    def decorate(function: Callable[..., None]) -> click.Command:
+        made = click.command(name, short_help=short_help, epilog=examples(*lines), **more)
+        return made(common_options(function))
+
+    return decorate
+
+
+def option(
+    words: str, help: str, type: Any = None, default: Any = None, *, to: str = "", **more: Any
+) -> Callable[[Decorated], Decorated]:
+    """An option, whose default its help shows.
+
+    Args:
+        words: its names, and what its value is called: ``-n --number N``; a flag has no value.
+        help: what it is for.
+        type: of its value; without one, and without a name of the value, it is a flag.
+        default: where it is not given.
+        to: the argument that gets its value, where that is not called as it is.
+        more: as click has it.
+
+    """
+    names = words.split()
+    if not names[-1].startswith("-"):
+        more["metavar"] = names.pop()
+    elif type is None:
+        more["is_flag"] = True
+    if default is not None:
+        more = {"default": default, "show_default": True, **more}
+    return click.option(*names, *([to] if to else []), type=type, help=help, **more)
+
+
 def _remember(
     key: str, value: int | bool
 ) -> Callable[[click.Context, click.Parameter, bool], None]:

@@ -10,6 +10,7 @@ import click
 
 from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.inputs import Pairs
+from cubicfish_cli.cli.options import option
 from cubicfish_cli.cli.terminal import detail, say, working
 
 if TYPE_CHECKING:
@@ -20,12 +21,11 @@ if TYPE_CHECKING:
 
 NAME = "report.html"
 
-report_option = click.option(
+report_option = option(
     "--report/--no-report",
-    default=True,
-    show_default=True,
-    help="Also write report.html, one page about the calibration (takes a second or two; needs "
+    "Also write report.html, one page about the calibration (takes a second or two; needs "
     "the extra 'report').",
+    default=True,
 )
 
 

@@ -20,12 +20,12 @@ from cubicfish_cli.cli.options import (
     FILE,
     FOLDER,
     Argument,
-    common_options,
-    examples,
+    as_command,
     jobs_option,
     json_option,
     max_rms_option,
     no_cache_option,
+    option,
     overwrite_option,
 )
 from cubicfish_cli.cli.provenance import made_at, made_by_record
@@ -45,16 +45,14 @@ if TYPE_CHECKING:
     from cubicfish_cli.formats.camera_yaml import CameraFile
 
 
-@click.command(
+@as_command(
     "rig",
-    short_help="Photos of several cameras on one body to where each camera stands.",
-    epilog=examples(
-        "cubicfish rig left/ right/ --target target.yaml",
-        "cubicfish rig left.csv right.csv rear.csv --target target.yaml -o rig",
-        "cubicfish rig left/ right/ --lens left=left_calibration --lens right=right_calibration",
-        "cubicfish rig cam0.mp4 cam1.mp4 cam2.mp4 cam3.mp4 --target target.yaml",
-        "cubicfish rig run.bag:/cam0/image_raw run.bag:/cam1/image_raw --names cam0,cam1",
-    ),
+    "Photos of several cameras on one body to where each camera stands.",
+    "cubicfish rig left/ right/ --target target.yaml",
+    "cubicfish rig left.csv right.csv rear.csv --target target.yaml -o rig",
+    "cubicfish rig left/ right/ --lens left=left_calibration --lens right=right_calibration",
+    "cubicfish rig cam0.mp4 cam1.mp4 cam2.mp4 cam3.mp4 --target target.yaml",
+    "cubicfish rig run.bag:/cam0/image_raw run.bag:/cam1/image_raw --names cam0,cam1",
 )
 @click.argument(
     "inputs",
@@ -67,63 +65,43 @@ if TYPE_CHECKING:
     "frame is the rig's.",
 )
 @target_options
-@click.option(
-    "-o",
-    "--output",
-    type=FOLDER,
-    default=Path("rig"),
-    show_default=True,
-    metavar="FOLDER",
-    help="Where rig.yaml goes, and each camera's camera.yaml in a folder of its name.",
+@option(
+    "-o --output FOLDER",
+    "Where rig.yaml goes, and each camera's camera.yaml in a folder of its name.",
+    FOLDER,
+    Path("rig"),
 )
-@click.option(
-    "--names",
-    metavar="NAME,NAME...",
-    help="Names of the cameras. [default: those of their folders or files]",
-)
-@click.option(
-    "--lens",
-    "lenses",
-    type=FILE,
-    multiple=True,
-    metavar="NAME=FILE",
-    help="A camera that is calibrated already: its name and its file or folder. Its lens stays as "
+@option("--names NAME,NAME...", "Names of the cameras. [default: those of their folders or files]")
+@option(
+    "--lens NAME=FILE",
+    "A camera that is calibrated already: its name and its file or folder. Its lens stays as "
     "it is. Once for each such camera.",
+    FILE,
+    to="lenses",
+    multiple=True,
 )
-@click.option("--by-order", is_flag=True, help="The first photos of all cameras are one shot.")
-@click.option(
-    "--shots",
-    type=FILE,
-    metavar="FILE",
-    help="Which photos are of one shot: a CSV file with the columns shot,camera,image, or "
+@option("--by-order", "The first photos of all cameras are one shot.")
+@option(
+    "--shots FILE",
+    "Which photos are of one shot: a CSV file with the columns shot,camera,image, or "
     "camera,image,time (seconds) for photos of one time. [default: photos of the same name]",
+    FILE,
 )
-@click.option(
-    "--tolerance",
-    type=Seconds(),
-    metavar="TIME",
-    help="Photos taken within this are one shot, by the times in their names or in --shots, such "
+@option(
+    "--tolerance TIME",
+    "Photos taken within this are one shot, by the times in their names or in --shots, such "
     "as 5ms. [default for films: half a frame]",
+    Seconds(),
 )
-@click.option(
-    "--most",
-    type=IntRange(min=1),
-    default=MOST,
-    show_default=True,
-    metavar="N",
-    help="Choose no more shots of films than these.",
+@option("--most N", "Choose no more shots of films than these.", IntRange(min=1), MOST)
+@option(
+    "--hold-lenses", "Leave the lenses as each camera alone has them, and fit their places only."
 )
-@click.option(
-    "--hold-lenses",
-    is_flag=True,
-    help="Leave the lenses as each camera alone has them, and fit their places only.",
-)
-@click.option(
+@option(
     "--refine-target",
-    type=click.Choice(["off", "shape", "points", "auto"]),
-    default="auto",
-    show_default=True,
-    help="Fit the object too, as 'cubicfish calibrate' does.",
+    "Fit the object too, as 'cubicfish calibrate' does.",
+    click.Choice(["off", "shape", "points", "auto"]),
+    "auto",
 )
 @report_step.report_option
 @max_rms_option
@@ -131,7 +109,6 @@ if TYPE_CHECKING:
 @json_option(json_keys.RIG)
 @jobs_option
 @no_cache_option
-@common_options
 def command(
     inputs: tuple[Path, ...],
     target: TargetChoice,

@@ -13,6 +13,7 @@ from click.core import ParameterSource
 from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange, IntRange
+from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.target_choice import needed_target
 from cubicfish_cli.cli.terminal import print_json, progress, result, say, working
 
@@ -35,128 +36,91 @@ LENSES = ("moving-pupil", "mirror", "equisolid", "orthographic")
 FILM = "film.mp4"
 
 
-@click.command(
+@as_command(
     "simulate",
-    short_help="Render photos of a target through a camera, with the truth beside them.",
-    epilog=options.examples(
-        "cubicfish simulate --target target.yaml --model calibration/camera.yaml -n 12 -o photos/",
-        "cubicfish simulate -t target.yaml -m camera.yaml --noise 6 --blur 1.5 --exposure 0.3",
-        "cubicfish simulate -t target.yaml --lens moving-pupil --size 1280x960 --exposure 2",
-        "cubicfish simulate -t target.yaml --lens moving-pupil --film 30 --shutter 12",
-        "cubicfish simulate -t target.yaml -m camera.yaml --poses photos/true_poses.csv -o again/",
-    ),
+    "Render photos of a target through a camera, with the truth beside them.",
+    "cubicfish simulate --target target.yaml --model calibration/camera.yaml -n 12 -o photos/",
+    "cubicfish simulate -t target.yaml -m camera.yaml --noise 6 --blur 1.5 --exposure 0.3",
+    "cubicfish simulate -t target.yaml --lens moving-pupil --size 1280x960 --exposure 2",
+    "cubicfish simulate -t target.yaml --lens moving-pupil --film 30 --shutter 12",
+    "cubicfish simulate -t target.yaml -m camera.yaml --poses photos/true_poses.csv -o again/",
 )
 @options.target_option
 @options.model_option
-@click.option(
-    "--lens",
-    metavar="NAME|FILE",
-    help="In place of --model: a lens that no camera.yaml can hold ("
+@option(
+    "--lens NAME|FILE",
+    "In place of --model: a lens that no camera.yaml can hold ("
     + ", ".join(LENSES)
     + "), or another tool's camera file, such as mrcal's .cameramodel or COLMAP's cameras.txt.",
 )
-@click.option(
+@option(
     "--size",
-    type=options.SIZE,
-    help="Size of the photos, for --lens NAME (default 960x720) and files that do not say.",
+    "Size of the photos, for --lens NAME (default 960x720) and files that do not say.",
+    options.SIZE,
 )
-@click.option(
-    "-n",
-    "--number",
-    type=IntRange(1, 10_000),
-    metavar="N",
-    help="How many photos. [default: 12]",
-)
-@click.option(
-    "--film",
-    "seconds",
-    type=FloatRange(0.1, 3600),
-    metavar="SECONDS",
-    help="Instead of photos a film, film.mp4, of a hand that moves the target in front of the "
+@option("-n --number N", "How many photos. [default: 12]", IntRange(1, 10_000))
+@option(
+    "--film SECONDS",
+    "Instead of photos a film, film.mp4, of a hand that moves the target in front of the "
     "camera (pip install 'cubicfish[video]').",
+    FloatRange(0.1, 3600),
+    to="seconds",
 )
-@click.option(
-    "--rate",
-    type=FloatRange(1, 240),
-    default=30.0,
-    show_default=True,
-    metavar="HZ",
-    help="With --film: frames a second.",
+@option("--rate HZ", "With --film: frames a second.", FloatRange(1, 240), 30.0)
+@option(
+    "--shutter MS",
+    "With --film: for how long each row gathers light, which blurs what moves.",
+    FloatRange(0, 1000),
+    8.0,
 )
-@click.option(
-    "--shutter",
-    type=FloatRange(0, 1000),
-    default=8.0,
-    show_default=True,
-    metavar="MS",
-    help="With --film: for how long each row gathers light, which blurs what moves.",
-)
-@click.option(
-    "--readout",
-    type=FloatRange(0, 1000),
-    default=15.0,
-    show_default=True,
-    metavar="MS",
-    help="With --film: how long after the first row the last one is read, which bends what moves; "
+@option(
+    "--readout MS",
+    "With --film: how long after the first row the last one is read, which bends what moves; "
     "0 is a global shutter.",
+    FloatRange(0, 1000),
+    15.0,
 )
 @options.output_option("Where the photos and their truth go.", default="simulated", folder=True)
-@click.option(
-    "--poses",
-    "pose_file",
-    type=options.FILE,
-    metavar="FILE",
-    help="Take the photos from these poses: a CSV file with the columns image,rx,ry,rz,tx,ty,tz "
+@option(
+    "--poses FILE",
+    "Take the photos from these poses: a CSV file with the columns image,rx,ry,rz,tx,ty,tz "
     "(camera_from_world), such as the true_poses.csv of earlier photos.",
+    options.FILE,
+    to="pose_file",
 )
-@click.option(
-    "--noise",
-    type=FloatRange(0, 100),
-    default=2.0,
-    show_default=True,
-    metavar="LEVELS",
-    help="Standard deviation of the sensor's noise, grey levels of 255.",
+@option(
+    "--noise LEVELS",
+    "Standard deviation of the sensor's noise, grey levels of 255.",
+    FloatRange(0, 100),
+    2.0,
 )
-@click.option(
-    "--blur",
-    type=FloatRange(0, 50),
-    default=0.7,
-    show_default=True,
-    metavar="PX",
-    help="Standard deviation of the lens's blur, pixels.",
+@option("--blur PX", "Standard deviation of the lens's blur, pixels.", FloatRange(0, 50), 0.7)
+@option(
+    "--vignetting SHARE",
+    "Share of the light that is lost 90° from the axis.",
+    FloatRange(0, 0.8),
+    0.4,
 )
-@click.option(
-    "--vignetting",
-    type=FloatRange(0, 0.8),
-    default=0.4,
-    show_default=True,
-    metavar="SHARE",
-    help="Share of the light that is lost 90° from the axis.",
-)
-@click.option(
-    "--exposure",
-    "--light",
-    "exposure",
-    type=FloatRange(0.02, 4),
-    default=1.0,
-    show_default=True,
-    metavar="FACTOR",
-    help="1 is a well-lit photo, 0.2 a dark one. Above 1.15 white paper saturates and bleeds: "
+@option(
+    "--exposure --light FACTOR",
+    "1 is a well-lit photo, 0.2 a dark one. Above 1.15 white paper saturates and bleeds: "
     "dark squares come apart at their corners, by some 2 px at 1.5 and 5 px at 3.",
+    FloatRange(0.02, 4),
+    1.0,
+    to="exposure",
 )
-@click.option("--seed", type=IntRange(0), default=0, show_default=True, metavar="N",
-              help="Other poses and other noise; the same seed gives the same photos.")  # fmt: skip
-@click.option(
+@option(
+    "--seed N", "Other poses and other noise; the same seed gives the same photos.", IntRange(0), 0
+)
+@option(
     "--format",
-    "form",
-    type=click.Choice(FORMATS),
-    default="jpg",
-    show_default=True,
-    help="Of the photos; png keeps every grey level.",
+    "Of the photos; png keeps every grey level.",
+    click.Choice(FORMATS),
+    "jpg",
+    to="form",
 )
 @options.overwrite_option
 @options.json_option(json_keys.SIMULATE)
-@options.common_options
 def command(
     target: Path | None,
     model: Path | None,
@@ -260,9 +224,9 @@ def _check_film(seconds: float | None) -> None:
             if given(name):
                 raise click.UsageError(f"--{name} is of films: give --film SECONDS too")
         return
-    for name, option in (("number", "-n"), ("pose_file", "--poses"), ("form", "--format")):
+    for name, shown in (("number", "-n"), ("pose_file", "--poses"), ("form", "--format")):
         if given(name):
-            raise click.UsageError(f"{option} is of photos: leave it out with --film")
+            raise click.UsageError(f"{shown} is of photos: leave it out with --film")
 
 
 def _film(

@@ -8,10 +8,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.streams import columns_of, text_width
 from cubicfish_cli.cli.table import Column, Row, print_columns
 from cubicfish_cli.cli.target_words import advice
@@ -26,13 +25,11 @@ if TYPE_CHECKING:
 _LABEL, _LINE = 12, 96
 
 
-@click.command(
+@as_command(
     "check",
-    short_help="Say what a target is worth, and draw it.",
-    epilog=options.examples(
-        "cubicfish target check target.yaml",
-        "cubicfish target check target.yaml --draw object.svg",
-    ),
+    "Say what a target is worth, and draw it.",
+    "cubicfish target check target.yaml",
+    "cubicfish target check target.yaml --draw object.svg",
 )
 @options.argument(
     "target",
@@ -40,15 +37,9 @@ _LABEL, _LINE = 12, 96
     metavar="TARGET",
     missing="name the target: 'cubicfish target check target.yaml'",
 )
-@click.option(
-    "--draw",
-    type=options.FILE,
-    metavar="FILE.svg",
-    help="Also draw the target: does it look like yours?",
-)
+@option("--draw FILE.svg", "Also draw the target: does it look like yours?", options.FILE)
 @options.overwrite_option
 @options.json_option(json_keys.TARGET_CHECK)
-@options.common_options
 def command(target: Path, draw: Path | None, overwrite: bool, as_json: bool) -> None:
     """Check TARGET, a target.yaml, before you take photos.
 

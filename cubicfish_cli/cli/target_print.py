@@ -12,6 +12,7 @@ import click
 from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.provenance import made_at
 from cubicfish_cli.cli.target_choice import COUNTS
 from cubicfish_cli.cli.terminal import print_json, print_table, result, say, working
@@ -26,14 +27,12 @@ _OBJECTS = ("corner", "box", "block", "board")
 _TYPES = ("checkerboard", "charuco", "aprilgrid")
 
 
-@click.command(
+@as_command(
     "print",
-    short_help="Boards on paper, at true scale.",
-    epilog=options.examples(
-        "cubicfish target print --object corner --paper A4 -o my-target/",
-        "cubicfish target print --object board --type charuco --square 30mm --paper A3",
-        "cubicfish target print target.yaml --paper Letter -o pages/",
-    ),
+    "Boards on paper, at true scale.",
+    "cubicfish target print --object corner --paper A4 -o my-target/",
+    "cubicfish target print --object board --type charuco --square 30mm --paper A3",
+    "cubicfish target print target.yaml --paper Letter -o pages/",
 )
 @options.argument(
     "target",
@@ -41,68 +40,53 @@ _TYPES = ("checkerboard", "charuco", "aprilgrid")
     required=False,
     metavar="[TARGET]",
 )
-@click.option(
+@option(
     "--object",
-    "kind",
-    type=click.Choice(_OBJECTS),
-    help="Make a target: a corner (floor and two walls, seen from inside), an open box of five "
+    "Make a target: a corner (floor and two walls, seen from inside), an open box of five "
     "boards seen from inside, a block of five seen from outside, or one flat board.",
+    click.Choice(_OBJECTS),
+    to="kind",
 )
-@click.option(
-    "--paper",
-    default="A4",
-    show_default=True,
-    metavar="SIZE",
-    help="A0 to A5, B0 to B4, Letter, Legal, Tabloid, 'ANSI C' to 'ANSI E', or WIDTHxHEIGHT such "
+@option(
+    "--paper SIZE",
+    "A0 to A5, B0 to B4, Letter, Legal, Tabloid, 'ANSI C' to 'ANSI E', or WIDTHxHEIGHT such "
     "as 600x400mm. Upright or across is chosen for each page.",
+    default="A4",
 )
-@click.option(
-    "--type",
-    "board_type",
-    type=click.Choice(_TYPES),
-    help="Of a target's boards. [default: checkerboard]",
+@option(
+    "--type", "Of a target's boards. [default: checkerboard]", click.Choice(_TYPES), to="board_type"
 )
-@click.option(
-    "--square",
-    metavar="LENGTH",
-    help="Side of a target's squares (of an aprilgrid's tags): 30mm, 3cm, 1.25in. [default: as "
+@option(
+    "--square LENGTH",
+    "Side of a target's squares (of an aprilgrid's tags): 30mm, 3cm, 1.25in. [default: as "
     "large as covers most of the paper]",
 )
-@click.option(
-    "--corners",
-    "--tags",
-    "counts",
-    type=COUNTS,
-    metavar="COLUMNSxROWS",
-    help="Inner corners (of an aprilgrid: tags) of a target's largest board. With --square too, "
+@option(
+    "--corners --tags COLUMNSxROWS",
+    "Inner corners (of an aprilgrid: tags) of a target's largest board. With --square too, "
     "boards may be larger than the paper, and are printed in parts.",
+    COUNTS,
+    to="counts",
 )
-@click.option(
-    "--dictionary",
-    metavar="NAME",
-    help="Markers' family, such as DICT_5X5_250 or tag36h11. [default: the smallest DICT_5X5 that "
+@option(
+    "--dictionary NAME",
+    "Markers' family, such as DICT_5X5_250 or tag36h11. [default: the smallest DICT_5X5 that "
     "is large enough; tag36h11]",
 )
-@click.option(
-    "--margin",
-    default="8mm",
-    show_default=True,
-    metavar="LENGTH",
-    help="Along the paper's edges, where the printer cannot print.",
+@option(
+    "--margin LENGTH", "Along the paper's edges, where the printer cannot print.", default="8mm"
 )
-@click.option(
-    "--board",
-    "boards",
+@option(
+    "--board NAME",
+    "Of TARGET, print this board only. May be given again.",
+    to="boards",
     multiple=True,
-    metavar="NAME",
-    help="Of TARGET, print this board only. May be given again.",
 )
 @options.output_option(
     "Where boards.pdf, assembly.pdf and target.yaml go.", default="printed", folder=True
 )
 @options.overwrite_option
 @options.json_option(json_keys.TARGET_PRINT)
-@options.common_options
 def command(
     target: Path | None,
     kind: str | None,

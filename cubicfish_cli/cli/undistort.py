@@ -26,6 +26,7 @@ from cubicfish_cli.cli.mask_limit import (
     trusted_within,
     uncertainty_of,
 )
+from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.rendering_options import (
     RenderingOptions,
     crop_option,
@@ -54,21 +55,19 @@ if TYPE_CHECKING:
     from cubicfish_cli.words.finding import Finding
 
 
-@click.command(
+@as_command(
     "undistort",
-    short_help="Photos and videos to pictures in which straight lines are straight.",
-    epilog=options.examples(
-        "cubicfish undistort photo.png flat.png",
-        "cubicfish undistort photos/ flat/ --hfov 90 --size 1920x1080",
-        "cubicfish undistort photo.png left.png --rotate -60,0,0 --hfov 80",
-        "cubicfish undistort photos/ all/ --view equidistant --fit outer --skip-existing",
-        "find . -name '*.jpg' | cubicfish undistort - flat/ -j 4",
-        "cubicfish undistort photo.jpg floor.png --plane floor --target target.yaml",
-        "cubicfish undistort drive.mp4 flat.mp4 --hfov 100 --crf 20",
-        "cubicfish undistort photos/ flat/ --scheduler tcp://node1:8786",
-        "cubicfish undistort left/1.png right/1.png all.png --rig rig",
-        "cubicfish undistort shots/ above/ --rig rig --ground 1200,-10",
-    ),
+    "Photos and videos to pictures in which straight lines are straight.",
+    "cubicfish undistort photo.png flat.png",
+    "cubicfish undistort photos/ flat/ --hfov 90 --size 1920x1080",
+    "cubicfish undistort photo.png left.png --rotate -60,0,0 --hfov 80",
+    "cubicfish undistort photos/ all/ --view equidistant --fit outer --skip-existing",
+    "find . -name '*.jpg' | cubicfish undistort - flat/ -j 4",
+    "cubicfish undistort photo.jpg floor.png --plane floor --target target.yaml",
+    "cubicfish undistort drive.mp4 flat.mp4 --hfov 100 --crf 20",
+    "cubicfish undistort photos/ flat/ --scheduler tcp://node1:8786",
+    "cubicfish undistort left/1.png right/1.png all.png --rig rig",
+    "cubicfish undistort shots/ above/ --rig rig --ground 1200,-10",
 )
 @options.argument(
     "sources",
@@ -92,21 +91,19 @@ if TYPE_CHECKING:
 @encoding_options
 @mask_option
 @mask_limit_option
-@click.option(
-    "--camera",
-    "camera_out",
-    type=options.FILE,
-    metavar="FILE",
-    help="Also write the virtual camera of the result: for flat.png, flat.view.yaml and "
+@option(
+    "--camera FILE",
+    "Also write the virtual camera of the result: for flat.png, flat.view.yaml and "
     "flat.view.opencv.yaml.",
+    options.FILE,
+    to="camera_out",
 )
-@click.option("--skip-existing", is_flag=True, help="Leave out photos whose result exists.")
-@click.option("--dry-run", is_flag=True, help="Say what would be done, and write nothing.")
+@option("--skip-existing", "Leave out photos whose result exists.")
+@option("--dry-run", "Say what would be done, and write nothing.")
 @options.overwrite_option
 @options.json_option(json_keys.UNDISTORT)
 @options.jobs_option
 @scheduler_options
-@options.common_options
 def command(
     sources: tuple[str, ...],
     destination: Path,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import SIZE, Parsed, bundle
+from cubicfish_cli.cli.options import SIZE, Parsed, bundle, option
 from cubicfish_cli.wording import either
 
 if TYPE_CHECKING:
@@ -277,59 +277,48 @@ def _one(view: View) -> ChosenView:
 view_options = bundle(
     "view",
     ViewOptions,
-    click.option(
-        "--view",
-        "kind",
-        type=click.Choice(KINDS),
-        default="perspective",
-        metavar="KIND",
-        help=f"What the result is: {either(KINDS)}. [default: perspective, in which straight "
+    option(
+        "--view KIND",
+        f"What the result is: {either(KINDS)}. [default: perspective, in which straight "
         "lines are straight]",
+        click.Choice(KINDS),
+        "perspective",
+        show_default=False,
+        to="kind",
     ),
-    click.option(
-        "--size",
-        type=SIZE,
-        help="Size of the result. [default: the photo's]",
-    ),
-    click.option(
-        "--hfov",
-        "--fov",
-        "hfov_deg",
-        type=FloatRange(0, 360, min_open=True, unit="degrees"),
-        metavar="DEG",
-        help="Field of view across the width. [default: perspective keeps the photo's scale "
+    option("--size", "Size of the result. [default: the photo's]", SIZE),
+    option(
+        "--hfov --fov DEG",
+        "Field of view across the width. [default: perspective keeps the photo's scale "
         "in its middle, up to 120 along the longer side; others take --fit outer]",
+        FloatRange(0, 360, min_open=True, unit="degrees"),
+        to="hfov_deg",
     ),
-    click.option(
-        "--vfov",
-        "vfov_deg",
-        type=FloatRange(0, 360, min_open=True, unit="degrees"),
-        metavar="DEG",
-        help="Field of view down the height; with --hfov it sets the height.",
+    option(
+        "--vfov DEG",
+        "Field of view down the height; with --hfov it sets the height.",
+        FloatRange(0, 360, min_open=True, unit="degrees"),
+        to="vfov_deg",
     ),
-    click.option(
-        "--focal",
-        type=FloatRange(0.01, 1_000_000),
-        metavar="PX",
-        help="Focal length: pixels per radian in the middle.",
+    option(
+        "--focal PX", "Focal length: pixels per radian in the middle.", FloatRange(0.01, 1_000_000)
     ),
-    click.option(
-        "--fit",
-        type=Parsed("inner|outer|SHARE", _share),
-        metavar="inner|outer|SHARE",
-        help="Field from what the camera sees: no empty pixel, nothing lost, or a share "
+    option(
+        "--fit inner|outer|SHARE",
+        "Field from what the camera sees: no empty pixel, nothing lost, or a share "
         "between (0 to 1).",
+        Parsed("inner|outer|SHARE", _share),
     ),
-    click.option(
-        "--rotate",
-        type=Parsed("YAW,PITCH,ROLL", _rotation),
-        metavar="YAW,PITCH,ROLL",
-        default=(0.0, 0.0, 0.0),
-        help="Look right, then up, then turn the view clockwise: degrees.",
+    option(
+        "--rotate YAW,PITCH,ROLL",
+        "Look right, then up, then turn the view clockwise: degrees.",
+        Parsed("YAW,PITCH,ROLL", _rotation),
+        (0.0, 0.0, 0.0),
+        show_default=False,
     ),
-    click.option(
+    option(
         "--layout",
-        type=click.Choice(["files", "cross"]),
-        help="A cube as six pictures or as one. [default: files]",
+        "A cube as six pictures or as one. [default: files]",
+        click.Choice(["files", "cross"]),
     ),
 )
