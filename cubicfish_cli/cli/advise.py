@@ -13,7 +13,7 @@ from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange, IntRange
 from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.streams import text_width
-from cubicfish_cli.cli.terminal import print_json, result, say, working
+from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say, working
 
 if TYPE_CHECKING:
     from cubicfish_cli.advice.advise import Advice, Proposal
@@ -84,7 +84,7 @@ def command(
     from cubicfish_cli.advice.advise import advise
     from cubicfish_cli.advice.picture import advice_svg
     from cubicfish_cli.errors import CubicfishError, OutputError
-    from cubicfish_cli.files import refuse_existing, write_texts
+    from cubicfish_cli.files import refuse_existing, write_files
     from cubicfish_cli.model.cubic import CubicCamera
     from cubicfish_cli.rendering.pose_table import pose_table_text
 
@@ -115,7 +115,7 @@ def command(
     if poses is not None:
         named = {f"next_{i}.jpg": one.view.pose for i, one in enumerate(advice.proposals, start=1)}
         texts[poses] = pose_table_text(named)
-    written = write_texts(texts, overwrite=overwrite)
+    written = write_files(texts, overwrite=overwrite)
     if as_json:
         print_json(
             {
@@ -127,8 +127,7 @@ def command(
         )
         return
     _print(advice, facts.verdict)
-    for path in written:
-        result(f"wrote {path}")
+    print_wrote(written)
 
 
 def _facts(camera_file: Path, target: Path | None, corners: Path | None) -> Facts:

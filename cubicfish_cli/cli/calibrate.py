@@ -47,6 +47,7 @@ from cubicfish_cli.cli.terminal import (
     detail,
     print_json,
     print_table,
+    print_wrote,
     result,
     say,
     stages,
@@ -166,8 +167,7 @@ def command(
         outputs["drawn"] = output / DEFAULT_TARGET
     if not (report and report_step.is_possible()):
         outputs.pop("report")
-    for path in outputs.values():
-        refuse_existing(path, overwrite=overwrite)
+    refuse_existing(*outputs.values(), overwrite=overwrite)
     given = (*inputs, target.path, correspondences)
     fitted = () if refine_target == "off" else (outputs["target"],)
     refuse_inputs(fitted, given)
@@ -376,8 +376,7 @@ def _print(
     if models:
         print_models(models)
         result()
-    for path in outputs.values():
-        result(f"wrote {path}")
+    print_wrote(outputs.values())
     photo = loaded.files[0].path if loaded.detection is not None and loaded.files else None
     say_next(judged, outputs["camera"], photo, outputs.get("report"))
 

@@ -69,8 +69,7 @@ def command(
     refuse_existing(output, overwrite=overwrite)
     found = photos_of(photos)
     pictures = drawings(draw, found) if draw else {}
-    for picture in pictures.values():
-        refuse_existing(picture, overwrite=overwrite)
+    refuse_existing(*pictures.values(), overwrite=overwrite)
     say_default(target)
     loaded = target.load()
     with scheduler.connected() as executor:

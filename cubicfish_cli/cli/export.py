@@ -13,7 +13,7 @@ from cubicfish_cli import __version__
 from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.numbers import FloatRange
 from cubicfish_cli.cli.options import as_command, option, rig_path
-from cubicfish_cli.cli.terminal import print_json, result, say, working
+from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say, working
 from cubicfish_cli.errors import FitError
 
 if TYPE_CHECKING:
@@ -184,7 +184,7 @@ def _export_rig(
     as_json: bool,
 ) -> None:
     """Write all cameras of a rig, or two of them, with their places."""
-    from cubicfish_cli.files import refuse_existing, write_texts
+    from cubicfish_cli.files import refuse_existing, write_files
     from cubicfish_cli.formats.foreign import RIG_FILE_NAMES, rig_texts
     from cubicfish_cli.formats.rig_yaml import load_rig
     from cubicfish_cli.library.rig_files import ConvertedCamera, lens_rig
@@ -219,15 +219,13 @@ def _export_rig(
                 raise FitError(f"camera {camera.name}: {problem}") from problem
             converted.append(ConvertedCamera(camera=camera, conversion=conversion, note=note))
     texts = rig_texts(name, lens_rig(rig, converted), goal)
-    for file in texts:
-        refuse_existing(file, overwrite=overwrite)
-    written = write_texts(texts, overwrite=overwrite)
+    refuse_existing(*texts, overwrite=overwrite)
+    written = write_files(texts, overwrite=overwrite)
     if as_json:
         records = [{"name": one.camera.name, **_record(one.conversion)} for one in converted]
         print_json({"files": list(map(str, written)), "format": name, "cameras": records})
         return
-    for file in written:
-        result(f"wrote {file}")
+    print_wrote(written)
     for own in converted:
         result(f"{own.camera.name}: {own.note[1]}")
         for line in own.note[2:]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cubicfish_cli import __version__
-from cubicfish_cli.cli.terminal import print_json, result, working
-from cubicfish_cli.cli.view_outputs import write_all
+from cubicfish_cli.cli.terminal import print_json, print_wrote, result, working
 from cubicfish_cli.errors import FitError
 
 if TYPE_CHECKING:
@@ -39,7 +38,7 @@ def write_usd(
     """
     import numpy as np
 
-    from cubicfish_cli.files import refuse_existing, write_text
+    from cubicfish_cli.files import Content, refuse_existing, write_files
     from cubicfish_cli.formats.lens_rig import METRES
     from cubicfish_cli.formats.usd_text import TableCamera, prim_name, usd_text
     from cubicfish_cli.undistortion.lens_tables import lens_tables
@@ -48,10 +47,10 @@ def write_usd(
     stage = folder / "rig.usda"
     names = {name: (f"{prim_name(name)}_enter.exr", f"{prim_name(name)}_leave.exr")
              for name, *_ in cameras}  # fmt: skip
-    for path in (stage, *(folder / file for pair in names.values() for file in pair)):
-        refuse_existing(path, overwrite=overwrite)
+    tables_of = [folder / file for pair in names.values() for file in pair]
+    refuse_existing(stage, *tables_of, overwrite=overwrite)
     require_exr(folder / names[cameras[0][0]][0])
-    writers: dict[Path, Callable[[Path], object]] = {}
+    files: dict[Path, Content] = {}
     placed, records = [], []
     for name, camera, place in cameras:
         rotation, translation = (np.eye(3), np.zeros(3)) if place is None else place
@@ -89,14 +88,12 @@ def write_usd(
             planes = {
                 key: np.ascontiguousarray(one) for key, one in zip("RGB", channels, strict=True)
             }
-            writers[folder / file] = partial(write_float_exr, channels=planes)
+            files[folder / file] = partial(write_float_exr, channels=planes)
     text = usd_text(placed, METRES.get(units or ""))
-    writers = {stage: lambda path: write_text(path, text, overwrite=True), **writers}
-    written = write_all(writers, overwrite=overwrite)
+    written = write_files({stage: text, **files}, overwrite=overwrite)
     if as_json:
-        print_json({"files": list(map(str, written)), "format": "usd", "cameras": records})
+        print_json({"files": written, "format": "usd", "cameras": records})
         return
-    for path in written:
-        result(f"wrote {path}")
+    print_wrote(written)
     for one in placed:
         result(f"{one.name}: {one.note[1]}")

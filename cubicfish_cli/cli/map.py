@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,19 +9,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli import json_keys, options
-from cubicfish_cli.cli.mask_limit import (
-    check_mask_limit,
-    mask_limit_option,
-    mask_option,
-    trusted_within,
-    uncertainty_of,
-)
+from cubicfish_cli.cli.mask_limit import check_mask_limit, mask_limit_option, mask_option
 from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.rendering_options import crop_option
-from cubicfish_cli.cli.terminal import print_json, result, say
-from cubicfish_cli.cli.undistort_dry_run import say_what_is_unseen
-from cubicfish_cli.cli.view_options import ViewOptions, view_options
-from cubicfish_cli.cli.view_outputs import part_name, view_writers, write_all
+from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
+from cubicfish_cli.cli.view_options import ViewOptions, say_what_is_unseen, view_options
 
 if TYPE_CHECKING:
     from cubicfish_cli.undistortion.frames import Crop
@@ -102,8 +93,9 @@ def command(
     as_json: bool,
 ) -> None:
     """See ``_HELP``."""
-    from cubicfish_cli.files import refuse_existing
+    from cubicfish_cli.files import Content, refuse_existing, write_files
     from cubicfish_cli.formats.camera_yaml import load_camera
+    from cubicfish_cli.library.masks import TrustedWithin
     from cubicfish_cli.undistortion.frames import camera_for_photos
     from cubicfish_cli.undistortion.map_formats import (
         PixelMap,
@@ -112,6 +104,7 @@ def command(
         map_writer,
     )
     from cubicfish_cli.undistortion.maps import build_map
+    from cubicfish_cli.undistortion.view_files import part_name, view_files
 
     suffix = output.suffix.lower()
     if suffix not in SUFFIXES:
@@ -125,14 +118,12 @@ def command(
         raise click.UsageError(
             "--mask-limit is for the map that undistorts: leave it out, or --redistort"
         )
+    writer = partial(map_writer, fixed_point=fixed_point, origin=origin)
     if rig is not None or pair is not None:
-        for given, option in (
-            (redistort, "--redistort"),
-            (crop, "--crop"),
-            (mask_limit, "--mask-limit"),
-        ):
-            if given:
-                raise click.UsageError(f"{option} is for the map of one camera: leave it out")
+        options.refuse_given(
+            "is for the map of one camera: leave it out",
+            {"--redistort": redistort, "--crop": crop, "--mask-limit": mask_limit},
+        )
         from cubicfish_cli.cli.map_pair import write_pair
 
         write_pair(
@@ -141,49 +132,41 @@ def command(
             pair,
             view,
             photo_size,
-            partial(map_writer, fixed_point=fixed_point, origin=origin),
+            writer,
             mask=mask,
             overwrite=overwrite,
             as_json=as_json,
         )
         return
-    parts = {
-        part: map_writer(part_name(output, part), fixed_point=fixed_point, origin=origin)
-        for part in view.parts
-    }
-    for paths, _ in parts.values():
-        for path in paths:
-            refuse_existing(path, overwrite=overwrite)
+    parts = {part: writer(part_name(output, part)) for part in view.parts}
+    own = [path for paths, _ in parts.values() for path in paths]
+    refuse_existing(*own, overwrite=overwrite)
     camera_file = options.model_path(model)
     loaded = load_camera(camera_file)
-    whole = loaded.camera
-    size = photo_size or ((crop.width, crop.height) if crop else whole.image_size)
-    camera = camera_for_photos(whole, size, crop)
-    trusted = None
+    size = photo_size or ((crop.width, crop.height) if crop else loaded.camera.image_size)
+    camera = camera_for_photos(loaded.camera, size, crop)
+    masked = None
     if mask_limit is not None:
-        record = uncertainty_of(loaded, camera_file)
-        trusted = trusted_within(
-            mask_limit, record, calibrated_size=whole.image_size, size=size, crop=crop
-        )
+        masked = partial(TrustedWithin(mask_limit, loaded, camera_file, crop).mask, size=size)
     chosen = view.chosen(camera)
     maps = {
-        part: build_redistort_map(camera, own) if redistort else PixelMap.of(build_map(camera, own))
-        for part, own in chosen.views.items()
+        part: build_redistort_map(camera, one) if redistort else PixelMap.of(build_map(camera, one))
+        for part, one in chosen.views.items()
     }
-    writers: dict[Path, Callable[[Path], object]] = {}
-    for part, (paths, write) in parts.items():
-        for index, path in enumerate(paths):
-            writers[path] = partial(write, index, maps[part])
-    writers |= view_writers(maps, mask=mask, beside=output, trusted=trusted)
-    written = write_all(writers, overwrite=overwrite)
+    files: dict[Path, Content] = {
+        path: partial(write, index, maps[part])
+        for part, (paths, write) in parts.items()
+        for index, path in enumerate(paths)
+    }
+    files |= view_files(maps, mask=mask, beside=output, masked=masked)
+    written = write_files(files, overwrite=overwrite)
     ffmpeg = [ffmpeg_command(*paths) for paths, _ in parts.values()] if suffix == ".pgm" else []
     if as_json:
-        own = [path for paths, _ in parts.values() for path in paths]
         print_json(
             {
                 "model": str(camera_file),
-                "files": [str(path) for path in own],
-                "extra_files": [str(path) for path in written if path not in own],
+                "files": own,
+                "extra_files": [path for path in written if path not in own],
                 "image_size": size,
                 "view": chosen.as_record(),
                 "ffmpeg": ffmpeg,
@@ -193,8 +176,7 @@ def command(
     result(f"wrote {written[0]}: {chosen.describe()}")
     if not redistort:
         say_what_is_unseen(chosen.seen_by(camera))
-    for path in written[1:]:
-        result(f"wrote {path}")
+    print_wrote(written[1:])
     for line in ffmpeg:
         result(f"apply it with: {line}", whole=True)
     if ffmpeg:

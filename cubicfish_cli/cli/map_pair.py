@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.cli.terminal import print_json, result
-from cubicfish_cli.cli.view_options import ChosenView, ViewOptions
-from cubicfish_cli.cli.view_outputs import part_name, view_writers, write_all
+from cubicfish_cli.cli.terminal import print_json, print_wrote, result
+from cubicfish_cli.cli.view_options import ViewOptions
 from cubicfish_cli.errors import CameraFileError, ViewError
 from cubicfish_cli.wording import either
 
@@ -48,22 +47,24 @@ def write_pair(
         as_json: whether to print JSON.
 
     """
-    from cubicfish_cli.files import refuse_existing, write_text
+    from cubicfish_cli.files import Content, refuse_existing, write_files
     from cubicfish_cli.formats.rig_yaml import load_rig
     from cubicfish_cli.library.rig_pictures import rectify
     from cubicfish_cli.plain_yaml import plain_yaml_text
+    from cubicfish_cli.undistortion.chosen import ChosenView
     from cubicfish_cli.undistortion.frames import camera_for_photos
     from cubicfish_cli.undistortion.map_formats import PixelMap
     from cubicfish_cli.undistortion.maps import build_map
     from cubicfish_cli.undistortion.view import CentralView
+    from cubicfish_cli.undistortion.view_files import part_name, view_files
 
     view = row_aligned(view)
     rig = load_rig(rig_file)
     both = two_cameras(rig, pair)
     parts = {one.name: writer(part_name(output, one.name)) for one in both}
     about = output.with_suffix(".stereo.yaml")
-    for path in (*(path for paths, _ in parts.values() for path in paths), about):
-        refuse_existing(path, overwrite=overwrite)
+    own_files = [path for paths, _ in parts.values() for path in paths]
+    refuse_existing(*own_files, about, overwrite=overwrite)
     rectified = rectify(rig, both[0].name, both[1].name)
     if photo_size is not None:
         cameras = [camera_for_photos(one.camera, photo_size) for one in both]
@@ -85,21 +86,20 @@ def write_pair(
         "photo_sizes": [list(camera.image_size) for camera in rectified.cameras],
         **rectified.as_record(common),
     }
-    writers: dict[Path, Callable[[Path], object]] = {}
-    for name, (paths, write) in parts.items():
-        for index, path in enumerate(paths):
-            writers[path] = partial(write, index, maps[name])
-    text = plain_yaml_text(record)
-    writers[about] = lambda path: write_text(path, text, overwrite=True)
-    writers |= view_writers(maps, mask=mask, beside=output)
-    written = write_all(writers, overwrite=overwrite)
+    files: dict[Path, Content] = {
+        path: partial(write, index, maps[name])
+        for name, (paths, write) in parts.items()
+        for index, path in enumerate(paths)
+    }
+    files[about] = plain_yaml_text(record)
+    files |= view_files(maps, mask=mask, beside=output)
+    written = write_files(files, overwrite=overwrite)
     if as_json:
-        own_files = [path for paths, _ in parts.values() for path in paths]
         print_json(
             {
                 "model": str(rig_file),
-                "files": list(map(str, own_files)),
-                "extra_files": [str(path) for path in written if path not in own_files],
+                "files": own_files,
+                "extra_files": [path for path in written if path not in own_files],
                 "image_size": rectified.image_size,
                 "view": chosen.as_record(),
                 "stereo": record,
@@ -108,8 +108,7 @@ def write_pair(
         )
         return
     result(f"wrote {written[0]}: {chosen.describe()}")
-    for path in written[1:]:
-        result(f"wrote {path}")
+    print_wrote(written[1:])
     unit = f" {rig.units}" if rig.units else ""
     result(f"baseline {record['baseline']:.3f}{unit}; {record['depth']}")
 

@@ -187,6 +187,26 @@ def common_options(function: Decorated) -> Decorated:
     return function
 
 
+def refuse_given(why: str, given: Mapping[str, object]) -> None:
+    """Refuse options that say nothing here: name -> value, nothing where it was not given.
+
+    Raises:
+        click.UsageError: one was given; the text is its name, and why.
+
+    """
+    for name, value in given.items():
+        if value:
+            raise click.UsageError(f"{name} {why}")
+
+
+def is_given(parameter: str) -> bool:
+    """Whether the command line gives this parameter of the command, and not a default."""
+    from click.core import ParameterSource
+
+    source = click.get_current_context().get_parameter_source(parameter)
+    return source is ParameterSource.COMMANDLINE
+
+
 def verbosity() -> int:
     """-1 after ``--quiet``, 1 after ``--verbose``, else 0."""
     value: int = click.get_current_context().meta.get(VERBOSITY_KEY, 0)
@@ -416,9 +436,5 @@ def rig_path(given: Path | None) -> Path | None:
 
 def _is_named() -> bool:
     """Whether the command line names the camera, with an option or an argument."""
-    from click.core import ParameterSource
-
-    context = click.get_current_context()
-    if context.params.get("calibration") is not None:
-        return True
-    return context.get_parameter_source("model") is ParameterSource.COMMANDLINE
+    named = click.get_current_context().params.get("calibration") is not None
+    return named or is_given("model")

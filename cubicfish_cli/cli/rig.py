@@ -30,7 +30,16 @@ from cubicfish_cli.cli.options import (
 )
 from cubicfish_cli.cli.provenance import made_at, made_by_record
 from cubicfish_cli.cli.target_choice import TargetChoice, target_options
-from cubicfish_cli.cli.terminal import apart, print_json, print_table, result, say, stages, working
+from cubicfish_cli.cli.terminal import (
+    apart,
+    print_json,
+    print_table,
+    print_wrote,
+    result,
+    say,
+    stages,
+    working,
+)
 from cubicfish_cli.cli.video_options import is_video_name
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.wording import quoted
@@ -162,8 +171,8 @@ def command(
 
     made_at()  # said before the work if it cannot be
     pages = [output / report_step.NAME] if report and report_step.is_possible() else []
-    for path in (output / "rig.yaml", *pages, *(output / name / "camera.yaml" for name in called)):
-        refuse_existing(path, overwrite=overwrite)
+    cameras = [output / name / "camera.yaml" for name in called]
+    refuse_existing(output / "rig.yaml", *pages, *cameras, overwrite=overwrite)
     loaded, known = {}, _lenses(lenses, called)
     frames = None
     if films:
@@ -236,8 +245,7 @@ def command(
         result()
         print_verdict(judged)
         result()
-        for path in written:
-            result(f"wrote {path}")
+        print_wrote(written)
     hold_gate(rig.errors.rms_px, max_rms)
 
 

@@ -134,8 +134,7 @@ def command(
         outputs["assembly"] = output / "assembly.pdf"
     if text is not None:
         outputs["target"] = output / "target.yaml"
-    for path in outputs.values():
-        refuse_existing(path, overwrite=overwrite)
+    refuse_existing(*outputs.values(), overwrite=overwrite)
     date = _date()
 
     from cubicfish_cli.report.extra import quiet
