@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import calibrate_points, json_keys, options, report_step
-from cubicfish_cli.cli.calibration_folder import of_earlier, refuse_inputs, say_removed
+from cubicfish_cli.cli import json_keys, options, report_step
+from cubicfish_cli.cli.calibrate_points import print_points
 from cubicfish_cli.cli.choosing import MOST, films_among, frames_to_calibrate, refuse_other_photos
 from cubicfish_cli.cli.figures import (
     count,
@@ -55,12 +56,10 @@ from cubicfish_cli.cli.terminal import (
 )
 
 if TYPE_CHECKING:
-    from cubicfish_cli.assess.camera_facts import CameraFacts
-    from cubicfish_cli.assess.verdict import Verdict
+    from cubicfish_cli.files import Content
     from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
+    from cubicfish_cli.model.cubic import CubicCamera
     from cubicfish_cli.target import Target
-
-MAP = "undistort_map.npz"
 
 
 @as_command(
@@ -155,37 +154,30 @@ def command(
         raise click.UsageError("--compare is of cameras with rays: it goes with --lift ray")
     check_inputs(inputs, correspondences=correspondences, target=target)
     from cubicfish_cli.advice.summary import summary
-    from cubicfish_cli.files import refuse_existing
+    from cubicfish_cli.assess.camera_facts import camera_facts
+    from cubicfish_cli.assess.verdict import verdict
+    from cubicfish_cli.correspondences import save_corners
+    from cubicfish_cli.fitting.calibrate import Calibration
+    from cubicfish_cli.fitting.point_fit import PointCalibration, calibrate_points
+    from cubicfish_cli.formats.camera_writer import camera_text
+    from cubicfish_cli.formats.target_yaml import target_text
     from cubicfish_cli.library.calibration import calibrate
-    from cubicfish_cli.photos import MAX_PIXELS
+    from cubicfish_cli.library.calibration_folder import CalibrationFolder
 
     made_at()  # said before the work if it cannot be
     if title is not None:
         check_title(title)
-    outputs = _outputs(output, inputs)
-    if target.counts is not None:
-        outputs["drawn"] = output / DEFAULT_TARGET
-    if not (report and report_step.is_possible()):
-        outputs.pop("report")
-    refuse_existing(*outputs.values(), overwrite=overwrite)
-    given = (*inputs, target.path, correspondences)
-    fitted = () if refine_target == "off" else (outputs["target"],)
-    refuse_inputs(fitted, given)
-    films = films_among(inputs)
-    photos = inputs
-    if films:
-        photos = tuple(path for path in inputs if path not in films)
-        if photos:
-            refuse_other_photos(photos_of(photos), films)
-        photos += frames_to_calibrate(
-            films,
-            output / "frames",
-            target,
-            most=best or MOST,
-            jobs=jobs,
-            no_cache=no_cache,
-            overwrite=overwrite,
-        )
+    given = [path for path in (*inputs, target.path, correspondences) if path is not None]
+    folder = CalibrationFolder(path=output, inputs=given)
+    # Corners that were read from this very file need not be written again.
+    with_corners = bool(inputs) and not folder.has_input("corners")
+    with_page = report and report_step.is_possible()
+    kinds = {"report": with_page, "corners": with_corners, "drawn": target.counts is not None}
+    own = [kind for kind, wanted in kinds.items() if wanted]
+    folder.refuse("camera", "map", "target", *own, overwrite=overwrite)
+    if refine_target != "off":
+        folder.refuse_input("target")
+    photos = _photos(inputs, output, target, best, jobs, no_cache=no_cache, overwrite=overwrite)
     loaded = load_pairs(
         photos,
         correspondences=correspondences,
@@ -197,8 +189,6 @@ def command(
     )
     if loaded.detection is not None:
         say_photo_problems(loaded.detection)
-    if loaded.corners is None:  # the input held pairs
-        outputs.pop("corners", None)
     uncertain = loaded.pairs.uncertain_images
     if refine_target == "auto" and uncertain:
         say(
@@ -207,63 +197,130 @@ def command(
             "measurement."
         )
     say(f"Fitting to {count(len(loaded.pairs.pixel), 'corner')}.")
+    fitted: Calibration | PointCalibration
     if lift == "point":
-        calibrate_points.run(
-            loaded,
-            outputs,
-            _made_by({"lift": lift}, loaded, outputs, title),
-            hold_out=hold_out,
-            as_json=as_json,
-            max_rms=max_rms,
-            overwrite=overwrite,
-            report=report,
-            given=given,
-        )
-        return
-    with stages("Fitting") as progress:
-        calibration = calibrate(
-            loaded.given,
-            refine_target=refine_target,
-            hold_out=hold_out,
-            progress=progress,
-        )
-    if calibration.refined == "off":
-        outputs.pop("target")
-    if math.prod(calibration.camera.image_size) > MAX_PIXELS:
-        outputs.pop("map")
-        say(
-            f"No {MAP} was written: a map of {{}}x{{}} pixels takes gigabytes. 'cubicfish map "
-            "--size' makes a smaller one.".format(*calibration.camera.image_size)
-        )
-    asked = {"hold_out": hold_out, "refine_target": refine_target}
-    made_by = _made_by(asked, loaded, outputs, title)
-    record = calibration.as_record()
-    camera = calibration.camera
-    calibration = replace(calibration, made_by=made_by)
-    facts, judged = calibration.facts, calibration.verdict
-    page = report_step.make_page(outputs, camera, record, made_by, loaded, calibration.target)
-    earlier = of_earlier(outputs, given) if overwrite else []
+        asked: dict[str, Any] = {"lift": lift}
+        with working("Fitting"):
+            fitted = calibrate_points(loaded.pairs, hold_out=hold_out)
+    else:
+        asked = {"hold_out": hold_out, "refine_target": refine_target}
+        with stages("Fitting") as progress:
+            fitted = calibrate(
+                loaded.given, refine_target=refine_target, hold_out=hold_out, progress=progress
+            )
+    drawn = None
+    if target.counts is not None and loaded.target is not None:
+        drawn = target_text(loaded.target)
+    made_by = _made_by(asked, loaded, drawn, output, title)
+    record, camera = fitted.as_record(), fitted.camera
+    facts = camera_facts(camera, record, made_by)
+    contents: dict[str, Content | None] = {"drawn": drawn}
+    thing = loaded.target
+    if isinstance(fitted, Calibration):
+        fitted, thing = replace(fitted, made_by=made_by), fitted.target
+        judged = fitted.verdict
+        contents |= {"camera": fitted.text(), "map": _map(fitted.camera)}
+        if fitted.refined != "off" and thing is not None:
+            contents["target"] = target_text(thing)
+    else:
+        text = camera_text(camera, fit=record, made_by=made_by, comment=facts.line)
+        contents["camera"] = text
+        judged = verdict(record, camera.image_size, fitted.camera.valid)
+    if with_page:
+        contents["report"] = report_step.make_page(camera, record, made_by, loaded, thing)
+    if with_corners and loaded.corners is not None:
+        contents["corners"] = partial(save_corners, corners=loaded.corners, overwrite=False)
     with working("Writing"):
-        _write(outputs, calibration, loaded, page, earlier, overwrite=overwrite)
-    advice = summary(camera, record, calibration.pairs)
-    models = _compared(calibration, loaded.target, hold_out=hold_out) if compare else []
+        outputs, removed = folder.write(contents, overwrite=overwrite)
+    advice, models = {}, []
+    if isinstance(fitted, Calibration):
+        advice = {"advice": summary(fitted.camera, record, fitted.pairs)}
+        models = _compared(fitted, loaded.target, hold_out=hold_out) if compare else []
     if as_json:
-        compared = {"models": models} if compare else {}
-        files = report_step.as_record(judged, outputs)
-        said = {
-            **photo_remarks(loaded.detection, calibration.remarks),
-            "advice": advice,
-            "summary": facts.line,
-        }
-        print_json({**record, **compared, **said, **files, "model": str(outputs["camera"])})
+        print_json(
+            {
+                **record,
+                **({"models": models} if compare else {}),
+                **photo_remarks(loaded.detection, fitted.remarks),
+                **advice,
+                "summary": facts.line,
+                "verdict": judged.as_record(),
+                "report": outputs.get("report"),
+                "files": outputs,
+                "model": outputs["camera"],
+            }
+        )
+    for photo, reason in fitted.unfit.items():
+        say(f"left out: {photo}: {reason}")
+    if isinstance(fitted, Calibration):
+        _say_findings(fitted, record)
+    if not as_json:
+        apart()
+        result(facts.line, mark=(judged.words, judged.level))
+        if isinstance(fitted, Calibration):
+            print_verdict(judged)
+            result(f"advice: {advice['advice']}\n")
+            _print(fitted, record, models, outputs, loaded)
+            first = loaded.files[0].path if loaded.detection and loaded.files else None
+            say_next(judged, outputs["camera"], first, outputs.get("report"))
+        else:
+            print_points(fitted, record, judged, outputs)
+    for path in removed:
+        say(f"removed {path}, which was of an earlier calibration")
+    report_step.say_if_missing(outputs, wanted=report)
+    hold_gate(fitted.errors.rms_px, max_rms)
+
+
+def _photos(
+    inputs: tuple[Path, ...],
+    output: Path,
+    target: TargetChoice,
+    best: int | None,
+    jobs: int | None,
+    *,
+    no_cache: bool,
+    overwrite: bool,
+) -> tuple[Path, ...]:
+    """The inputs, with the frames that are chosen of films in their place."""
+    films = films_among(inputs)
+    if not films:
+        return inputs
+    photos = tuple(path for path in inputs if path not in films)
+    if photos:
+        refuse_other_photos(photos_of(photos), films)
+    return photos + frames_to_calibrate(
+        films,
+        output / "frames",
+        target,
+        most=best or MOST,
+        jobs=jobs,
+        no_cache=no_cache,
+        overwrite=overwrite,
+    )
+
+
+def _map(camera: CubicCamera) -> Content | None:
+    """What writes the map of the default view, if that is not too large."""
+    from cubicfish_cli.photos import MAX_PIXELS
+    from cubicfish_cli.undistortion.maps import build_map, save_map
+    from cubicfish_cli.undistortion.views import default_view
+
+    if math.prod(camera.image_size) <= MAX_PIXELS:
+        return lambda path: save_map(path, build_map(camera, default_view(camera)), overwrite=False)
+    say(
+        "No undistort_map.npz was written: a map of {}x{} pixels takes gigabytes. 'cubicfish map "
+        "--size' makes a smaller one.".format(*camera.image_size)
+    )
+    return None
+
+
+def _say_findings(calibration: Calibration, record: Mapping[str, Any]) -> None:
     for corner in record["dropped_corners"]:
         detail(
             "dropped: {image} {board} column {column} row {row}: {error_px:.1f} px off".format(
                 **corner
             )
         )
-    for photo, reason in calibration.unfit.items():
-        say(f"left out: {photo}: {reason}")
     for finding in calibration.findings:
         say(f"{mark_of(finding)}: {finding.line}")
     for note in calibration.notes:
@@ -271,26 +328,6 @@ def command(
     for departure in calibration.departures:
         for doubt in departure.doubts:
             say(f"warning: board {departure.board} seems {doubt.what}: {doubt.do}")
-    if not as_json:
-        _print(calibration, facts, record, judged, advice, models, outputs, loaded)
-    say_removed(earlier)
-    report_step.say_if_missing(outputs, wanted=report)
-    hold_gate(calibration.errors.rms_px, max_rms)
-
-
-def _outputs(folder: Path, inputs: Sequence[Path]) -> dict[str, Path]:
-    outputs = {
-        "camera": folder / "camera.yaml",
-        "map": folder / MAP,
-        "target": folder / "target.refined.yaml",
-        "report": folder / report_step.NAME,
-    }
-    corners = folder / "corners.csv"
-    # Corners that were read from this very file need not be written again.
-    is_input = corners.exists() and any(path.exists() and path.samefile(corners) for path in inputs)
-    if inputs and not is_input:
-        outputs["corners"] = corners
-    return outputs
 
 
 def _compared(
@@ -304,72 +341,31 @@ def _compared(
     return [row.as_record() for row in rows]
 
 
-def _write(
-    outputs: Mapping[str, Path],
-    calibration: Calibration,
-    loaded: Pairs,
-    page: str | None,
-    earlier: Sequence[Path],
-    *,
-    overwrite: bool,
-) -> None:
-    """Write every output, all or none; what is of an earlier calibration goes."""
-    from cubicfish_cli.correspondences import save_corners
-    from cubicfish_cli.files import whole_files, write_text
-    from cubicfish_cli.formats.target_yaml import target_text
-    from cubicfish_cli.undistortion.maps import build_map, save_map
-    from cubicfish_cli.undistortion.views import default_view
-
-    paths = list(outputs.values())
-    with whole_files(paths, overwrite=overwrite, obsolete=earlier) as temporary:
-        names = dict(zip(outputs, temporary, strict=True))
-        calibration.save(names["camera"])
-        if "drawn" in names and loaded.target is not None:
-            write_text(names["drawn"], target_text(loaded.target), overwrite=False)
-        view = default_view(calibration.camera)
-        if "map" in names:
-            save_map(names["map"], build_map(calibration.camera, view), overwrite=False)
-        if "target" in names and calibration.target is not None:
-            write_text(names["target"], target_text(calibration.target), overwrite=False)
-        if "corners" in names and loaded.corners is not None:
-            save_corners(names["corners"], loaded.corners, overwrite=False)
-        if "report" in names and page is not None:
-            write_text(names["report"], page, overwrite=False)
-
-
 def _made_by(
-    asked: Mapping[str, Any], loaded: Pairs, outputs: Mapping[str, Path], title: str | None
+    asked: Mapping[str, Any], loaded: Pairs, drawn: str | None, folder: Path, title: str | None
 ) -> dict[str, Any]:
     """How it was made; the object too where it came as counts and its file is still to be."""
-    from cubicfish_cli.formats.target_yaml import target_text
-
     record = made_by_record(asked, loaded.target_file, loaded.files)
-    if "drawn" in outputs and loaded.target is not None:
-        record["target"] = recorded_as(target_text(loaded.target), outputs["drawn"])
+    if drawn is not None:
+        record["target"] = recorded_as(drawn, folder / DEFAULT_TARGET)
     return {**({} if title is None else {"title": title}), **record}
 
 
 def _print(
     calibration: Calibration,
-    facts: CameraFacts,
     record: Mapping[str, Any],
-    judged: Verdict,
-    advice: str,
     models: Sequence[Mapping[str, Any]],
     outputs: Mapping[str, Path],
     loaded: Pairs,
 ) -> None:
-    """The verdict first, then the figures it rests on, the photos, and what to do next."""
+    """The figures that the verdict rests on, the photos, and what was written."""
     camera, pairs = calibration.camera, calibration.pairs
-    apart()
-    result(facts.line, mark=(judged.words, judged.level))
-    print_verdict(judged)
-    result(f"advice: {advice}\n")
     _print_figures(calibration, record)
     result()
-    rows = fitted_rows(
-        record, camera.image_size, corners_by_board(pairs), _lost(calibration, loaded)
-    )
+    lost = dict.fromkeys(calibration.unfit, "left out")  # lines on stderr say more
+    if loaded.detection is not None:
+        lost |= why_lost(loaded.detection)
+    rows = fitted_rows(record, camera.image_size, corners_by_board(pairs), lost)
     print_photo_table(rows, pairs.boards, record, everything=str(outputs["camera"]))
     result()
     _print_object(calibration)
@@ -377,8 +373,6 @@ def _print(
         print_models(models)
         result()
     print_wrote(outputs.values())
-    photo = loaded.files[0].path if loaded.detection is not None and loaded.files else None
-    say_next(judged, outputs["camera"], photo, outputs.get("report"))
 
 
 def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
@@ -412,14 +406,6 @@ def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
     uncertainty = recorded(record)
     if uncertainty is not None:
         result(f"{'uncertainty':<24}{px(uncertainty.median_px):>7} px  {uncertainty.meaning}")
-
-
-def _lost(calibration: Calibration, loaded: Pairs) -> dict[str, str]:
-    """Photos that took no part, and a word for why; lines on stderr say more."""
-    lost = dict.fromkeys(calibration.unfit, "left out")
-    if loaded.detection is not None:
-        lost |= why_lost(loaded.detection)
-    return lost
 
 
 def _print_object(calibration: Calibration) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from cubicfish_cli.correspondences import (
 )
 from cubicfish_cli.files import sha256_of
 from cubicfish_cli.formats.camera_yaml import load_any_camera
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.model.point_cubic import PointCamera
 from cubicfish_cli.photos import find_photos
 from cubicfish_cli.report.facts import REFINED, Facts, Lack, gather
 from cubicfish_cli.report.pictures import matched
@@ -78,6 +81,33 @@ def facts_of_files(camera_file: Path, *, target: Path | None, photos: Sequence[P
         lack=lack,
         absent=absent,
     )
+
+
+def facts_of_fit(
+    camera: CubicCamera | PointCamera,
+    fit: Mapping[str, Any],
+    made_by: Mapping[str, Any],
+    *,
+    pairs: Correspondences,
+    target: Target | None,
+    photos: Sequence[Path],
+) -> Facts:
+    """What a page says of a fit that is still at hand.
+
+    Args:
+        camera: the camera.
+        fit: how well it fits, as camera.yaml will have it.
+        made_by: how it was made, likewise.
+        pairs: what was fitted to.
+        target: the object as fitted.
+        photos: the photos' files; none for corners alone.
+
+    """
+    if target is not None:
+        world = target.world_points(pairs.board, pairs.column, pairs.row)
+        pairs = replace(pairs, world=world)
+    files = matched([record["image"] for record in fit["per_image"]], photos)
+    return gather(camera, fit, made_by, pairs=pairs, target=target, files=files)
 
 
 def _pairs(
