@@ -56,10 +56,10 @@ def print_models(records: Sequence[Mapping[str, Any]]) -> None:
     result("Lens models: the same corners, loss and folds, the target as drawn")
     print_columns(
         [
-            Column(title="model"),
+            "model",
             Column(title="parameters", drop=2),
-            Column(title="rms px"),
-            Column(title="held-out px"),
+            "rms px",
+            "held-out px",
             Column(title="usable to °", drop=1),
             Column(title="seconds", drop=3),
         ],

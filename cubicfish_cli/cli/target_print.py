@@ -116,7 +116,7 @@ def command(
         raise CubicfishError(f"printing needs {' and '.join(missing())}: {INSTALL}")
     keep_fonts()
 
-    from cubicfish_cli.files import refuse_existing, whole_files
+    from cubicfish_cli.files import Content, refuse_existing, write_files
     from cubicfish_cli.printing.layout import lay_out
     from cubicfish_cli.printing.paper import length_mm
     from cubicfish_cli.printing.paper import paper as paper_of
@@ -129,11 +129,9 @@ def command(
         loaded, sheets = _made(kind, board_type, square, counts, dictionary, on, rim)
         text = _target_text(loaded, kind or "", on)
     pages = [page for sheet in sheets for page in lay_out(sheet, on, margin=rim)]
-    outputs = {"boards": output / "boards.pdf"}
-    if len(sheets) > 1:
-        outputs["assembly"] = output / "assembly.pdf"
-    if text is not None:
-        outputs["target"] = output / "target.yaml"
+    wanted = {"boards": True, "assembly": len(sheets) > 1, "target": text is not None}
+    names = {"boards": "boards.pdf", "assembly": "assembly.pdf", "target": "target.yaml"}
+    outputs = {kind: output / names[kind] for kind, there in wanted.items() if there}
     refuse_existing(*outputs.values(), overwrite=overwrite)
     date = _date()
 
@@ -142,16 +140,18 @@ def command(
     with quiet():
         from cubicfish_cli.printing.documents import words_for, write_assembly, write_boards
 
-    drawing = f"Drawing {count(len(pages), 'page')}"
-    with whole_files(list(outputs.values()), overwrite=overwrite) as temporaries, working(drawing):
-        places = dict(zip(outputs, temporaries, strict=True))
-        write_boards(places["boards"], pages, date=date)
-        if "assembly" in places:
-            write_assembly(places["assembly"], sheets, words_for(kind, on.name), on.name, date=date)
-        if text is not None:
-            places["target"].write_text(text, encoding="utf-8", newline="\n")
+    contents: dict[str, Content] = {
+        "boards": lambda path: write_boards(path, pages, date=date),
+        "assembly": lambda path: write_assembly(
+            path, sheets, words_for(kind, on.name), on.name, date=date
+        ),
+        "target": text or "",
+    }
+    with working(f"Drawing {count(len(pages), 'page')}"):
+        files = {path: contents[kind] for kind, path in outputs.items()}
+        write_files(files, overwrite=overwrite)
     if as_json:
-        print_json(_record(outputs, sheets, pages, on))
+        print_json({**outputs, "paper": on.name, "pages": list(map(_page_record, pages))})
         return
     _print(outputs, sheets, pages, on)
 
@@ -192,8 +192,7 @@ def _made(
     paper: Paper,
     margin: float,
 ) -> tuple[Target, list[Sheet]]:
-    from cubicfish_cli.cli.target_words import advice
-    from cubicfish_cli.diagnosis.object_check import check_object
+    from cubicfish_cli.library.target_check import check_target
     from cubicfish_cli.printing.objects import Wanted, design
     from cubicfish_cli.printing.paper import length_mm
 
@@ -205,9 +204,9 @@ def _made(
         dictionary=dictionary,
     )
     loaded, sheets = design(wanted, paper, margin=margin)
-    facts = check_object(loaded)
-    if facts.ambiguous:
-        for about, words in advice(loaded, facts):
+    checked = check_target(loaded)
+    if checked.facts.ambiguous:
+        for about, words in checked.advice:
             if about == "Names":
                 say(f"note: {words}")
     return loaded, sheets
@@ -229,28 +228,13 @@ def _date() -> datetime | None:
     return datetime.fromisoformat(made_at()) if "SOURCE_DATE_EPOCH" in os.environ else None
 
 
-def _record(
-    outputs: dict[str, Path], sheets: list[Sheet], pages: list[Page], paper: Paper
-) -> dict[str, Any]:
+def _page_record(page: Page) -> dict[str, Any]:
+    tile = page.tile
     return {
-        **{name: str(path) for name, path in outputs.items()},
-        "paper": paper.name,
-        "pages": [
-            {
-                "board": page.sheet.board.name,
-                "size_mm": [page.width, page.height],
-                "tile": None
-                if page.tile is None
-                else {
-                    "row": page.tile.row,
-                    "column": page.tile.column,
-                    "rows": page.tile.rows,
-                    "columns": page.tile.columns,
-                },
-                "corner_0_0_mm": list(page.shift),
-            }
-            for page in pages
-        ],
+        "board": page.sheet.board.name,
+        "size_mm": [page.width, page.height],
+        "tile": tile and {key: getattr(tile, key) for key in ("row", "column", "rows", "columns")},
+        "corner_0_0_mm": list(page.shift),
     }
 
 
