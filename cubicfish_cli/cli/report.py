@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli import json_keys, options, report_step
 from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.figures import print_verdict
 from cubicfish_cli.cli.options import as_command, option
@@ -50,7 +50,6 @@ def command(
 
     Of a rig (its folder or rig.yaml) the page shows where the cameras stand and what they see.
     """
-    from cubicfish_cli.cli.rig_report import write_page
     from cubicfish_cli.errors import CubicfishError
     from cubicfish_cli.files import refuse_existing, write_text
     from cubicfish_cli.report.extra import INSTALL, missing, quiet
@@ -64,7 +63,7 @@ def command(
 
     keep_fonts()
     if rig is not None:
-        judged = write_page(rig, page, overwrite=overwrite)
+        judged = report_step.write_rig_page(rig, page, overwrite=overwrite)
         if as_json:
             named = {"report": str(page), "model": str(rig)}
             print_json({**named, "verdict": judged.as_record(), "absent": []})

@@ -1,4 +1,4 @@
-"""The report that ``cubicfish calibrate`` writes beside the camera."""
+"""The pages that ``calibrate`` and ``rig`` write beside a camera and a rig."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from cubicfish_cli.cli.options import option
 from cubicfish_cli.cli.terminal import detail, say, working
 
 if TYPE_CHECKING:
+    from cubicfish_cli.assess.verdict import Verdict
     from cubicfish_cli.model.cubic import CubicCamera
     from cubicfish_cli.model.point_cubic import PointCamera
     from cubicfish_cli.target import Target
@@ -60,8 +61,7 @@ def make_page(
     from cubicfish_cli.report.extra import quiet
 
     start = perf_counter()
-    context = click.get_current_context(silent=True)
-    keep_fonts(context is None or not context.params.get("no_cache"))
+    _keep_fonts()
     photos = [file.path for file in loaded.files] if loaded.detection is not None else []
     try:
         with working("Making the report"):
@@ -79,6 +79,37 @@ def make_page(
         return None
     detail(f"{NAME} took {perf_counter() - start:.1f} seconds")
     return page
+
+
+def write_rig_page(rig: Path, page: Path, *, overwrite: bool) -> Verdict:
+    """Write the page about a rig's file, and judge the rig.
+
+    Raises:
+        CameraFileError: the rig cannot be read.
+        OutputError: the page is there, or cannot be written.
+
+    """
+    from cubicfish_cli.assess.rig_verdict import rig_verdict
+    from cubicfish_cli.files import write_text
+    from cubicfish_cli.formats.rig_yaml import load_rig
+    from cubicfish_cli.library.rigs import loaded_record
+    from cubicfish_cli.report.extra import quiet
+
+    _keep_fonts()
+    with quiet():
+        from cubicfish_cli.report.rig_page import rig_html
+
+    loaded = load_rig(rig)
+    record = loaded_record(loaded)
+    with working("Making the report"):
+        text = rig_html(loaded, record)
+    write_text(page, text, overwrite=overwrite)
+    return rig_verdict(record)
+
+
+def _keep_fonts() -> None:
+    context = click.get_current_context(silent=True)
+    keep_fonts(context is None or not context.params.get("no_cache"))
 
 
 def say_if_missing(outputs: Mapping[str, Path], *, wanted: bool) -> None:

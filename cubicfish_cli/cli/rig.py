@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from glob import has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ import click
 from cubicfish_cli.cli import json_keys, report_step
 from cubicfish_cli.cli.choosing import MOST, films_among
 from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_verdict, px
-from cubicfish_cli.cli.inputs import load_pairs, say_photo_problems
+from cubicfish_cli.cli.inputs import load_pairs, mark_of, say_photo_problems
 from cubicfish_cli.cli.numbers import IntRange, Seconds
 from cubicfish_cli.cli.options import (
     FILE,
@@ -43,7 +43,6 @@ from cubicfish_cli.cli.terminal import (
 from cubicfish_cli.cli.video_options import is_video_name
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.wording import quoted
-from cubicfish_cli.words.codes import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -164,8 +163,6 @@ def command(
             "each camera, or take its frames with 'cubicfish frames'"
         )
     from cubicfish_cli.assess.rig_verdict import rig_verdict
-    from cubicfish_cli.cli.cache_folder import keep_fonts
-    from cubicfish_cli.cli.rig_report import write_page
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.library.rigs import calibrate_rig, rig_record, save_rig
 
@@ -197,18 +194,13 @@ def command(
     moving = None
     if frames is not None:
         moving = {name: frames.moving(name, own.pairs) for name, own in loaded.items()}
-    matched = _matching(by_order, shots, tolerance, frames)
+    matched, by = _matching(by_order, shots, tolerance, frames)
     one = loaded[called[0]]
     with stages("Fitting") as progress:
         rig = calibrate_rig(
-            {
-                name: own.pairs if own.detection is None else own.detection
-                for name, own in loaded.items()
-            },
+            {name: own.detection or own.pairs for name, own in loaded.items()},
             one.target,
-            shots=matched.shots,
-            tolerance=matched.tolerance,
-            times=matched.times,
+            **matched,
             moving=moving,
             known=known,
             hold_lenses=hold_lenses,
@@ -216,11 +208,7 @@ def command(
             progress=progress,
         )
     files = [file for own in loaded.values() for file in own.files]
-    options = {
-        "hold_lenses": hold_lenses,
-        "refine_target": refine_target,
-        "shots": matched.said,
-    }
+    options = {"hold_lenses": hold_lenses, "refine_target": refine_target, "shots": by}
     made_by = made_by_record(options, one.target_file, files)
     with working("Writing"):
         written = save_rig(output, rig, made_by=made_by, overwrite=overwrite)
@@ -230,15 +218,13 @@ def command(
     record = rig_record(rig)
     judged = rig_verdict(record)
     if report and report_step.is_possible():
-        keep_fonts(not no_cache)
         page = output / report_step.NAME
-        write_page(written[0], page, overwrite=overwrite)
+        report_step.write_rig_page(written[0], page, overwrite=overwrite)
         written.append(page)
     if as_json:
         print_json({**record, "model": str(written[0]), "verdict": judged.as_record()})
     for finding in rig.findings:
-        told = "note" if finding.severity is Severity.NOTE else "warning"
-        say(f"{told}: {finding.line}")
+        say(f"{mark_of(finding)}: {finding.line}")
     if not as_json:
         apart()
         print_rig(record)
@@ -325,49 +311,22 @@ def loaded_camera(
     return loaded, camera
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Matched:
-    """How photos are matched to shots: as ``calibrate_rig`` takes it, and in words."""
-
-    shots: Any
-    said: str
-    tolerance: float
-    times: Mapping[str, Mapping[str, float]] | None = None
-
-
 def _matching(
     by_order: bool, shots: Path | None, tolerance: float | None, frames: RigFrames | None
-) -> _Matched:
-    from cubicfish_cli.library.rigs import TOLERANCE
+) -> tuple[dict[str, Any], str]:
+    """How photos are matched to shots: as ``calibrate_rig`` takes it, and in a word."""
+    from cubicfish_cli.library.rigs import TOLERANCE, load_shots
 
-    wanted = TOLERANCE if tolerance is None else tolerance
+    wanted: dict[str, Any] = {"tolerance": TOLERANCE if tolerance is None else tolerance}
     if frames is not None:
-        return _Matched(shots=frames.shots, said="films", tolerance=wanted)
+        return {**wanted, "shots": frames.shots}, "films"
     if shots is None:
         by = "order" if by_order else "name" if tolerance is None else "time"
-        return _Matched(shots=by, said=by, tolerance=wanted)
-    from cubicfish_cli.tables import read_table
-
-    table = read_table(
-        shots,
-        required=("camera", "image"),
-        optional=("shot", "time"),
-        error=CorrespondenceError,
-    )
-    columns = table.columns
-    if "shot" in columns:
-        if tolerance is not None:
-            raise click.UsageError(f"{shots} says which photos are a shot: leave --tolerance out")
-        rows = zip(columns["shot"], columns["camera"], columns["image"], strict=True)
-        return _Matched(shots=list(rows), said=str(shots), tolerance=wanted)
-    if "time" not in columns:
-        raise CorrespondenceError(f"{shots} has neither a column shot nor a column time: add one")
-    times: dict[str, dict[str, float]] = {}
-    for camera, image, time in zip(
-        columns["camera"], columns["image"], table.floats("time").tolist(), strict=True
-    ):
-        times.setdefault(camera, {})[image] = time
-    return _Matched(shots="time", said=str(shots), tolerance=wanted, times=times)
+        return {**wanted, "shots": by}, by
+    rows, times = load_shots(shots)
+    if rows is not None and tolerance is not None:
+        raise click.UsageError(f"{shots} says which photos are a shot: leave --tolerance out")
+    return {**wanted, "shots": "time" if rows is None else rows, "times": times}, str(shots)
 
 
 def print_rig(record: Mapping[str, Any]) -> None:
@@ -399,6 +358,11 @@ def print_rig(record: Mapping[str, Any]) -> None:
             for one in record["cameras"]
         ],
     )  # fmt: skip
+    print_pairs(record)
+
+
+def print_pairs(record: Mapping[str, Any]) -> None:
+    """Print what connects every two cameras."""
     result()
     print_table(
         ("cameras", "shots in common", "RMS px"),
