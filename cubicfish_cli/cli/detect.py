@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping, Sequence
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cubicfish_cli.cli import json_keys, options
@@ -15,11 +13,9 @@ from cubicfish_cli.cli.photo_table import GOOD, PhotoRow, corners_by_board, prin
 from cubicfish_cli.cli.scheduler_options import SchedulerOptions, scheduler_options
 from cubicfish_cli.cli.target_choice import TargetChoice, say_default, target_options
 from cubicfish_cli.cli.terminal import print_json, progress, result, say
-from cubicfish_cli.errors import OutputError
 
 if TYPE_CHECKING:
     from cubicfish_cli.identification.photo_report import Detection
-    from cubicfish_cli.photos import Photo
 
 _FEW_CORNERS = 20
 
@@ -63,6 +59,7 @@ def command(
     """
     from cubicfish_cli.correspondences import save_corners
     from cubicfish_cli.files import refuse_existing
+    from cubicfish_cli.library.drawings import drawings, write_drawings
 
     scheduler.check(jobs)
     target.check()
@@ -75,31 +72,31 @@ def command(
     with scheduler.connected() as executor:
         detection = detect(found, loaded, jobs, no_cache=no_cache, executor=executor)
     save_corners(output, detection.corners, overwrite=overwrite)
-    drawn = _draw(found, detection, pictures, overwrite=overwrite) if draw is not None else None
+    drawn = {}
+    if draw is not None:
+        with progress("Drawing") as callback:
+            written = write_drawings(found, detection, pictures, callback, overwrite=overwrite)
+        drawn = {"drawings": written}
     corners, images = len(detection.corners.pixel), len(detection.corners.images)
     if as_json:
+        keys = ("boards", "corners", "added", "exact", "problem", "notes")
         per_image = [
             {
                 "image": photo.name,
-                "boards": photo.boards,
-                "corners": photo.corners,
-                "added": photo.added,
-                "exact": photo.exact,
-                "problem": photo.problem,
-                "notes": photo.notes,
+                **{key: getattr(photo, key) for key in keys},
                 "findings": [finding.as_record() for finding in photo.findings],
             }
             for photo in detection.photos
         ]
         print_json(
             {
-                "file": str(output),
+                "file": output,
                 "image_size": detection.corners.image_size,
                 "images": images,
                 "corners": corners,
                 "findings": [finding.as_record() for finding in detection.findings],
                 "per_image": per_image,
-                **({"drawings": drawn} if drawn is not None else {}),
+                **drawn,
             }
         )
     say_photo_problems(detection)
@@ -133,48 +130,3 @@ def _rows(detection: Detection) -> list[PhotoRow]:
             )
         )
     return rows
-
-
-def drawings(folder: Path, photos: Sequence[Photo]) -> dict[str, Path]:
-    """Where the drawing of each photo goes, by the photo's name.
-
-    The photo's suffix is left out, unless two drawings would then have one name or a drawing
-    would replace a photo.
-
-    Raises:
-        OutputError: a drawing would replace a photo whatever it is called.
-
-    """
-    taken = {os.path.realpath(photo.path) for photo in photos}
-    full = [photo.name for photo in photos]
-    short = [PurePath(name).with_suffix("").as_posix() for name in full]
-    for names in (short, full):
-        paths = [folder / f"{name}.png" for name in names]
-        # File systems may not tell a from A.
-        apart = names is full or len({name.casefold() for name in names}) == len(names)
-        if apart and taken.isdisjoint(map(os.path.realpath, paths)):
-            return dict(zip(full, paths, strict=True))
-    raise OutputError(f"drawings in {folder} would replace photos: choose another folder")
-
-
-def _draw(
-    photos: Sequence[Photo],
-    detection: Detection,
-    pictures: Mapping[str, Path],
-    *,
-    overwrite: bool,
-) -> list[str]:
-    """Write a picture of what was found in each photo that could be read; return their names."""
-    from cubicfish_cli.overlay.draw import draw_found
-    from cubicfish_cli.photos import read_grey
-    from cubicfish_cli.undistortion.images import write_picture
-
-    written = []
-    with progress("Drawing") as callback:
-        for done, (photo, report) in enumerate(zip(photos, detection.photos, strict=True)):
-            callback(done, len(photos))
-            if report.found is not None:
-                drawn = draw_found(read_grey(photo.path), report, detection.corners)
-                write_picture(pictures[photo.name], drawn, overwrite=overwrite)
-                written.append(str(pictures[photo.name]))
-    return written

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from cubicfish_cli.assess.verdict import Verdict
     from cubicfish_cli.cli.inputs import Pairs
     from cubicfish_cli.fitting.evaluate import Evaluation
-    from cubicfish_cli.fitting.uncertainty import FloatArray
 
 
 @as_command(
@@ -79,6 +78,7 @@ def command(
         )
         return
     check_inputs(inputs, correspondences=None, target=target)
+    from cubicfish_cli.assess.field_uncertainty import uncertainty_at
     from cubicfish_cli.assess.verdict import evaluation_verdict
     from cubicfish_cli.fitting.evaluate import evaluate
     from cubicfish_cli.formats.camera_yaml import load_camera
@@ -97,7 +97,7 @@ def command(
     with working("Fitting poses"):
         evaluation = evaluate(camera, loaded.pairs)
     record = evaluation.as_record()
-    record["uncertainty"] = _uncertainty(file.fit, evaluation.pairs.pixel)
+    record["uncertainty"] = uncertainty_at(file.fit, evaluation.pairs.pixel)
     record |= photo_remarks(loaded.detection)
     if evaluation.outside:
         say(
@@ -145,22 +145,3 @@ def _print(
         )
     result()
     print_verdict(judged)
-
-
-def _uncertainty(fit: Mapping[str, Any], pixel: FloatArray) -> dict[str, float] | None:
-    """How far the camera itself may be off at these pixels; None where its file does not say."""
-    import numpy as np
-
-    from cubicfish_cli.assess.field_uncertainty import sigma_at, summed
-
-    record = fit.get("uncertainty")
-    if not isinstance(record, dict):
-        return None
-    try:
-        sigma = sigma_at(record, pixel)
-    except (KeyError, TypeError, ValueError, IndexError):
-        return None  # not this tool's; the errors are measured all the same
-    sigma = sigma[np.isfinite(sigma)]
-    if not len(sigma):
-        return None
-    return {**summed(sigma).as_record(), "max_px": float(sigma.max())}
