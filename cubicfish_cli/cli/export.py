@@ -126,8 +126,8 @@ def command(
     """See ``_HELP``."""
     from cubicfish_cli.files import refuse_existing, write_files
     from cubicfish_cli.formats.camera_yaml import load_camera
-    from cubicfish_cli.formats.foreign import FILE_NAMES, foreign_text
-    from cubicfish_cli.library.exporting import exported
+    from cubicfish_cli.formats.foreign import FILE_NAMES
+    from cubicfish_cli.library.exporting import export_camera
     from cubicfish_cli.undistortion.maps import build_map, save_map
     from cubicfish_cli.undistortion.views import default_view
 
@@ -155,9 +155,8 @@ def command(
             print_wrote([path])
         return
     with working("Fitting the other lens"):
-        lens = exported(loaded, name, max_error=max_error, max_angle_deg=max_angle)
-    text = foreign_text(name, lens.conversion.record, lens.note, lens.poses(loaded.fit))
-    write_files({path: text}, overwrite=overwrite)
+        lens = export_camera(loaded, name, max_error=max_error, max_angle_deg=max_angle)
+    write_files({path: lens.text}, overwrite=overwrite)
     if as_json:
         print_json({"file": path, "format": name, **lens.as_record()})
         return

@@ -14,8 +14,15 @@ from cubicfish_cli import __version__
 from cubicfish_cli.errors import FitError, ViewError
 from cubicfish_cli.fitting.conversion.to_lens import Conversion, to_lens
 from cubicfish_cli.fitting.statistics import poses_on_record
-from cubicfish_cli.formats.camera_yaml import CameraFile
-from cubicfish_cli.formats.foreign import FRONT_ONLY, LENS_OF, OWN_FIELD, Poses, rig_texts
+from cubicfish_cli.formats.calibrated import Calibrated
+from cubicfish_cli.formats.foreign import (
+    FRONT_ONLY,
+    LENS_OF,
+    OWN_FIELD,
+    Poses,
+    foreign_text,
+    rig_texts,
+)
 from cubicfish_cli.formats.lens_rig import FlatPair, LensRig, PlacedLens
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
 from cubicfish_cli.library.rig_pictures import rectify
@@ -23,6 +30,7 @@ from cubicfish_cli.model.validity import cone_rays
 from cubicfish_cli.rendering.pose import rotation_matrix
 from cubicfish_cli.undistortion.fit import sees
 from cubicfish_cli.undistortion.views import default_view
+from cubicfish_cli.wording import did_you_mean, quoted
 
 # Of formats of one tool, the one that follows decentred lenses best.
 _NEAREST = {"colmap": "colmap-rad-tan-thin-prism-fisheye", "kalibr": "kalibr-omni"}
@@ -35,13 +43,22 @@ class Exported:
     """A camera as a format's lens.
 
     Attributes:
+        name: the format.
         conversion: the lens, and how near it comes.
         note: how it was made, in lines.
+        poses: camera_from_world of the calibration's photos, in the lens's frame.
 
     """
 
+    name: str
     conversion: Conversion
     note: list[str]
+    poses: Poses
+
+    @property
+    def text(self) -> str:
+        """The text of the format's file."""
+        return foreign_text(self.name, self.conversion.record, self.note, self.poses)
 
     def as_record(self) -> dict[str, Any]:
         """The lens and its errors, for JSON."""
@@ -50,14 +67,6 @@ class Exported:
             **self.conversion.error.as_record(),
             "turned_deg": self.conversion.turned_deg,
             "lens_from_camera": self.conversion.lens_from_camera,
-        }
-
-    def poses(self, fit: Mapping[str, Any]) -> Poses:
-        """camera_from_world of the calibration's photos, in the lens's frame."""
-        turn = self.conversion.lens_from_camera
-        return {
-            photo: (turn @ rotation_matrix(vector), turn @ np.asarray(translation))
-            for photo, (vector, translation) in poses_on_record(fit).items()
         }
 
     def warning(self, max_error: float) -> str | None:
@@ -72,32 +81,48 @@ class Exported:
         )
 
 
-def exported(
-    loaded: CameraFile, name: str, *, max_error: float, max_angle_deg: float | None = None
+def export_camera(
+    calibrated: Calibrated, to: str, *, max_error: float = 0.5, max_angle_deg: float | None = None
 ) -> Exported:
-    """A camera as the lens of a format of ``LENS_OF``.
+    """A camera as another tool's lens, as ``cubicfish export`` writes it.
 
     Args:
-        loaded: the camera.
-        name: the format.
+        calibrated: a fit, or what :func:`load_camera` read.
+        to: the format: a name of ``cubicfish export --help``, but for ``maps`` and ``usd``.
         max_error: how far the lens may be from the camera anywhere that corners reached, pixels.
-        max_angle_deg: leaves out what is farther from the axis.
+        max_angle_deg: leaves out what is farther from the axis, so that the rest is met more
+            nearly.
+
+    Returns:
+        ``text`` of the format's file; ``conversion`` with the lens and its ``error``, pixels.
 
     Raises:
-        FitError: the lens is farther from the camera than that.
+        FitError: there is no such format, or its lens is farther from the camera than that.
 
     """
-    covered = loaded.fit.get("covered_deg")
+    if to not in LENS_OF:
+        raise FitError(f"no format is called {quoted(to)}: {did_you_mean(to, sorted(LENS_OF))}")
+    camera, fit = calibrated.camera, calibrated.as_record()
+    covered = fit.get("covered_deg")
     conversion = to_lens(
-        loaded.camera,
-        LENS_OF[name],
+        camera,
+        LENS_OF[to],
         max_angle_deg=max_angle_deg,
         covered_deg=float(covered) if isinstance(covered, int | float) else None,
     )
     if not conversion.error.max_px <= max_error:
-        raise FitError(_too_far(conversion, name, max_error))
-    trusted = min(max_angle_deg or 180.0, loaded.camera.max_angle_deg)
-    return Exported(conversion=conversion, note=_note(conversion, name, loaded.made_by, trusted))
+        raise FitError(_too_far(conversion, to, max_error))
+    trusted = min(max_angle_deg or 180.0, camera.max_angle_deg)
+    turn = conversion.lens_from_camera
+    return Exported(
+        name=to,
+        conversion=conversion,
+        note=_note(conversion, to, calibrated.made_by, trusted),
+        poses={
+            photo: (turn @ rotation_matrix(vector), turn @ np.asarray(translation))
+            for photo, (vector, translation) in poses_on_record(fit).items()
+        },
+    )
 
 
 def exported_rig(
@@ -116,7 +141,7 @@ def exported_rig(
         cameras: those of its cameras that are wanted.
         name: the format, one of ``RIG_FILE_NAMES``.
         goal: its file or folder.
-        max_error: as for :func:`exported`.
+        max_error: as for :func:`export_camera`.
         max_angle_deg: likewise.
 
     Returns:
@@ -129,7 +154,7 @@ def exported_rig(
     made = {}
     for one in cameras:
         try:
-            made[one.name] = exported(
+            made[one.name] = export_camera(
                 one.file, name, max_error=max_error, max_angle_deg=max_angle_deg
             )
         except FitError as problem:
@@ -164,7 +189,7 @@ def _placed(camera: RigFileCamera, lens: Exported) -> PlacedLens:
         rotation=turn @ camera.rotation,
         translation=turn @ camera.translation,
         max_angle_deg=camera.camera.max_angle_deg,
-        poses=lens.poses(camera.file.fit),
+        poses=lens.poses,
     )
 
 
