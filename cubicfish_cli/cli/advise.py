@@ -18,7 +18,6 @@ from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say, wor
 if TYPE_CHECKING:
     from cubicfish_cli.advice.advise import Advice, Proposal
     from cubicfish_cli.assess.verdict import Verdict
-    from cubicfish_cli.report.facts import Facts
 
 # What to name, and how, where corners are lacking.
 _WHAT = {
@@ -87,14 +86,15 @@ def command(
     from cubicfish_cli.files import refuse_existing, write_files
     from cubicfish_cli.model.cubic import CubicCamera
     from cubicfish_cli.rendering.pose_table import pose_table_text
+    from cubicfish_cli.report.from_files import facts_of_files
 
     if output is not None and output.suffix.lower() != ".svg":
         raise OutputError(f"{output}: drawings are SVG: end the name in .svg")
-    for path in (output, poses):
-        if path is not None:
-            refuse_existing(path, overwrite=overwrite)
+    refuse_existing(*(path for path in (output, poses) if path), overwrite=overwrite)
     camera_file = options.model_path(calibration or model)
-    facts = _facts(camera_file, target, corners)
+    facts = facts_of_files(camera_file, target=target, photos=(), corners=corners)
+    if corners is not None and facts.target is None:
+        raise click.UsageError("name the target of these corners with --target target.yaml")
     if not isinstance(facts.camera, CubicCamera):
         raise CubicfishError(
             f"{camera_file} is of lift 'point', which has no rays: its uncertainty over the field, "
@@ -117,36 +117,11 @@ def command(
         texts[poses] = pose_table_text(named)
     written = write_files(texts, overwrite=overwrite)
     if as_json:
-        print_json(
-            {
-                **advice.as_record(),
-                "model": str(camera_file),
-                "picture": str(output) if output else None,
-                "poses": str(poses) if poses else None,
-            }
-        )
+        files = {"model": camera_file, "picture": output, "poses": poses}
+        print_json({**advice.as_record(), **files})
         return
     _print(advice, facts.verdict)
     print_wrote(written)
-
-
-def _facts(camera_file: Path, target: Path | None, corners: Path | None) -> Facts:
-    """The camera, its record, and its corners with the object's points."""
-    from cubicfish_cli.correspondences import load_corners, pair
-    from cubicfish_cli.report.facts import gather
-    from cubicfish_cli.report.from_files import facts_of_files
-
-    facts = facts_of_files(camera_file, target=target, photos=())
-    if corners is None:
-        return facts
-    if facts.target is None:
-        raise click.UsageError("name the target of these corners with --target target.yaml")
-    pairs = pair(
-        load_corners(corners, facts.target, image_size=facts.camera.image_size), facts.target
-    )
-    return gather(
-        facts.camera, facts.fit, facts.made_by, pairs=pairs, target=facts.target, files={}
-    )
 
 
 def _print(advice: Advice, judged: Verdict) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli import json_keys, options
-from cubicfish_cli.cli.mask_limit import check_mask_limit, mask_limit_option, mask_option
+from cubicfish_cli.cli.mask_options import MaskOptions, mask_options
 from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.rendering_options import crop_option
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
@@ -72,8 +72,7 @@ P2 and Q.
     "bottom-left",
     show_default=False,
 )
-@mask_option
-@mask_limit_option
+@mask_options
 @options.overwrite_option
 @options.json_option(json_keys.MAP)
 def command(
@@ -87,15 +86,13 @@ def command(
     redistort: bool,
     fixed_point: bool,
     origin: Any,
-    mask: Path | None,
-    mask_limit: float | None,
+    mask: MaskOptions,
     overwrite: bool,
     as_json: bool,
 ) -> None:
     """See ``_HELP``."""
     from cubicfish_cli.files import Content, refuse_existing, write_files
     from cubicfish_cli.formats.camera_yaml import load_camera
-    from cubicfish_cli.library.masks import TrustedWithin
     from cubicfish_cli.undistortion.frames import camera_for_photos
     from cubicfish_cli.undistortion.map_formats import (
         PixelMap,
@@ -113,8 +110,8 @@ def command(
         )
     if fixed_point and suffix != ".npz":
         raise click.UsageError("--fixed-point is for maps in .npz")
-    check_mask_limit(mask_limit, mask)
-    if redistort and mask_limit is not None:
+    mask.check()
+    if redistort and mask.mask_limit is not None:
         raise click.UsageError(
             "--mask-limit is for the map that undistorts: leave it out, or --redistort"
         )
@@ -122,7 +119,7 @@ def command(
     if rig is not None or pair is not None:
         options.refuse_given(
             "is for the map of one camera: leave it out",
-            {"--redistort": redistort, "--crop": crop, "--mask-limit": mask_limit},
+            {"--redistort": redistort, "--crop": crop, "--mask-limit": mask.mask_limit},
         )
         from cubicfish_cli.cli.map_pair import write_pair
 
@@ -133,7 +130,7 @@ def command(
             view,
             photo_size,
             writer,
-            mask=mask,
+            mask=mask.mask,
             overwrite=overwrite,
             as_json=as_json,
         )
@@ -145,9 +142,8 @@ def command(
     loaded = load_camera(camera_file)
     size = photo_size or ((crop.width, crop.height) if crop else loaded.camera.image_size)
     camera = camera_for_photos(loaded.camera, size, crop)
-    masked = None
-    if mask_limit is not None:
-        masked = partial(TrustedWithin(mask_limit, loaded, camera_file, crop).mask, size=size)
+    trusted = mask.trusted(loaded, camera_file, crop)
+    masked = None if trusted is None else partial(trusted.mask, size=size)
     chosen = view.chosen(camera)
     maps = {
         part: build_redistort_map(camera, one) if redistort else PixelMap.of(build_map(camera, one))
@@ -158,7 +154,7 @@ def command(
         for part, (paths, write) in parts.items()
         for index, path in enumerate(paths)
     }
-    files |= view_files(maps, mask=mask, beside=output, masked=masked)
+    files |= view_files(maps, mask=mask.mask, beside=output, masked=masked)
     written = write_files(files, overwrite=overwrite)
     ffmpeg = [ffmpeg_command(*paths) for paths, _ in parts.values()] if suffix == ".pgm" else []
     if as_json:

@@ -11,7 +11,7 @@ import click
 
 from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.mask_limit import check_mask_limit, mask_limit_option, mask_option
+from cubicfish_cli.cli.mask_options import MaskOptions, mask_options
 from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.plane_options import PlaneOptions, plane_options
 from cubicfish_cli.cli.rendering_options import RenderingOptions, crop_option, rendering_options
@@ -69,8 +69,7 @@ if TYPE_CHECKING:
 @crop_option
 @rendering_options
 @encoding_options
-@mask_option
-@mask_limit_option
+@mask_options
 @option(
     "--camera FILE",
     "Also write the virtual camera of the result: for flat.png, flat.view.yaml and "
@@ -94,8 +93,7 @@ def command(
     crop: Crop | None,
     pixels: RenderingOptions,
     encoding: EncodingOptions,
-    mask: Path | None,
-    mask_limit: float | None,
+    mask: MaskOptions,
     camera_out: Path | None,
     skip_existing: bool,
     dry_run: bool,
@@ -122,7 +120,7 @@ def command(
             "is for the photos of one camera: leave it out",
             {
                 "--crop": crop,
-                "--mask-limit": mask_limit,
+                "--mask-limit": mask.mask_limit,
                 "--skip-existing": skip_existing,
                 "--dry-run": dry_run,
                 "--scheduler": scheduler.address,
@@ -137,7 +135,7 @@ def command(
             view,
             plane,
             pixels.rendering(),
-            mask=mask,
+            mask=mask.mask,
             camera_out=camera_out,
             overwrite=overwrite,
             as_json=as_json,
@@ -148,7 +146,7 @@ def command(
     from cubicfish_cli.library.views import ViewsBySize
 
     scheduler.check(jobs)
-    check_mask_limit(mask_limit, mask)
+    mask.check()
     plane.check(view)
     plan, one = plan_of(sources, destination, view, plane)
     if plan.videos and scheduler.address is not None:
@@ -163,11 +161,7 @@ def command(
     else:
         loaded = central = load_camera(path)
         views = ViewsBySize(central.camera, crop, view.chosen)
-    trusted = None
-    if mask_limit is not None:
-        from cubicfish_cli.library.masks import TrustedWithin
-
-        trusted = TrustedWithin(mask_limit, loaded, path, crop)
+    trusted = mask.trusted(loaded, path, crop)
     plan = plan.free(skip_existing=skip_existing, overwrite=overwrite)
     with scheduler.connected(needed=bool(plan.jobs) and not dry_run) as executor:
         if planes is not None:
@@ -179,7 +173,7 @@ def command(
             else:
                 _print_dry_run(found)
             return
-        extras = _extras(plan, views, mask, camera_out, trusted, overwrite, skip_existing)
+        extras = _extras(plan, views, mask.mask, camera_out, trusted, overwrite, skip_existing)
         failures = undistort_files(
             plan,
             views,

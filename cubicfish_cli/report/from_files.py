@@ -30,7 +30,13 @@ _CORNERS = "corners.csv"
 _TARGET = "target.yaml"
 
 
-def facts_of_files(camera_file: Path, *, target: Path | None, photos: Sequence[Path]) -> Facts:
+def facts_of_files(
+    camera_file: Path,
+    *,
+    target: Path | None,
+    photos: Sequence[Path],
+    corners: Path | None = None,
+) -> Facts:
     """Read a camera and what lies beside it, or where it says that it came from.
 
     A file that the camera file names is read only if it still has the SHA-256 that stands there.
@@ -40,6 +46,7 @@ def facts_of_files(camera_file: Path, *, target: Path | None, photos: Sequence[P
             not on record, target.yaml are looked for beside it.
         target: the object as drawn, where it is not at its recorded place.
         photos: files, folders or patterns of the photos, where they are not at theirs.
+        corners: the corners.csv of the fit, where it is not beside the camera.
 
     Raises:
         CubicfishError: a file that is there cannot be used.
@@ -53,7 +60,8 @@ def facts_of_files(camera_file: Path, *, target: Path | None, photos: Sequence[P
     if refined:
         drawn = _beside(folder, _REFINED) or target
     thing = None if drawn is None else load_target(drawn)
-    pairs = _pairs(folder, loaded.made_by, thing, loaded.camera.image_size)
+    size = loaded.camera.image_size
+    pairs = _pairs(corners or folder / _CORNERS, folder, loaded.made_by, thing, size)
     lack = _lack(folder, loaded.made_by, thing, refined=refined) if pairs is None else None
     inputs = recorded_mappings(loaded.made_by.get("inputs"))
     names = [str(record.get("image")) for record in recorded_mappings(loaded.fit.get("per_image"))]
@@ -111,9 +119,12 @@ def facts_of_fit(
 
 
 def _pairs(
-    folder: Path, made_by: Mapping[str, Any], target: Target | None, size: tuple[int, int]
+    beside: Path,
+    folder: Path,
+    made_by: Mapping[str, Any],
+    target: Target | None,
+    size: tuple[int, int],
 ) -> Correspondences | None:
-    beside = folder / _CORNERS
     if target is not None and beside.is_file():
         return pair(load_corners(beside, target, image_size=size), target)
     inputs = recorded_mappings(made_by.get("inputs"))
