@@ -28,7 +28,7 @@ from cubicfish_cli.executors.cluster.versions import versions_here
 from cubicfish_cli.undistortion.batch import PhotoJob, undistort_photos
 from cubicfish_cli.undistortion.images import PLAIN
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 PATIENCE_S = 30
 
 
