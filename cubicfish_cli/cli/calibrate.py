@@ -18,6 +18,7 @@ from cubicfish_cli.cli.figures import (
     count,
     hold_gate,
     print_errors,
+    print_figure,
     print_models,
     print_verdict,
     px,
@@ -90,12 +91,9 @@ if TYPE_CHECKING:
     folder=True,
 )
 @option("--title TEXT", "What to call this camera, in its file and report.")
-@option(
-    "--refine-target",
+@options.refine_target_option(
     "Fit the target too: boards' shapes and places, or each corner's own place as well; "
     "auto goes as far as it lowers the held-out error.",
-    click.Choice(["off", "shape", "points", "auto"]),
-    "auto",
 )
 @option(
     "--hold-out/--no-hold-out",
@@ -398,14 +396,13 @@ def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
             ("  radial reference", held_out.companion_rms_px, ""),
         ]
     print_errors(record, more)
-    result(
-        f"{'field':<24}{calibration.camera.max_angle_deg:>7.1f} °   from the axis, where the "
-        f"camera may be trusted; corners reach {calibration.covered_deg:.1f}°"
-    )
-    result(f"{'coverage':<24}{100 * calibration.coverage:>7.0f} %   {COVERED}")
+    reach = f"corners reach {calibration.covered_deg:.1f}°"
+    meaning = f"from the axis, where the camera may be trusted; {reach}"
+    print_figure("field", f"{calibration.camera.max_angle_deg:.1f}", "°", meaning)
+    print_figure("coverage", f"{100 * calibration.coverage:.0f}", "%", COVERED)
     uncertainty = recorded(record)
     if uncertainty is not None:
-        result(f"{'uncertainty':<24}{px(uncertainty.median_px):>7} px  {uncertainty.meaning}")
+        print_figure("uncertainty", px(uncertainty.median_px), meaning=uncertainty.meaning)
 
 
 def _print_object(calibration: Calibration) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.cli.figures import count, print_errors, print_verdict
+from cubicfish_cli.cli.figures import count, print_errors, print_figure, print_verdict
 from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table
 from cubicfish_cli.cli.terminal import print_wrote, result
 
@@ -46,8 +46,9 @@ def print_points(
         if camera.rank == 20
         else "P means something on the boards only; points off them are refused"
     )
-    result(f"{'rank':<24}{camera.rank:>7}     of 20: {meaning}")
-    result(f"{'frame':<24}{camera.frame:>7}     of the points that it takes\n")
+    print_figure("rank", str(camera.rank), "", f"of 20: {meaning}")
+    print_figure("frame", camera.frame, "", "of the points that it takes")
+    result()
     print_verdict(judged)
     result()
     print_wrote(outputs.values())

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli import json_keys, options
-from cubicfish_cli.cli.figures import hold_gate, print_spread, px
+from cubicfish_cli.cli.figures import hold_gate, print_figure, print_spread, px
 from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.terminal import print_json, print_table, result
 
@@ -117,10 +117,11 @@ def _draw(comparison: Comparison, path: Path, *, overwrite: bool) -> None:
 
 
 def _print(record: dict[str, Any]) -> None:
-    result(f"{'RMS difference':<24}{px(record['rms_px']):>7} px  sqrt(mean(dx² + dy²)) over pixels")
+    meaning = "sqrt(mean(dx² + dy²)) over pixels"
+    print_figure("RMS difference", px(record["rms_px"]), meaning=meaning)
     print_spread(record)
     share = 100 * record["common_share"]
-    result(f"{'common field':<24}{share:>7.1f} %   of what A sees")
+    print_figure("common field", f"{share:.1f}", "%", "of what A sees")
     result(f"{'rotation taken out':<24}{record['rotation_deg']:>7.3f}°")
     if record["scale"] != 1:
         result(f"{'scale taken out':<24}{record['scale']:>7.3f}    A's pixels for one of B's")

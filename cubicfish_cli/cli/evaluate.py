@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli import json_keys, options
-from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_verdict, px
+from cubicfish_cli.cli.figures import (
+    count,
+    hold_gate,
+    print_errors,
+    print_figure,
+    print_verdict,
+    px,
+)
 from cubicfish_cli.cli.inputs import (
     check_inputs,
     load_pairs,
@@ -138,10 +145,11 @@ def _print(
     result(f"\n{count(record['images'], 'photo')}, {count(record['corners'], 'corner')}\n")
     print_errors(record, [])
     if record["uncertainty"] is not None:
-        result(
-            f"{'uncertainty':<24}{px(record['uncertainty']['median_px']):>7} px  of the camera "
-            "itself: 1σ, median over these corners; 95 % of them within "
-            f"{px(record['uncertainty']['p95_px'])} px"
+        sigma = record["uncertainty"]
+        meaning = (
+            "of the camera itself: 1σ, median over these corners; 95 % of them within "
+            f"{px(sigma['p95_px'])} px"
         )
+        print_figure("uncertainty", px(sigma["median_px"]), meaning=meaning)
     result()
     print_verdict(judged)

@@ -327,6 +327,12 @@ max_rms_option = click.option(
 )
 
 
+def refine_target_option(help: str) -> Callable[[Decorated], Decorated]:
+    """``--refine-target``: how far the target is fitted too."""
+    levels = click.Choice(["off", "shape", "points", "auto"])
+    return option("--refine-target", help, levels, "auto")
+
+
 def _size(text: str) -> tuple[int, int]:
     from cubicfish_cli.correspondences import parse_size
 

@@ -11,23 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys, report_step
+from cubicfish_cli.cli import json_keys, options, report_step
 from cubicfish_cli.cli.choosing import MOST, films_among
 from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_verdict, px
 from cubicfish_cli.cli.inputs import load_pairs, mark_of, say_photo_problems
 from cubicfish_cli.cli.numbers import IntRange, Seconds
-from cubicfish_cli.cli.options import (
-    FILE,
-    FOLDER,
-    Argument,
-    as_command,
-    jobs_option,
-    json_option,
-    max_rms_option,
-    no_cache_option,
-    option,
-    overwrite_option,
-)
+from cubicfish_cli.cli.options import FILE, as_command, option
 from cubicfish_cli.cli.provenance import made_at, made_by_record
 from cubicfish_cli.cli.target_choice import TargetChoice, target_options
 from cubicfish_cli.cli.terminal import (
@@ -62,22 +51,19 @@ if TYPE_CHECKING:
     "cubicfish rig cam0.mp4 cam1.mp4 cam2.mp4 cam3.mp4 --target target.yaml",
     "cubicfish rig run.bag:/cam0/image_raw run.bag:/cam1/image_raw --names cam0,cam1",
 )
-@click.argument(
+@options.argument(
     "inputs",
-    type=FILE,
+    "For each camera a folder of photos, a film, a corners.csv, or the folder that calibrate wrote "
+    "(camera.yaml and corners.csv), whose lens stays as it is. The first camera's frame is the "
+    "rig's.",
     nargs=-1,
     metavar="CAMERA CAMERA...",
-    cls=Argument,
-    meaning="For each camera a folder of photos, a film, a corners.csv, or the folder that "
-    "calibrate wrote (camera.yaml and corners.csv), whose lens stays as it is. The first camera's "
-    "frame is the rig's.",
 )
 @target_options
-@option(
-    "-o --output FOLDER",
+@options.output_option(
     "Where rig.yaml goes, and each camera's camera.yaml in a folder of its name.",
-    FOLDER,
-    Path("rig"),
+    default="rig",
+    folder=True,
 )
 @option("--names NAME,NAME...", "Names of the cameras. [default: those of their folders or files]")
 @option(
@@ -105,18 +91,13 @@ if TYPE_CHECKING:
 @option(
     "--hold-lenses", "Leave the lenses as each camera alone has them, and fit their places only."
 )
-@option(
-    "--refine-target",
-    "Fit the object too, as 'cubicfish calibrate' does.",
-    click.Choice(["off", "shape", "points", "auto"]),
-    "auto",
-)
+@options.refine_target_option("Fit the object too, as 'cubicfish calibrate' does.")
 @report_step.report_option
-@max_rms_option
-@overwrite_option
-@json_option(json_keys.RIG)
-@jobs_option
-@no_cache_option
+@options.max_rms_option
+@options.overwrite_option
+@options.json_option(json_keys.RIG)
+@options.jobs_option
+@options.no_cache_option
 def command(
     inputs: tuple[Path, ...],
     target: TargetChoice,
@@ -208,8 +189,8 @@ def command(
             progress=progress,
         )
     files = [file for own in loaded.values() for file in own.files]
-    options = {"hold_lenses": hold_lenses, "refine_target": refine_target, "shots": by}
-    made_by = made_by_record(options, one.target_file, files)
+    asked = {"hold_lenses": hold_lenses, "refine_target": refine_target, "shots": by}
+    made_by = made_by_record(asked, one.target_file, files)
     with working("Writing"):
         written = save_rig(output, rig, made_by=made_by, overwrite=overwrite)
     if frames is not None:
@@ -269,7 +250,6 @@ def named_by(path: Path) -> str:
 
 def _lenses(given: Sequence[Path], names: Sequence[str]) -> dict[str, CameraFile]:
     """Cameras that are calibrated already, by name."""
-    from cubicfish_cli.cli.options import in_folder
     from cubicfish_cli.formats.camera_yaml import load_camera
 
     known = {}
@@ -280,7 +260,7 @@ def _lenses(given: Sequence[Path], names: Sequence[str]) -> dict[str, CameraFile
                 f"--lens {quoted(str(one))} names no camera: write NAME=FILE with one of "
                 + ", ".join(names)
             )
-        known[name] = load_camera(in_folder(Path(path)))
+        known[name] = load_camera(options.in_folder(Path(path)))
     return known
 
 
