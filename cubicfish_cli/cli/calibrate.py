@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -57,9 +54,7 @@ from cubicfish_cli.cli.terminal import (
 )
 
 if TYPE_CHECKING:
-    from cubicfish_cli.files import Content
     from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
-    from cubicfish_cli.model.cubic import CubicCamera
     from cubicfish_cli.target import Target
 
 
@@ -154,13 +149,11 @@ def command(
     from cubicfish_cli.advice.summary import summary
     from cubicfish_cli.assess.camera_facts import camera_facts
     from cubicfish_cli.assess.verdict import verdict
-    from cubicfish_cli.correspondences import save_corners
     from cubicfish_cli.fitting.calibrate import Calibration
     from cubicfish_cli.fitting.point_fit import PointCalibration, calibrate_points
-    from cubicfish_cli.formats.camera_writer import camera_text
     from cubicfish_cli.formats.target_yaml import target_text
     from cubicfish_cli.library.calibration import calibrate
-    from cubicfish_cli.library.calibration_folder import CalibrationFolder
+    from cubicfish_cli.library.calibration_folder import CalibrationFolder, contents_of
 
     made_at()  # said before the work if it cannot be
     if title is not None:
@@ -212,22 +205,18 @@ def command(
     made_by = _made_by(asked, loaded, drawn, output, title)
     record, camera = fitted.as_record(), fitted.camera
     facts = camera_facts(camera, record, made_by)
-    contents: dict[str, Content | None] = {"drawn": drawn}
-    thing = loaded.target
+    contents = contents_of(fitted, made_by, loaded.corners if with_corners else None, drawn)
     if isinstance(fitted, Calibration):
-        fitted, thing = replace(fitted, made_by=made_by), fitted.target
-        judged = fitted.verdict
-        contents |= {"camera": fitted.text(), "map": _map(fitted.camera)}
-        if fitted.refined != "off" and thing is not None:
-            contents["target"] = target_text(thing)
+        judged, thing = facts.verdict or fitted.verdict, fitted.target
+        if contents["map"] is None:
+            say(
+                "No undistort_map.npz was written: a map of {}x{} pixels takes gigabytes. "
+                "'cubicfish map --size' makes a smaller one.".format(*camera.image_size)
+            )
     else:
-        text = camera_text(camera, fit=record, made_by=made_by, comment=facts.line)
-        contents["camera"] = text
-        judged = verdict(record, camera.image_size, fitted.camera.valid)
+        judged, thing = verdict(record, camera.image_size, fitted.camera.valid), loaded.target
     if with_page:
         contents["report"] = report_step.make_page(camera, record, made_by, loaded, thing)
-    if with_corners and loaded.corners is not None:
-        contents["corners"] = partial(save_corners, corners=loaded.corners, overwrite=False)
     with working("Writing"):
         outputs, removed = folder.write(contents, overwrite=overwrite)
     advice, models = {}, []
@@ -295,21 +284,6 @@ def _photos(
         no_cache=no_cache,
         overwrite=overwrite,
     )
-
-
-def _map(camera: CubicCamera) -> Content | None:
-    """What writes the map of the default view, if that is not too large."""
-    from cubicfish_cli.photos import MAX_PIXELS
-    from cubicfish_cli.undistortion.maps import build_map, save_map
-    from cubicfish_cli.undistortion.views import default_view
-
-    if math.prod(camera.image_size) <= MAX_PIXELS:
-        return lambda path: save_map(path, build_map(camera, default_view(camera)), overwrite=False)
-    say(
-        "No undistort_map.npz was written: a map of {}x{} pixels takes gigabytes. 'cubicfish map "
-        "--size' makes a smaller one.".format(*camera.image_size)
-    )
-    return None
 
 
 def _say_findings(calibration: Calibration, record: Mapping[str, Any]) -> None:

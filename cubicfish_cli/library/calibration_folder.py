@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
+from cubicfish_cli.assess.camera_facts import camera_facts
+from cubicfish_cli.correspondences import Corners, save_corners
 from cubicfish_cli.errors import OutputError
 from cubicfish_cli.files import Content, refuse_existing, write_files
+from cubicfish_cli.fitting.calibrate import Calibration
+from cubicfish_cli.fitting.point_fit import PointCalibration
+from cubicfish_cli.formats.camera_writer import camera_text
+from cubicfish_cli.formats.target_yaml import target_text
+from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.photos import MAX_PIXELS
+from cubicfish_cli.undistortion.maps import build_map, save_map
+from cubicfish_cli.undistortion.views import default_view
 
 NAMES = {
     "camera": "camera.yaml",
@@ -87,3 +100,42 @@ class CalibrationFolder:
 
     def _is_input(self, path: Path) -> bool:
         return any(one.exists() and path.exists() and path.samefile(one) for one in self.inputs)
+
+
+def contents_of(
+    fitted: Calibration | PointCalibration,
+    made_by: Mapping[str, Any],
+    corners: Corners | None = None,
+    drawn: str | None = None,
+) -> dict[str, Content | None]:
+    """What :meth:`CalibrationFolder.write` takes of a fit of either lift, but for the report.
+
+    Args:
+        fitted: the fit.
+        made_by: where it comes from, plain data.
+        corners: what it was made from, where that is to be kept.
+        drawn: the text of the target as drawn, where that is in no file yet.
+
+    Returns:
+        By their names in :data:`NAMES`; ``map`` is None where it would take gigabytes.
+
+    """
+    contents: dict[str, Content | None] = {"drawn": drawn}
+    if corners is not None:
+        contents["corners"] = partial(save_corners, corners=corners, overwrite=False)
+    if isinstance(fitted, PointCalibration):
+        record = fitted.as_record()
+        line = camera_facts(fitted.camera, record, made_by).line
+        text = camera_text(fitted.camera, fit=record, made_by=made_by, comment=line)
+        return {**contents, "camera": text}
+    contents["camera"] = replace(fitted, made_by=made_by).text()
+    contents["map"] = _map(fitted.camera)
+    if fitted.refined != "off" and fitted.target is not None:
+        contents["target"] = target_text(fitted.target)
+    return contents
+
+
+def _map(camera: CubicCamera) -> Content | None:
+    if math.prod(camera.image_size) > MAX_PIXELS:
+        return None
+    return lambda path: save_map(path, build_map(camera, default_view(camera)), overwrite=False)
