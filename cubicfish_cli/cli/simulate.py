@@ -144,7 +144,6 @@ def command(
     """
     from cubicfish_cli.files import write_files
     from cubicfish_cli.library.simulation import FILM, Source, simulate_film, simulate_photos
-    from cubicfish_cli.rendering.film import Shutter
     from cubicfish_cli.rendering.simulate import Look
     from cubicfish_cli.target import load_target
 
@@ -171,6 +170,8 @@ def command(
     if any(board.shape is not None for board in thing.boards):
         say(f"Boards are rendered flat: bends and offsets in {target} are left out.")
     if seconds is not None:
+        from cubicfish_cli.rendering.film import Shutter
+
         times = Shutter(rate=rate, open_s=shutter / 1000, readout_s=readout / 1000)
         with working("Choosing how the target is moved"):
             made = simulate_film(thing, source, look, seconds, times, seed=seed)

@@ -6,21 +6,17 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import CorrespondenceError, OutputError
 from cubicfish_cli.files import Content
-from cubicfish_cli.films.source import library
-from cubicfish_cli.films.write import refuse_odd, write_film
-from cubicfish_cli.fitting.conversion.exact_lens import ExactLens
 from cubicfish_cli.formats.camera_writer import camera_text
 from cubicfish_cli.formats.camera_yaml import load_camera
-from cubicfish_cli.formats.foreign import read_foreign
 from cubicfish_cli.frame_names import frame_name
 from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.rendering.film import Shutter, film_frames, film_truth, hand_path
 from cubicfish_cli.rendering.lens_file import is_lens_file, lens_text, load_lens
 from cubicfish_cli.rendering.outside import (
     OUTSIDE_LENSES,
@@ -35,6 +31,9 @@ from cubicfish_cli.rendering.truth import true_corners_text, visible_points
 from cubicfish_cli.rendering.views import WholeLens
 from cubicfish_cli.target import Target
 from cubicfish_cli.wording import quoted
+
+if TYPE_CHECKING:
+    from cubicfish_cli.rendering.film import Shutter
 
 FILM = "film.mp4"
 _SIZE = (960, 720)
@@ -91,6 +90,10 @@ class Source:
         """
         if name in OUTSIDE_LENSES:
             return cls._outside(outside_lens(name, size or _SIZE, units=target.units))
+        # Loaded late: they take as long as a photo.
+        from cubicfish_cli.fitting.conversion.exact_lens import ExactLens
+        from cubicfish_cli.formats.foreign import read_foreign
+
         record, found = read_foreign(Path(name), image_size=size)
         exact = ExactLens.of(record)
         text = _camera_text(exact.nearest.camera, {"imported_from": found, "lens": record.model})
@@ -244,6 +247,10 @@ def simulate_film(
         OutputError: no frame shows a corner, or a side is odd.
 
     """
+    from cubicfish_cli.films.source import library
+    from cubicfish_cli.films.write import refuse_odd, write_film
+    from cubicfish_cli.rendering.film import film_frames, film_truth, hand_path
+
     size = source.image_size
     library()  # said before the work if it is not there
     refuse_odd(size)
