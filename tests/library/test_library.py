@@ -399,6 +399,7 @@ def test_a_camera_becomes_another_tools_file_as_export_writes_it(
     run_cli("export", tmp_path, "--to", "mrcal", "-o", tmp_path / "a.cameramodel")
     made = export_camera(load_camera(tmp_path / "camera.yaml"), "mrcal")
     assert made.text == (tmp_path / "a.cameramodel").read_text(encoding="utf-8")
+    assert len(made.note) > 1 and all(f"# {line}" in made.text for line in made.note)
     assert export_camera(fitted, "mrcal").conversion.error.max_px == made.conversion.error.max_px
     refused = refusal(FitError, lambda: export_camera(fitted, "mrcl"))
     assert refused == "no format is called 'mrcl': did you mean 'mrcal'?"
@@ -413,6 +414,7 @@ def test_a_target_is_checked_as_the_command_checks_it(target: Target) -> None:
     assert [{"about": about, "text": text} for about, text in checked.advice] == said["advice"]
     assert checked.facts.rank == said["rank"]
     assert list(checked.as_record()) == list(said)
+    assert said["planes"] == 3
 
 
 def test_the_short_name_is_the_same_library() -> None:
