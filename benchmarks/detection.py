@@ -30,7 +30,7 @@ import cv2
 import numpy as np
 
 from cubicfish_cli.detection.finder import find_grids
-from cubicfish_cli.rendering.lens import TrueLens
+from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.rendering.pose import look_at
 from cubicfish_cli.rendering.render import render
 from cubicfish_cli.rendering.truth import project_corners
@@ -120,7 +120,7 @@ def rendered() -> Iterator[Photo]:
     target = Target(units="mm", boards=boards)
     for focal in (120, 250):
         size = (round(focal * 3.4),) * 2
-        lens = TrueLens(
+        lens = AsymmetricLens(
             image_size=size,
             fx=focal,
             fy=focal,

@@ -35,8 +35,8 @@ from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import Calibration, calibrate
 from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.frame_names import frame_name
+from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.library.detect_corners import detect_corners
-from cubicfish_cli.model.validity import cone_rays
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.rendering.lens_file import load_lens
 from cubicfish_cli.target import load_target

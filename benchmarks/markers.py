@@ -22,13 +22,13 @@ from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.boards.types import BOARD_TYPES
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.markers import How, find_marked_corners
-from cubicfish_cli.rendering.lens import TrueLens
+from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.rendering.pose import Pose, look_at
 from cubicfish_cli.rendering.render import render
 from cubicfish_cli.rendering.truth import TrueCorners, project_corners
 from cubicfish_cli.target import Target
 
-LENS = TrueLens(
+LENS = AsymmetricLens(
     image_size=(1280, 1280),
     fx=372.0,
     fy=372.6,

@@ -33,14 +33,14 @@ from cubicfish_cli.correspondences import pair
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import calibrate
-from cubicfish_cli.model.validity import cone_rays
-from cubicfish_cli.rendering.lens import TrueLens
+from cubicfish_cli.lenses.asymmetric import AsymmetricLens
+from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.rendering.outside import OUTSIDE_LENSES, outside_lens
 from cubicfish_cli.rendering.simulate import chosen_poses
 from cubicfish_cli.target import Target
 
 SIZE = (960, 720)
-INSIDE = TrueLens(
+INSIDE = AsymmetricLens(
     image_size=SIZE,
     fx=224.0,
     fy=224.3,

@@ -18,7 +18,7 @@ from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.point_fit import RatioFit, fit_ratio
-from cubicfish_cli.model.lift import lift
+from cubicfish_cli.lenses.lift import lift
 
 FloatArray = npt.NDArray[np.float64]
 

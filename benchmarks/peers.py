@@ -29,16 +29,17 @@ import numpy.typing as npt
 from cubicfish_cli.correspondences import Correspondences, load_corners, pair
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.baselines.compare import compare_baselines
-from cubicfish_cli.fitting.baselines.unified import UnifiedLens
 from cubicfish_cli.fitting.calibrate import Calibration
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import FOLDS
 from cubicfish_cli.fitting.lenses import FixedLens, RadialFit
+from cubicfish_cli.fitting.model_comparison import compare_models
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select_photos
+from cubicfish_cli.lenses.free_lens import FreeLens
+from cubicfish_cli.lenses.unified import UnifiedLens
 from cubicfish_cli.library.calibration import calibrate
 from cubicfish_cli.target import Target, load_target
 
@@ -92,7 +93,7 @@ def ours(pairs: Correspondences, target: Target) -> Calibration:
         )
         first = first or fit
     assert first is not None
-    for figures in compare_baselines(first)[1:]:
+    for figures in compare_models(first)[1:]:
         row(
             f"  {figures.model}, same solver",
             figures.rms_px,
@@ -121,7 +122,7 @@ def opencv_rows(python: str, npz: Path, pairs: Correspondences, fit: Calibration
         if "problem" in everyone:
             print(f"{title:<34}  failed: {everyone['problem']}")
             continue
-        fitted = judged(opencv_lens(name, everyone), pairs, fit.poses)
+        fitted = judged(opencv_lens(name, everyone, pairs.image_size), pairs, fit.poses)
         left_out = opencv_held_out(name, folds, pairs, fit)
         row(title, None if fitted is None else rms_px(fitted), left_out, everyone["seconds"])
         if everyone["share"] < 1 or everyone["photos"] < len(pairs.images):
@@ -141,12 +142,16 @@ def judged(lens: FitLens, pairs: Correspondences, poses: Poses) -> FloatArray | 
         return None
 
 
-def opencv_lens(name: str, run: dict[str, Any]) -> FitLens:
+def opencv_lens(name: str, run: dict[str, Any], image_size: tuple[int, int]) -> FitLens:
     """OpenCV's parameters as a lens here."""
     values = np.array(run["values"])
     if name == "fisheye":
         return RadialFit(values=values)
-    return UnifiedLens(values=values, units=np.ones(len(values)))
+    fx, fy, cx, cy, skew, xi = values[:6].tolist()
+    lens = UnifiedLens(
+        image_size=image_size, fx=fx, fy=fy, cx=cx, cy=cy, skew=skew, xi=xi, d=values[6:]
+    )
+    return FreeLens.of(lens)
 
 
 def opencv_held_out(
@@ -159,7 +164,9 @@ def opencv_held_out(
         if "problem" in run:
             return None
         test = photo[photo % len(folds) == fold]
-        miss = judged(opencv_lens(name, run), select_photos(pairs, test), fit.poses[test])
+        miss = judged(
+            opencv_lens(name, run, pairs.image_size), select_photos(pairs, test), fit.poses[test]
+        )
         if miss is None:
             return None
         misses.append(miss)

@@ -28,7 +28,7 @@ from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.rig.calibrate import RigCalibration, RigCamera, calibrate_rig
 from cubicfish_cli.fitting.rig.shots import shots_by_name
-from cubicfish_cli.model.validity import cone_rays
+from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.rendering.outside import OutsideLens, outside_lens
 from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
 from cubicfish_cli.target import Target

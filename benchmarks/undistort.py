@@ -26,7 +26,7 @@ import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 
 from cubicfish_cli.formats.camera_yaml import load_camera  # noqa: E402
-from cubicfish_cli.model.cubic import CubicCamera  # noqa: E402
+from cubicfish_cli.lenses.cubic import CubicCamera  # noqa: E402
 from cubicfish_cli.undistortion.batch import PhotoJob, undistort_photos  # noqa: E402
 from cubicfish_cli.undistortion.frames import camera_for_photos  # noqa: E402
 from cubicfish_cli.undistortion.images import PLAIN  # noqa: E402

@@ -46,7 +46,7 @@ _PLACES = {
     "library.rig_pictures": ("rectify", "stitch"),
     "library.target_check": ("check_target",),
     "library.rigs": ("calibrate_rig", "compare_rigs", "evaluate_rig", "save_rig"),
-    "model.cubic": ("CubicCamera",),
+    "lenses.cubic": ("CubicCamera",),
     "identification.photo_report": ("Detection",),
     "photos": ("read_picture",),
     "target": ("Target",),

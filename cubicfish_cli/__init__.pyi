@@ -16,6 +16,7 @@ from cubicfish_cli.formats.camera_yaml import load_camera as load_camera
 from cubicfish_cli.formats.rig_yaml import RigFile as RigFile
 from cubicfish_cli.formats.rig_yaml import load_rig as load_rig
 from cubicfish_cli.identification.photo_report import Detection as Detection
+from cubicfish_cli.lenses.cubic import CubicCamera as CubicCamera
 from cubicfish_cli.library.calibration import calibrate as calibrate
 from cubicfish_cli.library.calibration import evaluate as evaluate
 from cubicfish_cli.library.calibration import judge as judge
@@ -33,7 +34,6 @@ from cubicfish_cli.library.rigs import compare_rigs as compare_rigs
 from cubicfish_cli.library.rigs import evaluate_rig as evaluate_rig
 from cubicfish_cli.library.rigs import save_rig as save_rig
 from cubicfish_cli.library.target_check import check_target as check_target
-from cubicfish_cli.model.cubic import CubicCamera as CubicCamera
 from cubicfish_cli.photos import read_picture as read_picture
 from cubicfish_cli.target import Target as Target
 from cubicfish_cli.undistortion.choose import build_view as build_view

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,9 @@ FloatArray = npt.NDArray[np.float64]
 
 # Points at a time, against all edges of a polygon at once.
 _BLOCK = 4096
+# Newton's method squares the error: a table of so many steps gives 1e-6, two rounds the rest.
+_TABLE = 1024
+_NEWTON_ROUNDS = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -106,6 +110,35 @@ def kannala_brandt_slope(theta: FloatArray, k: npt.ArrayLike) -> FloatArray:
     k1, k2, k3, k4 = np.asarray(k, float)
     slope: FloatArray = 1 + s * (3 * k1 + s * (5 * k2 + s * (7 * k3 + s * 9 * k4)))
     return slope
+
+
+def inverse_of_growing(
+    function: Callable[[FloatArray], FloatArray],
+    slope: Callable[[FloatArray], FloatArray],
+    value: npt.ArrayLike,
+    end: float,
+) -> FloatArray:
+    """Where a function that grows from 0 on has given values, by a table and Newton's method.
+
+    Args:
+        function: (...,) -> (...,), growing from 0 to ``end``.
+        slope: its derivative.
+        value: (...,) the values.
+        end: how far it grows.
+
+    Returns:
+        (...,) the arguments; NaN where the value lies beyond that of ``end``.
+
+    """
+    value = np.asarray(value, float)
+    table = np.linspace(0, end, _TABLE)
+    with np.errstate(invalid="ignore"):
+        inside = value <= function(np.asarray(end))
+        found = np.interp(value, function(table), table)
+        for _ in range(_NEWTON_ROUNDS):
+            step = (function(found) - value) / np.maximum(slope(found), 1e-9)
+            found = np.clip(found - step, 0, end)
+    return np.where(inside, found, np.nan)
 
 
 def camera_centre(rotation: FloatArray, translation: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ import pytest
 from cubicfish_cli.arrays import Refusal
 from cubicfish_cli.correspondences import Corners, Correspondences, pair
 from cubicfish_cli.errors import CorrespondenceError, TargetError
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
 

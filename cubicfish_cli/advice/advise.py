@@ -25,8 +25,8 @@ from cubicfish_cli.assess.verdict import verdict
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.uncertainty import Information, field_grid
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.rendering.views import Distances, Viewpoint, WholeLens, sample_views
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code, Severity

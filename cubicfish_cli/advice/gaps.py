@@ -14,7 +14,7 @@ from cubicfish_cli.angles import azimuth
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.findings import field_cells
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]

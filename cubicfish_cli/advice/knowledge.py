@@ -24,7 +24,7 @@ from cubicfish_cli.fitting.statistics import poses_on_record
 from cubicfish_cli.fitting.subset import middle, with_mean_weight_one, world_scale
 from cubicfish_cli.fitting.uncertainty import Information, information
 from cubicfish_cli.fitting.world import World
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.rendering.views import Viewpoint
 from cubicfish_cli.target import Target
 

@@ -10,7 +10,7 @@ from cubicfish_cli.advice.gaps import find_gaps
 from cubicfish_cli.assess.field_uncertainty import recorded
 from cubicfish_cli.assess.verdict import verdict
 from cubicfish_cli.correspondences import Correspondences
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 
 HEED_FIRST = "heed the verdict first"
 NOISE_ALONE = "heed the verdict first; by the uncertainty alone"

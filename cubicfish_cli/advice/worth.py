@@ -20,7 +20,7 @@ from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import middle, world_scale
-from cubicfish_cli.model.radial import RadialCamera, project_jacobian
+from cubicfish_cli.lenses.radial import RadialCamera, project_jacobian
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import Verdict, verdict
 from cubicfish_cli.frame_names import counted
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.point_cubic import PointCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.point_cubic import PointCamera
 
 FloatArray = npt.NDArray[np.float64]
 

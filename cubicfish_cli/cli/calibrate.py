@@ -305,11 +305,11 @@ def _say_findings(calibration: Calibration, record: Mapping[str, Any]) -> None:
 def _compared(
     calibration: Calibration, drawn: Target | None, *, hold_out: bool
 ) -> list[dict[str, Any]]:
-    from cubicfish_cli.fitting.baselines.compare import compare_baselines
+    from cubicfish_cli.fitting.model_comparison import compare_models
 
     say("Fitting other lens models to the same corners.")
     with working("Fitting other lens models"):
-        rows = compare_baselines(calibration, drawn=drawn, hold_out=hold_out)
+        rows = compare_models(calibration, drawn=drawn, hold_out=hold_out)
     return [row.as_record() for row in rows]
 
 

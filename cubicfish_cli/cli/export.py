@@ -12,44 +12,24 @@ from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.numbers import FloatRange
 from cubicfish_cli.cli.options import as_command, option, rig_path
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say, working
+from cubicfish_cli.formats.registry import WRITTEN
 
 if TYPE_CHECKING:
     from cubicfish_cli.formats.lens_rig import Pose
+    from cubicfish_cli.lenses.cubic import CubicCamera
     from cubicfish_cli.library.exporting import Exported
-    from cubicfish_cli.model.cubic import CubicCamera
 
-# Those of formats.foreign, here so that --help need not load numpy; a test holds them together.
-FORMATS = (
-    "opencv", "ros", "kalibr-pinhole-equi", "kalibr-omni", "kalibr-eucm", "kalibr-ds",
-    "ocamcalib", "pyocamcalib", "colmap", "colmap-thin-prism-fisheye",
-    "colmap-rad-tan-thin-prism-fisheye", "colmap-eucm", "nerfstudio", "gyroflow", "nvidia",
-    "mrcal", "maps", "usd",
-)  # fmt: skip
+# Of no lens model, and so not among the registered formats.
+_MAPS = {
+    "maps": ".npz for cv2.remap; holds any lens",
+    "usd": ".usda and .exr in a folder; holds any lens",
+}
+FORMATS = {**WRITTEN, **_MAPS}
 
-# Formats whose files take no comment.
-_NO_COMMENTS = ("pyocamcalib",)
-
-_HELP = """Write the camera for another tool, and say how near its lens model comes.
+_HELP = f"""Write the camera for another tool, and say how near its lens model comes.
 
 \b
-opencv                             K and D of cv2.fisheye, YAML
-ros                                camera_info.yaml
-kalibr-pinhole-equi                camchain.yaml
-kalibr-omni                        camchain.yaml; the nearest of Kalibr's
-kalibr-eucm                        camchain.yaml
-kalibr-ds                          camchain.yaml
-ocamcalib                          calib_results.txt
-pyocamcalib                        calibration.json
-colmap                             cameras.txt; OPENCV_FISHEYE
-colmap-thin-prism-fisheye          cameras.txt
-colmap-rad-tan-thin-prism-fisheye  cameras.txt; the nearest of COLMAP's
-colmap-eucm                        cameras.txt
-nerfstudio                         transforms.json, with poses
-gyroflow                           lens_profile.json
-nvidia                             rig.json; f-theta
-mrcal                              .cameramodel; holds any lens
-maps                               .npz for cv2.remap; holds any lens
-usd                                .usda and .exr in a folder; holds any lens
+{chr(10).join(f"{name:<35}{what}" for name, what in FORMATS.items())}
 
 Of a rig.yaml each camera's lens is written with its place on the body: opencv as stereo.opencv.yaml
 with R, T and, for flat pictures, R1, R2, P1, P2 and Q; ros as a folder of camera_info.yaml, static
@@ -90,7 +70,7 @@ camera.yaml's frame is printed, and poses that go into the file are turned along
 @option(
     "--to FORMAT",
     "What to write: a name of the list above.",
-    click.Choice(FORMATS),
+    click.Choice(list(FORMATS)),
     to="name",
     required=True,
 )
@@ -125,6 +105,7 @@ def command(
 ) -> None:
     """See ``_HELP``."""
     from cubicfish_cli.files import refuse_existing, write_files
+    from cubicfish_cli.formats import foreign
     from cubicfish_cli.formats.camera_yaml import load_camera
     from cubicfish_cli.formats.foreign import FILE_NAMES
     from cubicfish_cli.library.exporting import export_camera
@@ -162,7 +143,7 @@ def command(
         return
     print_wrote([path])
     for line in lens.note[1:]:
-        result(_without_matrix(line) if name not in _NO_COMMENTS else line)
+        result(_without_matrix(line) if foreign.WRITTEN[name].comments else line)
     _warn(lens, max_error)
 
 

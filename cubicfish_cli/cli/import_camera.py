@@ -12,12 +12,17 @@ from cubicfish_cli.cli.numbers import FloatRange
 from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.provenance import made_at, made_by_record
 from cubicfish_cli.cli.terminal import print_json, result, working
+from cubicfish_cli.formats.registry import READABLE
 
 if TYPE_CHECKING:
     from cubicfish_cli.fitting.conversion.from_lens import ImportedCamera
 
-# Those of formats.foreign, here so that --help need not load numpy; a test holds them together.
-FORMATS = ("opencv", "ros", "kalibr", "ocamcalib", "pyocamcalib", "colmap", "nerfstudio", "mrcal")
+_HELP = f"""Read a camera and write it as camera.yaml, for undistort, map, compare and others.
+
+Reads {", ".join(READABLE.values())}.
+P is fitted to the lens over its field; how near it comes, how far it is trusted and why no farther
+are printed. Corners of other detectors are read by 'cubicfish corners'.
+"""
 
 
 @as_command(
@@ -27,6 +32,7 @@ FORMATS = ("opencv", "ros", "kalibr", "ocamcalib", "pyocamcalib", "colmap", "ner
     "cubicfish import calib_results.txt -o lens_a/camera.yaml --max-angle 95",
     "cubicfish import sparse/0/cameras.bin --camera 1",
     "cubicfish import calibration.json --from pyocamcalib --size 1280x800",
+    help=_HELP,
 )
 @options.argument(
     "file",
@@ -37,7 +43,7 @@ FORMATS = ("opencv", "ros", "kalibr", "ocamcalib", "pyocamcalib", "colmap", "ner
 @option(
     "--from",
     "What wrote the file. [default: told by what it holds]",
-    click.Choice(FORMATS),
+    click.Choice(list(READABLE)),
     to="name",
 )
 @option(
@@ -64,13 +70,7 @@ def command(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Read the camera in FILE and write it as camera.yaml, for undistort, map, compare and others.
-
-    Reads OpenCV's FileStorage (YAML, XML, JSON), ROS CameraInfo, Kalibr's camchain, OCamCalib's
-    text and JSON, COLMAP's cameras.txt and cameras.bin, nerfstudio's transforms.json and mrcal's
-    .cameramodel. P is fitted to the lens over its field; how near it comes, how far it is trusted
-    and why no farther are printed. Corners of other detectors are read by 'cubicfish corners'.
-    """
+    """See ``_HELP``."""
     from cubicfish_cli.files import fingerprint, refuse_existing
     from cubicfish_cli.fitting.conversion.from_lens import LARGEST_FIELD_DEG, from_lens
     from cubicfish_cli.formats.camera_writer import save_camera
@@ -79,12 +79,12 @@ def command(
     made_at()  # said before the work if it cannot be
     refuse_existing(output, overwrite=overwrite)
     source = fingerprint(file)
-    record, found = read_foreign(file, name=name, camera=camera, image_size=size)
+    lens, found = read_foreign(file, name=name, camera=camera, image_size=size)
     own = own_field_deg(file)
     with working("Fitting the cubic camera to the lens"):
-        imported = from_lens(record, max_angle_deg=max_angle or own or LARGEST_FIELD_DEG)
+        imported = from_lens(lens, max_angle_deg=max_angle or own or LARGEST_FIELD_DEG)
     made, error = imported.camera, imported.error
-    made_by = made_by_record({"imported_from": found, "lens": record.model}, None, [source])
+    made_by = made_by_record({"imported_from": found, "lens": lens.name}, None, [source])
     conversion = {
         "rms_px": error.rms_px,
         "max_px": error.max_px,
@@ -98,7 +98,7 @@ def command(
             {
                 "model": str(output),
                 "format": found,
-                "lens": record.model,
+                "lens": lens.name,
                 "image_size": made.image_size,
                 **error.as_record(),
                 "trusted_deg": made.max_angle_deg,

@@ -15,8 +15,8 @@ from cubicfish_cli.cli.terminal import detail, say, working
 
 if TYPE_CHECKING:
     from cubicfish_cli.assess.verdict import Verdict
-    from cubicfish_cli.model.cubic import CubicCamera
-    from cubicfish_cli.model.point_cubic import PointCamera
+    from cubicfish_cli.lenses.cubic import CubicCamera
+    from cubicfish_cli.lenses.point_cubic import PointCamera
     from cubicfish_cli.target import Target
 
 NAME = "report.html"

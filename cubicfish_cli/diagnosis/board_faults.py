@@ -16,7 +16,7 @@ from cubicfish_cli.fitting.adjustment import Adjustment
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import select
-from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Code, Severity

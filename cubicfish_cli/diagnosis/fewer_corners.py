@@ -22,7 +22,7 @@ from cubicfish_cli.identification.ends import ends_of, farthest_radius
 from cubicfish_cli.identification.grid_views import grid_poses
 from cubicfish_cli.identification.identified import FEWEST_CORNERS, Identified, Place
 from cubicfish_cli.identification.placement import TURNS
-from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray

@@ -31,8 +31,8 @@ from cubicfish_cli.fitting.refinement import ObjectFit
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import flatness, select_photos
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.types import FloatArray, IntArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding

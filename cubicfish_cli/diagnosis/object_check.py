@@ -19,7 +19,7 @@ from cubicfish_cli.boards.shape import AXES_TOLERANCE
 from cubicfish_cli.fitting.point_fit import RANK_TOLERANCE
 from cubicfish_cli.fitting.subset import flatness
 from cubicfish_cli.identification.look_alikes import PlainBoards, Turn, look_alikes, symmetries
-from cubicfish_cli.model.lift import lift
+from cubicfish_cli.lenses.lift import lift
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray
 

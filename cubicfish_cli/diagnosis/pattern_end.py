@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from cubicfish_cli.detection.grids import Grid
-from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.types import FloatArray
 

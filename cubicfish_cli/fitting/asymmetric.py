@@ -15,7 +15,7 @@ from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px, noise_px
-from cubicfish_cli.model.radial import RadialCamera, project_jacobian
+from cubicfish_cli.lenses.radial import RadialCamera, project_jacobian
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -57,8 +57,8 @@ from cubicfish_cli.fitting.subset import (
 from cubicfish_cli.fitting.uncertainty import uncertainty_record
 from cubicfish_cli.formats.calibrated import Calibrated
 from cubicfish_cli.formats.camera_yaml import load_camera
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.lift import lift
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.lift import lift
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding

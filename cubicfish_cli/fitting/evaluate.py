@@ -15,7 +15,7 @@ from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.statistics import ErrorStatistics, error_statistics, photo_records
 from cubicfish_cli.fitting.subset import middle, select, with_mean_weight_one
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -9,9 +9,10 @@ import numpy.typing as npt
 
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.lift import lift_rotation
-from cubicfish_cli.model.validity import check_validity, cone_rays
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.lift import lift_rotation
+from cubicfish_cli.lenses.sphere import cone_rays
+from cubicfish_cli.lenses.validity import check_validity
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -25,8 +25,8 @@ from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select, select_photos
 from cubicfish_cli.fitting.world import World
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.radial import RadialCamera
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]

@@ -13,7 +13,7 @@ from cubicfish_cli.fitting.radial_pose import depth_shift
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.start import candidate_poses
 from cubicfish_cli.fitting.subset import select
-from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.lenses.radial import RadialCamera
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]

@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from cubicfish_cli.fitting.asymmetric import BentFit, StillRays
 from cubicfish_cli.fitting.fit_lens import FitLens
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.lift import evaluate_cubics, lift, sphere_basis
-from cubicfish_cli.model.radial import RadialCamera, project_jacobian
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.lift import evaluate_cubics, lift, sphere_basis
+from cubicfish_cli.lenses.radial import RadialCamera, project_jacobian
 
 FloatArray = npt.NDArray[np.float64]
 

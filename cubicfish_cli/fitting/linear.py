@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.model.lift import lift, sphere_basis
+from cubicfish_cli.lenses.lift import lift, sphere_basis
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -30,7 +30,7 @@ from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.fitting.radial_reference import MARGIN_DEG, RadialReference
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.uncertainty import Uncertainty, camera_uncertainty
-from cubicfish_cli.model.validity import cone_rays
+from cubicfish_cli.lenses.sphere import cone_rays
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]

@@ -30,8 +30,8 @@ from cubicfish_cli.fitting.statistics import (
     rms_px,
 )
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
-from cubicfish_cli.model.lift import lift
-from cubicfish_cli.model.point_cubic import PointCamera
+from cubicfish_cli.lenses.lift import lift
+from cubicfish_cli.lenses.point_cubic import PointCamera
 from cubicfish_cli.words.finding import Finding
 
 FloatArray = npt.NDArray[np.float64]

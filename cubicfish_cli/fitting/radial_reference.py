@@ -20,7 +20,7 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import gross_px, huber_px, noise_px
 from cubicfish_cli.fitting.start import start_at_centre
 from cubicfish_cli.fitting.subset import select_photos
-from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
 

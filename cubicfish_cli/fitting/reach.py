@@ -15,7 +15,8 @@ import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis, azimuth
 from cubicfish_cli.assess.field_uncertainty import CERTAIN_PX
-from cubicfish_cli.model.cubic import CubicCamera, ray_at
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.sphere import ray_at
 
 FloatArray = npt.NDArray[np.float64]
 Sigma = Callable[[FloatArray], FloatArray]

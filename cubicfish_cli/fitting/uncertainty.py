@@ -17,8 +17,8 @@ from cubicfish_cli.assess.field_uncertainty import summed
 from cubicfish_cli.fitting.adjustment import Adjustment
 from cubicfish_cli.fitting.cubic_fit import CubicResult
 from cubicfish_cli.fitting.poses import cross_matrix
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.radial import project_jacobian
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.radial import project_jacobian
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -21,10 +21,9 @@ from cubicfish_cli.assess.verdict import Verdict, verdict
 from cubicfish_cli.errors import CameraFileError, CorrespondenceError
 from cubicfish_cli.files import write_text
 from cubicfish_cli.formats.camera_writer import camera_text
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import quoted
-
-FloatArray = npt.NDArray[np.float64]
 
 _MAX_DEPTH = 8  # the reader takes no more than a few levels
 

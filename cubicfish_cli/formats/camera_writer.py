@@ -7,14 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.files import write_text
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.point_cubic import PointCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.point_cubic import PointCamera
 from cubicfish_cli.plain_yaml import plain_yaml_text
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 FORMAT_VERSION = 1
 RADIAL_KEYS = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")

@@ -8,20 +8,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.calibrated import Calibrated
 from cubicfish_cli.formats.camera_writer import FORMAT_VERSION, RADIAL_KEYS, unit_norm
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.lift import SIZE
-from cubicfish_cli.model.point_cubic import Frame, PointCamera
-from cubicfish_cli.model.radial import RadialCamera
-from cubicfish_cli.model.validity import check_validity
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.lift import SIZE
+from cubicfish_cli.lenses.point_cubic import Frame, PointCamera
+from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.lenses.validity import check_validity
 from cubicfish_cli.plain_yaml import load_plain_yaml
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import did_you_mean, quoted
-
-FloatArray = npt.NDArray[np.float64]
 
 # A calibration of some ten thousand photos; nobody's camera file is larger.
 MAX_BYTES = 64 * 1024 * 1024

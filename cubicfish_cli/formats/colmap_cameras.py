@@ -17,10 +17,11 @@ from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.bounded import read_bounded, read_bounded_bytes
-from cubicfish_cli.formats.colmap_models import MODELS, parameters_of, record_of
+from cubicfish_cli.formats.camera_format import CameraFormat
+from cubicfish_cli.formats.colmap_models import MODELS, WRITTEN, lens_of, parameters_of
 from cubicfish_cli.formats.fields import size
 from cubicfish_cli.formats.lens_rig import LensRig
-from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.wording import did_you_mean, quoted
 
 MAX_BYTES = 16_000_000
@@ -31,15 +32,15 @@ _EQUIRECTANGULAR = 17
 _LINE = re.compile(r"^[^\S\n]*[0-9]+\s+[A-Z][A-Z_]+\s+[0-9]+\s+[0-9]+\s+[-+.0-9]", re.MULTILINE)
 
 
-def colmap_text(record: LensRecord, note: Sequence[str]) -> str:
-    """A record of one of :data:`colmap_models.WRITTEN`'s models as a cameras.txt of one camera.
+def colmap_text(lens: Lens, note: Sequence[str]) -> str:
+    """A lens of one of :data:`colmap_models.WRITTEN`'s models as a cameras.txt of one camera.
 
     Raises:
         CameraFileError: the lens's values lie outside what COLMAP takes.
 
     """
-    name, parameters = parameters_of(record)
-    width, height = record.image_size
+    name, parameters = parameters_of(lens)
+    width, height = lens.image_size
     return "\n".join(
         [
             "# Camera list with one line of data per camera:",
@@ -53,7 +54,7 @@ def colmap_text(record: LensRecord, note: Sequence[str]) -> str:
 
 
 def colmap_rig_text(rig: LensRig) -> str:
-    """Records of :data:`colmap_models.WRITTEN`'s models as rig_config.json, with their cameras.
+    """Lenses of :data:`colmap_models.WRITTEN`'s models as rig_config.json, with their cameras.
 
     The photos of each camera are in a folder of its name; lengths are the rig's own.
 
@@ -63,7 +64,7 @@ def colmap_rig_text(rig: LensRig) -> str:
     """
     cameras = []
     for number, one in enumerate(rig.lenses):
-        name, parameters = parameters_of(one.record)
+        name, parameters = parameters_of(one.lens)
         camera: dict[str, Any] = {
             "image_prefix": f"{one.name}/",
             "camera_model_name": name,
@@ -94,7 +95,7 @@ def looks_like_cameras_bin(data: bytes) -> bool:
     return 0 < count < 2**32 and 0 <= model < 256 and max(width, height) < 2**32
 
 
-def read_colmap(path: Path, *, camera: str | None = None) -> LensRecord:
+def read_colmap(path: Path, *, camera: str | None = None) -> Lens:
     """Read one camera of a cameras.txt or a cameras.bin.
 
     Args:
@@ -121,7 +122,7 @@ def _chosen(path: Path, there: Sequence[str], camera: str | None) -> str:
     raise CameraFileError(f"{path}: name one of its cameras with --camera: {names}{more}")
 
 
-def _read_text(path: Path, text: str, camera: str | None) -> LensRecord:
+def _read_text(path: Path, text: str, camera: str | None) -> Lens:
     lines: dict[str, tuple[int, list[str]]] = {}
     for number, line in enumerate(text.splitlines(), start=1):
         cells = line.split()
@@ -146,7 +147,7 @@ def _read_text(path: Path, text: str, camera: str | None) -> LensRecord:
     if len(given) < 2:
         raise CameraFileError(f"{where}: WIDTH and HEIGHT must follow the model")
     image_size = size(where, given[0], given[1], "WIDTH and HEIGHT")
-    return record_of(where, name, given[2:], image_size)
+    return lens_of(where, name, given[2:], image_size)
 
 
 def _known(name: str) -> str:
@@ -156,14 +157,14 @@ def _known(name: str) -> str:
     return near if near.startswith("did") else "known: " + ", ".join(MODELS)
 
 
-def _read_binary(path: Path, data: bytes, camera: str | None) -> LensRecord:
+def _read_binary(path: Path, data: bytes, camera: str | None) -> Lens:
     cameras = {}
     for number, name, image_size, given in _cameras(path, data):
         if number in cameras:
             raise CameraFileError(f"{path}: camera {number} is there twice")
         cameras[number] = name, image_size, given
     name, (width, height), given = cameras[_chosen(path, list(cameras), camera)]
-    return record_of(path, name, given, size(path, width, height, "width and height"))
+    return lens_of(path, name, given, size(path, width, height, "width and height"))
 
 
 def _cameras(
@@ -195,3 +196,23 @@ def _cameras(
         at += parameters.size
     if at != len(data):
         raise CameraFileError(f"{path}: there is more behind its {count} cameras: is it damaged?")
+
+
+# Most programs that read COLMAP's files take OPENCV_FISHEYE: it is the one without a name.
+_LENSES = {
+    "colmap" if name == "OPENCV_FISHEYE" else f"colmap-{name.lower().replace('_', '-')}": lens
+    for lens, name in WRITTEN.items()
+}
+FORMAT = CameraFormat(
+    lenses=_LENSES,
+    file_name="cameras.txt",
+    write=lambda lens, note, poses: colmap_text(lens, note),
+    read=read_colmap,
+    holds_several=True,
+    marks=(("CAMERA_ID",),),
+    vague=True,
+    looks_like=looks_like_cameras_txt,
+    binary_looks_like=looks_like_cameras_bin,
+    rig=("rig_config.json", colmap_rig_text),
+    front_only=dict.fromkeys(_LENSES, "COLMAP"),
+)

@@ -5,7 +5,7 @@ Its pixel (0, 0) is the top-left CORNER of the first pixel: centres are half a p
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,13 @@ import numpy as np
 
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.fields import focal, numbers
-from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.lenses.division import DivisionLens
+from cubicfish_cli.lenses.enhanced_unified import EnhancedUnifiedLens
+from cubicfish_cli.lenses.field_of_view import FieldOfViewLens
+from cubicfish_cli.lenses.lens import Lens
+from cubicfish_cli.lenses.pinhole import PinholeLens
+from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.lenses.thin_prism import RadTanThinPrismLens, ThinPrismLens
 
 HALF = 0.5
 
@@ -26,63 +32,63 @@ class ColmapModel:
     Attributes:
         number: what ``cameras.bin`` calls it.
         parameters: in COLMAP's order; f stands for fx and fy. Those behind cx and cy have the
-            names of the lens's own values: one is a number, several with a digit are an array.
-        lens: the model of its records.
+            names of the lens's own parameters.
+        lens: which lens it is.
 
     """
 
     number: int
     parameters: tuple[str, ...]
-    lens: str
+    lens: type[Lens]
 
 
-def _model(number: int, lens: str, parameters: str) -> ColmapModel:
+def _model(number: int, lens: type[Lens], parameters: str) -> ColmapModel:
     return ColmapModel(number=number, lens=lens, parameters=tuple(parameters.split()))
 
 
 MODELS = {
-    "SIMPLE_PINHOLE": _model(0, "pinhole", "f cx cy"),
-    "PINHOLE": _model(1, "pinhole", "fx fy cx cy"),
-    "SIMPLE_RADIAL": _model(2, "pinhole", "f cx cy k1"),
-    "RADIAL": _model(3, "pinhole", "f cx cy k1 k2"),
-    "OPENCV": _model(4, "pinhole", "fx fy cx cy k1 k2 p1 p2"),
-    "OPENCV_FISHEYE": _model(5, "kannala_brandt", "fx fy cx cy k1 k2 k3 k4"),
-    "FULL_OPENCV": _model(6, "pinhole", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
-    "FOV": _model(7, "fov", "fx fy cx cy omega"),
-    "SIMPLE_RADIAL_FISHEYE": _model(8, "kannala_brandt", "f cx cy k1"),
-    "RADIAL_FISHEYE": _model(9, "kannala_brandt", "f cx cy k1 k2"),
+    "SIMPLE_PINHOLE": _model(0, PinholeLens, "f cx cy"),
+    "PINHOLE": _model(1, PinholeLens, "fx fy cx cy"),
+    "SIMPLE_RADIAL": _model(2, PinholeLens, "f cx cy k1"),
+    "RADIAL": _model(3, PinholeLens, "f cx cy k1 k2"),
+    "OPENCV": _model(4, PinholeLens, "fx fy cx cy k1 k2 p1 p2"),
+    "OPENCV_FISHEYE": _model(5, RadialCamera, "fx fy cx cy k1 k2 k3 k4"),
+    "FULL_OPENCV": _model(6, PinholeLens, "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
+    "FOV": _model(7, FieldOfViewLens, "fx fy cx cy omega"),
+    "SIMPLE_RADIAL_FISHEYE": _model(8, RadialCamera, "f cx cy k1"),
+    "RADIAL_FISHEYE": _model(9, RadialCamera, "f cx cy k1 k2"),
     "THIN_PRISM_FISHEYE": _model(
-        10, "thin_prism_fisheye", "fx fy cx cy k1 k2 t2 t1 k3 k4 s1 s3"
+        10, ThinPrismLens, "fx fy cx cy k1 k2 t2 t1 k3 k4 s1 s3"
     ),
     "RAD_TAN_THIN_PRISM_FISHEYE": _model(
-        11, "rad_tan_thin_prism_fisheye", "fx fy cx cy k1 k2 k3 k4 k5 k6 t1 t2 s1 s2 s3 s4"
+        11, RadTanThinPrismLens, "fx fy cx cy k1 k2 k3 k4 k5 k6 t1 t2 s1 s2 s3 s4"
     ),
-    "SIMPLE_DIVISION": _model(12, "division", "f cx cy bend"),
-    "DIVISION": _model(13, "division", "fx fy cx cy bend"),
-    "SIMPLE_FISHEYE": _model(14, "kannala_brandt", "f cx cy"),
-    "FISHEYE": _model(15, "kannala_brandt", "fx fy cx cy"),
-    "EUCM": _model(16, "eucm", "fx fy cx cy alpha beta"),
+    "SIMPLE_DIVISION": _model(12, DivisionLens, "f cx cy bend"),
+    "DIVISION": _model(13, DivisionLens, "fx fy cx cy bend"),
+    "SIMPLE_FISHEYE": _model(14, RadialCamera, "f cx cy"),
+    "FISHEYE": _model(15, RadialCamera, "fx fy cx cy"),
+    "EUCM": _model(16, EnhancedUnifiedLens, "fx fy cx cy alpha beta"),
 }  # fmt: skip
 """COLMAP's name -> the model. EQUIRECTANGULAR, 17, is no lens."""
 
-WRITTEN = {
-    "kannala_brandt": "OPENCV_FISHEYE",
-    "thin_prism_fisheye": "THIN_PRISM_FISHEYE",
-    "rad_tan_thin_prism_fisheye": "RAD_TAN_THIN_PRISM_FISHEYE",
-    "eucm": "EUCM",
+WRITTEN: Mapping[type[Lens], str] = {
+    RadialCamera: "OPENCV_FISHEYE",
+    ThinPrismLens: "THIN_PRISM_FISHEYE",
+    RadTanThinPrismLens: "RAD_TAN_THIN_PRISM_FISHEYE",
+    EnhancedUnifiedLens: "EUCM",
 }
-"""The model of a record -> the COLMAP model that it is written as."""
+"""A lens -> the COLMAP model that it is written as."""
 
-_LENGTHS = {
-    "kannala_brandt": {"k": 4},
-    "thin_prism_fisheye": {"k": 4, "t": 2, "s": 4},
-    "rad_tan_thin_prism_fisheye": {"k": 6, "t": 2, "s": 4},
+_LENGTHS: Mapping[type[Lens], Mapping[str, int]] = {
+    RadialCamera: {"k": 4},
+    ThinPrismLens: {"k": 4, "t": 2, "s": 4},
+    RadTanThinPrismLens: {"k": 6, "t": 2, "s": 4},
 }
 _PINHOLE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
 
-def parameters_of(record: LensRecord) -> tuple[str, list[float]]:
-    """The COLMAP model and parameters of a record of one of :data:`WRITTEN`'s models.
+def parameters_of(lens: Lens) -> tuple[str, list[float]]:
+    """The COLMAP model and parameters of a lens of one of :data:`WRITTEN`'s models.
 
     A pinhole's distortion is left out: a flat picture has none.
 
@@ -90,13 +96,8 @@ def parameters_of(record: LensRecord) -> tuple[str, list[float]]:
         CameraFileError: the lens's values lie outside what COLMAP takes.
 
     """
-    name = {**WRITTEN, "pinhole": "PINHOLE"}[record.model]
-    own: dict[str, float] = {}
-    for key, value in record.values.items():
-        if np.ndim(value):
-            own |= {f"{key}{i}": float(v) for i, v in enumerate(np.ravel(value), start=1)}
-        else:
-            own[key] = float(value)
+    name = {**WRITTEN, PinholeLens: "PINHOLE"}[type(lens)]
+    own = dict(zip(lens.parameter_names, lens.parameters.tolist(), strict=True))
     own["cx"], own["cy"] = own["cx"] + HALF, own["cy"] + HALF
     if name == "EUCM" and not (0 <= own["alpha"] <= 1 and own["beta"] > 0):
         raise CameraFileError(
@@ -106,9 +107,7 @@ def parameters_of(record: LensRecord) -> tuple[str, list[float]]:
     return name, [own[parameter] for parameter in MODELS[name].parameters]
 
 
-def record_of(
-    where: Path, name: str, given: Sequence[float], image_size: tuple[int, int]
-) -> LensRecord:
+def lens_of(where: Path, name: str, given: Sequence[float], image_size: tuple[int, int]) -> Lens:
     """The lens of a COLMAP model with these parameters.
 
     Raises:
@@ -125,11 +124,11 @@ def record_of(
     record: dict[str, Any] = {
         "fx": own["fx"], "fy": own["fy"], "cx": own["cx"] - HALF, "cy": own["cy"] - HALF,
     }  # fmt: skip
-    if model.lens == "pinhole":
+    if model.lens is PinholeLens:
         record["d"] = np.array([own.get(key, 0.0) for key in _PINHOLE])
     elif model.lens in _LENGTHS:
         for key, length in _LENGTHS[model.lens].items():
             record[key] = np.array([own.get(f"{key}{i + 1}", 0.0) for i in range(length)])
     else:
         record |= {key: own[key] for key in ("omega", "bend", "alpha", "beta") if key in own}
-    return LensRecord(model=model.lens, values=record, image_size=image_size)
+    return model.lens(image_size=image_size, **record)

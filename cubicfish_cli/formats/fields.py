@@ -6,11 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.errors import CameraFileError
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 MAX_SIDE = 100_000
 _LARGEST = 1e100

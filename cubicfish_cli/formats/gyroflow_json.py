@@ -5,16 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 
-import numpy as np
+from cubicfish_cli.formats.camera_format import CameraFormat
+from cubicfish_cli.lenses.radial import RadialCamera
 
-from cubicfish_cli.model.lens_record import LensRecord
 
-
-def gyroflow_text(record: LensRecord, note: Sequence[str]) -> str:
-    """A record ``kannala_brandt`` as a lens profile."""
-    values = record.values
-    fx, fy, cx, cy = (float(values[key]) for key in ("fx", "fy", "cx", "cy"))
-    size = dict(zip("wh", record.image_size, strict=True))
+def gyroflow_text(lens: RadialCamera, note: Sequence[str]) -> str:
+    """A lens as a lens profile."""
+    fx, fy, cx, cy = lens.fx, lens.fy, lens.cx, lens.cy
+    size = dict(zip("wh", lens.image_size, strict=True))
     profile = {
         "name": "cubicfish",
         "note": "; ".join(note),
@@ -33,8 +31,15 @@ def gyroflow_text(record: LensRecord, note: Sequence[str]) -> str:
         "use_opencv_fisheye": True,
         "fisheye_params": {
             "camera_matrix": [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]],
-            "distortion_coeffs": np.asarray(values["k"], float).tolist(),
+            "distortion_coeffs": lens.k.tolist(),
         },
         "use_opencv_standard": False,
     }
     return json.dumps(profile, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+FORMAT = CameraFormat(
+    lenses={"gyroflow": RadialCamera},
+    file_name="lens_profile.json",
+    write=lambda lens, note, poses: gyroflow_text(lens, note),
+)

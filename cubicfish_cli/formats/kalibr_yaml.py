@@ -7,50 +7,64 @@ and ``ds`` with none; intrinsics in Kalibr's order.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cubicfish_cli.errors import CameraFileError
+from cubicfish_cli.formats.camera_format import CameraFormat
 from cubicfish_cli.formats.fields import focal, mapping, numbers, size
 from cubicfish_cli.formats.lens_rig import LensRig, matrix_rows
-from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.lenses.double_sphere import DoubleSphereLens
+from cubicfish_cli.lenses.enhanced_unified import EnhancedUnifiedLens
+from cubicfish_cli.lenses.field_of_view import FieldOfViewLens
+from cubicfish_cli.lenses.lens import Lens
+from cubicfish_cli.lenses.pinhole import PinholeLens
+from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.lenses.unified import UnifiedLens
 from cubicfish_cli.plain_yaml import load_plain_yaml
 from cubicfish_cli.wording import quoted
 
-LENSES = {
-    "pinhole-equi": "kannala_brandt",
-    "omni": "unified",
-    "eucm": "eucm",
-    "ds": "double_sphere",
+LENSES: Mapping[str, type[Lens]] = {
+    "pinhole-equi": RadialCamera,
+    "omni": UnifiedLens,
+    "eucm": EnhancedUnifiedLens,
+    "ds": DoubleSphereLens,
 }
-"""Kalibr's name of a lens -> the model of its record."""
+"""Kalibr's name of a lens -> its model."""
 
 _CORE = ("fx", "fy", "cx", "cy")
+# Kalibr's camera_model -> what stands before the core in its intrinsics.
 _INTRINSICS = {"pinhole": (), "omni": ("xi",), "eucm": ("alpha", "beta"), "ds": ("xi", "alpha")}
-_DISTORTIONS = {"radtan": 4, "equidistant": 4, "fov": 1, "none": 0}
-_USED_WITH = {
-    "pinhole": ("radtan", "equidistant", "fov", "none"),
-    "omni": ("radtan", "none"),
-    "eucm": ("none",),
-    "ds": ("none",),
+# camera_model and distortion_model -> the lens, its attribute with the coefficients, how many.
+_MODELS: Mapping[tuple[str, str], tuple[type[Lens], str, int]] = {
+    ("pinhole", "radtan"): (PinholeLens, "d", 4),
+    ("pinhole", "equidistant"): (RadialCamera, "k", 4),
+    ("pinhole", "fov"): (FieldOfViewLens, "omega", 1),
+    ("pinhole", "none"): (PinholeLens, "d", 0),
+    ("omni", "radtan"): (UnifiedLens, "d", 4),
+    ("omni", "none"): (UnifiedLens, "d", 0),
+    ("eucm", "none"): (EnhancedUnifiedLens, "", 0),
+    ("ds", "none"): (DoubleSphereLens, "", 0),
 }
+# Of a lens with several the first is written.
+_WRITTEN = {made[0]: (*names, made[1]) for names, made in [*_MODELS.items()][::-1]}
 
 
-def kalibr_text(record: LensRecord, note: Sequence[str]) -> str:
-    """A record of one of :data:`LENSES`' models as a camchain of one camera.
+def kalibr_text(lens: Lens, note: Sequence[str]) -> str:
+    """A lens of one of :data:`LENSES` as a camchain of one camera.
 
     Raises:
         CameraFileError: the lens's values lie outside what Kalibr takes.
 
     """
-    return "\n".join([*(f"# {line}" for line in note), *_camera_lines(record, 0, []), ""])
+    return "\n".join([*(f"# {line}" for line in note), *_camera_lines(lens, 0, []), ""])
 
 
 def kalibr_rig_text(rig: LensRig) -> str:
-    """Lenses of one of :data:`LENSES`' models as a camchain.
+    """Lenses of one of :data:`LENSES` as a camchain.
 
     Raises:
         CameraFileError: a lens's values lie outside what Kalibr takes, or the rig's unit of length
@@ -61,7 +75,7 @@ def kalibr_rig_text(rig: LensRig) -> str:
     for number, one in enumerate(rig.lenses):
         overlaps = np.flatnonzero(rig.overlaps[number]).tolist()
         lines += [f"# cam{number} is {one.name}", *(f"# {line}" for line in one.note)]
-        lines += _camera_lines(one.record, number, overlaps)
+        lines += _camera_lines(one.lens, number, overlaps)
         if number:
             turn, shift = rig.between(number, number - 1)
             rows = matrix_rows(turn, shift * rig.metres)
@@ -69,19 +83,13 @@ def kalibr_rig_text(rig: LensRig) -> str:
     return "\n".join([*lines, ""])
 
 
-def _camera_lines(record: LensRecord, number: int, overlaps: Sequence[int]) -> list[str]:
-    values = record.values
-    camera, distortion, key = {
-        "kannala_brandt": ("pinhole", "equidistant", "k"),
-        "unified": ("omni", "radtan", "d"),
-        "eucm": ("eucm", "none", ""),
-        "double_sphere": ("ds", "none", ""),
-    }[record.model]
-    d = np.asarray(values.get(key, np.zeros(0)), float)
-    own = [float(values[name]) for name in _INTRINSICS[camera]]
+def _camera_lines(lens: Lens, number: int, overlaps: Sequence[int]) -> list[str]:
+    camera, distortion, key = _WRITTEN[type(lens)]
+    d = getattr(lens, key) if key else np.zeros(0)
+    own = [float(getattr(lens, name)) for name in _INTRINSICS[camera]]
     _check(Path("camchain.yaml"), camera, own)
-    intrinsics = [*own, *(float(values[key]) for key in _CORE)]
-    width, height = record.image_size
+    intrinsics = [*own, *(float(getattr(lens, key)) for key in _CORE)]
+    width, height = lens.image_size
     return [
         f"cam{number}:",
         f"  cam_overlaps: {list(overlaps)}",
@@ -98,7 +106,7 @@ def _list(values: Sequence[float]) -> str:
     return "[" + ", ".join(repr(float(value)) for value in values) + "]"
 
 
-def read_kalibr(path: Path, *, camera: str | None = None) -> LensRecord:
+def read_kalibr(path: Path, *, camera: str | None = None) -> Lens:
     """Read one camera of a camchain.
 
     Args:
@@ -123,39 +131,27 @@ def read_kalibr(path: Path, *, camera: str | None = None) -> LensRecord:
             f"{path}: {camera}.camera_model {quoted(str(kind))} is not known: "
             + ", ".join(_INTRINSICS)
         )
-    if not isinstance(distortion, str) or distortion not in _USED_WITH[kind]:
+    if not isinstance(distortion, str) or (kind, distortion) not in _MODELS:
         raise CameraFileError(
             f"{path}: {camera}.distortion_model {quoted(str(distortion))} does not go with {kind}: "
-            + ", ".join(_USED_WITH[kind])
+            + ", ".join(fitting for own, fitting in _MODELS if own == kind)
         )
+    model, key, count = _MODELS[kind, distortion]
     own = _INTRINSICS[kind]
     given = numbers(path, record.get("intrinsics"), f"{camera}.intrinsics", (4 + len(own),))
     _check(path, kind, given[: len(own)].tolist())
     focal(path, given[len(own) : len(own) + 2], f"{camera}.intrinsics")
-    d = numbers(
-        path,
-        record.get("distortion_coeffs", []),
-        f"{camera}.distortion_coeffs",
-        (_DISTORTIONS[distortion],),
-    )
+    d = numbers(path, record.get("distortion_coeffs", []), f"{camera}.distortion_coeffs", (count,))
     resolution = record.get("resolution")
     if not isinstance(resolution, list) or len(resolution) != 2:
         raise CameraFileError(f"{path}: {camera}.resolution must be two whole numbers")
     values: dict[str, Any] = dict(zip((*own, *_CORE), given.tolist(), strict=True))
-    model = {"omni": "unified", "eucm": "eucm", "ds": "double_sphere"}.get(kind)
-    if kind == "omni":
-        values["d"] = d if len(d) else np.zeros(4)
-    elif kind == "pinhole" and distortion == "equidistant":
-        model, values["k"] = "kannala_brandt", d
-    elif kind == "pinhole" and distortion == "fov":
-        model, values["omega"] = "fov", float(d[0])
-    elif kind == "pinhole":
-        model, values["d"] = "pinhole", d
-    return LensRecord(
-        model=str(model),
-        values=values,
-        image_size=size(path, resolution[0], resolution[1], f"{camera}.resolution"),
-    )
+    if model is UnifiedLens and not count:
+        d = np.zeros(4)
+    if key:
+        values[key] = float(d[0]) if count == 1 else d
+    image_size = size(path, resolution[0], resolution[1], f"{camera}.resolution")
+    return model(image_size=image_size, **values)
 
 
 def _check(path: Path, kind: str, own: Sequence[float]) -> None:
@@ -165,3 +161,15 @@ def _check(path: Path, kind: str, own: Sequence[float]) -> None:
         raise CameraFileError(f"{path}: alpha of a ds lens must be from 0 to below 1")
     if kind == "eucm" and not (0 <= own[0] <= 1 and own[1] >= 0):
         raise CameraFileError(f"{path}: an eucm lens has alpha from 0 to 1 and beta from 0 on")
+
+
+FORMAT = CameraFormat(
+    lenses={f"kalibr-{name}": lens for name, lens in LENSES.items()},
+    file_name="camchain.yaml",
+    write=lambda lens, note, poses: kalibr_text(lens, note),
+    read=read_kalibr,
+    holds_several=True,
+    marks=(("camera_model:", "intrinsics:", "resolution:"),),
+    rig=("camchain.yaml", kalibr_rig_text),
+    front_only={"kalibr-pinhole-equi": "Kalibr's pinhole-equi"},
+)

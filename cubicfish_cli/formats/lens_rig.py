@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import quoted
 
-FloatArray = npt.NDArray[np.float64]
 Pose = tuple[FloatArray, FloatArray]
 
 METRES = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "in": 0.0254, "inch": 0.0254, "ft": 0.3048}
@@ -25,7 +25,7 @@ class PlacedLens:
 
     Attributes:
         name: of the camera.
-        record: the lens.
+        lens: the :class:`~cubicfish_cli.lenses.lens.Lens`, of the model that the format holds.
         note: how it was made, a line each.
         rotation: (3, 3) of lens_from_rig.
         translation: (3,) of lens_from_rig, in the rig's units.
@@ -35,7 +35,7 @@ class PlacedLens:
     """
 
     name: str
-    record: LensRecord
+    lens: Any
     note: Sequence[str]
     rotation: FloatArray
     translation: FloatArray

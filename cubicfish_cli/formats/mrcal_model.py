@@ -20,16 +20,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.bounded import read_bounded
+from cubicfish_cli.formats.camera_format import CameraFormat
+from cubicfish_cli.formats.fields import numbers
 from cubicfish_cli.formats.lens_rig import LensRig
-from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.lenses.mrcal_splined import SplinedLens
+from cubicfish_cli.lenses.pinhole import PinholeLens
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import did_you_mean, quoted
-
-FloatArray = npt.NDArray[np.float64]
 
 # optimization_inputs holds all corners of a calibration, packed; it is skipped.
 MAX_BYTES = 64_000_000
@@ -61,7 +62,7 @@ _PLAIN = re.compile(r"(?:[\s{}\[\](),:0-9eE.+\-]|\"\"|None)*", re.ASCII)
 
 
 def mrcal_rig_texts(rig: LensRig) -> dict[str, str]:
-    """Records ``mrcal_splined`` as a .cameramodel each; the rig's frame is the reference.
+    """Splined lenses as a .cameramodel each; the rig's frame is the reference.
 
     Raises:
         CameraFileError: the rig's unit of length is not known.
@@ -69,7 +70,7 @@ def mrcal_rig_texts(rig: LensRig) -> dict[str, str]:
     """
     return {
         f"{one.name}.cameramodel": mrcal_text(
-            one.record,
+            one.lens,
             one.note,
             [
                 *Rotation.from_matrix(one.rotation).as_rotvec().tolist(),
@@ -81,32 +82,30 @@ def mrcal_rig_texts(rig: LensRig) -> dict[str, str]:
 
 
 def mrcal_text(
-    record: LensRecord, note: Sequence[str] = (), extrinsics: Sequence[float] = (0.0,) * 6
+    lens: SplinedLens, note: Sequence[str] = (), extrinsics: Sequence[float] = (0.0,) * 6
 ) -> str:
-    """A record ``mrcal_splined`` as the text of a .cameramodel, numbers at full precision.
+    """A lens as the text of a .cameramodel, numbers at full precision.
 
     Args:
-        record: the lens.
+        lens: the lens.
         note: how it was made, a line each.
         extrinsics: camera from reference, a rotation vector and a shift in metres.
 
     """
-    values = record.values
-    control = np.asarray(values["control"], float)
-    lens = (
-        f"LENSMODEL_SPLINED_STEREOGRAPHIC_order={int(values['order'])}_Nx={control.shape[1]}"
-        f"_Ny={control.shape[0]}_fov_x_deg={int(values['fov_x_deg'])}"
+    control = lens.control
+    model = (
+        f"LENSMODEL_SPLINED_STEREOGRAPHIC_order={lens.order}_Nx={control.shape[1]}"
+        f"_Ny={control.shape[0]}_fov_x_deg={lens.fov_x_deg}"
     )
-    core = [float(values[key]) for key in ("fx", "fy", "cx", "cy")]
+    core = [lens.fx, lens.fy, lens.cx, lens.cy]
     lines = [f"    {row}," for row in _rows([*core, *control.ravel().tolist()])]
-    region = np.asarray(values["region"], float)
-    outline = [f"    [{x!r}, {y!r}]," for x, y in region.tolist()]
-    width, height = record.image_size
+    outline = [f"    [{x!r}, {y!r}]," for x, y in lens.region.tolist()]
+    width, height = lens.image_size
     return "\n".join(
         [
             *(f"# {line}" for line in note),
             "{",
-            f"    'lensmodel':  '{lens}',",
+            f"    'lensmodel':  '{model}',",
             "",
             "    # fx, fy, cx, cy, then the control points row by row, x and y of each",
             "    'intrinsics': [",
@@ -124,7 +123,7 @@ def mrcal_text(
     )
 
 
-def read_mrcal(path: Path) -> LensRecord:
+def read_mrcal(path: Path) -> SplinedLens | PinholeLens:
     """Read a .cameramodel.
 
     Raises:
@@ -147,21 +146,18 @@ def read_mrcal(path: Path) -> LensRecord:
     region = _region(path, data)
     if lens in _OPENCV_SIZES:
         values = _numbers(path, data, "intrinsics", 4 + _OPENCV_SIZES[lens])
-        return _opencv(_core(path, values), values[4:], (width, height))
+        return PinholeLens(image_size=(width, height), **_core(path, values), d=values[4:])
     order, nx, ny, fov_x_deg = _configuration(path, lens)
     count = 2 * nx * ny if lens != "LENSMODEL_STEREOGRAPHIC" else 0
     values = _numbers(path, data, "intrinsics", 4 + count)
     control = values[4:] if count else np.zeros(2 * nx * ny)
-    return LensRecord(
-        model="mrcal_splined",
-        values={
-            **_core(path, values),
-            "order": float(order),
-            "fov_x_deg": float(fov_x_deg),
-            "control": control.reshape(ny, nx, 2),
-            "region": region,
-        },
+    return SplinedLens(
         image_size=(width, height),
+        **_core(path, values),
+        order=order,
+        fov_x_deg=fov_x_deg,
+        control=control.reshape(ny, nx, 2),
+        region=region,
     )
 
 
@@ -170,10 +166,6 @@ def _rows(values: list[float], length: int = 8) -> list[str]:
         ", ".join(map(repr, values[start : start + length]))
         for start in range(0, len(values), length)
     ]
-
-
-def _opencv(core: dict[str, float], distortion: FloatArray, size: tuple[int, int]) -> LensRecord:
-    return LensRecord(model="pinhole", values={**core, "d": distortion}, image_size=size)
 
 
 def _core(path: Path, values: FloatArray) -> dict[str, float]:
@@ -230,14 +222,7 @@ def _numbers(path: Path, data: dict[str, Any], key: str, count: int) -> FloatArr
 
 
 def _vector(path: Path, value: Any, key: str, count: int) -> FloatArray:
-    if (
-        not isinstance(value, list | tuple)
-        or len(value) != count
-        or not all(isinstance(x, int | float) and not isinstance(x, bool) for x in value)
-        or not all(abs(x) < 1e100 for x in value)  # NaN and infinities fail this too
-    ):
-        raise CameraFileError(f"{path}: {key} must hold {count} finite numbers")
-    return np.array(value, float)
+    return numbers(path, list(value) if isinstance(value, tuple) else value, key, (count,))
 
 
 def _dictionary(path: Path, text: str) -> dict[str, Any]:
@@ -287,3 +272,13 @@ def _without_packed(match: re.Match[str]) -> str:
     if token.startswith("#"):
         return ""
     return "None" if token[0] in "bB" else token
+
+
+FORMAT = CameraFormat(
+    lenses={"mrcal": SplinedLens},
+    file_name="camera.cameramodel",
+    write=lambda lens, note, poses: mrcal_text(lens, note),
+    read=read_mrcal,
+    marks=(("lensmodel", "intrinsics"),),
+    rig=("mrcal", mrcal_rig_texts),
+)

@@ -17,10 +17,13 @@ import numpy.typing as npt
 
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.bounded import read_bounded
+from cubicfish_cli.formats.camera_format import CameraFormat, Poses
 from cubicfish_cli.formats.fields import focal, mapping, number, size
 from cubicfish_cli.formats.lens_rig import LensRig
 from cubicfish_cli.formats.plain_json import parse_plain_json
-from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.lenses.lens import Lens
+from cubicfish_cli.lenses.pinhole import PinholeLens
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.wording import quoted
 
 MAX_BYTES = 64_000_000
@@ -29,34 +32,30 @@ _SHIFT = {"fx": 0.0, "fy": 0.0, "cx": 0.5, "cy": 0.5}
 _FISHEYE = ("k1", "k2", "k3", "k4")
 _PINHOLE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 _MODELS = ("OPENCV", "OPENCV_FISHEYE", "PINHOLE", "SIMPLE_PINHOLE")
-_CAMERA_MODELS = {"kannala_brandt": "OPENCV_FISHEYE", "pinhole": "PINHOLE"}
+_CAMERA_MODELS: dict[type[Lens], str] = {RadialCamera: "OPENCV_FISHEYE", PinholeLens: "PINHOLE"}
 # From nerfstudio's camera axes to those here.
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
-def nerfstudio_text(
-    record: LensRecord,
-    note: Sequence[str],
-    poses: Mapping[str, tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]],
-) -> str:
-    """A record ``kannala_brandt`` and camera_from_world of photos as transforms.json.
+def nerfstudio_text(lens: Lens, note: Sequence[str], poses: Poses) -> str:
+    """A lens and camera_from_world of photos as transforms.json.
 
     Args:
-        record: the lens.
+        lens: a RadialCamera, or a PinholeLens without distortion.
         note: how it was made.
         poses: rotation (3, 3) and translation (3,) of camera_from_world, by the photo's name.
 
     """
     return _text(
-        {**_lens(record), "made_by": list(note)},
+        {**_lens(lens), "made_by": list(note)},
         [{"file_path": name, "transform_matrix": _matrix(*pose)} for name, pose in poses.items()],
     )
 
 
 def nerfstudio_rig_text(rig: LensRig, *, images: str = "", masks: str | None = None) -> str:
-    """Records and camera_from_world of their photos as transforms.json.
+    """Lenses and camera_from_world of their photos as transforms.json.
 
-    Every frame has its own lens, ``kannala_brandt`` or a ``pinhole`` without distortion.
+    Every frame has its own lens, see :func:`nerfstudio_text`.
 
     Args:
         rig: the lenses; the photos of each are in a folder of its name.
@@ -70,27 +69,26 @@ def nerfstudio_rig_text(rig: LensRig, *, images: str = "", masks: str | None = N
             "file_path": f"{start}{one.name}/{name}",
             **({} if masks is None else {"mask_path": f"{masks}/{one.name}/{name}.png"}),
             "transform_matrix": _matrix(*pose),
-            **_lens(one.record),
+            **_lens(one.lens),
         }
         for one in rig.lenses
         for name, pose in one.poses.items()
     ]
     note = [f"{one.name}: {line}" for one in rig.lenses for line in one.note]
-    model = _CAMERA_MODELS[rig.lenses[0].record.model]
+    model = _CAMERA_MODELS[type(rig.lenses[0].lens)]
     return _text({"camera_model": model, "made_by": note}, frames)
 
 
-def _lens(record: LensRecord) -> dict[str, Any]:
-    values = record.values
-    width, height = record.image_size
+def _lens(lens: Lens) -> dict[str, Any]:
+    width, height = lens.image_size
     return {
-        "camera_model": _CAMERA_MODELS[record.model],
-        **{theirs: float(values[ours]) + _SHIFT[ours] for ours, theirs in _CORE.items()},
+        "camera_model": _CAMERA_MODELS[type(lens)],
+        **{theirs: getattr(lens, ours) + _SHIFT[ours] for ours, theirs in _CORE.items()},
         "w": width,
         "h": height,
         **(
-            dict(zip(_FISHEYE, np.asarray(values["k"], float).tolist(), strict=True))
-            if record.model == "kannala_brandt"
+            dict(zip(_FISHEYE, lens.k.tolist(), strict=True))
+            if isinstance(lens, RadialCamera)
             else {}
         ),
     }
@@ -111,7 +109,7 @@ def _text(data: Mapping[str, Any], frames: Sequence[Mapping[str, Any]]) -> str:
     return json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def read_nerfstudio(path: Path) -> LensRecord:
+def read_nerfstudio(path: Path) -> RadialCamera | PinholeLens:
     """Read the lens of a transforms.json.
 
     Raises:
@@ -134,6 +132,16 @@ def read_nerfstudio(path: Path) -> LensRecord:
     image_size = size(path, record.get("w"), record.get("h"), "w and h")
     names = _FISHEYE if model == "OPENCV_FISHEYE" else _PINHOLE
     d = np.array([number(path, record, name) if name in record else 0.0 for name in names])
-    values: dict[str, Any] = {**core, "k" if model == "OPENCV_FISHEYE" else "d": d}
-    kind = "kannala_brandt" if model == "OPENCV_FISHEYE" else "pinhole"
-    return LensRecord(model=kind, values=values, image_size=image_size)
+    if model == "OPENCV_FISHEYE":
+        return RadialCamera(image_size=image_size, **core, k=d)
+    return PinholeLens(image_size=image_size, **core, d=d)
+
+
+FORMAT = CameraFormat(
+    lenses={"nerfstudio": RadialCamera},
+    file_name="transforms.json",
+    write=nerfstudio_text,
+    read=read_nerfstudio,
+    marks=(("fl_x",),),
+    rig=("transforms.json", nerfstudio_rig_text),
+)

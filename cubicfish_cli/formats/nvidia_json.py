@@ -13,21 +13,23 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.formats.lens_rig import FloatArray, LensRig
-from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.formats.camera_format import CameraFormat
+from cubicfish_cli.formats.lens_rig import LensRig
+from cubicfish_cli.lenses.ftheta import FThetaLens
+from cubicfish_cli.types import FloatArray
 
 _VERSION = 7
 # x right, y down, z forward -> forward, left, up.
 _FLU = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
-def nvidia_text(record: LensRecord, note: Sequence[str]) -> str:
-    """A record ``ftheta`` as a rig.json of one camera."""
-    return _text([_sensor("camera", record, note, np.eye(3), np.zeros(3))])
+def nvidia_text(lens: FThetaLens, note: Sequence[str]) -> str:
+    """A lens as a rig.json of one camera."""
+    return _text([_sensor("camera", lens, note, np.eye(3), np.zeros(3))])
 
 
 def nvidia_rig_text(rig: LensRig) -> str:
-    """Records ``ftheta`` as a rig.json.
+    """f-theta lenses as a rig.json.
 
     Raises:
         CameraFileError: the rig's unit of length is not known.
@@ -36,19 +38,18 @@ def nvidia_rig_text(rig: LensRig) -> str:
     sensors = []
     for number, one in enumerate(rig.lenses):
         turn, shift = rig.rig_from_lens(number)
-        sensors.append(_sensor(one.name, one.record, one.note, turn, shift * rig.metres))
+        sensors.append(_sensor(one.name, one.lens, one.note, turn, shift * rig.metres))
     return _text(sensors)
 
 
 def _sensor(
-    name: str, record: LensRecord, note: Sequence[str], turn: FloatArray, metres: FloatArray
+    name: str, lens: FThetaLens, note: Sequence[str], turn: FloatArray, metres: FloatArray
 ) -> dict[str, Any]:
-    values = record.values
     angles = Rotation.from_matrix(_FLU @ turn @ _FLU.T).as_euler("xyz", degrees=True)
-    coefficients = np.asarray(values["polynomial"], float).tolist()
+    coefficients = lens.polynomial.tolist()
     polynomial = " ".join(map(repr, coefficients))
-    width, height = record.image_size
-    linear = dict(zip("cde", np.asarray(values["linear"], float).tolist(), strict=True))
+    width, height = lens.image_size
+    linear = dict(zip("cde", lens.linear.tolist(), strict=True))
     return {
         "name": f"camera:{name}",
         "protocol": "camera.virtual",
@@ -61,8 +62,8 @@ def _sensor(
             "Model": "ftheta",
             "width": str(width),
             "height": str(height),
-            "cx": repr(float(values["cx"])),
-            "cy": repr(float(values["cy"])),
+            "cx": repr(lens.cx),
+            "cy": repr(lens.cy),
             "polynomial": polynomial,
             "polynomial-type": "pixeldistance-to-angle",
             "bw-poly": polynomial,
@@ -75,3 +76,11 @@ def _sensor(
 def _text(sensors: Sequence[dict[str, Any]]) -> str:
     data = {"rig": {"properties": {}, "sensors": list(sensors), "vehicle": {}}, "version": _VERSION}
     return json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+FORMAT = CameraFormat(
+    lenses={"nvidia": FThetaLens},
+    file_name="rig.json",
+    write=lambda lens, note, poses: nvidia_text(lens, note),
+    rig=("rig.json", nvidia_rig_text),
+)

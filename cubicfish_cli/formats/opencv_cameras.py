@@ -18,16 +18,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.errors import CameraFileError
+from cubicfish_cli.formats.camera_format import CameraFormat
 from cubicfish_cli.formats.fields import focal, numbers, size
 from cubicfish_cli.formats.file_storage import read_file_storage
 from cubicfish_cli.formats.lens_rig import LensRig
-from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.lenses.pinhole import PinholeLens
+from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.lenses.unified import UnifiedLens
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import quoted
-
-FloatArray = npt.NDArray[np.float64]
 
 # Names in small letters without anything between words.
 _KEY = re.compile(r"[\"']?(\w{1,40})[\"']?\s*:")
@@ -55,22 +56,22 @@ _FISHEYE = (
 _COUNTS = (0, 4, 5, 8, 12, 14)
 
 
-def opencv_text(record: LensRecord, note: Sequence[str]) -> str:
-    """A record ``kannala_brandt`` as FileStorage YAML, for cv2.fisheye."""
-    width, height = record.image_size
+def opencv_text(lens: RadialCamera, note: Sequence[str]) -> str:
+    """A lens as FileStorage YAML, for cv2.fisheye."""
+    width, height = lens.image_size
     return "\n".join(
         [
             *_head(note),
             f"image_width: {width}",
             f"image_height: {height}",
-            *_lens_lines(record, "camera_matrix", "distortion_coefficients"),
+            *_lens_lines(lens, "camera_matrix", "distortion_coefficients"),
             "",
         ]
     )
 
 
 def opencv_stereo_text(rig: LensRig) -> str:
-    """Two records ``kannala_brandt`` as FileStorage YAML, for cv2.fisheye's stereo functions.
+    """Two radial lenses as FileStorage YAML, for cv2.fisheye's stereo functions.
 
     M1, D1, M2, D2, and R, T with X2 = R X1 + T in the rig's units; where flat pictures with common
     rows exist, R1, R2, P1, P2 and Q of :class:`~cubicfish_cli.formats.lens_rig.FlatPair`.
@@ -88,9 +89,9 @@ def opencv_stereo_text(rig: LensRig) -> str:
     note = [f"{one.name}: {line}" for one in rig.lenses for line in one.note]
     lines = [*_head([*note, f"T, P1, P2 and Q are in {rig.units or 'units of the target'}"])]
     for number, one in enumerate(rig.lenses, start=1):
-        width, height = one.record.image_size
+        width, height = one.lens.image_size
         lines += [f"image_width{number}: {width}", f"image_height{number}: {height}"]
-        lines += _lens_lines(one.record, f"M{number}", f"D{number}")
+        lines += _lens_lines(one.lens, f"M{number}", f"D{number}")
     turn, shift = rig.between(1, 0)
     lines += _matrix_lines("R", 3, 3, turn.ravel().tolist())
     lines += _matrix_lines("T", 3, 1, shift.tolist())
@@ -109,12 +110,11 @@ def _head(note: Sequence[str]) -> list[str]:
     return ["%YAML:1.0", "---", *(f"# {line}" for line in note), "model: fisheye"]
 
 
-def _lens_lines(record: LensRecord, matrix: str, coefficients: str) -> list[str]:
-    values = record.values
-    fx, fy, cx, cy = (float(values[key]) for key in ("fx", "fy", "cx", "cy"))
+def _lens_lines(lens: RadialCamera, matrix: str, coefficients: str) -> list[str]:
+    fx, fy, cx, cy = lens.fx, lens.fy, lens.cx, lens.cy
     return [
         *_matrix_lines(matrix, 3, 3, [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
-        *_matrix_lines(coefficients, 4, 1, np.asarray(values["k"], float).tolist()),
+        *_matrix_lines(coefficients, 4, 1, lens.k.tolist()),
     ]
 
 
@@ -139,7 +139,7 @@ def looks_like_opencv(text: str) -> bool:
 
 def read_opencv(
     path: Path, *, camera: str | None = None, image_size: tuple[int, int] | None = None
-) -> LensRecord:
+) -> RadialCamera | UnifiedLens | PinholeLens:
     """Read one camera of a FileStorage file.
 
     Args:
@@ -162,19 +162,16 @@ def read_opencv(
     if photos is None:
         raise CameraFileError(f"{path} does not say how large the photos are: add --size WxH")
     fx, skew, cx, _, fy, cy = matrix[:6].tolist()
-    values: dict[str, Any] = {"fx": fx, "fy": fy, "cx": cx, "cy": cy}
-    xi = keys.find(("xi",))
-    if xi is not None:
-        values |= {"xi": float(numbers(path, xi.row, xi.name, (1,))[0]), "d": d, "skew": skew}
-        model = "unified"
-    elif _is_fisheye(keys, len(d)):
-        values |= {"k": d, "alpha": skew / fx}
-        model = "kannala_brandt"
-    else:
-        return LensRecord(model="pinhole", values={**values, "d": d}, image_size=photos)
+    core: dict[str, Any] = {"image_size": photos, "fx": fx, "fy": fy, "cx": cx, "cy": cy}
+    entry = keys.find(("xi",))
+    if entry is None and not _is_fisheye(keys, len(d)):
+        return PinholeLens(**core, d=d)
+    xi = None if entry is None else float(numbers(path, entry.row, entry.name, (1,))[0])
     if len(d) != 4:
         raise CameraFileError(f"{path}: a fisheye lens has 4 distortion coefficients, not {len(d)}")
-    return LensRecord(model=model, values=values, image_size=photos)
+    if xi is None:
+        return RadialCamera(**core, k=d, alpha=skew / fx)
+    return UnifiedLens(**core, skew=skew, xi=xi, d=d)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -338,3 +335,22 @@ def _is_fisheye(keys: _Keys, count: int) -> bool:
 
 def _plain(key: str) -> str:
     return re.sub(r"[^a-z0-9]", "", key.lower())
+
+
+FORMAT = CameraFormat(
+    lenses={"opencv": RadialCamera},
+    file_name="camera.opencv.yaml",
+    write=lambda lens, note, poses: opencv_text(lens, note),
+    read=read_opencv,
+    holds_several=True,
+    sizeless=True,
+    marks=(
+        ("%YAML:1.0",),
+        ("!!opencv-matrix",),
+        ("<opencv_storage",),
+        ('"type_id"', "opencv-matrix"),
+    ),
+    looks_like=looks_like_opencv,
+    rig=("stereo.opencv.yaml", opencv_stereo_text),
+    front_only={"opencv": "cv2.fisheye"},
+)

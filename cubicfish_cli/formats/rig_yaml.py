@@ -9,16 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.camera_yaml import CameraFile, load_camera
 from cubicfish_cli.formats.fields import mapping, numbers
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.plain_yaml import load_plain_yaml, plain_yaml_text
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import did_you_mean, quoted
-
-FloatArray = npt.NDArray[np.float64]
 
 KEY = "cubicfish_rig"
 FORMAT_VERSION = 1

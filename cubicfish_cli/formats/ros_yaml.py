@@ -20,20 +20,21 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.errors import CameraFileError
+from cubicfish_cli.formats.camera_format import CameraFormat
 from cubicfish_cli.formats.fields import focal, mapping, numbers, size
 from cubicfish_cli.formats.lens_rig import LensRig
-from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.lenses.pinhole import PinholeLens
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.plain_yaml import load_plain_yaml
 from cubicfish_cli.wording import quoted
 
 _COUNTS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,), "equidistant": (4,)}
 
 
-def ros_text(record: LensRecord, note: Sequence[str], *, name: str = "camera") -> str:
-    """A record ``kannala_brandt`` as CameraInfo YAML with the model ``equidistant``."""
-    values = record.values
-    fx, fy, cx, cy = (float(values[key]) for key in ("fx", "fy", "cx", "cy"))
-    width, height = record.image_size
+def ros_text(lens: RadialCamera, note: Sequence[str], *, name: str = "camera") -> str:
+    """A lens as CameraInfo YAML with the model ``equidistant``."""
+    fx, fy, cx, cy = lens.fx, lens.fy, lens.cx, lens.cy
+    width, height = lens.image_size
     return "\n".join(
         [
             *(f"# {line}" for line in note),
@@ -42,7 +43,7 @@ def ros_text(record: LensRecord, note: Sequence[str], *, name: str = "camera") -
             f"camera_name: {name}",
             *_matrix("camera_matrix", 3, 3, [fx, 0, cx, 0, fy, cy, 0, 0, 1]),
             "distortion_model: equidistant",
-            *_matrix("distortion_coefficients", 1, 4, np.asarray(values["k"], float).tolist()),
+            *_matrix("distortion_coefficients", 1, 4, lens.k.tolist()),
             *_matrix("rectification_matrix", 3, 3, [1, 0, 0, 0, 1, 0, 0, 0, 1]),
             *_matrix("projection_matrix", 3, 4, [fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0]),
             "",
@@ -51,7 +52,7 @@ def ros_text(record: LensRecord, note: Sequence[str], *, name: str = "camera") -
 
 
 def ros_rig_texts(rig: LensRig) -> dict[str, str]:
-    """Records ``kannala_brandt`` as CameraInfo, static transforms and URDF: name -> text.
+    """Radial lenses as CameraInfo, static transforms and URDF: name -> text.
 
     The frame ``rig`` is the first camera's as it was calibrated, and ``NAME_optical_frame`` that
     of a camera's lens: x to the right, y down, z forward.
@@ -63,7 +64,7 @@ def ros_rig_texts(rig: LensRig) -> dict[str, str]:
     places = [rig.rig_from_lens(number) for number in range(len(rig.lenses))]
     frames = [f"{re.sub('[^A-Za-z0-9_]', '_', one.name)}_optical_frame" for one in rig.lenses]
     texts = {
-        f"{one.name}.camera_info.yaml": ros_text(one.record, one.note, name=one.name)
+        f"{one.name}.camera_info.yaml": ros_text(one.lens, one.note, name=one.name)
         for one in rig.lenses
     }
     lines = ["# geometry_msgs/TransformStamped: where each camera stands in the rig, metres"]
@@ -106,7 +107,7 @@ def _matrix(name: str, rows: int, columns: int, data: Sequence[float]) -> list[s
     return [f"{name}:", f"  rows: {rows}", f"  cols: {columns}", f"  data: [{text}]"]
 
 
-def read_ros(path: Path) -> LensRecord:
+def read_ros(path: Path) -> RadialCamera | PinholeLens:
     """Read CameraInfo YAML.
 
     Raises:
@@ -128,10 +129,10 @@ def read_ros(path: Path) -> LensRecord:
             f"{path}: distortion_model {quoted(str(model))} is not known: {', '.join(_COUNTS)}"
         )
     d = _data(path, record, "distortion_coefficients", _COUNTS[model])
-    values: dict[str, Any] = {"fx": fx, "fy": fy, "cx": cx, "cy": cy}
+    core = {"fx": fx, "fy": fy, "cx": cx, "cy": cy}
     if model == "equidistant":
-        return LensRecord(model="kannala_brandt", values={**values, "k": d}, image_size=image_size)
-    return LensRecord(model="pinhole", values={**values, "d": d}, image_size=image_size)
+        return RadialCamera(image_size=image_size, **core, k=d)
+    return PinholeLens(image_size=image_size, **core, d=d)
 
 
 def _data(
@@ -139,3 +140,14 @@ def _data(
 ) -> np.ndarray[Any, Any]:
     matrix = mapping(path, record.get(key), key)
     return numbers(path, matrix.get("data"), f"{key}.data", counts)
+
+
+FORMAT = CameraFormat(
+    lenses={"ros": RadialCamera},
+    file_name="camera_info.yaml",
+    write=lambda lens, note, poses: ros_text(lens, note),
+    read=read_ros,
+    marks=(("distortion_model:", "camera_matrix:", "image_width:"),),
+    rig=("ros", ros_rig_texts),
+    front_only={"ros": "cv2.fisheye"},
+)

@@ -11,9 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 _FLIP = np.diag([1.0, -1.0, -1.0])
 

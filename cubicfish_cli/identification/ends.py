@@ -16,7 +16,7 @@ import numpy as np
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.identification.placement import Placement
-from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # Lines beyond the grid's box that are looked at. What lies further is no better known.

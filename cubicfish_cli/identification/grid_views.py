@@ -22,7 +22,7 @@ from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.identification.moments import grid_moments
 from cubicfish_cli.identification.placement import Reach
 from cubicfish_cli.identification.search import GridView
-from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.types import FloatArray, IntArray
 
 # RMS, as a share of the distance of neighbouring corners, from which a grid is no plane of

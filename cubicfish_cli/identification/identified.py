@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.types import BoolArray
 
 FEWEST_CORNERS = 12

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from cubicfish_cli.fitting.poses import rotation_from_vector
-from cubicfish_cli.model.radial import RadialCamera, project_jacobian
+from cubicfish_cli.lenses.radial import RadialCamera, project_jacobian
 from cubicfish_cli.types import FloatArray, IntArray
 
 

@@ -17,7 +17,7 @@ from cubicfish_cli.identification.lens_of_grids import named_lens, nameless_lens
 from cubicfish_cli.identification.placement import Placement, reach_of
 from cubicfish_cli.identification.scene import Decisions, Scene, spread
 from cubicfish_cli.identification.strays import solid, solid_size
-from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray
 

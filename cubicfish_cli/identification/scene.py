@@ -14,7 +14,7 @@ from cubicfish_cli.identification.grid_views import GridPose, grid_poses, view_o
 from cubicfish_cli.identification.placement import Placement, Reach, placement_of, reach_of
 from cubicfish_cli.identification.search import search
 from cubicfish_cli.identification.strays import without_strays
-from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import IntArray
 

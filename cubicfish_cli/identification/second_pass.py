@@ -21,7 +21,7 @@ from cubicfish_cli.executors.pool import photos_done, settled
 from cubicfish_cli.fitting.calibrate import Calibration, calibrate
 from cubicfish_cli.fitting.robust import gross_px
 from cubicfish_cli.identification.photo_report import Detection, PhotoReport
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray

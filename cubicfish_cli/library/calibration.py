@@ -19,8 +19,8 @@ from cubicfish_cli.fitting.evaluate import Evaluation
 from cubicfish_cli.fitting.stages import Progress
 from cubicfish_cli.formats.calibrated import Calibrated
 from cubicfish_cli.identification.photo_report import Detection
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.pairs import pairs_of, target_of
-from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.target import Target
 from cubicfish_cli.wording import did_you_mean, quoted
 

@@ -17,7 +17,7 @@ from cubicfish_cli.fitting.calibrate import Calibration
 from cubicfish_cli.fitting.point_fit import PointCalibration
 from cubicfish_cli.formats.camera_writer import camera_text
 from cubicfish_cli.formats.target_yaml import target_text
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.photos import MAX_PIXELS
 from cubicfish_cli.undistortion.maps import build_map, save_map
 from cubicfish_cli.undistortion.views import default_view

@@ -12,7 +12,7 @@ from cubicfish_cli.files import write_text
 from cubicfish_cli.formats.calibrated import Calibrated
 from cubicfish_cli.formats.camera_yaml import CameraFile
 from cubicfish_cli.formats.target_yaml import target_text
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.target import Target
 
 

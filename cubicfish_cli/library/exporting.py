@@ -15,18 +15,18 @@ from cubicfish_cli.errors import FitError, ViewError
 from cubicfish_cli.fitting.conversion.to_lens import Conversion, to_lens
 from cubicfish_cli.fitting.statistics import poses_on_record
 from cubicfish_cli.formats.calibrated import Calibrated
+from cubicfish_cli.formats.camera_format import Poses
 from cubicfish_cli.formats.foreign import (
     FRONT_ONLY,
     LENS_OF,
     OWN_FIELD,
-    Poses,
     foreign_text,
     rig_texts,
 )
 from cubicfish_cli.formats.lens_rig import FlatPair, LensRig, PlacedLens
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
+from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.library.rig_pictures import rectify
-from cubicfish_cli.model.validity import cone_rays
 from cubicfish_cli.rendering.pose import rotation_matrix
 from cubicfish_cli.undistortion.fit import sees
 from cubicfish_cli.undistortion.views import default_view
@@ -58,12 +58,12 @@ class Exported:
     @property
     def text(self) -> str:
         """The text of the format's file."""
-        return foreign_text(self.name, self.conversion.record, self.note, self.poses)
+        return foreign_text(self.name, self.conversion.lens, self.note, self.poses)
 
     def as_record(self) -> dict[str, Any]:
         """The lens and its errors, for JSON."""
         return {
-            "lens": self.conversion.record.model,
+            "lens": self.conversion.lens.name,
             **self.conversion.error.as_record(),
             "turned_deg": self.conversion.turned_deg,
             "lens_from_camera": self.conversion.lens_from_camera,
@@ -184,7 +184,7 @@ def _placed(camera: RigFileCamera, lens: Exported) -> PlacedLens:
     turn = lens.conversion.lens_from_camera
     return PlacedLens(
         name=camera.name,
-        record=lens.conversion.record,
+        lens=lens.conversion.lens,
         note=lens.note,
         rotation=turn @ camera.rotation,
         translation=turn @ camera.translation,

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import ViewError
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.undistortion.frames import camera_for_photos
 from cubicfish_cli.undistortion.images import INTERPOLATIONS, Rendering, remap_picture
 from cubicfish_cli.undistortion.maps import UndistortMap, build_map

@@ -14,7 +14,7 @@ from cubicfish_cli.formats.colmap_cameras import colmap_rig_text
 from cubicfish_cli.formats.lens_rig import LensRig, PlacedLens, Pose
 from cubicfish_cli.formats.nerfstudio_json import nerfstudio_rig_text
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
-from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.lenses.pinhole import PinholeLens
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.rendering.pose import rotation_matrix
 from cubicfish_cli.undistortion.choose import build_view
@@ -242,14 +242,17 @@ def faces_texts(rig: RigFile, faces: tuple[Face, ...], photos: Mapping[str, str]
         turn = face.view.camera_from_view.T
         rotation, translation = turn @ face.camera.rotation, turn @ face.camera.translation
         x, y = face.view.middle
-        core = {"fx": face.view.focal, "fy": face.view.focal, "cx": x, "cy": y}
-        record_of_face = LensRecord(
-            model="pinhole", values={**core, "d": np.zeros(8)}, image_size=face.view.size
-        )
         lenses.append(
             PlacedLens(
                 name=face.name,
-                record=record_of_face,
+                lens=PinholeLens(
+                    image_size=face.view.size,
+                    fx=face.view.focal,
+                    fy=face.view.focal,
+                    cx=x,
+                    cy=y,
+                    d=np.zeros(0),
+                ),
                 note=[],
                 rotation=rotation,
                 translation=translation,

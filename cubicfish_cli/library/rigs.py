@@ -40,8 +40,8 @@ from cubicfish_cli.formats.target_yaml import target_text
 from cubicfish_cli.frame_names import time_of
 from cubicfish_cli.geometry import camera_centre, total_sigma
 from cubicfish_cli.identification.photo_report import Detection
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.pairs import pairs_of
-from cubicfish_cli.model.cubic import CubicCamera
 from cubicfish_cli.tables import read_table
 from cubicfish_cli.target import Target
 from cubicfish_cli.wording import quoted

@@ -16,7 +16,7 @@ from cubicfish_cli.files import Content
 from cubicfish_cli.formats.camera_writer import camera_text
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.frame_names import frame_name
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.rendering.lens_file import is_lens_file, lens_text, load_lens
 from cubicfish_cli.rendering.outside import (
     OUTSIDE_LENSES,
@@ -91,15 +91,15 @@ class Source:
         if name in OUTSIDE_LENSES:
             return cls._outside(outside_lens(name, size or _SIZE, units=target.units))
         # Loaded late: they take as long as a photo.
-        from cubicfish_cli.fitting.conversion.exact_lens import ExactLens
+        from cubicfish_cli.fitting.conversion.from_lens import ExactLens
         from cubicfish_cli.formats.foreign import read_foreign
 
-        record, found = read_foreign(Path(name), image_size=size)
-        exact = ExactLens.of(record)
-        text = _camera_text(exact.nearest.camera, {"imported_from": found, "lens": record.model})
+        given, found = read_foreign(Path(name), image_size=size)
+        exact = ExactLens.of(given)
+        text = _camera_text(exact.nearest.camera, {"imported_from": found, "lens": given.name})
         return cls(
             lens=exact,
-            image_size=record.image_size,
+            image_size=given.image_size,
             text=lambda *_: text,
             note=f"true_camera.yaml will be the cubic camera nearest to the lens of {found}, "
             f"{exact.nearest.error.rms_px:.4f} px from it (RMS); photos and corners are the "

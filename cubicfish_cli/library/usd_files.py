@@ -14,7 +14,7 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.files import Content
 from cubicfish_cli.formats.lens_rig import METRES, Pose
 from cubicfish_cli.formats.usd_text import TableCamera, prim_name, usd_text
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.undistortion.lens_tables import LensTables, lens_tables
 from cubicfish_cli.undistortion.map_formats import write_float_exr
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.undistortion.chosen import ChosenView, SeenField
 from cubicfish_cli.undistortion.frames import Crop, camera_for_photos
 from cubicfish_cli.undistortion.maps import UndistortMap, build_map

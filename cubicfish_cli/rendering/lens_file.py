@@ -6,13 +6,14 @@ say as which lens of rays it is compared with others.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.errors import CameraFileError
+from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.plain_yaml import load_plain_yaml, plain_yaml_text
-from cubicfish_cli.rendering.lens import TrueLens
 from cubicfish_cli.rendering.outside import OUTSIDE_LENSES, RaysAtDistance, outside_lens
 from cubicfish_cli.wording import did_you_mean, quoted
 
@@ -47,7 +48,7 @@ def is_lens_file(path: Path) -> bool:
     return "lens" in data or {"fx", "fy"} <= data.keys()
 
 
-def load_lens(path: Path) -> TrueLens | RaysAtDistance:
+def load_lens(path: Path) -> AsymmetricLens | RaysAtDistance:
     """Read a lens file.
 
     Raises:
@@ -60,14 +61,7 @@ def load_lens(path: Path) -> TrueLens | RaysAtDistance:
         raise CameraFileError(f"{path} must hold the keys {', '.join(_COUNTS)}")
     if "lens" in data:
         return _outside(path, data)
-    for key in data:
-        if key not in _COUNTS:
-            raise CameraFileError(
-                f"{path}: unknown key {quoted(str(key))}: {did_you_mean(str(key), _COUNTS)}"
-            )
-    for key in _NEEDED:
-        if key not in data:
-            raise CameraFileError(f"{path}: {key} is missing: a lens has {', '.join(_NEEDED)}")
+    _check_keys(path, data, tuple(_COUNTS), _NEEDED, "a lens")
     values = {key: _numbers(path, key, value) for key, value in data.items()}
     values["image_size"] = _size(path, values["image_size"])
     if values["fx"] <= 0 or values["fy"] <= 0:
@@ -75,12 +69,12 @@ def load_lens(path: Path) -> TrueLens | RaysAtDistance:
     if not 0 < values.get("max_angle_deg", 95.0) < 180:
         raise CameraFileError(f"{path}: max_angle_deg must be between 0 and 180")
     try:
-        return TrueLens(**values)
+        return AsymmetricLens(**values)
     except ValueError as problem:  # a profile that folds
         raise CameraFileError(f"{path}: {problem}") from problem
 
 
-def lens_text(lens: TrueLens | RaysAtDistance) -> str:
+def lens_text(lens: AsymmetricLens | RaysAtDistance) -> str:
     """A lens file that :func:`load_lens` reads back exactly."""
     if isinstance(lens, RaysAtDistance):
         return plain_yaml_text(
@@ -101,16 +95,7 @@ def lens_text(lens: TrueLens | RaysAtDistance) -> str:
 
 
 def _outside(path: Path, data: dict[str, Any]) -> RaysAtDistance:
-    for key in data:
-        if key not in _OUTSIDE:
-            raise CameraFileError(
-                f"{path}: unknown key {quoted(str(key))}: {did_you_mean(str(key), _OUTSIDE)}"
-            )
-    for key in _OUTSIDE:
-        if key not in data:
-            raise CameraFileError(
-                f"{path}: {key} is missing: such a lens has {', '.join(_OUTSIDE)}"
-            )
+    _check_keys(path, data, _OUTSIDE, _OUTSIDE, "such a lens")
     if data["lens"] not in OUTSIDE_LENSES:
         raise CameraFileError(f"{path}: lens must be one of {', '.join(OUTSIDE_LENSES)}")
     if not isinstance(data["units"], str):
@@ -120,6 +105,17 @@ def _outside(path: Path, data: dict[str, Any]) -> RaysAtDistance:
         raise CameraFileError(f"{path}: distance must be above 0")
     lens = outside_lens(data["lens"], _size(path, values["image_size"]), units=data["units"])
     return RaysAtDistance(lens=lens, centre=values["centre"], distance=values["distance"])
+
+
+def _check_keys(
+    path: Path, data: dict[str, Any], known: Sequence[str], needed: Sequence[str], what: str
+) -> None:
+    for key in map(str, data):
+        if key not in known:
+            raise CameraFileError(f"{path}: unknown key {quoted(key)}: {did_you_mean(key, known)}")
+    for key in needed:
+        if key not in data:
+            raise CameraFileError(f"{path}: {key} is missing: {what} has {', '.join(needed)}")
 
 
 def _size(path: Path, size: tuple[float, float]) -> tuple[int, int]:

@@ -1,8 +1,8 @@
 """Made-up lenses from outside every family that is fitted, for truth that flatters nobody.
 
-:class:`~cubicfish_cli.rendering.lens.TrueLens` has the formula of the lens that P is held to, so
-what it shows leans on the prior being right. The lenses here differ from it as real ones do, and
-none is a member of the cubic's family or of a baseline's:
+:class:`~cubicfish_cli.lenses.asymmetric.AsymmetricLens` has the formula of the lens that P is held
+to, so what it shows leans on the prior being right. The lenses here differ from it as real ones do,
+and none is a member of the cubic's family or of another model of :mod:`cubicfish_cli.lenses`:
 
 - ``moving-pupil``: the entrance pupil wanders forward as rays come in from the side, so the camera
   is mildly non-central: where a point is seen depends on its distance.

@@ -19,8 +19,8 @@ from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.statistics import photos_on_record, poses_on_record, rms_px
 from cubicfish_cli.fitting.subset import select
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.point_cubic import PointCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.point_cubic import PointCamera
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.finding import Finding, joined
 

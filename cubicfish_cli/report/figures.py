@@ -18,7 +18,7 @@ from cubicfish_cli.assess.records import recorded_number
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.findings import field_cells
 from cubicfish_cli.fitting.statistics import rms_px
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.rendering.difference_picture import COLOURS, round_up
 from cubicfish_cli.report.facts import ErrorFacts, Facts
 from cubicfish_cli.report.svg import (

@@ -16,8 +16,8 @@ from cubicfish_cli.correspondences import (
 )
 from cubicfish_cli.files import sha256_of
 from cubicfish_cli.formats.camera_yaml import load_any_camera
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.point_cubic import PointCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.point_cubic import PointCamera
 from cubicfish_cli.photos import find_photos
 from cubicfish_cli.report.facts import REFINED, Facts, Lack, gather
 from cubicfish_cli.report.pictures import matched

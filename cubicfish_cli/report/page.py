@@ -19,7 +19,7 @@ from cubicfish_cli.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import WORDS
 from cubicfish_cli.fitting.findings import COVERED
 from cubicfish_cli.fitting.statistics import rms_px
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.report.facts import Facts
 from cubicfish_cli.report.figures import Drawn, all_figures, arrow_zoom
 from cubicfish_cli.report.pictures import MOST_CARDS, all_pictures, matched

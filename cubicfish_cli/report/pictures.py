@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import PhotoError, ViewError
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.photos import Picture, decode_picture, read_file
 from cubicfish_cli.rendering.thumbnail import jpeg_bytes, thumbnail
 from cubicfish_cli.report.facts import Facts, PhotoFacts

@@ -14,8 +14,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.lift import EXPONENTS, lift, lift_rotation
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.lift import EXPONENTS, lift, lift_rotation
 from cubicfish_cli.undistortion.plane import PlaneView
 from cubicfish_cli.undistortion.projections import (
     CylindricalView,

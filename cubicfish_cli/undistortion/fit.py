@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import ViewError
-from cubicfish_cli.model.validity import cone_rays
+from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.undistortion.view import Camera, CentralView, FloatArray, Rotation, View
 
 INNER, OUTER = 0.0, 1.0

@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import ViewError
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.wording import quoted
 
 

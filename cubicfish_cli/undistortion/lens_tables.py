@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.angles import unit_rays
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.validity import cone_rays
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.undistortion.view import FloatArray
 
 Floats = npt.NDArray[np.float32]

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import OutputError, ViewError
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.undistortion.maps import FORMAT, OUTSIDE, UndistortMap
 from cubicfish_cli.undistortion.view import MAX_SIDE, View
 

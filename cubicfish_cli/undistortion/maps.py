@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.files import whole_file
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.undistortion.cube import CrossView
 from cubicfish_cli.undistortion.cubic_grid import grid_of
 from cubicfish_cli.undistortion.npz import opened

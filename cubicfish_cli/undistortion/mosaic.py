@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.angles import unit_rays
 from cubicfish_cli.errors import ViewError
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.undistortion.cube import CrossView
 from cubicfish_cli.undistortion.fit import sees

@@ -11,7 +11,7 @@ from cubicfish_cli.advice.worth import Worth, _told
 from cubicfish_cli.correspondences import pair
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.poses import cross_matrix
-from cubicfish_cli.model.radial import project_jacobian
+from cubicfish_cli.lenses.radial import project_jacobian
 
 LENS = lens_of_size(1.0)
 

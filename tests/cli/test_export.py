@@ -2,6 +2,7 @@
 
 import json
 import re
+from importlib import import_module
 from pathlib import Path
 
 import cv2
@@ -10,12 +11,11 @@ import pytest
 import yaml
 from running import Run
 
-from cubicfish_cli.cli import export as export_command
-from cubicfish_cli.cli import import_camera
 from cubicfish_cli.cli.export import FORMATS
 from cubicfish_cli.formats import foreign
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.formats.foreign import FILE_NAMES
+from cubicfish_cli.formats.registry import ENTRIES, READABLE
 from cubicfish_cli.geometry import inside_polygon
 from cubicfish_cli.library.exporting import _rounded_up
 
@@ -60,10 +60,19 @@ def kannala_brandt(points, fx, fy, cx, cy, k):
     return points[:, :2] * scale[:, None] * [fx, fy] + [cx, cy]
 
 
-def test_the_commands_know_the_formats_that_there_are():
-    assert set(export_command.FORMATS) == {*foreign.LENS_OF, "maps", "usd"}
-    assert set(foreign.FILE_NAMES) == set(foreign.LENS_OF)
-    assert import_camera.FORMATS == foreign.READABLE
+def test_the_commands_know_the_formats_that_there_are(run: Run):
+    """A module's ``FORMAT`` has the names that it is registered under."""
+    for entry in ENTRIES:
+        made = import_module(f"cubicfish_cli.formats.{entry.module}").FORMAT
+        assert set(made.lenses) == set(entry.written)
+        assert (made.read is None) == (entry.read is None) == (entry.reads == "")
+        assert set(made.front_only) <= set(entry.written)
+        assert made.rig is None or made.rig[0]
+    for page, names in (
+        (run("export", "--help"), {*foreign.LENS_OF, "maps", "usd"}),
+        (run("import", "--help"), set(READABLE)),
+    ):
+        assert {name for name in names if name in page.stdout} == names
 
 
 @pytest.mark.slow

@@ -18,8 +18,8 @@ from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.rig import named_by
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.camera_yaml import load_camera
+from cubicfish_cli.lenses.lift import lift_rotation
 from cubicfish_cli.library.rigs import compare_rigs
-from cubicfish_cli.model.lift import lift_rotation
 from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.rendering.pose import rotation_matrix
 from cubicfish_cli.target import Target

@@ -12,8 +12,7 @@ from synthetic import TRUE_LENS
 
 from cubicfish_cli.cli import simulate
 from cubicfish_cli.correspondences import load_corners, pair
-from cubicfish_cli.fitting.conversion.exact_lens import ExactLens
-from cubicfish_cli.fitting.conversion.models import MODELS
+from cubicfish_cli.fitting.conversion.from_lens import ExactLens
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.formats.foreign import read_foreign
@@ -163,13 +162,13 @@ def test_another_tools_lens_is_taken_as_it_is(
     run("export", "--to", form, "-m", calibrated / "camera.yaml", "-o", file)
     said = run("simulate", "-t", TARGET, "--lens", file, "-n", 1, "-o", tmp_path / "a")
     assert "nearest to the lens of" in said.stderr
-    record, _ = read_foreign(file)
-    lens = ExactLens.of(record)
+    given, _ = read_foreign(file)
+    lens = ExactLens.of(given)
     target = load_target(TARGET)
     pairs = pair(load_corners(tmp_path / "a" / "true_corners.csv", target), target)
     (pose,) = load_poses(tmp_path / "a" / "true_poses.csv").values()
     points = camera_points(pose, pairs.world)
-    pixel = MODELS[record.model].project(record, points)
+    pixel = given.project(points)
     np.testing.assert_allclose(pixel, pairs.pixel, atol=2e-6)
     rays = points / np.linalg.norm(points, axis=1, keepdims=True)
     np.testing.assert_allclose(lens.unproject(pixel), rays, atol=1e-8)

@@ -14,14 +14,14 @@ from cubicfish_cli.detection.markers_detect import families
 from cubicfish_cli.detection.markers_lattice import BoardLattice
 from cubicfish_cli.detection.markers_read import read_grid
 from cubicfish_cli.detection.pyramid import build_pyramid
-from cubicfish_cli.rendering.lens import TrueLens
+from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.rendering.pose import camera_points, look_at
 from cubicfish_cli.rendering.render import plain_background, render
 from cubicfish_cli.rendering.truth import project_corners
 from cubicfish_cli.target import Target
 
 SIZE = (520, 520)
-LENS = TrueLens(
+LENS = AsymmetricLens(
     image_size=SIZE,
     fx=152.0,
     fy=152.3,

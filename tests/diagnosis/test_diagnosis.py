@@ -38,8 +38,8 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.repeats import NEAR_SHARE, repeated_groups
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
 from cubicfish_cli.geometry import similarity
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.library.calibration import calibrate
-from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 from cubicfish_cli.words.phrases import listed, percent

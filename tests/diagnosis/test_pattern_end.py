@@ -6,7 +6,7 @@ import pytest
 
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.diagnosis.pattern_end import pattern_end
-from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.lenses.radial import RadialCamera
 
 SIDE, FIRST = 20, 60  # pixels a square, and the first corner's place
 # So narrow a field that a plane before it is its own picture.

@@ -16,7 +16,7 @@ from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.fitting.world import DrawnWorld
-from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.lenses.radial import RadialCamera
 
 TRUTH = RadialCamera(
     image_size=(960, 720), fx=255, fy=256, cx=500, cy=340, k=np.array([-0.03, 0.002, 0, 0])

@@ -8,8 +8,8 @@ import synthetic
 
 from cubicfish_cli.fitting.findings import coverage, coverage_notes, dropped_groups
 from cubicfish_cli.fitting.subset import select
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.library.calibration import calibrate
-from cubicfish_cli.model.radial import RadialCamera
 from cubicfish_cli.words.codes import Code
 
 TARGET = synthetic.corner_of_three()

@@ -10,8 +10,8 @@ from lenses import cubic_camera, random_rays
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.frame import in_references_frame
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
-from cubicfish_cli.model.lift import lift_rotation
-from cubicfish_cli.model.validity import cone_rays
+from cubicfish_cli.lenses.lift import lift_rotation
+from cubicfish_cli.lenses.sphere import cone_rays
 
 COVERED = np.deg2rad(80.0)
 

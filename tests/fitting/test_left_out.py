@@ -20,7 +20,7 @@ from cubicfish_cli.fitting.refinement import Drawing, ObjectFit, refine_object
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select_photos, world_scale
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 
 HOLD = Hold(spread=1e-3, weight=1.0)
 FOLDS = [np.array([0, 3, 6]), np.array([1, 4, 7]), np.array([2, 5])]

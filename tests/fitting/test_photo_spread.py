@@ -14,8 +14,8 @@ from cubicfish_cli.fitting.photo_spread import photo_spread
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.subset import select, world_scale
 from cubicfish_cli.fitting.uncertainty import camera_uncertainty
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.validity import cone_rays
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.rendering.outside import outside_lens
 
 TARGET = synthetic.corner_of_three()

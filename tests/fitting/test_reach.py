@@ -5,7 +5,7 @@ import pytest
 from lenses import cubic_camera
 
 from cubicfish_cli.fitting.reach import reach, trusted_angle_deg
-from cubicfish_cli.model.cubic import ray_at
+from cubicfish_cli.lenses.sphere import ray_at
 
 CAMERA = cubic_camera(100.0, bend=0.002)  # a photo that shows all of the cone
 

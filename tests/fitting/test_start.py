@@ -11,7 +11,7 @@ from cubicfish_cli.fitting.radial_pose import depth_shift, radial_poses
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.start import start_at_centre
 from cubicfish_cli.fitting.subset import select_photos
-from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.lenses.radial import RadialCamera
 
 RNG = np.random.default_rng(3)
 EQUIDISTANT = RadialCamera(image_size=(960, 720), fx=250, fy=250, cx=470, cy=380, k=np.zeros(4))

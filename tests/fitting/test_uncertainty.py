@@ -10,7 +10,7 @@ from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.radial_reference import fit_radial, refit_radial
 from cubicfish_cli.fitting.uncertainty import camera_uncertainty, uncertainty_record
-from cubicfish_cli.model.validity import cone_rays
+from cubicfish_cli.lenses.sphere import cone_rays
 
 TARGET = synthetic.corner_of_three()
 NOISE, DRAWS = 0.1, 100

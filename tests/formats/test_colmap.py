@@ -9,14 +9,14 @@ import pytest
 from lenses import cubic_camera, radial_camera
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.fitting.conversion import thin_prism
 from cubicfish_cli.fitting.conversion.from_lens import from_lens
-from cubicfish_cli.fitting.conversion.models import MODELS as LENSES
 from cubicfish_cli.fitting.conversion.to_lens import to_lens
 from cubicfish_cli.formats.colmap_cameras import colmap_text, read_colmap
 from cubicfish_cli.formats.colmap_models import MODELS, WRITTEN
 from cubicfish_cli.formats.foreign import sniffed
-from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.lenses.enhanced_unified import EnhancedUnifiedLens
+from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.lenses.thin_prism import RadTanThinPrismLens, ThinPrismLens
 
 SIZE = (640, 480)
 # Some of each parameter that is not 0: pixels of lenses that look like lenses.
@@ -57,21 +57,21 @@ def test_every_model_is_read_as_colmap_means_it(tmp_path, file):
     assert sniffed(tmp_path / file) == "colmap"
     seen = points()
     for number, camera in cameras.items():
-        record = read_colmap(tmp_path / file, camera=number)
-        assert record.image_size == SIZE
+        lens = read_colmap(tmp_path / file, camera=number)
+        assert lens.image_size == SIZE
         theirs = np.asarray(camera.img_from_cam(seen)) - 0.5
-        ours = LENSES[record.model].project(record, seen)
+        ours = lens.project(seen)
         inside = np.isfinite(ours[:, 0])
         assert inside.mean() > 0.5, camera.model
         np.testing.assert_allclose(ours[inside], theirs[inside], atol=1e-9, rtol=0)
 
 
-@pytest.mark.parametrize("model", WRITTEN)
+@pytest.mark.parametrize("model", WRITTEN, ids=lambda kind: kind.name)
 def test_colmap_projects_what_is_written_the_same(tmp_path, model):
     pycolmap = pytest.importorskip("pycolmap")
-    record = to_lens(cubic_camera(80, bend=0.001), model).record
+    written = to_lens(cubic_camera(80, bend=0.001), model).lens
     path = tmp_path / "cameras.txt"
-    path.write_text(colmap_text(record, ["a note"]))
+    path.write_text(colmap_text(written, ["a note"]))
     _, name, width, height, *params = path.read_text().splitlines()[-1].split()
     if name not in pycolmap.CameraModelId.__members__:
         pytest.skip(f"this pycolmap does not know {name}")
@@ -82,9 +82,8 @@ def test_colmap_projects_what_is_written_the_same(tmp_path, model):
     assert not camera.has_bogus_params(0.1, 10.0, 10.0)
     seen = points()
     theirs = np.asarray(camera.img_from_cam(seen)) - 0.5
-    for lens in (record, read_colmap(path)):
-        ours = LENSES[model].project(lens, seen)
-        np.testing.assert_allclose(ours, theirs, atol=1e-9, rtol=0)
+    for lens in (written, read_colmap(path)):
+        np.testing.assert_allclose(lens.project(seen), theirs, atol=1e-9, rtol=0)
 
 
 @pytest.mark.slow
@@ -94,46 +93,29 @@ def test_a_lens_with_prisms_is_found_again():
         "fx": 205.0, "fy": 207.5, "cx": 322.0, "cy": 236.5, "t": np.array([1.5e-3, -1e-3]),
         "k": np.array([-0.03, 4e-3, -3e-4, 0, 0, 0]), "s": np.array([1e-3, -1e-3, 5e-4, 2e-4]),
     }  # fmt: skip
-    model = "rad_tan_thin_prism_fisheye"
-    truth = LensRecord(model=model, values=values, image_size=SIZE)
+    truth = RadTanThinPrismLens(image_size=SIZE, **values)
     imported = from_lens(truth, max_angle_deg=80)
-    errors = {name: to_lens(imported.camera, name).error for name in ("kannala_brandt", model)}
-    assert errors["kannala_brandt"].rms_px > 0.2
-    assert errors[model].max_px < imported.error.max_px + 0.01
+    assert to_lens(imported.camera, RadialCamera).error.rms_px > 0.2
+    assert to_lens(imported.camera, RadTanThinPrismLens).error.max_px < imported.error.max_px + 0.01
 
 
-@pytest.mark.parametrize("of_bent", [False, True])
-def test_derivatives_are_those_of_the_projection(of_bent):
-    rng = np.random.default_rng(3)
-    uv = rng.uniform(-1, 1, (20, 2))
-    values = rng.uniform(-0.1, 0.1, 12)
-
-    def bent(values):
-        return thin_prism._bent(uv, values[:6], values[6:], of_bent=of_bent)
-
-    steps = 1e-6 * np.eye(12)
-    numeric = [(bent(values + step)[0] - bent(values - step)[0]) / 2e-6 for step in steps]
-    np.testing.assert_allclose(bent(values)[1], np.stack(numeric, -1), atol=1e-8)
-
-
-@pytest.mark.parametrize("model", ["thin_prism_fisheye", "rad_tan_thin_prism_fisheye"])
+@pytest.mark.parametrize("model", [ThinPrismLens, RadTanThinPrismLens])
 def test_prisms_of_a_radial_lens_are_nothing(model):
     radial = radial_camera(85)
-    record = to_lens(cubic_camera(85, bend=0), model).record
-    np.testing.assert_allclose(record.values["t"], 0, atol=1e-4)
-    np.testing.assert_allclose(record.values["s"], 0, atol=1e-4)
-    np.testing.assert_allclose(record.values["fx"], radial.fx, rtol=1e-3)
+    lens = to_lens(cubic_camera(85, bend=0), model).lens
+    np.testing.assert_allclose([*lens.t, *lens.s], 0, atol=1e-4)
+    np.testing.assert_allclose(lens.fx, radial.fx, rtol=1e-3)
 
 
-@pytest.mark.parametrize("model", ["thin_prism_fisheye", "rad_tan_thin_prism_fisheye"])
+@pytest.mark.parametrize("model", [ThinPrismLens, RadTanThinPrismLens])
 def test_beyond_its_fold_a_lens_sees_nothing(model):
-    k = np.zeros(6 if model.startswith("rad") else 4)
+    k = np.zeros(model.terms)
     k[0] = -0.2  # θ - 0.2 θ³ grows up to 74.0°
-    values = {"fx": 200.0, "fy": 200.0, "cx": 320.0, "cy": 240.0, "k": k, "t": np.zeros(2)}
-    record = LensRecord(model=model, values={**values, "s": np.zeros(4)}, image_size=SIZE)
+    core = {"fx": 200.0, "fy": 200.0, "cx": 320.0, "cy": 240.0}
+    lens = model(image_size=SIZE, **core, k=k, t=np.zeros(2), s=np.zeros(4))
     theta = np.deg2rad([0.0, 73.5, 74.5, 120, 180])
     seen = np.stack([np.sin(theta), 0 * theta, np.cos(theta)], -1)
-    pixel = LENSES[model].project(record, seen)
+    pixel = lens.project(seen)
     np.testing.assert_array_equal(np.isfinite(pixel[:, 0]), [True, True, False, False, False])
 
 
@@ -143,7 +125,7 @@ def test_a_term_of_next_to_nothing_is_none(tmp_path):
     pixel = []
     for term in ("0", "1e-310"):
         path.write_text(f"1 OPENCV_FISHEYE 640 480 {values} {term}\n")
-        pixel.append(LENSES["kannala_brandt"].project(read_colmap(path), points()))
+        pixel.append(read_colmap(path).project(points()))
     np.testing.assert_array_equal(*pixel)
 
 
@@ -151,7 +133,7 @@ def test_without_its_remarks_the_file_is_known_too(tmp_path):
     path = tmp_path / "cameras.txt"
     path.write_text("2 SIMPLE_PINHOLE 640 480 200 320 240\n")
     assert sniffed(path) == "colmap"
-    assert read_colmap(path).values["cx"] == 319.5
+    assert read_colmap(path).cx == 319.5
 
 
 def binary(*cameras: tuple[int, int, list[float]]) -> bytes:
@@ -195,11 +177,11 @@ def test_what_is_wrong_is_said_in_a_line(tmp_path, data, message):
 def test_of_several_cameras_one_is_chosen(tmp_path):
     path = tmp_path / "cameras.bin"
     path.write_bytes(binary((1, 1, PINHOLE), (7, 0, [150.0, 320.0, 240.0])))
-    assert read_colmap(path, camera="7").values["fx"] == 150
+    assert read_colmap(path, camera="7").fx == 150
 
 
 def test_an_eucm_that_colmap_refuses_is_not_written():
     values = {"fx": 200.0, "fy": 200.0, "cx": 320.0, "cy": 240.0, "alpha": 1.2, "beta": 1.0}
-    record = LensRecord(model="eucm", values=values, image_size=SIZE)
+    lens = EnhancedUnifiedLens(image_size=SIZE, **values)
     with pytest.raises(CameraFileError, match="alpha from 0 to 1"):
-        colmap_text(record, [])
+        colmap_text(lens, [])

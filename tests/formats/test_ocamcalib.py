@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,27 +12,22 @@ from hypothesis import strategies as st
 from lenses import cubic_camera
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.fitting.conversion import ocam
-from cubicfish_cli.formats.ocamcalib import (
-    ocamcalib_text,
-    pyocamcalib_text,
-    read_ocamcalib,
-    read_pyocamcalib,
-)
-from cubicfish_cli.model.lens_record import LensRecord
-from cubicfish_cli.model.validity import cone_rays
+from cubicfish_cli.formats.foreign import sniffed
+from cubicfish_cli.formats.ocamcalib import ocamcalib_text, read_ocamcalib
+from cubicfish_cli.formats.pyocamcalib import pyocamcalib_text, read_pyocamcalib
+from cubicfish_cli.lenses.scaramuzza import ScaramuzzaLens
+from cubicfish_cli.lenses.sphere import cone_rays
 
 SIZE = (960, 720)
 
 
 @pytest.fixture(scope="module")
-def record() -> LensRecord:
+def lens() -> ScaramuzzaLens:
     """A lens with an affine part that no transposition leaves unnoticed."""
     camera = cubic_camera(95)
     rays = cone_rays(np.deg2rad(90), 2000)
-    fitted = ocam.fit(camera, rays, camera.project(rays))
-    values = {**fitted.values, "stretch": np.array([[1.003, 0.0021], [-0.0013, 0.998]])}
-    return LensRecord(model="ocam", values=values, image_size=SIZE)
+    fitted = ScaramuzzaLens.nearest_to(camera, rays, camera.project(rays))
+    return replace(fitted, stretch=np.array([[1.003, 0.0021], [-0.0013, 0.998]]))
 
 
 RAYS = cone_rays(np.deg2rad(90), 400)
@@ -76,47 +72,47 @@ class Toolbox:
         return ray / np.linalg.norm(ray)
 
 
-def test_the_toolbox_sees_the_same_pixels_and_rays(record: LensRecord) -> None:
-    toolbox = Toolbox(ocamcalib_text(record))
+def test_the_toolbox_sees_the_same_pixels_and_rays(lens: ScaramuzzaLens) -> None:
+    toolbox = Toolbox(ocamcalib_text(lens))
     assert (toolbox.width, toolbox.height) == SIZE
     assert toolbox.pol[0] < 0
     assert toolbox.pol[1] == 0
     # Their x is our y, their y our x, their z our -z; their pixel is (row, column).
     theirs = RAYS[1:, [1, 0, 2]] * [1, 1, -1]
     rows = np.array([toolbox.world2cam(ray) for ray in theirs])
-    assert np.abs(rows[:, ::-1] - ocam.project_by_inverse(record, RAYS[1:])).max() < 1e-6
-    pixel = ocam.project(record, RAYS[1:])
+    assert np.abs(rows[:, ::-1] - lens.project_by_inverse(RAYS[1:])).max() < 1e-6
+    pixel = lens.project(RAYS[1:])
     back = np.array([toolbox.cam2world(y, x) for x, y in pixel])
     assert np.abs(back - theirs).max() < 1e-9
 
 
-def test_py_ocamcalib_sees_the_same_pixels_and_rays(record: LensRecord) -> None:
-    data = json.loads(pyocamcalib_text(record))
+def test_py_ocamcalib_sees_the_same_pixels_and_rays(lens: ScaramuzzaLens) -> None:
+    data = json.loads(pyocamcalib_text(lens))
     stretch, centre = np.array(data["stretch_matrix"]), np.array(data["distortion_center"])
     assert stretch[1, 1] == 1
     angle = np.arccos(RAYS[1:, 2])
     radius = np.polyval(data["inverse_poly"], angle)  # highest order first
     plane = radius[:, None] * RAYS[1:, :2] / np.hypot(*RAYS[1:, :2].T)[:, None]
     pixel = plane @ stretch.T + centre
-    assert np.abs(pixel - ocam.project_by_inverse(record, RAYS[1:])).max() < 1e-4
-    straight = (ocam.project(record, RAYS) - centre) @ np.linalg.inv(stretch).T
+    assert np.abs(pixel - lens.project_by_inverse(RAYS[1:])).max() < 1e-4
+    straight = (lens.project(RAYS) - centre) @ np.linalg.inv(stretch).T
     z = np.polyval(data["taylor_coefficient"][::-1], np.hypot(*straight.T))
     back = np.column_stack([straight, z])
     assert np.abs(back / np.linalg.norm(back, axis=1, keepdims=True) - RAYS).max() < 1e-9
 
 
-def test_both_read_back_as_the_same_lens(tmp_path: Path, record: LensRecord) -> None:
-    (tmp_path / "a.txt").write_text(ocamcalib_text(record))
-    (tmp_path / "a.json").write_text(pyocamcalib_text(record))
+def test_both_read_back_as_the_same_lens(tmp_path: Path, lens: ScaramuzzaLens) -> None:
+    (tmp_path / "a.txt").write_text(ocamcalib_text(lens))
+    (tmp_path / "a.json").write_text(pyocamcalib_text(lens))
     for again in (
         read_ocamcalib(tmp_path / "a.txt"),
         read_pyocamcalib(tmp_path / "a.json", image_size=SIZE),
     ):
         assert again.image_size == SIZE
-        pixel = ocam.project(again, RAYS)
-        assert np.abs(pixel - ocam.project(record, RAYS)).max() < 1e-9
-        pixel = ocam.project_by_inverse(again, RAYS)
-        assert np.abs(pixel - ocam.project_by_inverse(record, RAYS)).max() < 1e-6
+        pixel = again.project(RAYS)
+        assert np.abs(pixel - lens.project(RAYS)).max() < 1e-9
+        pixel = again.project_by_inverse(RAYS)
+        assert np.abs(pixel - lens.project_by_inverse(RAYS)).max() < 1e-6
 
 
 # The layout of the toolbox's own exportData2TXT, with the numbers of its %f and %e and the blanks
@@ -147,12 +143,12 @@ TOOLBOX = """#polynomial coefficients for the DIRECT mapping function (ocam_mode
 def test_a_file_of_the_toolbox_is_read(tmp_path: Path) -> None:
     path = tmp_path / "calib_results.txt"
     path.write_bytes(TOOLBOX.replace("\n", "\r\n").encode())
-    record = read_ocamcalib(path)
-    assert record.image_size == (752, 480)
-    assert (record.values["cx"], record.values["cy"]) == (394.5, 241.8)
-    assert record.values["stretch"].tolist() == [[1, 0.0003], [0.0002, 1.0003]]
-    assert record.values["a"].tolist() == [210, 0, -2.2e-3, 4.9e-6, -1.9e-8]
-    assert record.values["inverse"].tolist() == [300, 150, -12]
+    lens = read_ocamcalib(path)
+    assert lens.image_size == (752, 480)
+    assert (lens.cx, lens.cy) == (394.5, 241.8)
+    assert lens.stretch.tolist() == [[1, 0.0003], [0.0002, 1.0003]]
+    assert lens.a.tolist() == [210, 0, -2.2e-3, 4.9e-6, -1.9e-8]
+    assert lens.inverse.tolist() == [300, 150, -12]
 
 
 JSON = json.loads(
@@ -197,7 +193,7 @@ BAD = {
 }
 
 
-def read_json(path: Path) -> LensRecord:
+def read_json(path: Path) -> ScaramuzzaLens:
     return read_pyocamcalib(path, image_size=SIZE)
 
 
@@ -219,7 +215,7 @@ def test_the_json_needs_the_size_and_may_do_without_the_inverse(tmp_path: Path) 
     path.write_text(changed(inverse_poly="gone"))
     with pytest.raises(CameraFileError, match="add --size WxH"):
         read_pyocamcalib(path, image_size=None)
-    assert len(read_pyocamcalib(path, image_size=SIZE).values["inverse"]) == 0
+    assert len(read_pyocamcalib(path, image_size=SIZE).inverse) == 0
 
 
 @given(st.binary(max_size=400), st.sampled_from([b"", TOOLBOX[:120].encode(), b"5 1 2 3 4 5\n"]))
@@ -241,3 +237,11 @@ def test_export_tells_what_the_inverse_polynomial_loses(run, calibrated, tmp_pat
     line = next(line for line in said.splitlines() if "world2cam by the inverse polynomial" in line)
     assert f"#{line}" in path.read_text().splitlines()[20:]
     Toolbox(path.read_text())
+
+
+def test_words_that_others_use_too_are_looked_for_last(tmp_path: Path) -> None:
+    path = tmp_path / "transforms.json"
+    path.write_text('{"fl_x": 200.0, "cam2world": []}')
+    assert sniffed(path) == "nerfstudio"
+    path.write_text(TOOLBOX)
+    assert sniffed(path) == "ocamcalib"

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.fitting.conversion.models import MODELS
 from cubicfish_cli.formats.file_storage import read_file_storage
 from cubicfish_cli.formats.foreign import read_foreign, sniffed
 from cubicfish_cli.formats.opencv_cameras import read_opencv
@@ -35,11 +34,11 @@ def test_what_opencv_writes_is_read_to_the_last_bit(tmp_path, syntax):
         per_view=np.zeros((0, 0)), poses=np.full((3, 6), 0.5), few=7.5,
     )  # fmt: skip
     assert sniffed(path) == "opencv"
-    record = read_opencv(path)
-    assert record.model == "kannala_brandt"
-    assert record.image_size == (640, 480)
-    assert [record.values[key] for key in ("fx", "fy", "cx", "cy")] == [401.25, 399.5, 320.5, 239]
-    np.testing.assert_array_equal(record.values["k"], D4[:, 0])
+    lens = read_opencv(path)
+    assert lens.name == "kannala_brandt"
+    assert lens.image_size == (640, 480)
+    assert [lens.fx, lens.fy, lens.cx, lens.cy] == [401.25, 399.5, 320.5, 239]
+    np.testing.assert_array_equal(lens.k, D4[:, 0])
     data = read_file_storage(path)
     assert data["calibration_time"] == "Fri 20 Nov 2026"
     assert data["few"] == 7.5
@@ -49,9 +48,9 @@ def test_what_opencv_writes_is_read_to_the_last_bit(tmp_path, syntax):
 @pytest.mark.parametrize("syntax", SYNTAXES)
 def test_a_pinhole_without_a_size_takes_it_from_outside(tmp_path, syntax):
     path = stored(tmp_path / f"camera.{syntax}", K=K, D=D5)
-    record, name = read_foreign(path, image_size=(640, 480))
-    assert (name, record.model, record.image_size) == ("opencv", "pinhole", (640, 480))
-    np.testing.assert_array_equal(record.values["d"], D5[0])
+    lens, name = read_foreign(path, image_size=(640, 480))
+    assert (name, lens.name, lens.image_size) == ("opencv", "pinhole", (640, 480))
+    np.testing.assert_array_equal(lens.d, D5[0])
     with pytest.raises(CameraFileError, match="add --size WxH"):
         read_foreign(path)
 
@@ -67,10 +66,10 @@ def test_cameras_of_a_pair_are_told_apart(tmp_path, syntax):
     other = K + np.array([[0, 0, 4], [0, 0, 0], [0, 0, 0]])
     size = {"image_size": np.array([640.0, 480.0])}
     path = stored(tmp_path / f"intrinsics.{syntax}", M1=K, D1=D5, M2=other, D2=2 * D5, **size)
-    assert read_opencv(path, camera="1").values["cx"] == 320.5
+    assert read_opencv(path, camera="1").cx == 320.5
     second = read_opencv(path, camera="2")
-    assert second.values["cx"] == 324.5
-    np.testing.assert_array_equal(second.values["d"], 2 * D5[0])
+    assert second.cx == 324.5
+    np.testing.assert_array_equal(second.d, 2 * D5[0])
     with pytest.raises(CameraFileError, match=r"--camera 1 for M1 and D1; it holds M1, M2"):
         read_opencv(path)
     with pytest.raises(CameraFileError, match="it holds M1, M2"):
@@ -95,10 +94,10 @@ def test_names_that_people_use(tmp_path, matrix, coefficients, nested):
     data = {matrix: rows, coefficients: D5.tolist(), "resolution": [640, 480]}
     path.write_text(json.dumps(data))
     assert sniffed(path) == "opencv"
-    assert read_opencv(path).values["fy"] == 399.5
+    assert read_opencv(path).fy == 399.5
     path.write_text("\n".join(f"{key}: {value}" for key, value in data.items()))
     assert sniffed(path) == "opencv"
-    np.testing.assert_array_equal(read_opencv(path).values["d"], D5[0])
+    np.testing.assert_array_equal(read_opencv(path).d, D5[0])
     path.write_text(json.dumps({"left": data, "right": data}))
     assert read_opencv(path, camera="left").image_size == (640, 480)
     with pytest.raises(CameraFileError, match="it holds left, right"):
@@ -112,8 +111,8 @@ def test_an_omnidir_lens_projects_as_its_formula_says(tmp_path):
         tmp_path / "omni.xml", camera_matrix=skewed, D=d, xi=np.array([[1.1]]),
         image_size=np.array([640.0, 480.0]),
     )  # fmt: skip
-    record = read_opencv(path)
-    assert record.model == "unified"
+    lens = read_opencv(path)
+    assert lens.name == "unified"
     point = np.array([0.5, -0.3, 0.8])
     x, y, z = point / np.linalg.norm(point)
     x, y = x / (z + 1.1), y / (z + 1.1)
@@ -123,7 +122,7 @@ def test_an_omnidir_lens_projects_as_its_formula_says(tmp_path):
         y * (1 + k1 * r2 + k2 * r2 * r2) + 2 * p2 * x * y + p1 * (r2 + 2 * y * y),
         1,
     ]
-    pixel = MODELS["unified"].project(record, point[None])[0]
+    pixel = lens.project(point)
     np.testing.assert_allclose(pixel, (skewed @ bent)[:2], atol=1e-10)
 
 

@@ -26,7 +26,7 @@ from cubicfish_cli.identification.moments import (
 )
 from cubicfish_cli.identification.placement import placement_of, reach_of
 from cubicfish_cli.identification.search import search
-from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.rendering.pose import look_at
 from cubicfish_cli.target import Target
 

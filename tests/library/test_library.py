@@ -399,7 +399,8 @@ def test_a_camera_becomes_another_tools_file_as_export_writes_it(
     run_cli("export", tmp_path, "--to", "mrcal", "-o", tmp_path / "a.cameramodel")
     made = export_camera(load_camera(tmp_path / "camera.yaml"), "mrcal")
     assert made.text == (tmp_path / "a.cameramodel").read_text(encoding="utf-8")
-    assert len(made.note) > 1 and all(f"# {line}" in made.text for line in made.note)
+    assert len(made.note) > 1
+    assert all(f"# {line}" in made.text for line in made.note)
     assert export_camera(fitted, "mrcal").conversion.error.max_px == made.conversion.error.max_px
     refused = refusal(FitError, lambda: export_camera(fitted, "mrcl"))
     assert refused == "no format is called 'mrcl': did you mean 'mrcal'?"

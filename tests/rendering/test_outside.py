@@ -7,7 +7,7 @@ from scipy.optimize import least_squares
 
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.asymmetric import BentFit
-from cubicfish_cli.model.validity import cone_rays
+from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.rendering.outside import OUTSIDE_LENSES, MirrorProfile, outside_lens
 
 CENTRAL = ("equisolid", "orthographic")

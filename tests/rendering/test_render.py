@@ -6,8 +6,8 @@ import pytest
 from synthetic import as_type, checkerboard, corner_of_three, flat_board, lens_of_size, poses_around
 
 from cubicfish_cli.errors import TargetError
+from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.rendering import render as rendering
-from cubicfish_cli.rendering.lens import TrueLens
 from cubicfish_cli.rendering.pose import camera_points, look_at, rotation_matrix
 from cubicfish_cli.rendering.render import plain_background, render
 from cubicfish_cli.rendering.truth import project_corners
@@ -165,7 +165,7 @@ def test_blocks_of_rows_leave_no_seam(monkeypatch):
 
 def test_vignetting_darkens_the_rim_only():
     flat = one_board()
-    lens = TrueLens(image_size=SIZE, fx=120, fy=120, cx=239.5, cy=179.5, max_angle_deg=95)
+    lens = AsymmetricLens(image_size=SIZE, fx=120, fy=120, cx=239.5, cy=179.5, max_angle_deg=95)
     options = CLEAN | {"supersample": 1}
     plain = render(flat, lens.unproject, in_front(-9), SIZE, **options)
     dark = render(flat, lens.unproject, in_front(-9), SIZE, **options | {"vignetting": 0.5})

@@ -16,7 +16,7 @@ from synthetic import (
 
 from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.errors import TargetError
-from cubicfish_cli.rendering.lens import TrueLens
+from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.rendering.pose import camera_points, rotation_matrix
 from cubicfish_cli.rendering.simulate import chosen_poses
 from cubicfish_cli.rendering.views import choose_views, sample_views, view_from
@@ -90,7 +90,9 @@ def test_a_seed_gives_the_same_poses_and_another_gives_others():
 
 
 def test_a_narrow_lens_stands_far_enough_away():
-    lens = TrueLens(image_size=(640, 480), fx=900, fy=900, cx=319.5, cy=239.5, max_angle_deg=25)
+    lens = AsymmetricLens(
+        image_size=(640, 480), fx=900, fy=900, cx=319.5, cy=239.5, max_angle_deg=25
+    )
     assert len(sample_views(flat_board(), lens, lens.image_size, 30)) == 30
 
 

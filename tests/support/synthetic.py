@@ -12,13 +12,13 @@ from cubicfish_cli.boards.board import Board
 from cubicfish_cli.boards.checkerboard import Checkerboard
 from cubicfish_cli.boards.types import BOARD_TYPES
 from cubicfish_cli.correspondences import Corners, Correspondences
-from cubicfish_cli.rendering.lens import TrueLens
+from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.rendering.pose import Pose, camera_points, look_at
 from cubicfish_cli.rendering.truth import Lens, TrueCorners, project_corners, target_corners
 from cubicfish_cli.target import Target
 
 IMAGE_SIZE = (960, 720)
-TRUE_LENS = TrueLens(
+TRUE_LENS = AsymmetricLens(
     image_size=IMAGE_SIZE,
     fx=262.0,
     fy=262.6,
@@ -31,7 +31,7 @@ TRUE_LENS = TrueLens(
 )
 
 
-def lens_of_size(scale: float) -> TrueLens:
+def lens_of_size(scale: float) -> AsymmetricLens:
     """The same lens on a sensor with ``scale`` times as many pixels a side."""
     width, height = (round(side * scale) for side in IMAGE_SIZE)
     return replace(

@@ -17,7 +17,7 @@ import synthetic
 from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.correspondences import Corners, save_corners
 from cubicfish_cli.formats.target_yaml import target_text
-from cubicfish_cli.rendering.lens import TrueLens
+from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.rendering.pose import Pose
 from cubicfish_cli.target import Target
 
@@ -79,17 +79,17 @@ class Case:
     says: tuple[str, ...]
 
 
-def lens_of(rng: np.random.Generator, *, field_deg: float | None = None) -> TrueLens:
+def lens_of(rng: np.random.Generator, *, field_deg: float | None = None) -> AsymmetricLens:
     """A lens of 100° to 200°, a little decentred and tilted, its centre off the middle."""
     half = (rng.uniform(100, 200) if field_deg is None else field_deg) / 2
     k = (rng.uniform(-0.05, 0.02), rng.uniform(-0.008, 0.0), 0.001, -0.0001)
-    unit = TrueLens(image_size=IMAGE_SIZE, fx=1, fy=1, cx=0, cy=0, k=k, max_angle_deg=half)
+    unit = AsymmetricLens(image_size=IMAGE_SIZE, fx=1, fy=1, cx=0, cy=0, k=k, max_angle_deg=half)
     rim = np.radians(half - 1e-6)
     edge = np.array([[np.sin(rim), 0, np.cos(rim)]])
     # Wide lenses show their rim, narrow ones fill the picture to its corners.
     radius = IMAGE_SIZE[1] * (0.5 if half > 75 else 0.72)
     focal = radius / float(unit.project(edge)[0, 0])
-    return TrueLens(
+    return AsymmetricLens(
         image_size=IMAGE_SIZE,
         fx=focal,
         fy=focal * rng.uniform(0.998, 1.002),
@@ -140,7 +140,7 @@ def photos(
     target: Target,
     *,
     count: int | None = None,
-    lens: TrueLens | None = None,
+    lens: AsymmetricLens | None = None,
     noise: float = NOISE,
     poses: list[Pose] | None = None,
 ) -> Corners:
@@ -158,7 +158,9 @@ def photos(
     )
 
 
-def poses_of(rng: np.random.Generator, target: Target, count: int, lens: TrueLens) -> list[Pose]:
+def poses_of(
+    rng: np.random.Generator, target: Target, count: int, lens: AsymmetricLens
+) -> list[Pose]:
     """Poses that fill the lens's field."""
     near = len(target.boards) > 1
     return synthetic.poses_around(
@@ -265,7 +267,9 @@ def some_photos(rng: np.random.Generator, corners: Corners, share: float) -> npt
     return np.sort(rng.choice(count, max(2, round(share * count)), replace=False))
 
 
-def other(lens: TrueLens, scale: float = 1.0, shift: tuple[float, float] = (0, 0)) -> TrueLens:
+def other(
+    lens: AsymmetricLens, scale: float = 1.0, shift: tuple[float, float] = (0, 0)
+) -> AsymmetricLens:
     """A lens with another focal length and centre."""
     return replace(
         lens,

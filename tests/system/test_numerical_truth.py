@@ -19,8 +19,8 @@ from cubicfish_cli.fitting.calibrate import Calibration, calibrate
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.formats.camera_writer import save_camera
 from cubicfish_cli.formats.camera_yaml import load_camera
-from cubicfish_cli.model.validity import cone_rays
-from cubicfish_cli.rendering.lens import TrueLens
+from cubicfish_cli.lenses.asymmetric import AsymmetricLens
+from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.target import Target
 
 EXAMPLES = int(os.environ.get("CUBICFISH_TEST_EXAMPLES", "5"))
@@ -33,7 +33,7 @@ SAME_PX = 1e-5
 class Problem:
     """A lens, an object, and what photos of it show."""
 
-    lens: TrueLens
+    lens: AsymmetricLens
     target: Target
     pairs: object
 
@@ -48,7 +48,7 @@ def problem(seed: int) -> Problem:
     width, height = synthetic.IMAGE_SIZE
     radius = theta * (1 + sum(value * theta ** (2 * n + 2) for n, value in enumerate(k)))
     focal = rng.uniform(0.42, 0.6) * height / radius
-    lens = TrueLens(
+    lens = AsymmetricLens(
         image_size=(width, height),
         fx=focal,
         fy=focal * rng.uniform(0.98, 1.02),

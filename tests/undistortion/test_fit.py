@@ -10,8 +10,8 @@ from synthetic import TRUE_LENS
 
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.formats.camera_yaml import load_camera
-from cubicfish_cli.model.validity import cone_rays
-from cubicfish_cli.rendering.lens import TrueLens
+from cubicfish_cli.lenses.asymmetric import AsymmetricLens
+from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.fit import Fitted, fit_view, kept_share, seen_field_deg, sees
 from cubicfish_cli.undistortion.maps import build_map
@@ -21,7 +21,7 @@ from cubicfish_cli.undistortion.views import CENTRAL_KINDS, axis_focal
 SIZE = (120, 90)
 
 
-def lens(field_deg: float) -> TrueLens:
+def lens(field_deg: float) -> AsymmetricLens:
     """A decentred lens whose circle of this field fills most of the photo's height."""
     half = field_deg / 2
     focal = 0.46 * 360 / np.radians(half)

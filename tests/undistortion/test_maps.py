@@ -11,9 +11,9 @@ import pytest
 from synthetic import TRUE_LENS, lens_of_size
 
 from cubicfish_cli.errors import OutputError, ViewError
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.lift import lift
-from cubicfish_cli.model.radial import RadialCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.lift import lift
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.undistortion import maps
 from cubicfish_cli.undistortion.maps import build_map, load_map, save_map
 from cubicfish_cli.undistortion.views import PerspectiveView, default_view, rotation_from_angles

@@ -12,8 +12,8 @@ from cubicfish_cli import stitch
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.formats.camera_yaml import load_camera
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.validity import cone_rays
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.rendering.pose import rotation_matrix
 from cubicfish_cli.undistortion.ground import Ground
 from cubicfish_cli.undistortion.images import Rendering

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from lenses import cubic_camera
 
 from cubicfish_cli.errors import ViewError
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.undistortion.cube import FACES, CrossView, face_views
 from cubicfish_cli.undistortion.maps import build_map
 from cubicfish_cli.undistortion.plane import PlaneView

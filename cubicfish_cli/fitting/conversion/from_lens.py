@@ -6,22 +6,24 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import least_squares
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.asymmetric import BentFit
-from cubicfish_cli.fitting.conversion.lens_model import FloatArray
-from cubicfish_cli.fitting.conversion.models import MODELS
 from cubicfish_cli.fitting.conversion.to_lens import ConversionError, conversion_error
-from cubicfish_cli.fitting.lenses import CubicFit, RadialFit, RayPrior
+from cubicfish_cli.fitting.lenses import CubicFit, RayPrior
 from cubicfish_cli.fitting.linear import linear_coefficients
 from cubicfish_cli.geometry import inside_polygon
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.lens_record import LensRecord
-from cubicfish_cli.model.lift import lift, sphere_basis
-from cubicfish_cli.model.radial import RadialCamera
-from cubicfish_cli.model.validity import check_validity, cone_rays
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.lens import UNPROJECT_TOLERANCE_PX, Lens
+from cubicfish_cli.lenses.lift import lift, sphere_basis
+from cubicfish_cli.lenses.nearest import nearest_lens
+from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.lenses.sphere import cone_rays, rays_of_pixels
+from cubicfish_cli.lenses.validity import check_validity
+from cubicfish_cli.types import FloatArray
 
 _RAYS = 4000
 _AZIMUTHS = 72
@@ -66,11 +68,61 @@ class ImportedCamera:
     fold_deg: float | None = None
 
 
-def from_lens(record: LensRecord, *, max_angle_deg: float = LARGEST_FIELD_DEG) -> ImportedCamera:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ExactLens:
+    """A lens as it is, over the field of the cubic camera nearest to it.
+
+    Attributes:
+        lens: the lens.
+        nearest: the cubic camera, which says how far the lens is meant.
+
+    """
+
+    lens: Lens
+    nearest: ImportedCamera
+
+    @classmethod
+    def of(cls, lens: Lens) -> ExactLens:
+        """A lens with its field.
+
+        Raises:
+            FitError: it sees nothing of its photo, or no cubic camera is near it.
+
+        """
+        return cls(lens=lens, nearest=from_lens(lens))
+
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """(width, height) in pixels."""
+        return self.lens.image_size
+
+    def project(self, points: npt.ArrayLike) -> FloatArray:
+        """Points in the camera frame (..., 3) -> pixels (..., 2), NaN outside the field."""
+        return np.where(self._inside(points)[..., None], self.lens.project(points), np.nan)
+
+    def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
+        """Pixels (..., 2) -> unit rays (..., 3), NaN outside the field."""
+        pixel = np.asarray(pixel, float)
+        rays = self.nearest.camera.unproject(pixel).reshape(-1, 3)
+        near = np.isfinite(rays[:, 0])
+        rays[near] = rays_of_pixels(
+            pixel.reshape(-1, 2)[near],
+            rays[near],
+            self.lens.pixel_and_slope,
+            UNPROJECT_TOLERANCE_PX,
+        )
+        return np.where(self._inside(rays)[:, None], rays, np.nan).reshape(*pixel.shape[:-1], 3)
+
+    def _inside(self, points: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        with np.errstate(invalid="ignore"):
+            return angle_from_axis(points) <= np.deg2rad(self.nearest.camera.max_angle_deg)
+
+
+def from_lens(lens: Lens, *, max_angle_deg: float = LARGEST_FIELD_DEG) -> ImportedCamera:
     """The cubic camera nearest to a lens, least squares in pixels, and how near it is.
 
     Args:
-        record: the lens.
+        lens: the lens.
         max_angle_deg: P is trusted up to this angle from the axis, or as far as the lens sees in
             the photo. Files do not say where the lens's own picture ends, which often lies inside
             the photo.
@@ -79,15 +131,15 @@ def from_lens(record: LensRecord, *, max_angle_deg: float = LARGEST_FIELD_DEG) -
         FitError: the lens sees nothing of the photo, or no sound P is near it.
 
     """
-    widest, ended_by, fold_deg = _field(record)
+    widest, ended_by, fold_deg = _field(lens)
     if max_angle_deg < widest:
         widest, ended_by, fold_deg = max_angle_deg, "angle", None
     best: ImportedCamera | None = None
     for share in _SHARES:
-        camera = _sound_camera(record, share * widest)
+        camera = _sound_camera(lens, share * widest)
         if camera is None:
             continue
-        error = conversion_error(camera, record)
+        error = conversion_error(camera, lens)
         if best is None or error.max_px < best.error.max_px:
             best = ImportedCamera(
                 camera=camera,
@@ -105,17 +157,17 @@ def from_lens(record: LensRecord, *, max_angle_deg: float = LARGEST_FIELD_DEG) -
     return best
 
 
-def _sound_camera(record: LensRecord, max_angle_deg: float) -> CubicCamera | None:
-    rays, pixel = _seen(record, max_angle_deg + _MARGIN_DEG)
-    radial = _reference(record, rays, pixel)
+def _sound_camera(lens: Lens, max_angle_deg: float) -> CubicCamera | None:
+    rays, pixel = _seen(lens, max_angle_deg + _MARGIN_DEG)
+    radial = _reference(lens, rays, pixel)
     for pull in _PULLS:
-        for camera in _cameras(record, radial, rays, pixel, max_angle_deg, pull):
+        for camera in _cameras(lens, radial, rays, pixel, max_angle_deg, pull):
             if check_validity(camera.P, camera.max_angle_deg).valid:
                 return camera
     return None
 
 
-def _field(record: LensRecord) -> tuple[float, EndedBy, float | None]:
+def _field(lens: Lens) -> tuple[float, EndedBy, float | None]:
     """Half-angle of the cone that holds what the lens shows in the photo, short of any fold.
 
     Returns:
@@ -134,11 +186,11 @@ def _field(record: LensRecord) -> tuple[float, EndedBy, float | None]:
         ],
         axis=-1,
     )
-    pixel = MODELS[record.model].project(record, rays.reshape(-1, 3)).reshape(*rays.shape[:2], 2)
+    pixel = lens.project(rays.reshape(-1, 3)).reshape(*rays.shape[:2], 2)
     middle = pixel[0, 0]
-    width, height = record.image_size
+    width, height = lens.image_size
     inside = np.asarray(((pixel > -0.5) & (pixel < [width - 0.5, height - 0.5])).all(axis=-1))
-    region = np.asarray(record.values.get("region", np.zeros((0, 2))), float)
+    region = lens.outline
     if len(region):  # where the file says that the lens is valid
         ended_by = "region"
         inside &= inside_polygon(pixel.reshape(-1, 2), region).reshape(inside.shape)
@@ -163,39 +215,28 @@ def _field(record: LensRecord) -> tuple[float, EndedBy, float | None]:
     return float(max(farthest, 4) * _STEP_DEG), ended_by, fold_deg
 
 
-def _seen(record: LensRecord, angle_deg: float) -> tuple[FloatArray, FloatArray]:
+def _seen(lens: Lens, angle_deg: float) -> tuple[FloatArray, FloatArray]:
     rays = cone_rays(np.deg2rad(min(angle_deg, _LARGEST_DEG)), _RAYS)
-    pixel = MODELS[record.model].project(record, rays)
+    pixel = lens.project(rays)
     good = np.isfinite(pixel).all(axis=1)
     # Far outside the photo a polynomial lens says anything.
-    size = np.array(record.image_size, float)
+    size = np.array(lens.image_size, float)
     good &= (np.abs(pixel - size / 2) < 0.75 * size.max()).all(axis=1)
     return rays[good], pixel[good]
 
 
-def _reference(record: LensRecord, rays: FloatArray, pixel: FloatArray) -> RadialCamera:
+def _reference(lens: Lens, rays: FloatArray, pixel: FloatArray) -> RadialCamera:
     """The Kannala–Brandt lens nearest to the rays."""
-    width, height = record.image_size
     theta = angle_from_axis(rays)
-    middle = MODELS[record.model].project(record, np.array([[0.0, 0.0, 1.0]]))[0]
+    middle = lens.project(np.array([[0.0, 0.0, 1.0]]))[0]
     far = theta > 0.5 * theta.max()
     focal = float(np.median(np.linalg.norm(pixel[far] - middle, axis=1) / theta[far]))
-    start = np.array([focal, focal, *middle, 0, 0, 0, 0])
-    units = np.array([focal, focal, focal, focal, 1, 1, 1, 1])
-
-    def residual(values: FloatArray) -> FloatArray:
-        return np.asarray((RadialFit(values=values * units).project(rays) - pixel).reshape(-1))
-
-    def slope(values: FloatArray) -> FloatArray:
-        by_values = RadialFit(values=values * units).project_jacobian(rays)[2]
-        return np.asarray((by_values * units).reshape(2 * len(rays), -1))
-
-    found = least_squares(residual, start / units, jac=slope, x_scale="jac", max_nfev=100)
-    return RadialCamera.from_parameters(found.x * units, (width, height))
+    start = RadialCamera.from_parameters([focal, focal, *middle, 0, 0, 0, 0], lens.image_size)
+    return nearest_lens([start], rays, pixel)
 
 
 def _cameras(
-    record: LensRecord,
+    lens: Lens,
     radial: RadialCamera,
     rays: FloatArray,
     pixel: FloatArray,
@@ -224,14 +265,14 @@ def _cameras(
     )
 
     def residual(parameters: FloatArray) -> FloatArray:
-        lens = linear.with_parameters(parameters)
-        miss = lens.project(rays) - pixel
-        drift = pull * scale * (values @ lens.coefficients[2] - values @ coefficients[2])
+        moved = linear.with_parameters(parameters)
+        miss = moved.project(rays) - pixel
+        drift = pull * scale * (values @ moved.coefficients[2] - values @ coefficients[2])
         return np.concatenate([np.where(np.isfinite(miss), miss, 1e4).reshape(-1), drift])
 
     def slope(parameters: FloatArray) -> FloatArray:
-        lens = linear.with_parameters(parameters)
-        by_parameters = lens.project_jacobian(rays)[2].reshape(2 * len(rays), -1)
+        moved = linear.with_parameters(parameters)
+        by_parameters = moved.project_jacobian(rays)[2].reshape(2 * len(rays), -1)
         by_parameters = np.where(np.isfinite(by_parameters), by_parameters, 0)
         drift = np.zeros((len(rays), by_parameters.shape[1]))
         drift[:, 32:] = pull * scale * (values @ linear.denominator_basis)
@@ -240,6 +281,6 @@ def _cameras(
     with np.errstate(all="ignore"):
         found = least_squares(residual, linear.parameters, jac=slope, x_scale="jac", max_nfev=30)
     first = CubicCamera(
-        image_size=record.image_size, P=linear.P, max_angle_deg=max_angle_deg, radial=radial
+        image_size=lens.image_size, P=linear.P, max_angle_deg=max_angle_deg, radial=radial
     )
     return [replace(first, P=linear.with_parameters(found.x).P), first]

@@ -7,16 +7,18 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.comparison import pixel_grid, rings
-from cubicfish_cli.fitting.conversion.central import symmetric_frame
-from cubicfish_cli.fitting.conversion.lens_model import FloatArray
-from cubicfish_cli.fitting.conversion.models import MODELS
+from cubicfish_cli.fitting.lenses import RadialFit
+from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.fitting.statistics import rms_px
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.lens import Lens
+from cubicfish_cli.types import FloatArray
 
 _FIT_PIXELS = 6_000
 _ERROR_PIXELS = 40_000
@@ -35,7 +37,7 @@ class ConversionError:
         by_angle: in rings of 10° up to there: ``from_deg``, ``to_deg``, ``rms_px``, ``max_px``,
             ``pixels``.
         also: ``rms_px`` and ``max_px`` of the other ways to read the model's files
-            (:attr:`~cubicfish_cli.fitting.conversion.lens_model.LensModel.also`). The figures
+            (:attr:`~cubicfish_cli.lenses.lens.Lens.also`). The figures
             above are those of the worst way, ``by_angle`` those of the model's own.
         beyond: of the worst way, in what is left of the field out to its rim: ``from_deg``,
             ``to_deg``, ``rms_px``, ``max_px``. None where nothing is left.
@@ -66,14 +68,14 @@ class Conversion:
     """A lens that stands for a camera.
 
     Attributes:
-        record: the lens.
+        lens: the lens.
         error: how far it is from the camera.
         lens_from_camera: (3, 3) the turn from the camera's frame to the lens's: poses of
             photos are to be turned by it.
 
     """
 
-    record: LensRecord
+    lens: Lens
     error: ConversionError
     lens_from_camera: FloatArray
 
@@ -87,7 +89,7 @@ class Conversion:
 
 def to_lens(
     camera: CubicCamera,
-    model: str,
+    model: type[Lens],
     *,
     max_angle_deg: float | None = None,
     covered_deg: float | None = None,
@@ -99,7 +101,7 @@ def to_lens(
 
     Args:
         camera: the camera.
-        model: a name in :data:`~cubicfish_cli.fitting.conversion.models.MODELS`.
+        model: which, of :data:`~cubicfish_cli.lenses.registry.LENSES`.
         max_angle_deg: leave out what is farther from the axis; by default the whole field counts.
         covered_deg: how far from the axis corners reached in the calibration: the error is stated
             up to there, and apart from that beyond, where the camera itself is a guess. The fit
@@ -109,28 +111,54 @@ def to_lens(
         FitError: no lens of the model is near, or too little of the field is left.
 
     """
-    fit = MODELS[model].fit
-    if fit is None:
-        raise ValueError(f"lenses of the model {model!r} are only read")
     rays, pixel = _field(camera, _FIT_PIXELS, max_angle_deg)
     turn = np.eye(3)
-    if MODELS[model].symmetric:
+    if model.symmetric:
         turn = symmetric_frame(camera, rays, pixel)
-    record = fit(camera, rays @ turn.T, pixel)
+    lens = model.nearest_to(camera, rays @ turn.T, pixel)
     error = conversion_error(
         camera,
-        record,
+        lens,
         turn,
         max_angle_deg=max_angle_deg,
         covered_deg=covered_deg,
         every_way=True,
     )
-    return Conversion(record=record, error=error, lens_from_camera=turn)
+    return Conversion(lens=lens, error=error, lens_from_camera=turn)
+
+
+def symmetric_frame(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> FloatArray:
+    """The turn (3, 3) of rays (N, 3) after which a symmetric lens is nearest to their pixels.
+
+    A lens that is decentred or tilted looks most symmetric from an axis of its own, and poses make
+    up for the turn.
+    """
+    start = RadialFit(values=camera.radial.parameters)
+    count = len(start.parameters)
+
+    def turned(values: FloatArray) -> tuple[RadialFit, FloatArray]:
+        return start.with_parameters(values[:count]), Rotation.from_rotvec(values[count:]).apply(
+            rays
+        )
+
+    def residual(values: FloatArray) -> FloatArray:
+        lens, points = turned(values)
+        return np.asarray((lens.project(points) - pixel).reshape(-1))
+
+    def slope(values: FloatArray) -> FloatArray:
+        lens, points = turned(values)
+        _, by_point, by_values = lens.project_jacobian(points)
+        by_turn = -by_point @ cross_matrix(points)  # turns are small: of first order
+        return np.concatenate([by_values, by_turn], axis=2).reshape(2 * len(rays), -1)
+
+    first = np.concatenate([start.parameters, np.zeros(3)])
+    found = least_squares(residual, first, jac=slope, x_scale="jac", max_nfev=100)
+    return np.asarray(Rotation.from_rotvec(found.x[count:]).as_matrix())
 
 
 def conversion_error(
     camera: CubicCamera,
-    record: LensRecord,
+    lens: Lens,
     lens_from_camera: FloatArray | None = None,
     *,
     max_angle_deg: float | None = None,
@@ -144,17 +172,16 @@ def conversion_error(
     """
     rays, pixel = _field(camera, _ERROR_PIXELS, max_angle_deg)
     turn = np.eye(3) if lens_from_camera is None else lens_from_camera
-    model = MODELS[record.model]
     theta = angle_from_axis(rays)
     inside = np.ones(len(rays), bool)
     if covered_deg is not None and (theta <= np.deg2rad(covered_deg)).sum() >= _FEWEST:
         inside = theta <= np.deg2rad(covered_deg)
-    miss = model.project(record, rays @ turn.T) - pixel
+    miss = lens.project(rays @ turn.T) - pixel
     parts = [where for where in (inside, ~inside) if where.any()]
     worst = [_figures(miss[where]) for where in parts]
     also = {}
-    for way, project in (model.also if every_way else {}).items():
-        its = project(record, rays @ turn.T) - pixel
+    for way, project in (lens.also if every_way else {}).items():
+        its = project(rays @ turn.T) - pixel
         figures = [_figures(its[where]) for where in parts]
         also[way] = dict(zip(("rms_px", "max_px"), figures[0], strict=True))
         worst = [

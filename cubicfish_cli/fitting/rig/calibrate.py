@@ -55,8 +55,9 @@ from cubicfish_cli.fitting.statistics import (
 from cubicfish_cli.fitting.subset import with_mean_weight_one, world_scale
 from cubicfish_cli.fitting.world import DrawnWorld, World
 from cubicfish_cli.geometry import camera_centre, total_sigma
-from cubicfish_cli.model.cubic import CubicCamera
-from cubicfish_cli.model.validity import check_validity, cone_rays
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.sphere import cone_rays
+from cubicfish_cli.lenses.validity import check_validity
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Severity
 from cubicfish_cli.words.finding import Finding

@@ -27,7 +27,7 @@ from cubicfish_cli.fitting.rig.summary import (
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import ErrorStatistics, error_statistics, rms_px
 from cubicfish_cli.fitting.subset import select
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from cubicfish_cli.correspondences import load_corners, pair
 from cubicfish_cli.fitting.calibrate import Calibration, calibrate
 from cubicfish_cli.fitting.point_fit import calibrate_points
 from cubicfish_cli.formats.camera_writer import save_camera
-from cubicfish_cli.model.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.target import load_target
 
 SAMPLE = Path(__file__).parents[3] / "sample_data"

@@ -8,15 +8,11 @@ import numpy as np
 
 from cubicfish_cli.boards.checkerboard import Checkerboard
 from cubicfish_cli.corner_files.read import read_corner_files
-from cubicfish_cli.fitting.conversion import mrcal_splined, ocam
 from cubicfish_cli.formats.mrcal_model import mrcal_text, read_mrcal
-from cubicfish_cli.formats.ocamcalib import (
-    ocamcalib_text,
-    pyocamcalib_text,
-    read_ocamcalib,
-    read_pyocamcalib,
-)
-from cubicfish_cli.model.lens_record import LensRecord
+from cubicfish_cli.formats.ocamcalib import ocamcalib_text, read_ocamcalib
+from cubicfish_cli.formats.pyocamcalib import pyocamcalib_text, read_pyocamcalib
+from cubicfish_cli.lenses.mrcal_splined import SplinedLens
+from cubicfish_cli.lenses.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.target import Target
 
 SIZE = (640, 480)
@@ -41,20 +37,15 @@ TARGET = Target(
 
 
 @cache
-def _ocam() -> LensRecord:
-    record = LensRecord(
-        model="ocam",
-        values={
-            "cx": 320.0,
-            "cy": 240.0,
-            "stretch": np.array([[1.001, 0.0002], [0.0001, 1.0]]),
-            "a": np.array([200.0, 0.0, -2e-3, 5e-6, -2e-8]),
-            "inverse": np.zeros(0),
-        },
+def _ocam() -> ScaramuzzaLens:
+    lens = ScaramuzzaLens(
         image_size=SIZE,
+        cx=320.0,
+        cy=240.0,
+        stretch=np.array([[1.001, 0.0002], [0.0001, 1.0]]),
+        a=np.array([200.0, 0.0, -2e-3, 5e-6, -2e-8]),
     )
-    values = {**record.values, "inverse": ocam.inverse_polynomial(record, 1.5)}
-    return LensRecord(model="ocam", values=values, image_size=SIZE)
+    return lens.with_inverse(1.5)
 
 
 def ocamcalib_seeds() -> Sequence[bytes]:
@@ -66,23 +57,23 @@ def pyocamcalib_seeds() -> Sequence[bytes]:
 
 
 def mrcal_seeds() -> Sequence[bytes]:
-    values = {
-        "fx": 200.0,
-        "fy": 201.0,
-        "cx": 320.0,
-        "cy": 240.0,
-        "order": 3.0,
-        "fov_x_deg": 150.0,
-        "control": np.full((4, 5, 2), 0.01),
-        "region": np.array([[0, 0], [639, 0], [639, 479], [0, 479], [0, 0]], float),
-    }
-    record = LensRecord(model="mrcal_splined", values=values, image_size=SIZE)
+    lens = SplinedLens(
+        image_size=SIZE,
+        fx=200.0,
+        fy=201.0,
+        cx=320.0,
+        cy=240.0,
+        order=3,
+        fov_x_deg=150,
+        control=np.full((4, 5, 2), 0.01),
+        region=np.array([[0, 0], [639, 0], [639, 479], [0, 479], [0, 0]], float),
+    )
     pinhole = (
         b"# x\n{'lensmodel': 'LENSMODEL_OPENCV5', 'intrinsics': [1e2, 1e2, 3, 4, 0, 0, .1, -.1, 0],"
         b"\n'extrinsics': [0,0,0,0,0,0,], 'imagersize': [640, 480],"
         b"\n'optimization_inputs': b'a{[(--'}"
     )
-    return [mrcal_text(record).encode(), pinhole]
+    return [mrcal_text(lens).encode(), pinhole]
 
 
 def look_through_ocamcalib(path: Path) -> object:
@@ -93,13 +84,12 @@ def look_through_pyocamcalib(path: Path) -> object:
     return _through_ocam(read_pyocamcalib(path, image_size=SIZE))
 
 
-def _through_ocam(record: LensRecord) -> object:
-    return ocam.project(record, RAYS), ocam.project_by_inverse(record, RAYS)
+def _through_ocam(lens: ScaramuzzaLens) -> object:
+    return lens.project(RAYS), lens.project_by_inverse(RAYS)
 
 
 def look_through_mrcal(path: Path) -> object:
-    record = read_mrcal(path)
-    return mrcal_splined.project(record, RAYS) if record.model == "mrcal_splined" else record
+    return read_mrcal(path).project(RAYS)
 
 
 def orpc_seeds() -> Sequence[bytes]:

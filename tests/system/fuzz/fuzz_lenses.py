@@ -11,7 +11,6 @@ import numpy as np
 from fuzz_cameras import camera
 from fuzz_foreign import RAYS
 
-from cubicfish_cli.fitting.conversion.models import MODELS
 from cubicfish_cli.fitting.conversion.to_lens import to_lens
 from cubicfish_cli.formats.colmap_models import MODELS as COLMAP_MODELS
 from cubicfish_cli.formats.foreign import LENS_OF, foreign_text, read_foreign
@@ -30,8 +29,8 @@ def look_through(name: str | None) -> Callable[[Path], object]:
     """A reader of one format, or of whatever the file looks like."""
 
     def look(path: Path) -> object:
-        record, _ = read_foreign(path, name=name)
-        return MODELS[record.model].project(record, RAYS)
+        lens, _ = read_foreign(path, name=name)
+        return lens.project(RAYS)
 
     return look
 
@@ -62,7 +61,7 @@ def exported_seeds(start: str) -> Sequence[bytes]:
     """Files of the formats whose names begin so, as ``cubicfish export`` writes them."""
     poses = {"a.png": (np.eye(3), np.zeros(3))}
     return [
-        foreign_text(name, to_lens(camera(), lens).record, ["a note"], poses).encode()
+        foreign_text(name, to_lens(camera(), lens).lens, ["a note"], poses).encode()
         for name, lens in LENS_OF.items()
         if name.startswith(start)
     ]

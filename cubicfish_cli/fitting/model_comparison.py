@@ -1,0 +1,267 @@
+"""One table of lens models: the same corners, the same loss, the same folds."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from cubicfish_cli.angles import angle_from_axis
+from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.adjustment import Adjustment, adjust
+from cubicfish_cli.fitting.calibrate import Calibration
+from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
+from cubicfish_cli.fitting.fit_lens import FitLens
+from cubicfish_cli.fitting.folds import folds_of
+from cubicfish_cli.fitting.hold import choose_hold
+from cubicfish_cli.fitting.lenses import FixedLens, RadialFit
+from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.radial_reference import RadialReference, radial_near, refit_radial
+from cubicfish_cli.fitting.robust import huber_px
+from cubicfish_cli.fitting.statistics import rms_px
+from cubicfish_cli.fitting.subset import select, select_photos, world_scale
+from cubicfish_cli.lenses.free_lens import FreeLens
+from cubicfish_cli.lenses.lens import Lens
+from cubicfish_cli.lenses.nearest import nearest_lens
+from cubicfish_cli.lenses.registry import LENSES
+from cubicfish_cli.lenses.sphere import cone_rays, usable_angle_deg
+from cubicfish_cli.target import Target
+from cubicfish_cli.types import FloatArray
+
+L = TypeVar("L", bound=Lens)
+
+CUBIC = "cubic"
+KANNALA_BRANDT = "Kannala–Brandt"
+COMPARED = tuple(kind for kind in LENSES if kind.compared)
+# Free numbers of the cubic: 3 x 16 on the sphere, less the scale and the frame's rotation.
+_CUBIC_PARAMETERS = 44
+_START_RAYS = 400
+_LOST_PX = 1e3
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelFigures:
+    """How one lens model did.
+
+    Attributes:
+        model: its name.
+        parameters: how many numbers of the lens are free, poses not counted.
+        rms_px: reprojection error over all corners; None when the model could not be fitted.
+        held_out_rms_px: the same over photos that took no part; None when not measured, or
+            when a fold could not be fitted.
+        largest_angle_deg: how far from its axis the fitted model is still a camera: every
+            pixel finite, the picture neither folded nor mirrored.
+        seconds: for the fit to all photos, from the common start.
+
+    """
+
+    model: str
+    parameters: int
+    rms_px: float | None
+    held_out_rms_px: float | None
+    largest_angle_deg: float | None
+    seconds: float
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Fold:
+    """Photos to learn from, and corners of the others to be judged on."""
+
+    reference: RadialReference
+    left_out: Correspondences
+    poses: Poses
+
+
+# From a reference to a fitted lens.
+_Fit = Callable[[RadialReference], tuple[FitLens, FloatArray]]
+
+
+def compare_models(
+    calibration: Calibration, *, drawn: Target | None = None, hold_out: bool = True
+) -> list[ModelFigures]:
+    """Fit every lens model to the corners that a calibration used, the cubic among them.
+
+    Each starts at the radial reference: first the model is fitted to the reference's pixels on
+    the covered cone, then lens and poses are adjusted jointly. The Huber loss follows the noise
+    of each model's own residuals by one rule. Held-out errors count the corners within the
+    cubic's cone, the same ones for every model.
+
+    Args:
+        calibration: the fit of the cubic camera.
+        drawn: the object as drawn. An object that was refined was so with the cubic's help and
+            on all photos; needed where it was, and every model is then fitted to the drawing.
+        hold_out: also measure the held-out error (five more fits a model).
+
+    Returns:
+        One row a model: the cubic, Kannala–Brandt, then :data:`COMPARED`.
+
+    """
+    pairs = calibration.pairs
+    hold: Hold | None = calibration.hold
+    if drawn is not None and calibration.refined != "off":
+        world = drawn.world_points(pairs.board, pairs.column, pairs.row)
+        pairs, hold = replace(pairs, world=world), None
+    reference = _reference(calibration, pairs)
+    # The choice of how P is held is part of the cubic's time.
+    begun = time.perf_counter()
+    chosen = choose_hold(reference, folds_of(reference)).hold
+    choosing = time.perf_counter() - begun
+    hold = chosen if hold is None else hold
+    folds = _folds(reference, hold) if hold_out else []
+    rows = [
+        _figures(CUBIC, _CUBIC_PARAMETERS, _fit_cubic(hold), reference, folds),
+        _figures(KANNALA_BRANDT, 4 + reference.terms, _fit_radial, reference, folds),
+    ]
+    camera = calibration.camera
+    rows[0] = replace(
+        rows[0],
+        seconds=rows[0].seconds + choosing,
+        largest_angle_deg=float(min(rows[0].largest_angle_deg or np.inf, camera.max_angle_deg)),
+    )
+    for kind in COMPARED:
+        start = FreeLens.of(kind.starts(reference.camera, reference.covered)[0])
+        rows.append(_figures(kind.label, len(start.parameters), _fit_model(kind), reference, folds))
+    return rows
+
+
+def _reference(calibration: Calibration, pairs: Correspondences) -> RadialReference:
+    """The reference of the corners that were used, adjusted to just these."""
+    scale = world_scale(pairs)
+    pairs = replace(pairs, world=pairs.world / scale)
+    poses = Poses(
+        rotation=calibration.poses.rotation, translation=calibration.poses.translation / scale
+    )
+    camera = calibration.camera.radial
+    terms = int(np.flatnonzero(np.append(1.0, camera.k)).max())
+    return radial_near(camera, pairs, poses, terms=terms, lost_px=_LOST_PX)
+
+
+def _folds(reference: RadialReference, hold: Hold) -> list[_Fold]:
+    """The same folds as :func:`cubicfish_cli.fitting.held_out.held_out_error`."""
+    pairs = reference.pairs
+    photos = np.arange(len(pairs.images))
+    folds = []
+    for test in folds_of(reference):
+        train = np.setdiff1d(photos, test)
+        try:
+            fitted = refit_radial(reference, select_photos(pairs, train), reference.poses[train])
+            cone = np.deg2rad(fit_cubic(fitted, hold).max_angle_deg)
+        except FitError:
+            return []
+        left_out, poses = select_photos(pairs, test), reference.poses[test]
+        inside = angle_from_axis(poses.apply(left_out.image, left_out.world)) <= cone
+        counted, kept = select(left_out, inside)
+        folds.append(_Fold(reference=fitted, left_out=counted, poses=poses[kept]))
+    return folds
+
+
+def _figures(
+    name: str,
+    parameters: int,
+    fit: _Fit,
+    reference: RadialReference,
+    folds: Sequence[_Fold],
+) -> ModelFigures:
+    begun = time.perf_counter()
+    try:
+        lens, residual = fit(reference)
+    except FitError:
+        return ModelFigures(
+            model=name,
+            parameters=parameters,
+            rms_px=None,
+            held_out_rms_px=None,
+            largest_angle_deg=None,
+            seconds=time.perf_counter() - begun,
+        )
+    seconds = time.perf_counter() - begun
+    return ModelFigures(
+        model=name,
+        parameters=parameters,
+        rms_px=rms_px(residual),
+        held_out_rms_px=_held_out(fit, folds),
+        largest_angle_deg=usable_angle_deg(lambda rays: lens.project_jacobian(rays)[:2]),
+        seconds=seconds,
+    )
+
+
+def _held_out(fit: _Fit, folds: Sequence[_Fold]) -> float | None:
+    residuals = []
+    for fold in folds:
+        try:
+            lens, _ = fit(fold.reference)
+            frozen = FixedLens(camera=lens)
+            judged = adjust(frozen, fold.poses, fold.left_out, huber_px=10.0)
+            judged = _adjusted(frozen, judged.poses, fold.left_out, huber_px(judged.residual))
+        except FitError:
+            return None
+        residuals.append(judged.residual)
+    return rms_px(np.vstack(residuals)) if residuals else None
+
+
+def _adjusted(lens: FitLens, poses: Poses, pairs: Correspondences, limit: float) -> Adjustment:
+    """Adjust with a loss that then follows the residuals."""
+    fit = adjust(lens, poses, pairs, huber_px=limit)
+    return adjust(fit.lens, fit.poses, pairs, huber_px=huber_px(fit.residual))
+
+
+def _fit_cubic(hold: Hold) -> _Fit:
+    def fit(reference: RadialReference) -> tuple[FitLens, FloatArray]:
+        result = fit_cubic(reference, hold)
+        return result.lens, result.residual
+
+    return fit
+
+
+def _fit_radial(reference: RadialReference) -> tuple[FitLens, FloatArray]:
+    lens = RadialFit(values=reference.camera.parameters, terms=reference.terms)
+    fit = _adjusted(lens, reference.poses, reference.pairs, huber_px(reference.residual))
+    return fit.lens, fit.residual
+
+
+def _fit_model(kind: type[Lens]) -> _Fit:
+    def fit(reference: RadialReference) -> tuple[FitLens, FloatArray]:
+        lens = FreeLens.of(near_reference(kind, reference))
+        seen = lens.project(reference.poses.apply(reference.pairs.image, reference.pairs.world))
+        with np.errstate(invalid="ignore"):
+            miss = np.nan_to_num(seen - reference.pairs.pixel, nan=1e6, posinf=1e6, neginf=-1e6)
+        fitted = _adjusted(
+            lens,
+            reference.poses,
+            reference.pairs,
+            max(huber_px(miss), huber_px(reference.residual)),
+        )
+        return fitted.lens, fitted.residual
+
+    return fit
+
+
+def near_reference(kind: type[L], reference: RadialReference) -> L:
+    """The lens of a kind that agrees best with the reference's pixels on the covered cone.
+
+    Raises:
+        FitError: the model cannot see that cone at all.
+
+    """
+    camera = reference.camera
+    rays = cone_rays(reference.covered, _START_RAYS)
+    wanted = camera.project(rays)
+    rays, wanted = rays[np.isfinite(wanted[:, 0])], wanted[np.isfinite(wanted[:, 0])]
+    starts = [
+        start
+        for start in kind.starts(camera, reference.covered)
+        if np.isfinite(start.pixels(rays)).all()
+    ]
+    if not starts:
+        raise FitError(
+            f"the {kind.label} model does not reach {np.rad2deg(reference.covered):.0f}°"
+        )
+    return nearest_lens(starts, rays, wanted)

@@ -1,0 +1,96 @@
+"""The unified model (Mei & Rives 2007) with radial-tangential distortion, as cv2.omnidir."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from cubicfish_cli.lenses.lens import FocalLens
+from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.lenses.symmetric import Scale
+from cubicfish_cli.types import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class UnifiedLens(FocalLens):
+    """The point on the unit sphere, seen from ξ behind its middle, bent, then through a matrix.
+
+    Attributes:
+        skew: pixels, as cv2.omnidir has it; other tools have none.
+        xi: ξ.
+        d: (4,) k1, k2, p1, p2 of radial-tangential distortion.
+
+    """
+
+    name = "unified"
+    label = "unified (Mei)"
+    compared = True
+    unwritten = ("skew",)
+
+    skew: float = 0.0
+    xi: float
+    d: FloatArray
+
+    @classmethod
+    def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
+        """Without distortion ξ = 1 is the stereographic lens; ξ and k1, k2 play together.
+
+        Least squares over them has several minima, so it starts at several ξ.
+        """
+        return tuple(
+            cls.near(radial, stretch=1 + xi, xi=xi, d=np.zeros(4)) for xi in (1.0, 2.0, 4.0)
+        )
+
+    def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """See :class:`Lens`: to the sphere, to the plane, bent, then K."""
+        fx, fy, cx, cy, skew, xi, k1, k2, p1, p2 = self.parameters
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            d1 = np.linalg.norm(points, axis=1)
+            bottom = points[:, 2] + xi * d1
+            value = np.where(bottom > 0, 1 / bottom, np.inf)
+            square = value * value
+            plane, d_plane, d_xi = Scale(
+                value=value,
+                d_across=-square * xi / d1,
+                d_along=-square * (1 + xi * points[:, 2] / d1),
+                d_shape=-(square * d1)[:, None],
+            ).point(points)
+            x, y = plane.T
+            r2 = x * x + y * y
+            radial = 1 + r2 * (k1 + r2 * k2)
+            slope = 2 * (k1 + 2 * k2 * r2)
+            bent = np.stack(
+                [
+                    x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+                    y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+                ],
+                axis=-1,
+            )
+            bend = np.empty((len(points), 2, 2))
+            bend[:, 0, 0] = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x
+            bend[:, 0, 1] = slope * x * y + 2 * p1 * x + 2 * p2 * y
+            bend[:, 1, 0] = bend[:, 0, 1]
+            bend[:, 1, 1] = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
+            d_bent = np.stack(
+                [
+                    np.stack([x * r2, y * r2], axis=-1),
+                    np.stack([x * r2 * r2, y * r2 * r2], axis=-1),
+                    np.stack([2 * x * y, r2 + 2 * y * y], axis=-1),
+                    np.stack([r2 + 2 * x * x, 2 * x * y], axis=-1),
+                ],
+                axis=-1,
+            )
+            matrix = np.array([[fx, skew], [0, fy]])
+            d_values = np.zeros((len(points), 2, 10))
+            d_values[:, 0, 0] = bent[:, 0]
+            d_values[:, 1, 1] = bent[:, 1]
+            d_values[:, 0, 2] = 1
+            d_values[:, 1, 3] = 1
+            d_values[:, 0, 4] = bent[:, 1]
+            d_values[:, :, 5:6] = matrix @ bend @ d_xi
+            d_values[:, :, 6:] = matrix @ d_bent
+            pixel = bent @ matrix.T + [cx, cy]
+            d_point = matrix @ bend @ d_plane
+        return np.where(np.isfinite(value)[:, None], pixel, np.inf), d_point, d_values

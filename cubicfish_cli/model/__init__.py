@@ -1,1 +1,0 @@
-"""The cameras: the cubic polynomial camera and its radial reference."""
