@@ -33,8 +33,8 @@ def test_prediction_is_the_spread_over_draws():
 
     pixels = []
     for seed in range(1, DRAWS + 1):
-        reference = refit_radial(start, draw(seed), start.poses)
-        fit = fit_cubic(reference, HOLD, relative_decrease=1e-6)
+        radial = refit_radial(start, draw(seed), start.poses)
+        fit = fit_cubic(radial, HOLD, relative_decrease=1e-6)
         turns = fit.poses.rotation @ reference.poses.rotation.transpose(0, 2, 1)
         mean = Rotation.from_matrix(turns).as_rotvec().mean(axis=0)
         pixels.append(fit.lens.project(Rotation.from_rotvec(mean).apply(rays)))
