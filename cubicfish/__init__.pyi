@@ -22,12 +22,14 @@ from cubicfish_cli import build_plane as build_plane
 from cubicfish_cli import build_view as build_view
 from cubicfish_cli import calibrate as calibrate
 from cubicfish_cli import calibrate_rig as calibrate_rig
+from cubicfish_cli import check_target as check_target
 from cubicfish_cli import choose_frames as choose_frames
 from cubicfish_cli import compare as compare
 from cubicfish_cli import compare_rigs as compare_rigs
 from cubicfish_cli import detect as detect
 from cubicfish_cli import evaluate as evaluate
 from cubicfish_cli import evaluate_rig as evaluate_rig
+from cubicfish_cli import export_camera as export_camera
 from cubicfish_cli import judge as judge
 from cubicfish_cli import load_camera as load_camera
 from cubicfish_cli import load_corners as load_corners

@@ -24,6 +24,7 @@ from cubicfish_cli.library.calibration import uncertainty as uncertainty
 from cubicfish_cli.library.cameras import save_camera as save_camera
 from cubicfish_cli.library.cameras import save_target as save_target
 from cubicfish_cli.library.detection import detect as detect
+from cubicfish_cli.library.exporting import export_camera as export_camera
 from cubicfish_cli.library.frames import ChosenFrames as ChosenFrames
 from cubicfish_cli.library.frames import choose_frames as choose_frames
 from cubicfish_cli.library.pictures import undistort as undistort
@@ -34,6 +35,7 @@ from cubicfish_cli.library.rigs import calibrate_rig as calibrate_rig
 from cubicfish_cli.library.rigs import compare_rigs as compare_rigs
 from cubicfish_cli.library.rigs import evaluate_rig as evaluate_rig
 from cubicfish_cli.library.rigs import save_rig as save_rig
+from cubicfish_cli.library.target_check import check_target as check_target
 from cubicfish_cli.photos import read_picture as read_picture
 from cubicfish_cli.target import Target as Target
 from cubicfish_cli.undistortion.choose import build_view as build_view

@@ -7,7 +7,7 @@ import os
 import platform
 import re
 import secrets
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
@@ -17,19 +17,27 @@ from pathlib import Path
 from cubicfish_cli.errors import MISSING, CubicfishError, OutputError
 from cubicfish_cli.hosts import on_host
 
+Content = str | bytes | Callable[[Path], object]
+"""Of a file: its text, its bytes, or what writes it to a name."""
+
 MAX_BYTES = 2_000_000_000
 """Of any one file that is read; most kinds have bounds far below."""
 
 
-def refuse_existing(path: Path, *, overwrite: bool, can_skip: bool = False) -> None:
-    """Raise :class:`OutputError` when ``path`` may not be replaced, or cannot be written.
+def refuse_existing(*paths: Path, overwrite: bool, can_skip: bool = False) -> None:
+    """Raise :class:`OutputError` when one of ``paths`` may not be replaced, or cannot be written.
 
     Args:
-        path: what is to be written.
+        paths: what is to be written.
         overwrite: whether it may be replaced.
         can_skip: whether the command that asks can leave out what exists.
 
     """
+    for path in paths:
+        _refuse_existing(path, overwrite=overwrite, can_skip=can_skip)
+
+
+def _refuse_existing(path: Path, *, overwrite: bool, can_skip: bool) -> None:
     if os.path.isdir(path):
         raise OutputError("is a folder: give the name of a file", about=str(path))
     if not overwrite and os.path.lexists(path):
@@ -266,17 +274,36 @@ def _move_to_free_name(source: Path, path: Path) -> None:
 
 def write_text(path: Path, text: str, *, overwrite: bool) -> None:
     """Write ``text`` as UTF-8 to ``path``, whole or not at all."""
-    with whole_file(path, overwrite=overwrite) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    write_files({path: text}, overwrite=overwrite)
 
 
-def write_texts(texts: Mapping[Path, str], *, overwrite: bool) -> list[Path]:
-    """Write texts (path -> text) as UTF-8, all or none; return the paths."""
-    if texts:
-        with whole_files(list(texts), overwrite=overwrite) as temporaries:
-            for temporary, text in zip(temporaries, texts.values(), strict=True):
-                temporary.write_text(text, encoding="utf-8", newline="\n")
-    return list(texts)
+def write_files(
+    files: Mapping[Path, Content], *, overwrite: bool, obsolete: Sequence[Path] = ()
+) -> list[Path]:
+    """Write files, all or none, as :func:`whole_files` does.
+
+    Args:
+        files: path -> its text, its bytes, or what writes it to the name that it is called with.
+        overwrite: whether they may be replaced.
+        obsolete: files of earlier results that go when the new ones are there.
+
+    Returns:
+        The paths.
+
+    Raises:
+        OutputError: a file exists and ``overwrite`` is false, or cannot be written.
+
+    """
+    if files:
+        with whole_files(list(files), overwrite=overwrite, obsolete=obsolete) as temporaries:
+            for temporary, content in zip(temporaries, files.values(), strict=True):
+                if isinstance(content, str):
+                    temporary.write_text(content, encoding="utf-8", newline="\n")
+                elif isinstance(content, bytes):
+                    temporary.write_bytes(content)
+                else:
+                    content(temporary)
+    return list(files)
 
 
 @dataclass(frozen=True, kw_only=True)

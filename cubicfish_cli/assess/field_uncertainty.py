@@ -110,3 +110,23 @@ def sigma_at(record: Mapping[str, Any], pixel: FloatArray) -> FloatArray:
             weights += weight
     with np.errstate(invalid="ignore"):
         return np.where(weights > 0, total / np.where(weights > 0, weights, 1), np.nan)
+
+
+def uncertainty_at(fit: Mapping[str, Any], pixel: FloatArray) -> dict[str, float] | None:
+    """How far the camera itself may be off at some pixels (N, 2), by the record of its fit.
+
+    Returns:
+        ``median_px``, ``p95_px`` and ``max_px``; None where the record does not say.
+
+    """
+    record = fit.get("uncertainty")
+    if not isinstance(record, dict):
+        return None
+    try:
+        sigma = sigma_at(record, pixel)
+    except (KeyError, TypeError, ValueError, IndexError):
+        return None  # not this tool's; the errors are measured all the same
+    sigma = sigma[np.isfinite(sigma)]
+    if not len(sigma):
+        return None
+    return {**summed(sigma).as_record(), "max_px": float(sigma.max())}

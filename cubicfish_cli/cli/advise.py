@@ -11,13 +11,13 @@ import click
 from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange, IntRange
+from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.streams import text_width
-from cubicfish_cli.cli.terminal import print_json, result, say, working
+from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say, working
 
 if TYPE_CHECKING:
     from cubicfish_cli.advice.advise import Advice, Proposal
     from cubicfish_cli.assess.verdict import Verdict
-    from cubicfish_cli.report.facts import Facts
 
 # What to name, and how, where corners are lacking.
 _WHAT = {
@@ -29,50 +29,37 @@ _LINE = 96
 _MOST_PARTS = 4
 
 
-@click.command(
+@as_command(
     "advise",
-    short_help="What to photograph next, and how much it would help.",
-    epilog=options.examples(
-        "cubicfish advise",
-        "cubicfish advise calibration/ -o advice.svg",
-        "cubicfish advise --model camera.yaml --corners corners.csv --target target.yaml",
-        "cubicfish advise --goal 0.05 --poses next.csv",
-    ),
+    "What to photograph next, and how much it would help.",
+    "cubicfish advise",
+    "cubicfish advise calibration/ -o advice.svg",
+    "cubicfish advise --model camera.yaml --corners corners.csv --target target.yaml",
+    "cubicfish advise --goal 0.05 --poses next.csv",
 )
 @options.calibration_argument
 @options.model_option
 @options.target_option
-@click.option(
-    "--corners",
-    type=options.FILE,
-    metavar="FILE",
-    help="The corners.csv that the camera was calibrated from, where it is not beside it.",
+@option(
+    "--corners FILE",
+    "The corners.csv that the camera was calibrated from, where it is not beside it.",
+    options.FILE,
 )
 @options.output_option("Also draw where the target should appear.", metavar="FILE.svg")
-@click.option(
-    "--poses",
-    type=options.FILE,
-    metavar="FILE",
-    help="Also write the proposed poses, for 'cubicfish simulate --poses'.",
+@option(
+    "--poses FILE", "Also write the proposed poses, for 'cubicfish simulate --poses'.", options.FILE
 )
-@click.option(
-    "--goal",
-    type=FloatRange(min=0, min_open=True),
-    metavar="PX",
-    help="The uncertainty wanted over the field. [default: 0.2, more for photos of more than 2000 "
+@option(
+    "--goal PX",
+    "The uncertainty wanted over the field. [default: 0.2, more for photos of more than 2000 "
     "pixels a side]",
+    FloatRange(min=0, min_open=True),
 )
-@click.option(
-    "--seed",
-    type=IntRange(0),
-    default=0,
-    show_default=True,
-    metavar="N",
-    help="Other poses are tried; the same seed gives the same proposals.",
+@option(
+    "--seed N", "Other poses are tried; the same seed gives the same proposals.", IntRange(0), 0
 )
 @options.overwrite_option
 @options.json_option(json_keys.ADVISE)
-@options.common_options
 def command(
     calibration: Path | None,
     model: Path | None,
@@ -96,17 +83,18 @@ def command(
     from cubicfish_cli.advice.advise import advise
     from cubicfish_cli.advice.picture import advice_svg
     from cubicfish_cli.errors import CubicfishError, OutputError
-    from cubicfish_cli.files import refuse_existing, write_texts
+    from cubicfish_cli.files import refuse_existing, write_files
     from cubicfish_cli.lenses.cubic import CubicCamera
     from cubicfish_cli.rendering.pose_table import pose_table_text
+    from cubicfish_cli.report.from_files import facts_of_files
 
     if output is not None and output.suffix.lower() != ".svg":
         raise OutputError(f"{output}: drawings are SVG: end the name in .svg")
-    for path in (output, poses):
-        if path is not None:
-            refuse_existing(path, overwrite=overwrite)
+    refuse_existing(*(path for path in (output, poses) if path), overwrite=overwrite)
     camera_file = options.model_path(calibration or model)
-    facts = _facts(camera_file, target, corners)
+    facts = facts_of_files(camera_file, target=target, photos=(), corners=corners)
+    if corners is not None and facts.target is None:
+        raise click.UsageError("name the target of these corners with --target target.yaml")
     if not isinstance(facts.camera, CubicCamera):
         raise CubicfishError(
             f"{camera_file} is of lift 'point', which has no rays: its uncertainty over the field, "
@@ -127,39 +115,13 @@ def command(
     if poses is not None:
         named = {f"next_{i}.jpg": one.view.pose for i, one in enumerate(advice.proposals, start=1)}
         texts[poses] = pose_table_text(named)
-    written = write_texts(texts, overwrite=overwrite)
+    written = write_files(texts, overwrite=overwrite)
     if as_json:
-        print_json(
-            {
-                **advice.as_record(),
-                "model": str(camera_file),
-                "picture": str(output) if output else None,
-                "poses": str(poses) if poses else None,
-            }
-        )
+        files = {"model": camera_file, "picture": output, "poses": poses}
+        print_json({**advice.as_record(), **files})
         return
     _print(advice, facts.verdict)
-    for path in written:
-        result(f"wrote {path}")
-
-
-def _facts(camera_file: Path, target: Path | None, corners: Path | None) -> Facts:
-    """The camera, its record, and its corners with the object's points."""
-    from cubicfish_cli.correspondences import load_corners, pair
-    from cubicfish_cli.report.facts import gather
-    from cubicfish_cli.report.from_files import facts_of_files
-
-    facts = facts_of_files(camera_file, target=target, photos=())
-    if corners is None:
-        return facts
-    if facts.target is None:
-        raise click.UsageError("name the target of these corners with --target target.yaml")
-    pairs = pair(
-        load_corners(corners, facts.target, image_size=facts.camera.image_size), facts.target
-    )
-    return gather(
-        facts.camera, facts.fit, facts.made_by, pairs=pairs, target=facts.target, files={}
-    )
+    print_wrote(written)
 
 
 def _print(advice: Advice, judged: Verdict) -> None:

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import calibrate_points, json_keys, options, report_step
-from cubicfish_cli.cli.calibration_folder import of_earlier, refuse_inputs, say_removed
+from cubicfish_cli.cli import json_keys, options, report_step
+from cubicfish_cli.cli.calibrate_points import print_points
 from cubicfish_cli.cli.choosing import MOST, films_among, frames_to_calibrate, refuse_other_photos
 from cubicfish_cli.cli.figures import (
     count,
     hold_gate,
     print_errors,
+    print_figure,
     print_models,
     print_verdict,
     px,
@@ -33,6 +32,7 @@ from cubicfish_cli.cli.inputs import (
 )
 from cubicfish_cli.cli.next_step import say_next
 from cubicfish_cli.cli.numbers import IntRange
+from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table
 from cubicfish_cli.cli.provenance import check_title, made_at, made_by_record
 from cubicfish_cli.cli.target_choice import (
@@ -46,6 +46,7 @@ from cubicfish_cli.cli.terminal import (
     detail,
     print_json,
     print_table,
+    print_wrote,
     result,
     say,
     stages,
@@ -53,24 +54,18 @@ from cubicfish_cli.cli.terminal import (
 )
 
 if TYPE_CHECKING:
-    from cubicfish_cli.assess.camera_facts import CameraFacts
-    from cubicfish_cli.assess.verdict import Verdict
     from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
     from cubicfish_cli.target import Target
 
-MAP = "undistort_map.npz"
 
-
-@click.command(
+@as_command(
     "calibrate",
-    short_help="Photos of a known target to a camera and its undistortion map.",
-    epilog=options.examples(
-        "cubicfish calibrate photos/ --target target.yaml",
-        "cubicfish calibrate photos/ --board 9x6 --square 25mm --title 'front left'",
-        "cubicfish calibrate film.mp4 --target target.yaml",
-        "cubicfish calibrate corners.csv --target target.yaml -o lens_a --max-rms 0.5",
-        "cubicfish calibrate --correspondences pairs.csv --size 1280x800",
-    ),
+    "Photos of a known target to a camera and its undistortion map.",
+    "cubicfish calibrate photos/ --target target.yaml",
+    "cubicfish calibrate photos/ --board 9x6 --square 25mm --title 'front left'",
+    "cubicfish calibrate film.mp4 --target target.yaml",
+    "cubicfish calibrate corners.csv --target target.yaml -o lens_a --max-rms 0.5",
+    "cubicfish calibrate --correspondences pairs.csv --size 1280x800",
 )
 @options.argument(
     "inputs",
@@ -79,11 +74,10 @@ MAP = "undistort_map.npz"
     metavar="[PHOTOS|FILM|CSV]...",
 )
 @target_options
-@click.option(
-    "--correspondences",
-    type=options.FILE,
-    metavar="FILE",
-    help="2D-3D pairs instead of photos: a CSV file with the columns image,X,Y,Z,x,y.",
+@option(
+    "--correspondences FILE",
+    "2D-3D pairs instead of photos: a CSV file with the columns image,X,Y,Z,x,y.",
+    options.FILE,
 )
 @options.size_option
 @options.output_option(
@@ -91,49 +85,37 @@ MAP = "undistort_map.npz"
     default="calibration",
     folder=True,
 )
-@click.option("--title", metavar="TEXT", help="What to call this camera, in its file and report.")
-@click.option(
-    "--refine-target",
-    type=click.Choice(["off", "shape", "points", "auto"]),
-    default="auto",
-    show_default=True,
-    help="Fit the target too: boards' shapes and places, or each corner's own place as well; "
+@option("--title TEXT", "What to call this camera, in its file and report.")
+@options.refine_target_option(
+    "Fit the target too: boards' shapes and places, or each corner's own place as well; "
     "auto goes as far as it lowers the held-out error.",
 )
-@click.option(
+@option(
     "--hold-out/--no-hold-out",
-    default=True,
-    show_default=True,
-    help="Measure the error on photos left out of the fit (five more fits; "
+    "Measure the error on photos left out of the fit (five more fits; "
     "--refine-target auto needs it).",
+    default=True,
 )
-@click.option(
+@option(
     "--lift",
-    type=click.Choice(["ray", "point"]),
-    default="ray",
-    show_default=True,
-    help="What the cubics are of: the viewing ray, a camera for everything else here; or the 3D "
+    "What the cubics are of: the viewing ray, a camera for everything else here; or the 3D "
     "point itself, as the paper prints it, which holds only where the corners were.",
+    click.Choice(["ray", "point"]),
+    "ray",
 )
-@click.option(
-    "--best",
-    type=IntRange(min=1),
-    metavar="N",
-    help="Calibrate from those N of many photos that add most. [default: all photos, and of films "
+@option(
+    "--best N",
+    "Calibrate from those N of many photos that add most. [default: all photos, and of films "
     f"{MOST} frames]",
+    IntRange(min=1),
 )
-@click.option(
-    "--compare",
-    is_flag=True,
-    help="Also fit other lens models to the same corners, and print one table.",
-)
+@option("--compare", "Also fit other lens models to the same corners, and print one table.")
 @report_step.report_option
 @options.max_rms_option
 @options.overwrite_option
 @options.json_option(json_keys.CALIBRATE)
 @options.jobs_option
 @options.no_cache_option
-@options.common_options
 def command(
     inputs: tuple[Path, ...],
     target: TargetChoice,
@@ -165,38 +147,28 @@ def command(
         raise click.UsageError("--compare is of cameras with rays: it goes with --lift ray")
     check_inputs(inputs, correspondences=correspondences, target=target)
     from cubicfish_cli.advice.summary import summary
-    from cubicfish_cli.files import refuse_existing
+    from cubicfish_cli.assess.camera_facts import camera_facts
+    from cubicfish_cli.assess.verdict import verdict
+    from cubicfish_cli.fitting.calibrate import Calibration
+    from cubicfish_cli.fitting.point_fit import PointCalibration, calibrate_points
+    from cubicfish_cli.formats.target_yaml import target_text
     from cubicfish_cli.library.calibration import calibrate
-    from cubicfish_cli.photos import MAX_PIXELS
+    from cubicfish_cli.library.calibration_folder import CalibrationFolder, contents_of
 
     made_at()  # said before the work if it cannot be
     if title is not None:
         check_title(title)
-    outputs = _outputs(output, inputs)
-    if target.counts is not None:
-        outputs["drawn"] = output / DEFAULT_TARGET
-    if not (report and report_step.is_possible()):
-        outputs.pop("report")
-    for path in outputs.values():
-        refuse_existing(path, overwrite=overwrite)
-    given = (*inputs, target.path, correspondences)
-    fitted = () if refine_target == "off" else (outputs["target"],)
-    refuse_inputs(fitted, given)
-    films = films_among(inputs)
-    photos = inputs
-    if films:
-        photos = tuple(path for path in inputs if path not in films)
-        if photos:
-            refuse_other_photos(photos_of(photos), films)
-        photos += frames_to_calibrate(
-            films,
-            output / "frames",
-            target,
-            most=best or MOST,
-            jobs=jobs,
-            no_cache=no_cache,
-            overwrite=overwrite,
-        )
+    given = [path for path in (*inputs, target.path, correspondences) if path is not None]
+    folder = CalibrationFolder(path=output, inputs=given)
+    # Corners that were read from this very file need not be written again.
+    with_corners = bool(inputs) and not folder.has_input("corners")
+    with_page = report and report_step.is_possible()
+    kinds = {"report": with_page, "corners": with_corners, "drawn": target.counts is not None}
+    own = [kind for kind, wanted in kinds.items() if wanted]
+    folder.refuse("camera", "map", "target", *own, overwrite=overwrite)
+    if refine_target != "off":
+        folder.refuse_input("target")
+    photos = _photos(inputs, output, target, best, jobs, no_cache=no_cache, overwrite=overwrite)
     loaded = load_pairs(
         photos,
         correspondences=correspondences,
@@ -208,8 +180,6 @@ def command(
     )
     if loaded.detection is not None:
         say_photo_problems(loaded.detection)
-    if loaded.corners is None:  # the input held pairs
-        outputs.pop("corners", None)
     uncertain = loaded.pairs.uncertain_images
     if refine_target == "auto" and uncertain:
         say(
@@ -218,63 +188,111 @@ def command(
             "measurement."
         )
     say(f"Fitting to {count(len(loaded.pairs.pixel), 'corner')}.")
+    fitted: Calibration | PointCalibration
     if lift == "point":
-        calibrate_points.run(
-            loaded,
-            outputs,
-            _made_by({"lift": lift}, loaded, outputs, title),
-            hold_out=hold_out,
-            as_json=as_json,
-            max_rms=max_rms,
-            overwrite=overwrite,
-            report=report,
-            given=given,
-        )
-        return
-    with stages("Fitting") as progress:
-        calibration = calibrate(
-            loaded.given,
-            refine_target=refine_target,
-            hold_out=hold_out,
-            progress=progress,
-        )
-    if calibration.refined == "off":
-        outputs.pop("target")
-    if math.prod(calibration.camera.image_size) > MAX_PIXELS:
-        outputs.pop("map")
-        say(
-            f"No {MAP} was written: a map of {{}}x{{}} pixels takes gigabytes. 'cubicfish map "
-            "--size' makes a smaller one.".format(*calibration.camera.image_size)
-        )
-    asked = {"hold_out": hold_out, "refine_target": refine_target}
-    made_by = _made_by(asked, loaded, outputs, title)
-    record = calibration.as_record()
-    camera = calibration.camera
-    calibration = replace(calibration, made_by=made_by)
-    facts, judged = calibration.facts, calibration.verdict
-    page = report_step.make_page(outputs, camera, record, made_by, loaded, calibration.target)
-    earlier = of_earlier(outputs, given) if overwrite else []
+        asked: dict[str, Any] = {"lift": lift}
+        with working("Fitting"):
+            fitted = calibrate_points(loaded.pairs, hold_out=hold_out)
+    else:
+        asked = {"hold_out": hold_out, "refine_target": refine_target}
+        with stages("Fitting") as progress:
+            fitted = calibrate(
+                loaded.given, refine_target=refine_target, hold_out=hold_out, progress=progress
+            )
+    drawn = None
+    if target.counts is not None and loaded.target is not None:
+        drawn = target_text(loaded.target)
+    made_by = _made_by(asked, loaded, drawn, output, title)
+    record, camera = fitted.as_record(), fitted.camera
+    facts = camera_facts(camera, record, made_by)
+    contents = contents_of(fitted, made_by, loaded.corners if with_corners else None, drawn)
+    if isinstance(fitted, Calibration):
+        judged, thing = facts.verdict or fitted.verdict, fitted.target
+        if contents["map"] is None:
+            say(
+                "No undistort_map.npz was written: a map of {}x{} pixels takes gigabytes. "
+                "'cubicfish map --size' makes a smaller one.".format(*camera.image_size)
+            )
+    else:
+        judged, thing = verdict(record, camera.image_size, fitted.camera.valid), loaded.target
+    if with_page:
+        contents["report"] = report_step.make_page(camera, record, made_by, loaded, thing)
     with working("Writing"):
-        _write(outputs, calibration, loaded, page, earlier, overwrite=overwrite)
-    advice = summary(camera, record, calibration.pairs)
-    models = _compared(calibration, loaded.target, hold_out=hold_out) if compare else []
+        outputs, removed = folder.write(contents, overwrite=overwrite)
+    advice, models = {}, []
+    if isinstance(fitted, Calibration):
+        advice = {"advice": summary(fitted.camera, record, fitted.pairs)}
+        models = _compared(fitted, loaded.target, hold_out=hold_out) if compare else []
     if as_json:
-        compared = {"models": models} if compare else {}
-        files = report_step.as_record(judged, outputs)
-        said = {
-            **photo_remarks(loaded.detection, calibration.remarks),
-            "advice": advice,
-            "summary": facts.line,
-        }
-        print_json({**record, **compared, **said, **files, "model": str(outputs["camera"])})
+        print_json(
+            {
+                **record,
+                **({"models": models} if compare else {}),
+                **photo_remarks(loaded.detection, fitted.remarks),
+                **advice,
+                "summary": facts.line,
+                "verdict": judged.as_record(),
+                "report": outputs.get("report"),
+                "files": outputs,
+                "model": outputs["camera"],
+            }
+        )
+    for photo, reason in fitted.unfit.items():
+        say(f"left out: {photo}: {reason}")
+    if isinstance(fitted, Calibration):
+        _say_findings(fitted, record)
+    if not as_json:
+        apart()
+        result(facts.line, mark=(judged.words, judged.level))
+        if isinstance(fitted, Calibration):
+            print_verdict(judged)
+            result(f"advice: {advice['advice']}\n")
+            _print(fitted, record, models, outputs, loaded)
+            first = loaded.files[0].path if loaded.detection and loaded.files else None
+            say_next(judged, outputs["camera"], first, outputs.get("report"))
+        else:
+            print_points(fitted, record, judged, outputs)
+    for path in removed:
+        say(f"removed {path}, which was of an earlier calibration")
+    report_step.say_if_missing(outputs, wanted=report)
+    hold_gate(fitted.errors.rms_px, max_rms)
+
+
+def _photos(
+    inputs: tuple[Path, ...],
+    output: Path,
+    target: TargetChoice,
+    best: int | None,
+    jobs: int | None,
+    *,
+    no_cache: bool,
+    overwrite: bool,
+) -> tuple[Path, ...]:
+    """The inputs, with the frames that are chosen of films in their place."""
+    films = films_among(inputs)
+    if not films:
+        return inputs
+    photos = tuple(path for path in inputs if path not in films)
+    if photos:
+        refuse_other_photos(photos_of(photos), films)
+    return photos + frames_to_calibrate(
+        films,
+        output / "frames",
+        target,
+        most=best or MOST,
+        jobs=jobs,
+        no_cache=no_cache,
+        overwrite=overwrite,
+    )
+
+
+def _say_findings(calibration: Calibration, record: Mapping[str, Any]) -> None:
     for corner in record["dropped_corners"]:
         detail(
             "dropped: {image} {board} column {column} row {row}: {error_px:.1f} px off".format(
                 **corner
             )
         )
-    for photo, reason in calibration.unfit.items():
-        say(f"left out: {photo}: {reason}")
     for finding in calibration.findings:
         say(f"{mark_of(finding)}: {finding.line}")
     for note in calibration.notes:
@@ -282,26 +300,6 @@ def command(
     for departure in calibration.departures:
         for doubt in departure.doubts:
             say(f"warning: board {departure.board} seems {doubt.what}: {doubt.do}")
-    if not as_json:
-        _print(calibration, facts, record, judged, advice, models, outputs, loaded)
-    say_removed(earlier)
-    report_step.say_if_missing(outputs, wanted=report)
-    hold_gate(calibration.errors.rms_px, max_rms)
-
-
-def _outputs(folder: Path, inputs: Sequence[Path]) -> dict[str, Path]:
-    outputs = {
-        "camera": folder / "camera.yaml",
-        "map": folder / MAP,
-        "target": folder / "target.refined.yaml",
-        "report": folder / report_step.NAME,
-    }
-    corners = folder / "corners.csv"
-    # Corners that were read from this very file need not be written again.
-    is_input = corners.exists() and any(path.exists() and path.samefile(corners) for path in inputs)
-    if inputs and not is_input:
-        outputs["corners"] = corners
-    return outputs
 
 
 def _compared(
@@ -315,82 +313,38 @@ def _compared(
     return [row.as_record() for row in rows]
 
 
-def _write(
-    outputs: Mapping[str, Path],
-    calibration: Calibration,
-    loaded: Pairs,
-    page: str | None,
-    earlier: Sequence[Path],
-    *,
-    overwrite: bool,
-) -> None:
-    """Write every output, all or none; what is of an earlier calibration goes."""
-    from cubicfish_cli.correspondences import save_corners
-    from cubicfish_cli.files import whole_files, write_text
-    from cubicfish_cli.formats.target_yaml import target_text
-    from cubicfish_cli.undistortion.maps import build_map, save_map
-    from cubicfish_cli.undistortion.views import default_view
-
-    paths = list(outputs.values())
-    with whole_files(paths, overwrite=overwrite, obsolete=earlier) as temporary:
-        names = dict(zip(outputs, temporary, strict=True))
-        calibration.save(names["camera"])
-        if "drawn" in names and loaded.target is not None:
-            write_text(names["drawn"], target_text(loaded.target), overwrite=False)
-        view = default_view(calibration.camera)
-        if "map" in names:
-            save_map(names["map"], build_map(calibration.camera, view), overwrite=False)
-        if "target" in names and calibration.target is not None:
-            write_text(names["target"], target_text(calibration.target), overwrite=False)
-        if "corners" in names and loaded.corners is not None:
-            save_corners(names["corners"], loaded.corners, overwrite=False)
-        if "report" in names and page is not None:
-            write_text(names["report"], page, overwrite=False)
-
-
 def _made_by(
-    asked: Mapping[str, Any], loaded: Pairs, outputs: Mapping[str, Path], title: str | None
+    asked: Mapping[str, Any], loaded: Pairs, drawn: str | None, folder: Path, title: str | None
 ) -> dict[str, Any]:
     """How it was made; the object too where it came as counts and its file is still to be."""
-    from cubicfish_cli.formats.target_yaml import target_text
-
     record = made_by_record(asked, loaded.target_file, loaded.files)
-    if "drawn" in outputs and loaded.target is not None:
-        record["target"] = recorded_as(target_text(loaded.target), outputs["drawn"])
+    if drawn is not None:
+        record["target"] = recorded_as(drawn, folder / DEFAULT_TARGET)
     return {**({} if title is None else {"title": title}), **record}
 
 
 def _print(
     calibration: Calibration,
-    facts: CameraFacts,
     record: Mapping[str, Any],
-    judged: Verdict,
-    advice: str,
     models: Sequence[Mapping[str, Any]],
     outputs: Mapping[str, Path],
     loaded: Pairs,
 ) -> None:
-    """The verdict first, then the figures it rests on, the photos, and what to do next."""
+    """The figures that the verdict rests on, the photos, and what was written."""
     camera, pairs = calibration.camera, calibration.pairs
-    apart()
-    result(facts.line, mark=(judged.words, judged.level))
-    print_verdict(judged)
-    result(f"advice: {advice}\n")
     _print_figures(calibration, record)
     result()
-    rows = fitted_rows(
-        record, camera.image_size, corners_by_board(pairs), _lost(calibration, loaded)
-    )
+    lost = dict.fromkeys(calibration.unfit, "left out")  # lines on stderr say more
+    if loaded.detection is not None:
+        lost |= why_lost(loaded.detection)
+    rows = fitted_rows(record, camera.image_size, corners_by_board(pairs), lost)
     print_photo_table(rows, pairs.boards, record, everything=str(outputs["camera"]))
     result()
     _print_object(calibration)
     if models:
         print_models(models)
         result()
-    for path in outputs.values():
-        result(f"wrote {path}")
-    photo = loaded.files[0].path if loaded.detection is not None and loaded.files else None
-    say_next(judged, outputs["camera"], photo, outputs.get("report"))
+    print_wrote(outputs.values())
 
 
 def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
@@ -416,22 +370,13 @@ def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
             ("  radial reference", held_out.companion_rms_px, ""),
         ]
     print_errors(record, more)
-    result(
-        f"{'field':<24}{calibration.camera.max_angle_deg:>7.1f} °   from the axis, where the "
-        f"camera may be trusted; corners reach {calibration.covered_deg:.1f}°"
-    )
-    result(f"{'coverage':<24}{100 * calibration.coverage:>7.0f} %   {COVERED}")
+    reach = f"corners reach {calibration.covered_deg:.1f}°"
+    meaning = f"from the axis, where the camera may be trusted; {reach}"
+    print_figure("field", f"{calibration.camera.max_angle_deg:.1f}", "°", meaning)
+    print_figure("coverage", f"{100 * calibration.coverage:.0f}", "%", COVERED)
     uncertainty = recorded(record)
     if uncertainty is not None:
-        result(f"{'uncertainty':<24}{px(uncertainty.median_px):>7} px  {uncertainty.meaning}")
-
-
-def _lost(calibration: Calibration, loaded: Pairs) -> dict[str, str]:
-    """Photos that took no part, and a word for why; lines on stderr say more."""
-    lost = dict.fromkeys(calibration.unfit, "left out")
-    if loaded.detection is not None:
-        lost |= why_lost(loaded.detection)
-    return lost
+        print_figure("uncertainty", px(uncertainty.median_px), meaning=uncertainty.meaning)
 
 
 def _print_object(calibration: Calibration) -> None:

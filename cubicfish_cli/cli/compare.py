@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli import json_keys, options
-from cubicfish_cli.cli.figures import hold_gate, print_spread, px
+from cubicfish_cli.cli.figures import hold_gate, print_figure, print_spread, px
+from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.terminal import print_json, print_table, result
 
 _DRAWN_PIXELS = 150_000
@@ -18,15 +19,13 @@ if TYPE_CHECKING:
     from cubicfish_cli.fitting.comparison import ComparedCamera, Comparison
 
 
-@click.command(
+@as_command(
     "compare",
-    short_help="How far apart two cameras are, in pixels.",
-    epilog=options.examples(
-        "cubicfish compare last_year/camera.yaml calibration/camera.yaml",
-        "cubicfish compare a.yaml b.yaml --picture difference.png --max-rms 0.3",
-        "cubicfish compare simulated/true_camera.yaml calibration/camera.yaml",
-        "cubicfish compare last_year/rig.yaml rig/rig.yaml",
-    ),
+    "How far apart two cameras are, in pixels.",
+    "cubicfish compare last_year/camera.yaml calibration/camera.yaml",
+    "cubicfish compare a.yaml b.yaml --picture difference.png --max-rms 0.3",
+    "cubicfish compare simulated/true_camera.yaml calibration/camera.yaml",
+    "cubicfish compare last_year/rig.yaml rig/rig.yaml",
 )
 @options.argument(
     "first",
@@ -40,16 +39,10 @@ if TYPE_CHECKING:
     metavar="B",
     missing=_BOTH,
 )
-@click.option(
-    "--picture",
-    type=options.FILE,
-    metavar="FILE",
-    help="Also draw the difference at every pixel of camera A.",
-)
+@option("--picture FILE", "Also draw the difference at every pixel of camera A.", options.FILE)
 @options.max_rms_option
 @options.overwrite_option
 @options.json_option(json_keys.COMPARE)
-@options.common_options
 def command(
     first: Path,
     second: Path,
@@ -124,10 +117,11 @@ def _draw(comparison: Comparison, path: Path, *, overwrite: bool) -> None:
 
 
 def _print(record: dict[str, Any]) -> None:
-    result(f"{'RMS difference':<24}{px(record['rms_px']):>7} px  sqrt(mean(dx² + dy²)) over pixels")
+    meaning = "sqrt(mean(dx² + dy²)) over pixels"
+    print_figure("RMS difference", px(record["rms_px"]), meaning=meaning)
     print_spread(record)
     share = 100 * record["common_share"]
-    result(f"{'common field':<24}{share:>7.1f} %   of what A sees")
+    print_figure("common field", f"{share:.1f}", "%", "of what A sees")
     result(f"{'rotation taken out':<24}{record['rotation_deg']:>7.3f}°")
     if record["scale"] != 1:
         result(f"{'scale taken out':<24}{record['scale']:>7.3f}    A's pixels for one of B's")

@@ -9,6 +9,7 @@ import click
 
 from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.target_choice import needed_target
 from cubicfish_cli.cli.terminal import print_json, result, say
 
@@ -38,15 +39,13 @@ seen from behind are refused.
 """
 
 
-@click.command(
+@as_command(
     "corners",
+    "Take over corners that another detector found.",
+    "cubicfish corners run1/ --target box.yaml",
+    "cubicfish corners corners.vnl --target board.yaml --size 1920x1080",
+    "cubicfish corners found.csv --target grid.yaml --size 752x480 --only 'cam0/*'",
     help=_HELP,
-    short_help="Take over corners that another detector found.",
-    epilog=options.examples(
-        "cubicfish corners run1/ --target box.yaml",
-        "cubicfish corners corners.vnl --target board.yaml --size 1920x1080",
-        "cubicfish corners found.csv --target grid.yaml --size 752x480 --only 'cam0/*'",
-    ),
 )
 @options.argument(
     "files",
@@ -58,32 +57,30 @@ seen from behind are refused.
 )
 @options.target_option
 @options.output_option("Where the corners go.", default="corners.csv")
-@click.option(
+@option(
     "--format",
-    "kind",
-    type=click.Choice(FORMATS),
-    help="What wrote the files. [default: .orpc deltille, .vnl mrcal, .csv kalibr]",
+    "What wrote the files. [default: .orpc deltille, .vnl mrcal, .csv kalibr]",
+    click.Choice(FORMATS),
+    to="kind",
 )
-@click.option("--size", type=options.SIZE, help="Size of the photos; .orpc files state it.")
-@click.option(
-    "--board",
-    "boards",
-    multiple=True,
-    metavar="[ID=]NAME",
-    help="The target's board that the files call ID; NAME alone where they tell no boards apart. "
+@option("--size", "Size of the photos; .orpc files state it.", options.SIZE)
+@option(
+    "--board [ID=]NAME",
+    "The target's board that the files call ID; NAME alone where they tell no boards apart. "
     "May be given again.",
+    to="boards",
+    multiple=True,
 )
-@click.option(
+@option(
     "--numbering",
-    type=click.Choice(NUMBERINGS),
-    help="How corners are numbered, seen from the front: from corner (0, 0) row by row or column "
+    "How corners are numbered, seen from the front: from corner (0, 0) row by row or column "
     "by column, row by row up from the lowest row, or four a tag. [default: rows; "
     "rows-from-bottom on an aprilgrid, as in Kalibr]",
+    click.Choice(NUMBERINGS),
 )
-@click.option("--only", metavar="GLOB", help="Only photos whose names match, such as 'cam0/*'.")
+@option("--only GLOB", "Only photos whose names match, such as 'cam0/*'.")
 @options.overwrite_option
 @options.json_option(json_keys.CORNERS)
-@options.common_options
 def command(
     files: tuple[Path, ...],
     target: Path | None,

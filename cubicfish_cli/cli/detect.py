@@ -2,55 +2,46 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping, Sequence
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import TYPE_CHECKING
-
-import click
 
 from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.inputs import detect, lost_word, mark_of, photos_of, say_photo_problems
+from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.photo_table import GOOD, PhotoRow, corners_by_board, print_photo_table
 from cubicfish_cli.cli.scheduler_options import SchedulerOptions, scheduler_options
 from cubicfish_cli.cli.target_choice import TargetChoice, say_default, target_options
 from cubicfish_cli.cli.terminal import print_json, progress, result, say
-from cubicfish_cli.errors import OutputError
 
 if TYPE_CHECKING:
     from cubicfish_cli.identification.photo_report import Detection
-    from cubicfish_cli.photos import Photo
 
 _FEW_CORNERS = 20
 
 
-@click.command(
+@as_command(
     "detect",
-    short_help="Find and name the corners of the target in photos.",
-    epilog=options.examples(
-        "cubicfish detect photos/ --target target.yaml",
-        "cubicfish detect 'run7/*.png' --target target.yaml -o run7.csv --draw seen/",
-    ),
+    "Find and name the corners of the target in photos.",
+    "cubicfish detect photos/ --target target.yaml",
+    "cubicfish detect 'run7/*.png' --target target.yaml -o run7.csv --draw seen/",
 )
 @options.argument(
     "photos", "Photos: files, folders or globs.", nargs=-1, required=True, metavar="PHOTOS..."
 )
 @target_options
 @options.output_option("Where the corners go.", default="corners.csv")
-@click.option(
-    "--draw",
-    type=options.FOLDER,
-    metavar="FOLDER",
-    help="Also write FOLDER/<photo>.png for each photo: its corners in a colour a board, a disc at "
+@option(
+    "--draw FOLDER",
+    "Also write FOLDER/<photo>.png for each photo: its corners in a colour a board, a disc at "
     "corner (0, 0), arrows along x and y, in red what was left out and why.",
+    options.FOLDER,
 )
 @options.overwrite_option
 @options.json_option(json_keys.DETECT)
 @options.jobs_option
 @scheduler_options
 @options.no_cache_option
-@options.common_options
 def command(
     photos: tuple[Path, ...],
     target: TargetChoice,
@@ -68,44 +59,44 @@ def command(
     """
     from cubicfish_cli.correspondences import save_corners
     from cubicfish_cli.files import refuse_existing
+    from cubicfish_cli.library.drawings import drawings, write_drawings
 
     scheduler.check(jobs)
     target.check()
     refuse_existing(output, overwrite=overwrite)
     found = photos_of(photos)
     pictures = drawings(draw, found) if draw else {}
-    for picture in pictures.values():
-        refuse_existing(picture, overwrite=overwrite)
+    refuse_existing(*pictures.values(), overwrite=overwrite)
     say_default(target)
     loaded = target.load()
     with scheduler.connected() as executor:
         detection = detect(found, loaded, jobs, no_cache=no_cache, executor=executor)
     save_corners(output, detection.corners, overwrite=overwrite)
-    drawn = _draw(found, detection, pictures, overwrite=overwrite) if draw is not None else None
+    drawn = {}
+    if draw is not None:
+        with progress("Drawing") as callback:
+            written = write_drawings(found, detection, pictures, callback, overwrite=overwrite)
+        drawn = {"drawings": written}
     corners, images = len(detection.corners.pixel), len(detection.corners.images)
     if as_json:
+        keys = ("boards", "corners", "added", "exact", "problem", "notes")
         per_image = [
             {
                 "image": photo.name,
-                "boards": photo.boards,
-                "corners": photo.corners,
-                "added": photo.added,
-                "exact": photo.exact,
-                "problem": photo.problem,
-                "notes": photo.notes,
+                **{key: getattr(photo, key) for key in keys},
                 "findings": [finding.as_record() for finding in photo.findings],
             }
             for photo in detection.photos
         ]
         print_json(
             {
-                "file": str(output),
+                "file": output,
                 "image_size": detection.corners.image_size,
                 "images": images,
                 "corners": corners,
                 "findings": [finding.as_record() for finding in detection.findings],
                 "per_image": per_image,
-                **({"drawings": drawn} if drawn is not None else {}),
+                **drawn,
             }
         )
     say_photo_problems(detection)
@@ -139,48 +130,3 @@ def _rows(detection: Detection) -> list[PhotoRow]:
             )
         )
     return rows
-
-
-def drawings(folder: Path, photos: Sequence[Photo]) -> dict[str, Path]:
-    """Where the drawing of each photo goes, by the photo's name.
-
-    The photo's suffix is left out, unless two drawings would then have one name or a drawing
-    would replace a photo.
-
-    Raises:
-        OutputError: a drawing would replace a photo whatever it is called.
-
-    """
-    taken = {os.path.realpath(photo.path) for photo in photos}
-    full = [photo.name for photo in photos]
-    short = [PurePath(name).with_suffix("").as_posix() for name in full]
-    for names in (short, full):
-        paths = [folder / f"{name}.png" for name in names]
-        # File systems may not tell a from A.
-        apart = names is full or len({name.casefold() for name in names}) == len(names)
-        if apart and taken.isdisjoint(map(os.path.realpath, paths)):
-            return dict(zip(full, paths, strict=True))
-    raise OutputError(f"drawings in {folder} would replace photos: choose another folder")
-
-
-def _draw(
-    photos: Sequence[Photo],
-    detection: Detection,
-    pictures: Mapping[str, Path],
-    *,
-    overwrite: bool,
-) -> list[str]:
-    """Write a picture of what was found in each photo that could be read; return their names."""
-    from cubicfish_cli.overlay.draw import draw_found
-    from cubicfish_cli.photos import read_grey
-    from cubicfish_cli.undistortion.images import write_picture
-
-    written = []
-    with progress("Drawing") as callback:
-        for done, (photo, report) in enumerate(zip(photos, detection.photos, strict=True)):
-            callback(done, len(photos))
-            if report.found is not None:
-                drawn = draw_found(read_grey(photo.path), report, detection.corners)
-                write_picture(pictures[photo.name], drawn, overwrite=overwrite)
-                written.append(str(pictures[photo.name]))
-    return written

@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli import json_keys, options
-from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_verdict, px
+from cubicfish_cli.cli.figures import (
+    count,
+    hold_gate,
+    print_errors,
+    print_figure,
+    print_verdict,
+    px,
+)
 from cubicfish_cli.cli.inputs import (
     check_inputs,
     load_pairs,
@@ -18,6 +25,7 @@ from cubicfish_cli.cli.inputs import (
     say_photo_problems,
     why_lost,
 )
+from cubicfish_cli.cli.options import as_command
 from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table
 from cubicfish_cli.cli.target_choice import TargetChoice, target_options
 from cubicfish_cli.cli.terminal import print_json, result, say, working
@@ -26,17 +34,14 @@ if TYPE_CHECKING:
     from cubicfish_cli.assess.verdict import Verdict
     from cubicfish_cli.cli.inputs import Pairs
     from cubicfish_cli.fitting.evaluate import Evaluation
-    from cubicfish_cli.fitting.uncertainty import FloatArray
 
 
-@click.command(
+@as_command(
     "evaluate",
-    short_help="Measure a camera on other photos, poses refitted.",
-    epilog=options.examples(
-        "cubicfish evaluate new_photos/ --target target.yaml",
-        "cubicfish evaluate corners.csv --target target.yaml --max-rms 0.5",
-        "cubicfish evaluate rig/rig.yaml left/ right/ --target target.yaml",
-    ),
+    "Measure a camera on other photos, poses refitted.",
+    "cubicfish evaluate new_photos/ --target target.yaml",
+    "cubicfish evaluate corners.csv --target target.yaml --max-rms 0.5",
+    "cubicfish evaluate rig/rig.yaml left/ right/ --target target.yaml",
 )
 @options.argument(
     "inputs",
@@ -51,7 +56,6 @@ if TYPE_CHECKING:
 @options.json_option(json_keys.EVALUATE)
 @options.jobs_option
 @options.no_cache_option
-@options.common_options
 def command(
     inputs: tuple[Path, ...],
     target: TargetChoice,
@@ -81,6 +85,7 @@ def command(
         )
         return
     check_inputs(inputs, correspondences=None, target=target)
+    from cubicfish_cli.assess.field_uncertainty import uncertainty_at
     from cubicfish_cli.assess.verdict import evaluation_verdict
     from cubicfish_cli.fitting.evaluate import evaluate
     from cubicfish_cli.formats.camera_yaml import load_camera
@@ -99,7 +104,7 @@ def command(
     with working("Fitting poses"):
         evaluation = evaluate(camera, loaded.pairs)
     record = evaluation.as_record()
-    record["uncertainty"] = _uncertainty(file.fit, evaluation.pairs.pixel)
+    record["uncertainty"] = uncertainty_at(file.fit, evaluation.pairs.pixel)
     record |= photo_remarks(loaded.detection)
     if evaluation.outside:
         say(
@@ -140,29 +145,11 @@ def _print(
     result(f"\n{count(record['images'], 'photo')}, {count(record['corners'], 'corner')}\n")
     print_errors(record, [])
     if record["uncertainty"] is not None:
-        result(
-            f"{'uncertainty':<24}{px(record['uncertainty']['median_px']):>7} px  of the camera "
-            "itself: 1σ, median over these corners; 95 % of them within "
-            f"{px(record['uncertainty']['p95_px'])} px"
+        sigma = record["uncertainty"]
+        meaning = (
+            "of the camera itself: 1σ, median over these corners; 95 % of them within "
+            f"{px(sigma['p95_px'])} px"
         )
+        print_figure("uncertainty", px(sigma["median_px"]), meaning=meaning)
     result()
     print_verdict(judged)
-
-
-def _uncertainty(fit: Mapping[str, Any], pixel: FloatArray) -> dict[str, float] | None:
-    """How far the camera itself may be off at these pixels; None where its file does not say."""
-    import numpy as np
-
-    from cubicfish_cli.assess.field_uncertainty import sigma_at, summed
-
-    record = fit.get("uncertainty")
-    if not isinstance(record, dict):
-        return None
-    try:
-        sigma = sigma_at(record, pixel)
-    except (KeyError, TypeError, ValueError, IndexError):
-        return None  # not this tool's; the errors are measured all the same
-    sigma = sigma[np.isfinite(sigma)]
-    if not len(sigma):
-        return None
-    return {**summed(sigma).as_record(), "max_px": float(sigma.max())}

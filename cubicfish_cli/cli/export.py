@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from decimal import ROUND_UP, Decimal
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli import __version__
 from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import rig_path
-from cubicfish_cli.cli.terminal import print_json, result, say, working
-from cubicfish_cli.errors import FitError
+from cubicfish_cli.cli.options import as_command, option, rig_path
+from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say, working
 from cubicfish_cli.formats.registry import WRITTEN
 
 if TYPE_CHECKING:
-    from cubicfish_cli.fitting.conversion.to_lens import Conversion
-    from cubicfish_cli.formats.camera_format import Poses
-    from cubicfish_cli.formats.camera_yaml import CameraFile
+    from cubicfish_cli.formats.lens_rig import Pose
+    from cubicfish_cli.lenses.cubic import CubicCamera
+    from cubicfish_cli.library.exporting import Exported
 
 # Of no lens model, and so not among the registered formats.
 _MAPS = {
@@ -28,11 +25,6 @@ _MAPS = {
     "usd": ".usda and .exr in a folder; holds any lens",
 }
 FORMATS = {**WRITTEN, **_MAPS}
-
-# Of formats of one tool, the one that follows decentred lenses best.
-_NEAREST = {"colmap": "colmap-rad-tan-thin-prism-fisheye", "kalibr": "kalibr-omni"}
-_BEHIND_DEG = 90.0
-_USD = Path("usd")
 
 _HELP = f"""Write the camera for another tool, and say how near its lens model comes.
 
@@ -59,17 +51,15 @@ camera.yaml's frame is printed, and poses that go into the file are turned along
 """
 
 
-@click.command(
+@as_command(
     "export",
+    "The camera for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
+    "cubicfish export --to opencv",
+    "cubicfish export --to kalibr-ds -o camchain.yaml --max-angle 90",
+    "cubicfish export --to mrcal -m lens_a/camera.yaml",
+    "cubicfish export rig/rig.yaml --to kalibr-omni -o camchain.yaml",
+    "cubicfish export rig --to opencv --pair left,right",
     help=_HELP,
-    short_help="The camera for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
-    epilog=options.examples(
-        "cubicfish export --to opencv",
-        "cubicfish export --to kalibr-ds -o camchain.yaml --max-angle 90",
-        "cubicfish export --to mrcal -m lens_a/camera.yaml",
-        "cubicfish export rig/rig.yaml --to kalibr-omni -o camchain.yaml",
-        "cubicfish export rig --to opencv --pair left,right",
-    ),
 )
 @options.argument(
     "calibration",
@@ -77,36 +67,31 @@ camera.yaml's frame is printed, and poses that go into the file are turned along
     required=False,
     metavar="[CAMERA|RIG]",
 )
-@click.option(
-    "--to",
-    "name",
-    type=click.Choice(list(FORMATS)),
+@option(
+    "--to FORMAT",
+    "What to write: a name of the list above.",
+    click.Choice(list(FORMATS)),
+    to="name",
     required=True,
-    metavar="FORMAT",
-    help="What to write: a name of the list above.",
 )
 @options.output_option("Where it goes. [default: the format's usual name, in the current folder]")
 @options.model_option
-@click.option(
-    "--max-error",
-    type=FloatRange(min=0, min_open=True),
-    default=0.5,
-    show_default=True,
-    metavar="PX",
-    help="Write nothing when the format's lens is farther than this from the camera anywhere up "
+@option(
+    "--max-error PX",
+    "Write nothing when the format's lens is farther than this from the camera anywhere up "
     "to where the calibration's corners reach. Beyond, the error is printed alone.",
+    FloatRange(min=0, min_open=True),
+    0.5,
 )
-@click.option(
-    "--max-angle",
-    type=FloatRange(min=0, max=180, min_open=True),
-    metavar="DEG",
-    help="Leave out of the conversion what is farther from the axis, so that the rest is met more "
+@option(
+    "--max-angle DEG",
+    "Leave out of the conversion what is farther from the axis, so that the rest is met more "
     "nearly. [default: the whole field]",
+    FloatRange(min=0, max=180, min_open=True),
 )
 @options.pair_option
 @options.overwrite_option
 @options.json_option(json_keys.EXPORT)
-@options.common_options
 def command(
     calibration: Path | None,
     name: str,
@@ -119,10 +104,13 @@ def command(
     as_json: bool,
 ) -> None:
     """See ``_HELP``."""
-    from cubicfish_cli.files import refuse_existing, write_text
+    from cubicfish_cli.files import refuse_existing, write_files
     from cubicfish_cli.formats import foreign
     from cubicfish_cli.formats.camera_yaml import load_camera
-    from cubicfish_cli.formats.foreign import FILE_NAMES, foreign_text
+    from cubicfish_cli.formats.foreign import FILE_NAMES
+    from cubicfish_cli.library.exporting import export_camera
+    from cubicfish_cli.undistortion.maps import build_map, save_map
+    from cubicfish_cli.undistortion.views import default_view
 
     rig = rig_path(calibration or model)
     if rig is not None:
@@ -130,36 +118,33 @@ def command(
         return
     if pair is not None:
         raise click.UsageError("--pair names two cameras of a rig: name the rig.yaml")
-    if name == "usd":
-        from cubicfish_cli.cli.export_usd import write_usd
-
-        alone = load_camera(options.model_path(calibration or model)).camera
-        write_usd(
-            output or _USD,
-            [("camera", alone, None)],
-            None,
-            max_error=max_error,
-            overwrite=overwrite,
-            as_json=as_json,
-        )
-        return
     path = output or Path(FILE_NAMES.get(name, "undistort_map.npz"))
-    refuse_existing(path, overwrite=overwrite)
+    if name != "usd":
+        refuse_existing(path, overwrite=overwrite)
     loaded = load_camera(options.model_path(calibration or model))
+    if name == "usd":
+        _write_usd(output, [("camera", loaded.camera, None)], None, max_error, overwrite, as_json)
+        return
     if name == "maps":
-        _write_map(path, loaded.camera, overwrite=overwrite, as_json=as_json)
+        if path.suffix.lower() != ".npz":
+            raise click.UsageError(f"{path}: --to maps writes .npz; 'cubicfish map' writes others")
+        made = build_map(loaded.camera, default_view(loaded.camera))
+        save_map(path, made, overwrite=overwrite)
+        if as_json:
+            print_json({"file": path, "format": "maps"})
+        else:
+            print_wrote([path])
         return
     with working("Fitting the other lens"):
-        conversion, note = _converted(loaded, name, max_error, max_angle)
-    text = foreign_text(name, conversion.lens, note, _poses(loaded.fit, conversion))
-    write_text(path, text, overwrite=overwrite)
+        lens = export_camera(loaded, name, max_error=max_error, max_angle_deg=max_angle)
+    write_files({path: lens.text}, overwrite=overwrite)
     if as_json:
-        print_json({"file": str(path), "format": name, **_record(conversion)})
+        print_json({"file": path, "format": name, **lens.as_record()})
         return
-    result(f"wrote {path}")
-    for line in note[1:]:
+    print_wrote([path])
+    for line in lens.note[1:]:
         result(_without_matrix(line) if foreign.WRITTEN[name].comments else line)
-    _warn_beyond(conversion, max_error)
+    _warn(lens, max_error)
 
 
 def _export_rig(
@@ -173,24 +158,16 @@ def _export_rig(
     as_json: bool,
 ) -> None:
     """Write all cameras of a rig, or two of them, with their places."""
-    from cubicfish_cli.files import refuse_existing, write_texts
-    from cubicfish_cli.formats.foreign import RIG_FILE_NAMES, rig_texts
+    from cubicfish_cli.files import write_files
+    from cubicfish_cli.formats.foreign import RIG_FILE_NAMES
     from cubicfish_cli.formats.rig_yaml import load_rig
-    from cubicfish_cli.library.rig_files import ConvertedCamera, lens_rig
+    from cubicfish_cli.library.exporting import exported_rig
 
     rig = load_rig(path)
     chosen = rig.cameras if pair is None else tuple(map(rig.camera, pair))
     if name == "usd":
-        from cubicfish_cli.cli.export_usd import write_usd
-
-        write_usd(
-            output or _USD,
-            [(one.name, one.camera, (one.rotation, one.translation)) for one in chosen],
-            rig.units,
-            max_error=max_error,
-            overwrite=overwrite,
-            as_json=as_json,
-        )
+        placed = [(one.name, one.camera, (one.rotation, one.translation)) for one in chosen]
+        _write_usd(output, placed, rig.units, max_error, overwrite, as_json)
         return
     if name not in RIG_FILE_NAMES:
         one = path.parent / rig.cameras[0].path
@@ -199,173 +176,66 @@ def _export_rig(
             + ", ".join([*RIG_FILE_NAMES, "usd"])
         )
     goal = output or Path(RIG_FILE_NAMES[name])
-    converted = []
     with working("Fitting the other lenses"):
-        for camera in chosen:
-            try:
-                conversion, note = _converted(camera.file, name, max_error, max_angle)
-            except FitError as problem:
-                raise FitError(f"camera {camera.name}: {problem}") from problem
-            converted.append(ConvertedCamera(camera=camera, conversion=conversion, note=note))
-    texts = rig_texts(name, lens_rig(rig, converted), goal)
-    for file in texts:
-        refuse_existing(file, overwrite=overwrite)
-    written = write_texts(texts, overwrite=overwrite)
-    if as_json:
-        records = [{"name": one.camera.name, **_record(one.conversion)} for one in converted]
-        print_json({"files": list(map(str, written)), "format": name, "cameras": records})
-        return
-    for file in written:
-        result(f"wrote {file}")
-    for own in converted:
-        result(f"{own.camera.name}: {own.note[1]}")
-        for line in own.note[2:]:
-            result("  " + _without_matrix(line))
-        _warn_beyond(own.conversion, max_error, f"camera {own.camera.name}: ")
-
-
-def _converted(
-    loaded: CameraFile, name: str, max_error: float, max_angle: float | None
-) -> tuple[Conversion, list[str]]:
-    """A camera as the format's lens, and how it was made, in lines.
-
-    Raises:
-        FitError: the lens is farther from the camera than that.
-
-    """
-    from cubicfish_cli.fitting.conversion.to_lens import to_lens
-    from cubicfish_cli.formats.foreign import LENS_OF
-
-    conversion = to_lens(
-        loaded.camera,
-        LENS_OF[name],
-        max_angle_deg=max_angle,
-        covered_deg=_covered_deg(loaded.fit),
-    )
-    if not conversion.error.max_px <= max_error:
-        raise FitError(_too_far(conversion, name, max_error))
-    trusted = min(max_angle or 180.0, loaded.camera.max_angle_deg)
-    return conversion, _note(conversion, name, loaded.made_by, trusted)
-
-
-def _record(conversion: Conversion) -> dict[str, Any]:
-    """The lens and its errors, for JSON."""
-    return {
-        "lens": conversion.lens.name,
-        **conversion.error.as_record(),
-        "turned_deg": conversion.turned_deg,
-        "lens_from_camera": conversion.lens_from_camera,
-    }
-
-
-def _warn_beyond(conversion: Conversion, max_error: float, whose: str = "") -> None:
-    error = conversion.error
-    if error.beyond is not None and not error.beyond["max_px"] <= max_error:
-        start = error.beyond["from_deg"]
-        say(
-            f"warning: {whose}beyond {start:.1f}°, where no corner was, {_figures(error.beyond)}: "
-            f"do not rely on it there, or leave that out with --max-angle {start:.1f}"
+        lenses, texts = exported_rig(
+            rig, chosen, name, goal, max_error=max_error, max_angle_deg=max_angle
         )
+    written = write_files(texts, overwrite=overwrite)
+    if as_json:
+        records = [{"name": camera, **lens.as_record()} for camera, lens in lenses.items()]
+        print_json({"files": written, "format": name, "cameras": records})
+        return
+    print_wrote(written)
+    for camera, lens in lenses.items():
+        result(f"{camera}: {lens.note[1]}")
+        for line in lens.note[2:]:
+            result("  " + _without_matrix(line))
+        _warn(lens, max_error, f"camera {camera}: ")
+
+
+def _write_usd(
+    output: Path | None,
+    cameras: Sequence[tuple[str, CubicCamera, Pose | None]],
+    units: str | None,
+    max_error: float,
+    overwrite: bool,
+    as_json: bool,
+) -> None:
+    """Write cameras as tables, which hold any lens, into a folder."""
+    from cubicfish_cli.files import refuse_existing, write_files
+    from cubicfish_cli.library.usd_files import usd_files, usd_paths
+    from cubicfish_cli.undistortion.map_formats import require_exr
+
+    folder = output or Path("usd")
+    paths = usd_paths(folder, [name for name, *_ in cameras])
+    refuse_existing(*paths, overwrite=overwrite)
+    require_exr(paths[1])
+    files, made = usd_files(folder, cameras, units, max_error=max_error, working=working)
+    written = write_files(files, overwrite=overwrite)
+    if as_json:
+        records = [
+            {
+                "name": name,
+                "rms_px": made[name][0].rms_px,
+                "max_px": made[name][0].max_px,
+                "max_angle_deg": camera.max_angle_deg,
+            }
+            for name, camera, _ in cameras
+        ]
+        print_json({"files": written, "format": "usd", "cameras": records})
+        return
+    print_wrote(written)
+    for name, (_, error) in made.items():
+        result(f"{name}: {error}")
+
+
+def _warn(lens: Exported, max_error: float, whose: str = "") -> None:
+    warning = lens.warning(max_error)
+    if warning is not None:
+        say(f"warning: {whose}{warning}")
 
 
 def _without_matrix(line: str) -> str:
     """A line of the note as it is told: numbers for programs stay in the file."""
     before, named, _ = line.partition("; lens_from_camera: ")
     return f"{before}: lens_from_camera is in the file" if named else line
-
-
-def _write_map(path: Path, camera: Any, *, overwrite: bool, as_json: bool) -> None:
-    from cubicfish_cli.undistortion.maps import build_map, save_map
-    from cubicfish_cli.undistortion.views import default_view
-
-    if path.suffix.lower() != ".npz":
-        raise click.UsageError(f"{path}: --to maps writes .npz; 'cubicfish map' writes others")
-    view = default_view(camera)
-    save_map(path, build_map(camera, view), overwrite=overwrite)
-    if as_json:
-        print_json({"file": str(path), "format": "maps"})
-    else:
-        result(f"wrote {path}")
-
-
-def _covered_deg(fit: Mapping[str, Any]) -> float | None:
-    """How far corners reached, where the camera's file says so."""
-    value = fit.get("covered_deg")
-    return float(value) if isinstance(value, int | float) else None
-
-
-def _figures(figures: Mapping[str, float]) -> str:
-    if figures["max_px"] == float("inf"):
-        return "the lens does not see all of it"
-    return f"RMS {figures['rms_px']:.4f} px, largest {figures['max_px']:.4f} px"
-
-
-def _note(
-    conversion: Conversion, name: str, made_by: Mapping[str, Any], trusted_deg: float
-) -> list[str]:
-    """How the lens was made, in lines."""
-    from cubicfish_cli.formats.foreign import FRONT_ONLY, OWN_FIELD
-
-    error = conversion.error
-    when = f" of {made_by['date']}" if made_by.get("date") else ""
-    lines = [
-        f"cubicfish {__version__}: the lens nearest to a cubic camera{when}",
-        f"conversion error: RMS {error.rms_px:.4f} px, largest {error.max_px:.4f} px, up to "
-        f"{error.max_angle_deg:.1f} degrees from the axis",
-    ]
-    farthest = error.max_angle_deg
-    if error.beyond is not None:
-        farthest = error.beyond["to_deg"]
-        lines.append(
-            f"from there to {farthest:.1f} degrees, where no corner was: {_figures(error.beyond)}"
-        )
-    lines += [f"{way}: {_figures(figures)}" for way, figures in error.also.items()]
-    lines.append(f"{OWN_FIELD} {trusted_deg:.3f} degrees from the axis")
-    if farthest >= _BEHIND_DEG and name in FRONT_ONLY:
-        lines.append(f"{FRONT_ONLY[name]} itself sees nothing at 90 degrees from the axis or more")
-    if conversion.turned_deg > 0:
-        turn = " ".join(f"{value:.8f}" for value in conversion.lens_from_camera.ravel())
-        lines.append(
-            f"the frame is turned by {conversion.turned_deg:.3f} degrees; lens_from_camera: {turn}"
-        )
-    return lines
-
-
-def _too_far(conversion: Conversion, name: str, max_error: float) -> str:
-    error = conversion.error
-    good = [ring for ring in error.by_angle if ring["max_px"] <= max_error]
-    bad = [ring for ring in error.by_angle if ring["max_px"] > max_error]
-    largest = "everything" if error.max_px == float("inf") else f"{error.max_px:.2f} px"
-    ways = []
-    if good and bad and max(r["to_deg"] for r in good) <= min(r["from_deg"] for r in bad):
-        ways.append(f"try --max-angle {max(r['to_deg'] for r in good):.0f}")
-    if error.max_px < float("inf"):
-        ways.append(f"raise it to {_rounded_up(error.max_px)}")
-    others = "mrcal, maps or usd, which hold any lens"
-    nearest = _NEAREST.get(name.split("-")[0], name)
-    if nearest != name:
-        others = f"{nearest}, which comes nearer to most, or to {others}"
-    ways.append(f"export to {others}")
-    return (
-        f"the lens of {name} misses the camera by up to {largest} (RMS {error.rms_px:.2f} px up "
-        f"to {error.max_angle_deg:.0f}°), more than the {max_error:g} px of --max-error: "
-        f"{' or '.join(ways)}"
-    )
-
-
-def _rounded_up(value: float) -> str:
-    """To two digits, and no less: what ``--max-error`` takes is what is written here."""
-    step = Decimal(1).scaleb(Decimal(value).adjusted() - 1)
-    return f"{Decimal(value).quantize(step, ROUND_UP).normalize():f}"
-
-
-def _poses(fit: Mapping[str, Any], conversion: Conversion) -> Poses:
-    """camera_from_world of the calibration's photos, in the lens's frame."""
-    from cubicfish_cli.fitting.statistics import poses_on_record
-    from cubicfish_cli.rendering.pose import rotation_matrix
-
-    turn = conversion.lens_from_camera
-    return {
-        name: (turn @ rotation_matrix(vector), turn @ translation)
-        for name, (vector, translation) in poses_on_record(fit).items()
-    }

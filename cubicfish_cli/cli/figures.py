@@ -26,6 +26,11 @@ def count(number: int, what: str) -> str:
     return f"{number:,} {what}{'' if number == 1 else 's'}"
 
 
+def print_figure(name: str, value: str, unit: str = "px", meaning: str = "") -> None:
+    """Print what a figure is called, its value and what it means, in columns."""
+    result(f"{name:<24}{value:>7} {unit:<2}  {meaning}".rstrip())
+
+
 def print_errors(record: Mapping[str, Any], more: Sequence[tuple[str, float | None, str]]) -> None:
     """Print reprojection errors: the RMS and what it means, other RMS beside it, the spread."""
     lines = [
@@ -33,15 +38,14 @@ def print_errors(record: Mapping[str, Any], more: Sequence[tuple[str, float | No
         *more,
     ]
     for name, value, meaning in lines:
-        unit = "  " if value is None else "px"
-        result(f"{name:<24}{px(value):>7} {unit}  {meaning}".rstrip())
+        print_figure(name, px(value), "" if value is None else "px", meaning)
     print_spread(record)
 
 
 def print_spread(record: Mapping[str, Any]) -> None:
     """Print the median, what 95 % are within and the largest, a line each."""
     for name, key in (("median", "median_px"), ("95 % within", "p95_px"), ("largest", "max_px")):
-        result(f"{name:<24}{px(record[key]):>7} px")
+        print_figure(name, px(record[key]))
 
 
 def print_verdict(judged: Verdict) -> None:
@@ -56,10 +60,10 @@ def print_models(records: Sequence[Mapping[str, Any]]) -> None:
     result("Lens models: the same corners, loss and folds, the target as drawn")
     print_columns(
         [
-            Column(title="model"),
+            "model",
             Column(title="parameters", drop=2),
-            Column(title="rms px"),
-            Column(title="held-out px"),
+            "rms px",
+            "held-out px",
             Column(title="usable to °", drop=1),
             Column(title="seconds", drop=3),
         ],

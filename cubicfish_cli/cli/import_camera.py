@@ -9,6 +9,7 @@ import click
 
 from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.numbers import FloatRange
+from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.provenance import made_at, made_by_record
 from cubicfish_cli.cli.terminal import print_json, result, working
 from cubicfish_cli.formats.registry import READABLE
@@ -24,16 +25,14 @@ are printed. Corners of other detectors are read by 'cubicfish corners'.
 """
 
 
-@click.command(
+@as_command(
     "import",
+    "Another tool's camera as camera.yaml.",
+    "cubicfish import camchain.yaml --camera cam1",
+    "cubicfish import calib_results.txt -o lens_a/camera.yaml --max-angle 95",
+    "cubicfish import sparse/0/cameras.bin --camera 1",
+    "cubicfish import calibration.json --from pyocamcalib --size 1280x800",
     help=_HELP,
-    short_help="Another tool's camera as camera.yaml.",
-    epilog=options.examples(
-        "cubicfish import camchain.yaml --camera cam1",
-        "cubicfish import calib_results.txt -o lens_a/camera.yaml --max-angle 95",
-        "cubicfish import sparse/0/cameras.bin --camera 1",
-        "cubicfish import calibration.json --from pyocamcalib --size 1280x800",
-    ),
 )
 @options.argument(
     "file",
@@ -41,29 +40,26 @@ are printed. Corners of other detectors are read by 'cubicfish corners'.
     metavar="FILE",
     missing="name the other tool's camera file: 'cubicfish import camchain.yaml'",
 )
-@click.option(
+@option(
     "--from",
-    "name",
-    type=click.Choice(list(READABLE)),
-    help="What wrote the file. [default: told by what it holds]",
+    "What wrote the file. [default: told by what it holds]",
+    click.Choice(list(READABLE)),
+    to="name",
 )
-@click.option(
-    "--camera",
-    metavar="NAME",
-    help="Which camera, where the file holds several: cam1, COLMAP's CAMERA_ID, 1 for M1 and D1.",
+@option(
+    "--camera NAME",
+    "Which camera, where the file holds several: cam1, COLMAP's CAMERA_ID, 1 for M1 and D1.",
 )
-@click.option("--size", type=options.SIZE, help="Size of the photos, where the file does not say.")
-@click.option(
-    "--max-angle",
-    type=FloatRange(min=0, max=175, min_open=True),
-    metavar="DEG",
-    help="Trust the lens up to this angle from its axis: files do not say how far it was "
+@option("--size", "Size of the photos, where the file does not say.", options.SIZE)
+@option(
+    "--max-angle DEG",
+    "Trust the lens up to this angle from its axis: files do not say how far it was "
     "calibrated. [default: what it shows in the photo, at most 110]",
+    FloatRange(min=0, max=175, min_open=True),
 )
 @options.output_option("Where the camera goes.", default="calibration/camera.yaml")
 @options.overwrite_option
 @options.json_option(json_keys.IMPORT)
-@options.common_options
 def command(
     file: Path,
     name: str | None,

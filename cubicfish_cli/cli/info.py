@@ -5,29 +5,25 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
 from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import count, print_verdict, px
+from cubicfish_cli.cli.options import as_command
 from cubicfish_cli.cli.terminal import print_json, result
 
 if TYPE_CHECKING:
     from cubicfish_cli.assess.camera_facts import CameraFacts
 
 
-@click.command(
+@as_command(
     "info",
-    short_help="What a camera is: focal length, field of view, how far to trust it.",
-    epilog=options.examples(
-        "cubicfish info",
-        "cubicfish info lens_a/",
-        "cubicfish info camera.yaml --json",
-    ),
+    "What a camera is: focal length, field of view, how far to trust it.",
+    "cubicfish info",
+    "cubicfish info lens_a/",
+    "cubicfish info camera.yaml --json",
 )
 @options.calibration_argument
 @options.model_option
 @options.json_option(json_keys.INFO)
-@options.common_options
 def command(calibration: Path | None, model: Path | None, as_json: bool) -> None:
     """Say what the camera in FOLDER (by default: calibration) is.
 

@@ -47,11 +47,11 @@ class Pairs:
     """
 
     pairs: Correspondences
-    corners: Corners | None
-    target: Target | None
-    detection: Detection | None
     files: tuple[Fingerprint, ...]
-    target_file: Fingerprint | None
+    corners: Corners | None = None
+    target: Target | None = None
+    detection: Detection | None = None
+    target_file: Fingerprint | None = None
 
     @property
     def given(self) -> Detection | Corners | Correspondences:
@@ -155,10 +155,7 @@ def _from_correspondences(path: Path, size: tuple[int, int] | None) -> Pairs:
     from cubicfish_cli.files import fingerprint
 
     file = fingerprint(path)
-    pairs = load_correspondences(path, image_size=size)
-    return Pairs(
-        pairs=pairs, corners=None, target=None, detection=None, files=(file,), target_file=None
-    )
+    return Pairs(pairs=load_correspondences(path, image_size=size), files=(file,))
 
 
 def _from_corners(path: Path, choice: TargetChoice, size: tuple[int, int] | None) -> Pairs:
@@ -173,7 +170,6 @@ def _from_corners(path: Path, choice: TargetChoice, size: tuple[int, int] | None
         pairs=pair(corners, target),
         corners=corners,
         target=target,
-        detection=None,
         files=(file,),
         target_file=target_file,
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,18 +9,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli import json_keys, options
-from cubicfish_cli.cli.mask_limit import (
-    check_mask_limit,
-    mask_limit_option,
-    mask_option,
-    trusted_within,
-    uncertainty_of,
-)
+from cubicfish_cli.cli.mask_options import MaskOptions, mask_options
+from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.rendering_options import crop_option
-from cubicfish_cli.cli.terminal import print_json, result, say
-from cubicfish_cli.cli.undistort_dry_run import say_what_is_unseen
-from cubicfish_cli.cli.view_options import ViewOptions, view_options
-from cubicfish_cli.cli.view_outputs import part_name, view_writers, write_all
+from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
+from cubicfish_cli.cli.view_options import ViewOptions, say_what_is_unseen, view_options
 
 if TYPE_CHECKING:
     from cubicfish_cli.undistortion.frames import Crop
@@ -45,17 +37,15 @@ P2 and Q.
 """
 
 
-@click.command(
+@as_command(
     "map",
+    "The undistortion map alone: for cv2.remap, as an STMap, for ffmpeg.",
+    "cubicfish map left.npz --rotate -60,0,0 --hfov 80 --size 800x600",
+    "cubicfish map undistort.exr --fit outer",
+    "cubicfish map redistort.exr --fit outer --redistort",
+    "cubicfish map flat.pgm --size 1920x1080",
+    "cubicfish map stereo.npz --pair left,right --rig rig --view equirectangular",
     help=_HELP,
-    short_help="The undistortion map alone: for cv2.remap, as an STMap, for ffmpeg.",
-    epilog=options.examples(
-        "cubicfish map left.npz --rotate -60,0,0 --hfov 80 --size 800x600",
-        "cubicfish map undistort.exr --fit outer",
-        "cubicfish map redistort.exr --fit outer --redistort",
-        "cubicfish map flat.pgm --size 1920x1080",
-        "cubicfish map stereo.npz --pair left,right --rig rig --view equirectangular",
-    ),
 )
 @options.argument(
     "output",
@@ -67,31 +57,24 @@ P2 and Q.
 @options.rig_option
 @options.pair_option
 @view_options
-@click.option(
+@option(
     "--photo-size",
-    type=options.SIZE,
-    help="Size of the photos, when it is an exact rescale of the calibrated ones.",
+    "Size of the photos, when it is an exact rescale of the calibrated ones.",
+    options.SIZE,
 )
 @crop_option
-@click.option(
-    "--redistort", is_flag=True, help="The way back: from the view to the photo of the camera."
-)
-@click.option(
-    "--fixed-point",
-    is_flag=True,
-    help="In .npz, map_1 and map_2 of cv2.convertMaps instead of floats.",
-)
-@click.option(
+@option("--redistort", "The way back: from the view to the photo of the camera.")
+@option("--fixed-point", "In .npz, map_1 and map_2 of cv2.convertMaps instead of floats.")
+@option(
     "--origin",
-    type=click.Choice(["bottom-left", "top-left"]),
-    default="bottom-left",
-    help="Where y of an STMap (.exr, .png) is 0. [default: bottom-left, as in Nuke and Flame]",
+    "Where y of an STMap (.exr, .png) is 0. [default: bottom-left, as in Nuke and Flame]",
+    click.Choice(["bottom-left", "top-left"]),
+    "bottom-left",
+    show_default=False,
 )
-@mask_option
-@mask_limit_option
+@mask_options
 @options.overwrite_option
 @options.json_option(json_keys.MAP)
-@options.common_options
 def command(
     output: Path,
     model: Path | None,
@@ -103,13 +86,12 @@ def command(
     redistort: bool,
     fixed_point: bool,
     origin: Any,
-    mask: Path | None,
-    mask_limit: float | None,
+    mask: MaskOptions,
     overwrite: bool,
     as_json: bool,
 ) -> None:
     """See ``_HELP``."""
-    from cubicfish_cli.files import refuse_existing
+    from cubicfish_cli.files import Content, refuse_existing, write_files
     from cubicfish_cli.formats.camera_yaml import load_camera
     from cubicfish_cli.undistortion.frames import camera_for_photos
     from cubicfish_cli.undistortion.map_formats import (
@@ -119,6 +101,7 @@ def command(
         map_writer,
     )
     from cubicfish_cli.undistortion.maps import build_map
+    from cubicfish_cli.undistortion.view_files import part_name, view_files
 
     suffix = output.suffix.lower()
     if suffix not in SUFFIXES:
@@ -127,19 +110,17 @@ def command(
         )
     if fixed_point and suffix != ".npz":
         raise click.UsageError("--fixed-point is for maps in .npz")
-    check_mask_limit(mask_limit, mask)
-    if redistort and mask_limit is not None:
+    mask.check()
+    if redistort and mask.mask_limit is not None:
         raise click.UsageError(
             "--mask-limit is for the map that undistorts: leave it out, or --redistort"
         )
+    writer = partial(map_writer, fixed_point=fixed_point, origin=origin)
     if rig is not None or pair is not None:
-        for given, option in (
-            (redistort, "--redistort"),
-            (crop, "--crop"),
-            (mask_limit, "--mask-limit"),
-        ):
-            if given:
-                raise click.UsageError(f"{option} is for the map of one camera: leave it out")
+        options.refuse_given(
+            "is for the map of one camera: leave it out",
+            {"--redistort": redistort, "--crop": crop, "--mask-limit": mask.mask_limit},
+        )
         from cubicfish_cli.cli.map_pair import write_pair
 
         write_pair(
@@ -148,49 +129,40 @@ def command(
             pair,
             view,
             photo_size,
-            partial(map_writer, fixed_point=fixed_point, origin=origin),
-            mask=mask,
+            writer,
+            mask=mask.mask,
             overwrite=overwrite,
             as_json=as_json,
         )
         return
-    parts = {
-        part: map_writer(part_name(output, part), fixed_point=fixed_point, origin=origin)
-        for part in view.parts
-    }
-    for paths, _ in parts.values():
-        for path in paths:
-            refuse_existing(path, overwrite=overwrite)
+    parts = {part: writer(part_name(output, part)) for part in view.parts}
+    own = [path for paths, _ in parts.values() for path in paths]
+    refuse_existing(*own, overwrite=overwrite)
     camera_file = options.model_path(model)
     loaded = load_camera(camera_file)
-    whole = loaded.camera
-    size = photo_size or ((crop.width, crop.height) if crop else whole.image_size)
-    camera = camera_for_photos(whole, size, crop)
-    trusted = None
-    if mask_limit is not None:
-        record = uncertainty_of(loaded, camera_file)
-        trusted = trusted_within(
-            mask_limit, record, calibrated_size=whole.image_size, size=size, crop=crop
-        )
+    size = photo_size or ((crop.width, crop.height) if crop else loaded.camera.image_size)
+    camera = camera_for_photos(loaded.camera, size, crop)
+    trusted = mask.trusted(loaded, camera_file, crop)
+    masked = None if trusted is None else partial(trusted.mask, size=size)
     chosen = view.chosen(camera)
     maps = {
-        part: build_redistort_map(camera, own) if redistort else PixelMap.of(build_map(camera, own))
-        for part, own in chosen.views.items()
+        part: build_redistort_map(camera, one) if redistort else PixelMap.of(build_map(camera, one))
+        for part, one in chosen.views.items()
     }
-    writers: dict[Path, Callable[[Path], object]] = {}
-    for part, (paths, write) in parts.items():
-        for index, path in enumerate(paths):
-            writers[path] = partial(write, index, maps[part])
-    writers |= view_writers(maps, mask=mask, beside=output, trusted=trusted)
-    written = write_all(writers, overwrite=overwrite)
+    files: dict[Path, Content] = {
+        path: partial(write, index, maps[part])
+        for part, (paths, write) in parts.items()
+        for index, path in enumerate(paths)
+    }
+    files |= view_files(maps, mask=mask.mask, beside=output, masked=masked)
+    written = write_files(files, overwrite=overwrite)
     ffmpeg = [ffmpeg_command(*paths) for paths, _ in parts.values()] if suffix == ".pgm" else []
     if as_json:
-        own = [path for paths, _ in parts.values() for path in paths]
         print_json(
             {
                 "model": str(camera_file),
-                "files": [str(path) for path in own],
-                "extra_files": [str(path) for path in written if path not in own],
+                "files": own,
+                "extra_files": [path for path in written if path not in own],
                 "image_size": size,
                 "view": chosen.as_record(),
                 "ffmpeg": ffmpeg,
@@ -200,8 +172,7 @@ def command(
     result(f"wrote {written[0]}: {chosen.describe()}")
     if not redistort:
         say_what_is_unseen(chosen.seen_by(camera))
-    for path in written[1:]:
-        result(f"wrote {path}")
+    print_wrote(written[1:])
     for line in ffmpeg:
         result(f"apply it with: {line}", whole=True)
     if ffmpeg:

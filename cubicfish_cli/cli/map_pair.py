@@ -10,16 +10,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.cli.terminal import print_json, result
-from cubicfish_cli.cli.view_options import ChosenView, ViewOptions
-from cubicfish_cli.cli.view_outputs import part_name, view_writers, write_all
-from cubicfish_cli.errors import CameraFileError, ViewError
+from cubicfish_cli.cli.terminal import print_json, print_wrote, result
+from cubicfish_cli.cli.view_options import ViewOptions
+from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.wording import either
 
 if TYPE_CHECKING:
     from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
     from cubicfish_cli.undistortion.map_formats import Writer
-    from cubicfish_cli.undistortion.stereo import RectifiedPair
 
 
 def write_pair(
@@ -48,70 +46,52 @@ def write_pair(
         as_json: whether to print JSON.
 
     """
-    from cubicfish_cli.files import refuse_existing, write_text
+    from cubicfish_cli.files import Content, refuse_existing, write_files
     from cubicfish_cli.formats.rig_yaml import load_rig
-    from cubicfish_cli.library.rig_pictures import rectify
+    from cubicfish_cli.library.rig_pictures import pair_maps
     from cubicfish_cli.plain_yaml import plain_yaml_text
-    from cubicfish_cli.undistortion.frames import camera_for_photos
-    from cubicfish_cli.undistortion.map_formats import PixelMap
-    from cubicfish_cli.undistortion.maps import build_map
-    from cubicfish_cli.undistortion.view import CentralView
+    from cubicfish_cli.undistortion.view_files import part_name, view_files
 
     view = row_aligned(view)
     rig = load_rig(rig_file)
-    both = two_cameras(rig, pair)
-    parts = {one.name: writer(part_name(output, one.name)) for one in both}
+    both = [one.name for one in two_cameras(rig, pair)]
+    parts = {name: writer(part_name(output, name)) for name in both}
     about = output.with_suffix(".stereo.yaml")
-    for path in (*(path for paths, _ in parts.values() for path in paths), about):
-        refuse_existing(path, overwrite=overwrite)
-    rectified = rectify(rig, both[0].name, both[1].name)
-    if photo_size is not None:
-        cameras = [camera_for_photos(one.camera, photo_size) for one in both]
-        rectified = replace(rectified, cameras=(cameras[0], cameras[1]))
-    _check_common(rectified)
-    chosen = view.chosen(rectified)
-    common = chosen.first
-    assert isinstance(common, CentralView)  # row_aligned
-    if view.leaves_field_open and view.kind == "epipolar-equirectangular":
-        common = rectified.field_view(common)
-        chosen = ChosenView(views={"": common})
-    maps = {
-        one.name: PixelMap.of(build_map(camera, own))
-        for one, camera, own in zip(both, rectified.cameras, rectified.views(common), strict=True)
+    own_files = [path for paths, _ in parts.values() for path in paths]
+    refuse_existing(*own_files, about, overwrite=overwrite)
+    made = pair_maps(
+        rig,
+        both[0],
+        both[1],
+        view.chosen,
+        photo_size=photo_size,
+        whole_field=view.leaves_field_open and view.kind == "epipolar-equirectangular",
+    )
+    files: dict[Path, Content] = {
+        path: partial(write, index, made.maps[name])
+        for name, (paths, write) in parts.items()
+        for index, path in enumerate(paths)
     }
-    record = {
-        "cameras": [one.name for one in both],
-        "units": rig.units,
-        "photo_sizes": [list(camera.image_size) for camera in rectified.cameras],
-        **rectified.as_record(common),
-    }
-    writers: dict[Path, Callable[[Path], object]] = {}
-    for name, (paths, write) in parts.items():
-        for index, path in enumerate(paths):
-            writers[path] = partial(write, index, maps[name])
-    text = plain_yaml_text(record)
-    writers[about] = lambda path: write_text(path, text, overwrite=True)
-    writers |= view_writers(maps, mask=mask, beside=output)
-    written = write_all(writers, overwrite=overwrite)
+    files[about] = plain_yaml_text(made.record)
+    files |= view_files(made.maps, mask=mask, beside=output)
+    written = write_files(files, overwrite=overwrite)
     if as_json:
-        own_files = [path for paths, _ in parts.values() for path in paths]
         print_json(
             {
                 "model": str(rig_file),
-                "files": list(map(str, own_files)),
-                "extra_files": [str(path) for path in written if path not in own_files],
-                "image_size": rectified.image_size,
-                "view": chosen.as_record(),
-                "stereo": record,
+                "files": own_files,
+                "extra_files": [path for path in written if path not in own_files],
+                "image_size": made.pair.image_size,
+                "view": made.chosen.as_record(),
+                "stereo": made.record,
                 "ffmpeg": [],
             }
         )
         return
-    result(f"wrote {written[0]}: {chosen.describe()}")
-    for path in written[1:]:
-        result(f"wrote {path}")
+    result(f"wrote {written[0]}: {made.chosen.describe()}")
+    print_wrote(written[1:])
     unit = f" {rig.units}" if rig.units else ""
-    result(f"baseline {record['baseline']:.3f}{unit}; {record['depth']}")
+    result(f"baseline {made.record['baseline']:.3f}{unit}; {made.record['depth']}")
 
 
 def row_aligned(view: ViewOptions) -> ViewOptions:
@@ -147,15 +127,3 @@ def two_cameras(rig: RigFile, pair: tuple[str, str] | None) -> tuple[RigFileCame
         names = ", ".join(one.name for one in rig.cameras)
         raise CameraFileError(f"name two of the rig's cameras with --pair: {names}")
     return rig.cameras[0], rig.cameras[1]
-
-
-def _check_common(rectified: RectifiedPair) -> None:
-    """Refuse pictures of a direction that not both cameras see."""
-    import numpy as np
-
-    from cubicfish_cli.undistortion.fit import sees
-
-    if not sees(rectified, np.array([0.0, 0.0, 1.0])):
-        raise ViewError(
-            "the two cameras see nothing in common where both look: name two others with --pair"
-        )

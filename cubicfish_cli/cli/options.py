@@ -102,6 +102,50 @@ def examples(*lines: str) -> str:
     return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
 
 
+def as_command(
+    name: str, short_help: str, *lines: str, **more: Any
+) -> Callable[[Callable[..., None]], click.Command]:
+    """A command, with what all have in common.
+
+    Args:
+        name: of the command.
+        short_help: what it is for, in the list of commands.
+        lines: command lines that show it at work.
+        more: as click has it.
+
+    """
+
+    def decorate(function: Callable[..., None]) -> click.Command:
+        made = click.command(name, short_help=short_help, epilog=examples(*lines), **more)
+        return made(common_options(function))
+
+    return decorate
+
+
+def option(
+    words: str, help: str, type: Any = None, default: Any = None, *, to: str = "", **more: Any
+) -> Callable[[Decorated], Decorated]:
+    """An option, whose default its help shows.
+
+    Args:
+        words: its names, and what its value is called: ``-n --number N``; a flag has no value.
+        help: what it is for.
+        type: of its value; without one, and without a name of the value, it is a flag.
+        default: where it is not given.
+        to: the argument that gets its value, where that is not called as it is.
+        more: as click has it.
+
+    """
+    names = words.split()
+    if not names[-1].startswith("-"):
+        more["metavar"] = names.pop()
+    elif type is None:
+        more["is_flag"] = True
+    if default is not None:
+        more = {"default": default, "show_default": True, **more}
+    return click.option(*names, *([to] if to else []), type=type, help=help, **more)
+
+
 def _remember(
     key: str, value: int | bool
 ) -> Callable[[click.Context, click.Parameter, bool], None]:
@@ -141,6 +185,26 @@ def common_options(function: Decorated) -> Decorated:
     ):
         function = decorator(function)
     return function
+
+
+def refuse_given(why: str, given: Mapping[str, object]) -> None:
+    """Refuse options that say nothing here: name -> value, nothing where it was not given.
+
+    Raises:
+        click.UsageError: one was given; the text is its name, and why.
+
+    """
+    for name, value in given.items():
+        if value:
+            raise click.UsageError(f"{name} {why}")
+
+
+def is_given(parameter: str) -> bool:
+    """Whether the command line gives this parameter of the command, and not a default."""
+    from click.core import ParameterSource
+
+    source = click.get_current_context().get_parameter_source(parameter)
+    return source is ParameterSource.COMMANDLINE
 
 
 def verbosity() -> int:
@@ -263,6 +327,12 @@ max_rms_option = click.option(
 )
 
 
+def refine_target_option(help: str) -> Callable[[Decorated], Decorated]:
+    """``--refine-target``: how far the target is fitted too."""
+    levels = click.Choice(["off", "shape", "points", "auto"])
+    return option("--refine-target", help, levels, "auto")
+
+
 def _size(text: str) -> tuple[int, int]:
     from cubicfish_cli.correspondences import parse_size
 
@@ -372,9 +442,5 @@ def rig_path(given: Path | None) -> Path | None:
 
 def _is_named() -> bool:
     """Whether the command line names the camera, with an option or an argument."""
-    from click.core import ParameterSource
-
-    context = click.get_current_context()
-    if context.params.get("calibration") is not None:
-        return True
-    return context.get_parameter_source("model") is ParameterSource.COMMANDLINE
+    named = click.get_current_context().params.get("calibration") is not None
+    return named or is_given("model")

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import click
-
 from cubicfish_cli.cli import options
+from cubicfish_cli.cli.options import as_command
 from cubicfish_cli.cli.points import PointsCommand, print_points, read_points
 
 
-@click.command(
+@as_command(
     "project",
+    "Points in the camera frame to pixels.",
+    "cubicfish project 0.2,0.1,1",
+    "cubicfish project points.csv --model lens_a/",
+    "echo 0.5,0,1 | cubicfish project",
     cls=PointsCommand,
-    short_help="Points in the camera frame to pixels.",
-    epilog=options.examples(
-        "cubicfish project 0.2,0.1,1",
-        "cubicfish project points.csv --model lens_a/",
-        "echo 0.5,0,1 | cubicfish project",
-    ),
 )
 @options.argument(
     "points",
@@ -26,7 +23,6 @@ from cubicfish_cli.cli.points import PointsCommand, print_points, read_points
     default=Path("-"),
 )
 @options.model_option
-@options.common_options
 def command(points: Path, model: Path | None) -> None:
     """Project POINTS to pixels: X,Y,Z a line (a CSV file or stdin) in, x,y a line out. One
     point may stand on the command line: 0.2,0.1,1.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cubicfish_cli.cli.numbers import IntRange
-from cubicfish_cli.cli.options import Parsed, bundle
+from cubicfish_cli.cli.options import Parsed, bundle, option
 
 if TYPE_CHECKING:
     from cubicfish_cli.undistortion.frames import Crop
@@ -33,11 +33,10 @@ def _crop(text: str) -> Crop:
     return parse_crop(text)
 
 
-crop_option = click.option(
-    "--crop",
-    type=Parsed("WxH+X+Y", _crop),
-    metavar="WxH+X+Y",
-    help="The photos are this part of the calibrated photo (or an exact rescale of it).",
+crop_option = option(
+    "--crop WxH+X+Y",
+    "The photos are this part of the calibrated photo (or an exact rescale of it).",
+    Parsed("WxH+X+Y", _crop),
 )
 
 
@@ -59,22 +58,22 @@ class RenderingOptions:
 rendering_options = bundle(
     "pixels",
     RenderingOptions,
-    click.option(
+    option(
         "--interpolation",
-        type=click.Choice(["nearest", "linear", "cubic", "lanczos"]),
-        default="linear",
-        help="How pixels are read between pixels. [default: linear]",
+        "How pixels are read between pixels.",
+        click.Choice(["nearest", "linear", "cubic", "lanczos"]),
+        "linear",
     ),
-    click.option(
+    option(
         "--border",
-        type=Parsed("COLOUR", _colour),
-        default=(0.0, 0.0, 0.0),
-        help="What the camera does not see: black, white, grey or #RRGGBB. [default: black]",
+        "What the camera does not see: black, white, grey or #RRGGBB. [default: black]",
+        Parsed("COLOUR", _colour),
+        (0.0, 0.0, 0.0),
+        show_default=False,
     ),
-    click.option(
-        "--quality",
-        type=IntRange(1, 100),
-        metavar="1-100",
-        help="Of JPEG and lossy WebP files. [default: the photo's own]",
+    option(
+        "--quality 1-100",
+        "Of JPEG and lossy WebP files. [default: the photo's own]",
+        IntRange(1, 100),
     ),
 )

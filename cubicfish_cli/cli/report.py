@@ -4,39 +4,34 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import click
-
-from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli import json_keys, options, report_step
 from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.figures import print_verdict
+from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.terminal import print_json, result, say, working
 
 
-@click.command(
+@as_command(
     "report",
-    short_help="One HTML page about a calibration: is it good, and why.",
-    epilog=options.examples(
-        "cubicfish report",
-        "cubicfish report calibration/ --photos photos/ -o lens.html",
-        "cubicfish report rig/",
-        "cubicfish report --model camera.yaml --target target.yaml --overwrite",
-    ),
+    "One HTML page about a calibration: is it good, and why.",
+    "cubicfish report",
+    "cubicfish report calibration/ --photos photos/ -o lens.html",
+    "cubicfish report rig/",
+    "cubicfish report --model camera.yaml --target target.yaml --overwrite",
 )
 @options.calibration_argument
 @options.model_option
 @options.target_option
-@click.option(
-    "--photos",
-    type=options.FILE,
-    multiple=True,
-    metavar="PATH",
-    help="The photos (a folder, a file or a glob), where they are not at their old place. May be "
+@option(
+    "--photos PATH",
+    "The photos (a folder, a file or a glob), where they are not at their old place. May be "
     "given again.",
+    options.FILE,
+    multiple=True,
 )
 @options.output_option("The page. [default: report.html beside the camera]")
 @options.overwrite_option
 @options.json_option(json_keys.REPORT)
-@options.common_options
 def command(
     calibration: Path | None,
     model: Path | None,
@@ -55,7 +50,6 @@ def command(
 
     Of a rig (its folder or rig.yaml) the page shows where the cameras stand and what they see.
     """
-    from cubicfish_cli.cli.rig_report import write_page
     from cubicfish_cli.errors import CubicfishError
     from cubicfish_cli.files import refuse_existing, write_text
     from cubicfish_cli.report.extra import INSTALL, missing, quiet
@@ -69,7 +63,7 @@ def command(
 
     keep_fonts()
     if rig is not None:
-        judged = write_page(rig, page, overwrite=overwrite)
+        judged = report_step.write_rig_page(rig, page, overwrite=overwrite)
         if as_json:
             named = {"report": str(page), "model": str(rig)}
             print_json({**named, "verdict": judged.as_record(), "absent": []})

@@ -1,4 +1,4 @@
-"""The report that ``cubicfish calibrate`` writes beside the camera."""
+"""The pages that ``calibrate`` and ``rig`` write beside a camera and a rig."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import click
 
 from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.inputs import Pairs
+from cubicfish_cli.cli.options import option
 from cubicfish_cli.cli.terminal import detail, say, working
 
 if TYPE_CHECKING:
@@ -20,12 +21,11 @@ if TYPE_CHECKING:
 
 NAME = "report.html"
 
-report_option = click.option(
+report_option = option(
     "--report/--no-report",
-    default=True,
-    show_default=True,
-    help="Also write report.html, one page about the calibration (takes a second or two; needs "
+    "Also write report.html, one page about the calibration (takes a second or two; needs "
     "the extra 'report').",
+    default=True,
 )
 
 
@@ -37,20 +37,18 @@ def is_possible() -> bool:
 
 
 def make_page(
-    outputs: dict[str, Path],
     camera: CubicCamera | PointCamera,
     fit: Mapping[str, Any],
     made_by: Mapping[str, Any],
     loaded: Pairs,
     target: Target | None,
 ) -> str | None:
-    """The page, where ``outputs`` has a place for it.
+    """The page.
 
     A camera that was hard to come by is not lost because a page about it cannot be made: then
-    the place is taken out of ``outputs``, and the user is told.
+    there is none, and the user is told.
 
     Args:
-        outputs: where things go; ``report`` is the page.
         camera: the camera.
         fit: how well it fits, as camera.yaml will have it.
         made_by: how it was made, likewise.
@@ -58,59 +56,60 @@ def make_page(
         target: the object as fitted.
 
     """
-    if "report" not in outputs:
-        return None
     from time import perf_counter
 
+    from cubicfish_cli.report.extra import quiet
+
     start = perf_counter()
+    _keep_fonts()
+    photos = [file.path for file in loaded.files] if loaded.detection is not None else []
     try:
         with working("Making the report"):
-            page = _page(camera, fit, made_by, loaded, target)
+            with quiet():
+                from cubicfish_cli.report.from_files import facts_of_fit
+                from cubicfish_cli.report.page import report_html
+
+            facts = facts_of_fit(
+                camera, fit, made_by, pairs=loaded.pairs, target=target, photos=photos
+            )
+            page = report_html(facts)
     except Exception as problem:  # matplotlib may be broken in ways of its own
-        path = outputs.pop("report")
         what = f"{type(problem).__name__}: {problem}".splitlines()[0]
-        say(f"{path.name} could not be made ({what}): 'cubicfish report --debug' says where.")
+        say(f"{NAME} could not be made ({what}): 'cubicfish report --debug' says where.")
         return None
     detail(f"{NAME} took {perf_counter() - start:.1f} seconds")
     return page
 
 
-def _page(
-    camera: CubicCamera | PointCamera,
-    fit: Mapping[str, Any],
-    made_by: Mapping[str, Any],
-    loaded: Pairs,
-    target: Target | None,
-) -> str:
-    from dataclasses import replace
+def write_rig_page(rig: Path, page: Path, *, overwrite: bool) -> Verdict:
+    """Write the page about a rig's file, and judge the rig.
 
+    Raises:
+        CameraFileError: the rig cannot be read.
+        OutputError: the page is there, or cannot be written.
+
+    """
+    from cubicfish_cli.assess.rig_verdict import rig_verdict
+    from cubicfish_cli.files import write_text
+    from cubicfish_cli.formats.rig_yaml import load_rig
+    from cubicfish_cli.library.rigs import loaded_record
     from cubicfish_cli.report.extra import quiet
 
+    _keep_fonts()
+    with quiet():
+        from cubicfish_cli.report.rig_page import rig_html
+
+    loaded = load_rig(rig)
+    record = loaded_record(loaded)
+    with working("Making the report"):
+        text = rig_html(loaded, record)
+    write_text(page, text, overwrite=overwrite)
+    return rig_verdict(record)
+
+
+def _keep_fonts() -> None:
     context = click.get_current_context(silent=True)
     keep_fonts(context is None or not context.params.get("no_cache"))
-    with quiet():
-        from cubicfish_cli.report.facts import gather
-        from cubicfish_cli.report.page import report_html
-        from cubicfish_cli.report.pictures import matched
-
-    pairs = loaded.pairs
-    if target is not None:
-        world = target.world_points(pairs.board, pairs.column, pairs.row)
-        pairs = replace(pairs, world=world)
-    photos = [file.path for file in loaded.files] if loaded.detection is not None else []
-    files = matched([record["image"] for record in fit["per_image"]], photos)
-    facts = gather(camera, fit, made_by, pairs=pairs, target=target, files=files)
-    return report_html(facts)
-
-
-def as_record(judged: Verdict, outputs: Mapping[str, Path]) -> dict[str, Any]:
-    """What calibrate's JSON has of it."""
-    page = outputs.get("report")
-    return {
-        "verdict": judged.as_record(),
-        "report": str(page) if page else None,
-        "files": {name: str(path) for name, path in outputs.items()},
-    }
 
 
 def say_if_missing(outputs: Mapping[str, Path], *, wanted: bool) -> None:

@@ -4,37 +4,34 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from glob import has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys, report_step
+from cubicfish_cli.cli import json_keys, options, report_step
 from cubicfish_cli.cli.choosing import MOST, films_among
 from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_verdict, px
-from cubicfish_cli.cli.inputs import load_pairs, say_photo_problems
+from cubicfish_cli.cli.inputs import load_pairs, mark_of, say_photo_problems
 from cubicfish_cli.cli.numbers import IntRange, Seconds
-from cubicfish_cli.cli.options import (
-    FILE,
-    FOLDER,
-    Argument,
-    common_options,
-    examples,
-    jobs_option,
-    json_option,
-    max_rms_option,
-    no_cache_option,
-    overwrite_option,
-)
+from cubicfish_cli.cli.options import FILE, as_command, option
 from cubicfish_cli.cli.provenance import made_at, made_by_record
 from cubicfish_cli.cli.target_choice import TargetChoice, target_options
-from cubicfish_cli.cli.terminal import apart, print_json, print_table, result, say, stages, working
+from cubicfish_cli.cli.terminal import (
+    apart,
+    print_json,
+    print_table,
+    print_wrote,
+    result,
+    say,
+    stages,
+    working,
+)
 from cubicfish_cli.cli.video_options import is_video_name
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.wording import quoted
-from cubicfish_cli.words.codes import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -45,93 +42,62 @@ if TYPE_CHECKING:
     from cubicfish_cli.formats.camera_yaml import CameraFile
 
 
-@click.command(
+@as_command(
     "rig",
-    short_help="Photos of several cameras on one body to where each camera stands.",
-    epilog=examples(
-        "cubicfish rig left/ right/ --target target.yaml",
-        "cubicfish rig left.csv right.csv rear.csv --target target.yaml -o rig",
-        "cubicfish rig left/ right/ --lens left=left_calibration --lens right=right_calibration",
-        "cubicfish rig cam0.mp4 cam1.mp4 cam2.mp4 cam3.mp4 --target target.yaml",
-        "cubicfish rig run.bag:/cam0/image_raw run.bag:/cam1/image_raw --names cam0,cam1",
-    ),
+    "Photos of several cameras on one body to where each camera stands.",
+    "cubicfish rig left/ right/ --target target.yaml",
+    "cubicfish rig left.csv right.csv rear.csv --target target.yaml -o rig",
+    "cubicfish rig left/ right/ --lens left=left_calibration --lens right=right_calibration",
+    "cubicfish rig cam0.mp4 cam1.mp4 cam2.mp4 cam3.mp4 --target target.yaml",
+    "cubicfish rig run.bag:/cam0/image_raw run.bag:/cam1/image_raw --names cam0,cam1",
 )
-@click.argument(
+@options.argument(
     "inputs",
-    type=FILE,
+    "For each camera a folder of photos, a film, a corners.csv, or the folder that calibrate wrote "
+    "(camera.yaml and corners.csv), whose lens stays as it is. The first camera's frame is the "
+    "rig's.",
     nargs=-1,
     metavar="CAMERA CAMERA...",
-    cls=Argument,
-    meaning="For each camera a folder of photos, a film, a corners.csv, or the folder that "
-    "calibrate wrote (camera.yaml and corners.csv), whose lens stays as it is. The first camera's "
-    "frame is the rig's.",
 )
 @target_options
-@click.option(
-    "-o",
-    "--output",
-    type=FOLDER,
-    default=Path("rig"),
-    show_default=True,
-    metavar="FOLDER",
-    help="Where rig.yaml goes, and each camera's camera.yaml in a folder of its name.",
+@options.output_option(
+    "Where rig.yaml goes, and each camera's camera.yaml in a folder of its name.",
+    default="rig",
+    folder=True,
 )
-@click.option(
-    "--names",
-    metavar="NAME,NAME...",
-    help="Names of the cameras. [default: those of their folders or files]",
-)
-@click.option(
-    "--lens",
-    "lenses",
-    type=FILE,
-    multiple=True,
-    metavar="NAME=FILE",
-    help="A camera that is calibrated already: its name and its file or folder. Its lens stays as "
+@option("--names NAME,NAME...", "Names of the cameras. [default: those of their folders or files]")
+@option(
+    "--lens NAME=FILE",
+    "A camera that is calibrated already: its name and its file or folder. Its lens stays as "
     "it is. Once for each such camera.",
+    FILE,
+    to="lenses",
+    multiple=True,
 )
-@click.option("--by-order", is_flag=True, help="The first photos of all cameras are one shot.")
-@click.option(
-    "--shots",
-    type=FILE,
-    metavar="FILE",
-    help="Which photos are of one shot: a CSV file with the columns shot,camera,image, or "
+@option("--by-order", "The first photos of all cameras are one shot.")
+@option(
+    "--shots FILE",
+    "Which photos are of one shot: a CSV file with the columns shot,camera,image, or "
     "camera,image,time (seconds) for photos of one time. [default: photos of the same name]",
+    FILE,
 )
-@click.option(
-    "--tolerance",
-    type=Seconds(),
-    metavar="TIME",
-    help="Photos taken within this are one shot, by the times in their names or in --shots, such "
+@option(
+    "--tolerance TIME",
+    "Photos taken within this are one shot, by the times in their names or in --shots, such "
     "as 5ms. [default for films: half a frame]",
+    Seconds(),
 )
-@click.option(
-    "--most",
-    type=IntRange(min=1),
-    default=MOST,
-    show_default=True,
-    metavar="N",
-    help="Choose no more shots of films than these.",
+@option("--most N", "Choose no more shots of films than these.", IntRange(min=1), MOST)
+@option(
+    "--hold-lenses", "Leave the lenses as each camera alone has them, and fit their places only."
 )
-@click.option(
-    "--hold-lenses",
-    is_flag=True,
-    help="Leave the lenses as each camera alone has them, and fit their places only.",
-)
-@click.option(
-    "--refine-target",
-    type=click.Choice(["off", "shape", "points", "auto"]),
-    default="auto",
-    show_default=True,
-    help="Fit the object too, as 'cubicfish calibrate' does.",
-)
+@options.refine_target_option("Fit the object too, as 'cubicfish calibrate' does.")
 @report_step.report_option
-@max_rms_option
-@overwrite_option
-@json_option(json_keys.RIG)
-@jobs_option
-@no_cache_option
-@common_options
+@options.max_rms_option
+@options.overwrite_option
+@options.json_option(json_keys.RIG)
+@options.jobs_option
+@options.no_cache_option
 def command(
     inputs: tuple[Path, ...],
     target: TargetChoice,
@@ -178,15 +144,13 @@ def command(
             "each camera, or take its frames with 'cubicfish frames'"
         )
     from cubicfish_cli.assess.rig_verdict import rig_verdict
-    from cubicfish_cli.cli.cache_folder import keep_fonts
-    from cubicfish_cli.cli.rig_report import write_page
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.library.rigs import calibrate_rig, rig_record, save_rig
 
     made_at()  # said before the work if it cannot be
     pages = [output / report_step.NAME] if report and report_step.is_possible() else []
-    for path in (output / "rig.yaml", *pages, *(output / name / "camera.yaml" for name in called)):
-        refuse_existing(path, overwrite=overwrite)
+    cameras = [output / name / "camera.yaml" for name in called]
+    refuse_existing(output / "rig.yaml", *pages, *cameras, overwrite=overwrite)
     loaded, known = {}, _lenses(lenses, called)
     frames = None
     if films:
@@ -211,18 +175,13 @@ def command(
     moving = None
     if frames is not None:
         moving = {name: frames.moving(name, own.pairs) for name, own in loaded.items()}
-    matched = _matching(by_order, shots, tolerance, frames)
+    matched, by = _matching(by_order, shots, tolerance, frames)
     one = loaded[called[0]]
     with stages("Fitting") as progress:
         rig = calibrate_rig(
-            {
-                name: own.pairs if own.detection is None else own.detection
-                for name, own in loaded.items()
-            },
+            {name: own.detection or own.pairs for name, own in loaded.items()},
             one.target,
-            shots=matched.shots,
-            tolerance=matched.tolerance,
-            times=matched.times,
+            **matched,
             moving=moving,
             known=known,
             hold_lenses=hold_lenses,
@@ -230,12 +189,8 @@ def command(
             progress=progress,
         )
     files = [file for own in loaded.values() for file in own.files]
-    options = {
-        "hold_lenses": hold_lenses,
-        "refine_target": refine_target,
-        "shots": matched.said,
-    }
-    made_by = made_by_record(options, one.target_file, files)
+    asked = {"hold_lenses": hold_lenses, "refine_target": refine_target, "shots": by}
+    made_by = made_by_record(asked, one.target_file, files)
     with working("Writing"):
         written = save_rig(output, rig, made_by=made_by, overwrite=overwrite)
     if frames is not None:
@@ -244,23 +199,20 @@ def command(
     record = rig_record(rig)
     judged = rig_verdict(record)
     if report and report_step.is_possible():
-        keep_fonts(not no_cache)
         page = output / report_step.NAME
-        write_page(written[0], page, overwrite=overwrite)
+        report_step.write_rig_page(written[0], page, overwrite=overwrite)
         written.append(page)
     if as_json:
         print_json({**record, "model": str(written[0]), "verdict": judged.as_record()})
     for finding in rig.findings:
-        told = "note" if finding.severity is Severity.NOTE else "warning"
-        say(f"{told}: {finding.line}")
+        say(f"{mark_of(finding)}: {finding.line}")
     if not as_json:
         apart()
         print_rig(record)
         result()
         print_verdict(judged)
         result()
-        for path in written:
-            result(f"wrote {path}")
+        print_wrote(written)
     hold_gate(rig.errors.rms_px, max_rms)
 
 
@@ -298,7 +250,6 @@ def named_by(path: Path) -> str:
 
 def _lenses(given: Sequence[Path], names: Sequence[str]) -> dict[str, CameraFile]:
     """Cameras that are calibrated already, by name."""
-    from cubicfish_cli.cli.options import in_folder
     from cubicfish_cli.formats.camera_yaml import load_camera
 
     known = {}
@@ -309,7 +260,7 @@ def _lenses(given: Sequence[Path], names: Sequence[str]) -> dict[str, CameraFile
                 f"--lens {quoted(str(one))} names no camera: write NAME=FILE with one of "
                 + ", ".join(names)
             )
-        known[name] = load_camera(in_folder(Path(path)))
+        known[name] = load_camera(options.in_folder(Path(path)))
     return known
 
 
@@ -340,49 +291,22 @@ def loaded_camera(
     return loaded, camera
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Matched:
-    """How photos are matched to shots: as ``calibrate_rig`` takes it, and in words."""
-
-    shots: Any
-    said: str
-    tolerance: float
-    times: Mapping[str, Mapping[str, float]] | None = None
-
-
 def _matching(
     by_order: bool, shots: Path | None, tolerance: float | None, frames: RigFrames | None
-) -> _Matched:
-    from cubicfish_cli.library.rigs import TOLERANCE
+) -> tuple[dict[str, Any], str]:
+    """How photos are matched to shots: as ``calibrate_rig`` takes it, and in a word."""
+    from cubicfish_cli.library.rigs import TOLERANCE, load_shots
 
-    wanted = TOLERANCE if tolerance is None else tolerance
+    wanted: dict[str, Any] = {"tolerance": TOLERANCE if tolerance is None else tolerance}
     if frames is not None:
-        return _Matched(shots=frames.shots, said="films", tolerance=wanted)
+        return {**wanted, "shots": frames.shots}, "films"
     if shots is None:
         by = "order" if by_order else "name" if tolerance is None else "time"
-        return _Matched(shots=by, said=by, tolerance=wanted)
-    from cubicfish_cli.tables import read_table
-
-    table = read_table(
-        shots,
-        required=("camera", "image"),
-        optional=("shot", "time"),
-        error=CorrespondenceError,
-    )
-    columns = table.columns
-    if "shot" in columns:
-        if tolerance is not None:
-            raise click.UsageError(f"{shots} says which photos are a shot: leave --tolerance out")
-        rows = zip(columns["shot"], columns["camera"], columns["image"], strict=True)
-        return _Matched(shots=list(rows), said=str(shots), tolerance=wanted)
-    if "time" not in columns:
-        raise CorrespondenceError(f"{shots} has neither a column shot nor a column time: add one")
-    times: dict[str, dict[str, float]] = {}
-    for camera, image, time in zip(
-        columns["camera"], columns["image"], table.floats("time").tolist(), strict=True
-    ):
-        times.setdefault(camera, {})[image] = time
-    return _Matched(shots="time", said=str(shots), tolerance=wanted, times=times)
+        return {**wanted, "shots": by}, by
+    rows, times = load_shots(shots)
+    if rows is not None and tolerance is not None:
+        raise click.UsageError(f"{shots} says which photos are a shot: leave --tolerance out")
+    return {**wanted, "shots": "time" if rows is None else rows, "times": times}, str(shots)
 
 
 def print_rig(record: Mapping[str, Any]) -> None:
@@ -414,6 +338,11 @@ def print_rig(record: Mapping[str, Any]) -> None:
             for one in record["cameras"]
         ],
     )  # fmt: skip
+    print_pairs(record)
+
+
+def print_pairs(record: Mapping[str, Any]) -> None:
+    """Print what connects every two cameras."""
     result()
     print_table(
         ("cameras", "shots in common", "RMS px"),

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from cubicfish_cli.cli.figures import count, hold_gate, print_errors, px
 from cubicfish_cli.cli.target_choice import TargetChoice
 from cubicfish_cli.cli.terminal import print_json, print_table, result, say, working
-
-if TYPE_CHECKING:
-    from cubicfish_cli.fitting.rig.compare import ComparedCamera
-    from cubicfish_cli.fitting.rig.evaluate import RigEvaluation
 
 
 def print_evaluation(
@@ -50,9 +46,7 @@ def print_evaluation(
         name: loaded_camera((one,), target, jobs, no_cache)[0]
         for name, one in zip(own, inputs, strict=True)
     }
-    pairs = {
-        name: one.pairs if one.detection is None else one.detection for name, one in loaded.items()
-    }
+    pairs = {name: one.detection or one.pairs for name, one in loaded.items()}
     with working("Placing shots"):
         evaluation = evaluate_rig(rig, pairs, loaded[own[0]].target)
     for one in evaluation.cameras:
@@ -60,7 +54,7 @@ def print_evaluation(
             say(f"camera {one.name}: {count(one.outside, 'corner')} not counted: beyond its field.")
         for photo in one.unplaced:
             say(f"camera {one.name}, {photo}: too few corners to place it; not counted.")
-    record = _evaluation_record(evaluation)
+    record = evaluation.as_record()
     if as_json:
         print_json({"model": str(path), **record})
     else:
@@ -68,30 +62,9 @@ def print_evaluation(
     hold_gate(record["rms_px"], max_rms)
 
 
-def _evaluation_record(evaluation: RigEvaluation) -> dict[str, Any]:
-    return {
-        **evaluation.errors.as_record(),
-        "alone_rms_px": evaluation.alone_rms_px,
-        "cameras": [
-            {
-                "name": one.name,
-                "images": one.photos,
-                **(one.errors.as_record() if one.errors else {}),
-                "alone_rms_px": one.alone_rms_px,
-                "outside_field": one.outside,
-                "unplaced": list(one.unplaced),
-            }
-            for one in evaluation.cameras
-        ],
-        "pairs": [
-            {"cameras": [one.first, one.second], "shots": one.shots, "rms_px": one.rms_px}
-            for one in evaluation.pairs
-        ],
-        "per_shot": list(evaluation.per_shot),
-    }
-
-
 def _print_evaluation(record: dict[str, Any]) -> None:
+    from cubicfish_cli.cli.rig import print_pairs
+
     result(f"{count(len(record['per_shot']), 'shot')}, {count(record['corners'], 'corner')}\n")
     meaning = "the same corners with each photo's own pose: what is more is the rig's"
     print_errors(record, [("each alone", record["alone_rms_px"], meaning)])
@@ -103,14 +76,7 @@ def _print_evaluation(record: dict[str, Any]) -> None:
             for one in record["cameras"]
         ],
     )
-    result()
-    print_table(
-        ("cameras", "shots in common", "RMS px"),
-        [
-            (" + ".join(one["cameras"]), str(one["shots"]), px(one["rms_px"]))
-            for one in record["pairs"]
-        ],
-    )
+    print_pairs(record)
 
 
 def print_comparison(first: Path, second: Path, *, as_json: bool) -> None:
@@ -121,7 +87,7 @@ def print_comparison(first: Path, second: Path, *, as_json: bool) -> None:
     rig = load_rig(first)
     found = compare_rigs(rig, load_rig(second))
     if as_json:
-        print_json({"units": rig.units, "cameras": [_comparison_record(one) for one in found]})
+        print_json({"units": rig.units, "cameras": [one.as_record() for one in found]})
         return
     units = f" {rig.units}" if rig.units else ""
     print_table(
@@ -143,18 +109,6 @@ def print_comparison(first: Path, second: Path, *, as_json: bool) -> None:
         f"\nPlaces are beside {found[0].name}, of the rays of the same pixels; ± is of both rigs "
         "together.\nDifferences of up to about 2 σ are what two calibrations of one rig have."
     )
-
-
-def _comparison_record(one: ComparedCamera) -> dict[str, Any]:
-    return {
-        "name": one.name,
-        "shift": one.shift.tolist(),
-        "shift_sigma": one.shift_sigma,
-        "turn_deg": one.turn_deg,
-        "turn_sigma_deg": one.turn_sigma_deg,
-        "sigmas": one.sigmas,
-        "lens": one.lens.as_record(),
-    }
 
 
 def _sigma(value: float | None, digits: int) -> str:

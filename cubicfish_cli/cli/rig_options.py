@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import Parsed, bundle, rig_option
+from cubicfish_cli.cli.options import Parsed, bundle, option, rig_option
 
 
 def _ground(text: str) -> tuple[float, float, float]:
@@ -53,25 +53,21 @@ rig_options = bundle(
     "rig",
     RigOptions,
     rig_option,
-    click.option(
-        "--ground",
-        type=Parsed("HEIGHT[,PITCH[,ROLL]]", _ground),
-        metavar="HEIGHT[,PITCH[,ROLL]]",
-        help="Of a rig: the ground from above. It is HEIGHT below the first camera, which looks "
+    option(
+        "--ground HEIGHT[,PITCH[,ROLL]]",
+        "Of a rig: the ground from above. It is HEIGHT below the first camera, which looks "
         "PITCH degrees up (below 0: down) and is rolled ROLL degrees clockwise. With --plane it is "
         "where that board lies.",
+        Parsed("HEIGHT[,PITCH[,ROLL]]", _ground),
     ),
-    click.option(
-        "--shot",
-        metavar="NAME",
-        help="Of a rig, with --plane: the shot of rig.yaml that says where the board lies. "
+    option(
+        "--shot NAME",
+        "Of a rig, with --plane: the shot of rig.yaml that says where the board lies. "
         "[default: the shot itself]",
     ),
-    click.option(
-        "--distance",
-        type=FloatRange(0, min_open=True),
-        metavar="UNITS",
-        help="Of a rig: how far away things are that the cameras' pictures join at. "
-        "[default: far away]",
+    option(
+        "--distance UNITS",
+        "Of a rig: how far away things are that the cameras' pictures join at. [default: far away]",
+        FloatRange(0, min_open=True),
     ),
 )

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from cubicfish_cli.cli.inputs import photos_of
 
-Shot = Mapping[str, Path]
-"""Camera -> its photo."""
+if TYPE_CHECKING:
+    from cubicfish_cli.library.rig_shots import Shot
 
 
 def shots_of(sources: Sequence[str], cameras: Sequence[str]) -> dict[str, Shot]:

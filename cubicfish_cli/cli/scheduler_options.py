@@ -11,7 +11,7 @@ import click
 
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import bundle
+from cubicfish_cli.cli.options import bundle, option
 from cubicfish_cli.cli.terminal import say
 
 if TYPE_CHECKING:
@@ -60,19 +60,17 @@ class SchedulerOptions:
 scheduler_options = bundle(
     "scheduler",
     SchedulerOptions,
-    click.option(
-        "--scheduler",
-        "address",
-        metavar="ADDRESS",
-        help="Have the work done by the dask workers of tcp://HOST:8786, which must see the "
+    option(
+        "--scheduler ADDRESS",
+        "Have the work done by the dask workers of tcp://HOST:8786, which must see the "
         "same files under the same names (a shared file system). Only use a scheduler that "
         "you trust. Needs pip install 'cubicfish[scale]'.",
+        to="address",
     ),
-    click.option(
-        "--wait",
-        "wait_s",
-        type=FloatRange(min=0, max=1_000_000),
-        metavar="SECONDS",
-        help="How long to wait while the scheduler has no worker. [default: 60]",
+    option(
+        "--wait SECONDS",
+        "How long to wait while the scheduler has no worker. [default: 60]",
+        FloatRange(min=0, max=1_000_000),
+        to="wait_s",
     ),
 )

@@ -61,16 +61,17 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     print_columns(columns, [Row(cells=row) for row in rows])
 
 
-def print_columns(columns: Sequence[Column], rows: Sequence[Row]) -> None:
+def print_columns(given: Sequence[Column | str], rows: Sequence[Row]) -> None:
     """Print a table to stdout.
 
     Columns whose cells are all numbers (or empty, or a dash) are aligned to the right.
 
     Args:
-        columns: its columns.
+        given: its columns, or only their titles.
         rows: its rows, each with one cell a column.
 
     """
+    columns = [Column(title=one) if isinstance(one, str) else one for one in given]
     stream = sys.stdout
     room = columns_of(stream)
     rows = [

@@ -6,33 +6,27 @@ import sys
 import textwrap
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import click
+from typing import TYPE_CHECKING
 
 from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.streams import columns_of, text_width
 from cubicfish_cli.cli.table import Column, Row, print_columns
-from cubicfish_cli.cli.target_words import advice
 from cubicfish_cli.cli.terminal import print_json, result, working
 
 if TYPE_CHECKING:
     from cubicfish_cli.boards.board import Board
-    from cubicfish_cli.diagnosis.object_check import ObjectFacts
-    from cubicfish_cli.identification.look_alikes import Turn
-    from cubicfish_cli.target import Target
+    from cubicfish_cli.library.target_check import TargetCheck
 
 _LABEL, _LINE = 12, 96
 
 
-@click.command(
+@as_command(
     "check",
-    short_help="Say what a target is worth, and draw it.",
-    epilog=options.examples(
-        "cubicfish target check target.yaml",
-        "cubicfish target check target.yaml --draw object.svg",
-    ),
+    "Say what a target is worth, and draw it.",
+    "cubicfish target check target.yaml",
+    "cubicfish target check target.yaml --draw object.svg",
 )
 @options.argument(
     "target",
@@ -40,15 +34,9 @@ _LABEL, _LINE = 12, 96
     metavar="TARGET",
     missing="name the target: 'cubicfish target check target.yaml'",
 )
-@click.option(
-    "--draw",
-    type=options.FILE,
-    metavar="FILE.svg",
-    help="Also draw the target: does it look like yours?",
-)
+@option("--draw FILE.svg", "Also draw the target: does it look like yours?", options.FILE)
 @options.overwrite_option
 @options.json_option(json_keys.TARGET_CHECK)
-@options.common_options
 def command(target: Path, draw: Path | None, overwrite: bool, as_json: bool) -> None:
     """Check TARGET, a target.yaml, before you take photos.
 
@@ -56,9 +44,9 @@ def command(target: Path, draw: Path | None, overwrite: bool, as_json: bool) -> 
     be mistaken for something else in photos, and what looks like a slip of the pen. The exit
     code is 1 only when the file is no usable target.
     """
-    from cubicfish_cli.diagnosis.object_check import check_object
     from cubicfish_cli.errors import OutputError
     from cubicfish_cli.files import refuse_existing, write_text
+    from cubicfish_cli.library.target_check import check_target
     from cubicfish_cli.rendering.object_drawing import object_svg
     from cubicfish_cli.target import load_target
 
@@ -68,30 +56,30 @@ def command(target: Path, draw: Path | None, overwrite: bool, as_json: bool) -> 
         refuse_existing(draw, overwrite=overwrite)
     loaded = load_target(target).as_printed()
     with working("Looking at the target from all sides"):
-        facts = check_object(loaded)
+        checked = check_target(loaded)
     if draw is not None:
         write_text(draw, object_svg(loaded), overwrite=overwrite)
     if as_json:
-        record = _record(loaded, facts)
-        print_json({**record, **({"drawing": str(draw)} if draw else {})})
+        print_json({**checked.as_record(), **({"drawing": draw} if draw else {})})
         return
-    _print(loaded, facts)
+    _print(checked)
     if draw is not None:
         result(f"\nwrote {draw}")
 
 
-def _print(target: Target, facts: ObjectFacts) -> None:
+def _print(checked: TargetCheck) -> None:
+    target, facts = checked.target, checked.facts
     print_columns(
         [
             Column(title="board", least=8),
             Column(title="type", least=5, cut="end"),
-            Column(title="corners"),
-            Column(title="square"),
-            Column(title="print"),
-            Column(title="corner (0, 0)"),
-            Column(title="columns"),
-            Column(title="rows"),
-            Column(title="faces"),
+            "corners",
+            "square",
+            "print",
+            "corner (0, 0)",
+            "columns",
+            "rows",
+            "faces",
         ],
         [Row(cells=_row(board)) for board in target.boards],
     )
@@ -99,7 +87,7 @@ def _print(target: Target, facts: ObjectFacts) -> None:
     planes = count(facts.planes, "plane")
     _paragraph("Object", f"{count(facts.corners, 'corner')} on {planes}")
     before = ""
-    for label, text in advice(target, facts):
+    for label, text in checked.advice:
         _paragraph("" if label == before else label, text)
         before = label
 
@@ -114,7 +102,9 @@ def _paragraph(label: str, text: str) -> None:
 
 
 def _row(board: Board) -> tuple[str, ...]:
-    size = " x ".join(f"{side:g}" for side in _print_size(board))
+    from cubicfish_cli.library.target_check import print_size
+
+    size = " x ".join(f"{side:g}" for side in print_size(board))
     if board.points is not None:
         first = _vector(board.points[0])
         return (board.name, board.kind, str(board.columns), "-", size, first, "-", "-", "-")
@@ -131,16 +121,6 @@ def _row(board: Board) -> tuple[str, ...]:
     )
 
 
-def _print_size(board: Board) -> list[float]:
-    """Width and height of the print; of a list of points its extent along x, y and z."""
-    if board.points is not None:
-        extent = board.points.max(axis=0) - board.points.min(axis=0)
-        return [round(float(side), 6) for side in extent]
-    rim = 2 * board.rim
-    end = board.plane_points(board.columns - 1, board.rows - 1) + rim
-    return [round(float(side), 6) for side in end]
-
-
 def _vector(values: Iterable[float]) -> str:
     return ", ".join(f"{round(float(value), 3) + 0.0:g}" for value in values)
 
@@ -152,61 +132,3 @@ def _direction(axis: Iterable[float]) -> str:
         if abs(value) > 1 - 5e-7:
             return f"{'+' if value > 0 else '-'}{name}"
     return _vector(values)
-
-
-def _record(target: Target, facts: ObjectFacts) -> dict[str, Any]:
-    return {
-        "units": target.units,
-        "boards": [_board_record(board) for board in target.boards],
-        "corners": facts.corners,
-        "planes": facts.planes,
-        "rank": facts.rank,
-        "flat": facts.flat,
-        "named_by": facts.named_by,
-        "ambiguous": facts.ambiguous,
-        "symmetries": [_turn_record(turn) for turn in facts.symmetries],
-        "near_symmetries": [_turn_record(turn) for turn in facts.near_symmetries],
-        "look_alikes": None
-        if facts.look_alikes is None
-        else [_turn_record(turn) for turn in facts.look_alikes],
-        "boards_needed": facts.boards_needed,
-        "boards_at_once": facts.boards_at_once,
-        "never_together": facts.never_together,
-        "turned_away": facts.turned_away,
-        "crossing": facts.crossing,
-        "advice": [{"about": label, "text": text} for label, text in advice(target, facts)],
-    }
-
-
-def _board_record(board: Board) -> dict[str, Any]:
-    record: dict[str, Any] = {
-        "name": board.name,
-        "type": board.kind,
-        "columns": board.columns,
-        "rows": board.rows,
-        "print": _print_size(board),
-    }
-    if board.points is not None:
-        return record
-    markers = board.markers
-    return {
-        **record,
-        "square": board.square,
-        "origin": board.origin,
-        "x_axis": board.x_axis,
-        "y_axis": board.y_axis,
-        "faces": -board.axes[2] + 0.0,
-        "markers": None
-        if markers is None
-        else {"dictionary": markers.dictionary, "first": markers.first, "count": markers.count},
-    }
-
-
-def _turn_record(turn: Turn) -> dict[str, Any]:
-    return {
-        "angle_deg": turn.angle_deg,
-        "axis": turn.axis,
-        "point": turn.point,
-        "onto": dict(zip(turn.boards, turn.onto, strict=True)),
-        "error_squares": turn.error,
-    }

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.cli.options import Parsed, bundle, target_option
+from cubicfish_cli.cli.options import Parsed, bundle, option, target_option
 from cubicfish_cli.cli.terminal import say
 from cubicfish_cli.errors import MISSING, CubicfishError
 
@@ -130,17 +130,13 @@ target_options = bundle(
     "target",
     _choice,
     target_option,
-    click.option(
+    option(
         "--board",
-        type=COUNTS,
-        help="In the place of a target.yaml: one flat checkerboard of so many inner corners "
+        "In the place of a target.yaml: one flat checkerboard of so many inner corners "
         "(squares less one), such as 9x6.",
+        COUNTS,
     ),
-    click.option(
-        "--square",
-        metavar="LENGTH",
-        help="Side of the squares of --board: 30mm, 3cm, 1.25in.",
-    ),
+    option("--square LENGTH", "Side of the squares of --board: 30mm, 3cm, 1.25in."),
 )
 """``--target``, or ``--board`` and ``--square``: one :class:`TargetChoice` as ``target``."""
 

@@ -12,6 +12,7 @@ import click
 from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.provenance import made_at
 from cubicfish_cli.cli.target_choice import COUNTS
 from cubicfish_cli.cli.terminal import print_json, print_table, result, say, working
@@ -26,14 +27,12 @@ _OBJECTS = ("corner", "box", "block", "board")
 _TYPES = ("checkerboard", "charuco", "aprilgrid")
 
 
-@click.command(
+@as_command(
     "print",
-    short_help="Boards on paper, at true scale.",
-    epilog=options.examples(
-        "cubicfish target print --object corner --paper A4 -o my-target/",
-        "cubicfish target print --object board --type charuco --square 30mm --paper A3",
-        "cubicfish target print target.yaml --paper Letter -o pages/",
-    ),
+    "Boards on paper, at true scale.",
+    "cubicfish target print --object corner --paper A4 -o my-target/",
+    "cubicfish target print --object board --type charuco --square 30mm --paper A3",
+    "cubicfish target print target.yaml --paper Letter -o pages/",
 )
 @options.argument(
     "target",
@@ -41,68 +40,53 @@ _TYPES = ("checkerboard", "charuco", "aprilgrid")
     required=False,
     metavar="[TARGET]",
 )
-@click.option(
+@option(
     "--object",
-    "kind",
-    type=click.Choice(_OBJECTS),
-    help="Make a target: a corner (floor and two walls, seen from inside), an open box of five "
+    "Make a target: a corner (floor and two walls, seen from inside), an open box of five "
     "boards seen from inside, a block of five seen from outside, or one flat board.",
+    click.Choice(_OBJECTS),
+    to="kind",
 )
-@click.option(
-    "--paper",
-    default="A4",
-    show_default=True,
-    metavar="SIZE",
-    help="A0 to A5, B0 to B4, Letter, Legal, Tabloid, 'ANSI C' to 'ANSI E', or WIDTHxHEIGHT such "
+@option(
+    "--paper SIZE",
+    "A0 to A5, B0 to B4, Letter, Legal, Tabloid, 'ANSI C' to 'ANSI E', or WIDTHxHEIGHT such "
     "as 600x400mm. Upright or across is chosen for each page.",
+    default="A4",
 )
-@click.option(
-    "--type",
-    "board_type",
-    type=click.Choice(_TYPES),
-    help="Of a target's boards. [default: checkerboard]",
+@option(
+    "--type", "Of a target's boards. [default: checkerboard]", click.Choice(_TYPES), to="board_type"
 )
-@click.option(
-    "--square",
-    metavar="LENGTH",
-    help="Side of a target's squares (of an aprilgrid's tags): 30mm, 3cm, 1.25in. [default: as "
+@option(
+    "--square LENGTH",
+    "Side of a target's squares (of an aprilgrid's tags): 30mm, 3cm, 1.25in. [default: as "
     "large as covers most of the paper]",
 )
-@click.option(
-    "--corners",
-    "--tags",
-    "counts",
-    type=COUNTS,
-    metavar="COLUMNSxROWS",
-    help="Inner corners (of an aprilgrid: tags) of a target's largest board. With --square too, "
+@option(
+    "--corners --tags COLUMNSxROWS",
+    "Inner corners (of an aprilgrid: tags) of a target's largest board. With --square too, "
     "boards may be larger than the paper, and are printed in parts.",
+    COUNTS,
+    to="counts",
 )
-@click.option(
-    "--dictionary",
-    metavar="NAME",
-    help="Markers' family, such as DICT_5X5_250 or tag36h11. [default: the smallest DICT_5X5 that "
+@option(
+    "--dictionary NAME",
+    "Markers' family, such as DICT_5X5_250 or tag36h11. [default: the smallest DICT_5X5 that "
     "is large enough; tag36h11]",
 )
-@click.option(
-    "--margin",
-    default="8mm",
-    show_default=True,
-    metavar="LENGTH",
-    help="Along the paper's edges, where the printer cannot print.",
+@option(
+    "--margin LENGTH", "Along the paper's edges, where the printer cannot print.", default="8mm"
 )
-@click.option(
-    "--board",
-    "boards",
+@option(
+    "--board NAME",
+    "Of TARGET, print this board only. May be given again.",
+    to="boards",
     multiple=True,
-    metavar="NAME",
-    help="Of TARGET, print this board only. May be given again.",
 )
 @options.output_option(
     "Where boards.pdf, assembly.pdf and target.yaml go.", default="printed", folder=True
 )
 @options.overwrite_option
 @options.json_option(json_keys.TARGET_PRINT)
-@options.common_options
 def command(
     target: Path | None,
     kind: str | None,
@@ -132,7 +116,7 @@ def command(
         raise CubicfishError(f"printing needs {' and '.join(missing())}: {INSTALL}")
     keep_fonts()
 
-    from cubicfish_cli.files import refuse_existing, whole_files
+    from cubicfish_cli.files import Content, refuse_existing, write_files
     from cubicfish_cli.printing.layout import lay_out
     from cubicfish_cli.printing.paper import length_mm
     from cubicfish_cli.printing.paper import paper as paper_of
@@ -145,13 +129,10 @@ def command(
         loaded, sheets = _made(kind, board_type, square, counts, dictionary, on, rim)
         text = _target_text(loaded, kind or "", on)
     pages = [page for sheet in sheets for page in lay_out(sheet, on, margin=rim)]
-    outputs = {"boards": output / "boards.pdf"}
-    if len(sheets) > 1:
-        outputs["assembly"] = output / "assembly.pdf"
-    if text is not None:
-        outputs["target"] = output / "target.yaml"
-    for path in outputs.values():
-        refuse_existing(path, overwrite=overwrite)
+    wanted = {"boards": True, "assembly": len(sheets) > 1, "target": text is not None}
+    names = {"boards": "boards.pdf", "assembly": "assembly.pdf", "target": "target.yaml"}
+    outputs = {kind: output / names[kind] for kind, there in wanted.items() if there}
+    refuse_existing(*outputs.values(), overwrite=overwrite)
     date = _date()
 
     from cubicfish_cli.report.extra import quiet
@@ -159,16 +140,18 @@ def command(
     with quiet():
         from cubicfish_cli.printing.documents import words_for, write_assembly, write_boards
 
-    drawing = f"Drawing {count(len(pages), 'page')}"
-    with whole_files(list(outputs.values()), overwrite=overwrite) as temporaries, working(drawing):
-        places = dict(zip(outputs, temporaries, strict=True))
-        write_boards(places["boards"], pages, date=date)
-        if "assembly" in places:
-            write_assembly(places["assembly"], sheets, words_for(kind, on.name), on.name, date=date)
-        if text is not None:
-            places["target"].write_text(text, encoding="utf-8", newline="\n")
+    contents: dict[str, Content] = {
+        "boards": lambda path: write_boards(path, pages, date=date),
+        "assembly": lambda path: write_assembly(
+            path, sheets, words_for(kind, on.name), on.name, date=date
+        ),
+        "target": text or "",
+    }
+    with working(f"Drawing {count(len(pages), 'page')}"):
+        files = {path: contents[kind] for kind, path in outputs.items()}
+        write_files(files, overwrite=overwrite)
     if as_json:
-        print_json(_record(outputs, sheets, pages, on))
+        print_json({**outputs, "paper": on.name, "pages": list(map(_page_record, pages))})
         return
     _print(outputs, sheets, pages, on)
 
@@ -209,8 +192,7 @@ def _made(
     paper: Paper,
     margin: float,
 ) -> tuple[Target, list[Sheet]]:
-    from cubicfish_cli.cli.target_words import advice
-    from cubicfish_cli.diagnosis.object_check import check_object
+    from cubicfish_cli.library.target_check import check_target
     from cubicfish_cli.printing.objects import Wanted, design
     from cubicfish_cli.printing.paper import length_mm
 
@@ -222,9 +204,9 @@ def _made(
         dictionary=dictionary,
     )
     loaded, sheets = design(wanted, paper, margin=margin)
-    facts = check_object(loaded)
-    if facts.ambiguous:
-        for about, words in advice(loaded, facts):
+    checked = check_target(loaded)
+    if checked.facts.ambiguous:
+        for about, words in checked.advice:
             if about == "Names":
                 say(f"note: {words}")
     return loaded, sheets
@@ -246,28 +228,13 @@ def _date() -> datetime | None:
     return datetime.fromisoformat(made_at()) if "SOURCE_DATE_EPOCH" in os.environ else None
 
 
-def _record(
-    outputs: dict[str, Path], sheets: list[Sheet], pages: list[Page], paper: Paper
-) -> dict[str, Any]:
+def _page_record(page: Page) -> dict[str, Any]:
+    tile = page.tile
     return {
-        **{name: str(path) for name, path in outputs.items()},
-        "paper": paper.name,
-        "pages": [
-            {
-                "board": page.sheet.board.name,
-                "size_mm": [page.width, page.height],
-                "tile": None
-                if page.tile is None
-                else {
-                    "row": page.tile.row,
-                    "column": page.tile.column,
-                    "rows": page.tile.rows,
-                    "columns": page.tile.columns,
-                },
-                "corner_0_0_mm": list(page.shift),
-            }
-            for page in pages
-        ],
+        "board": page.sheet.board.name,
+        "size_mm": [page.width, page.height],
+        "tile": tile and {key: getattr(tile, key) for key in ("row", "column", "rows", "columns")},
+        "corner_0_0_mm": list(page.shift),
     }
 
 

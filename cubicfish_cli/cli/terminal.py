@@ -10,7 +10,8 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any, TextIO
 
 import click
@@ -27,6 +28,7 @@ __all__ = [
     "detail",
     "print_json",
     "print_table",
+    "print_wrote",
     "progress",
     "result",
     "say",
@@ -55,6 +57,12 @@ def result(text: str = "", *, mark: tuple[str, Style] | None = None, whole: bool
 
     """
     _print(text, sys.stdout, mark, whole=whole)
+
+
+def print_wrote(paths: Iterable[Path]) -> None:
+    """Print which files were written, a line each."""
+    for path in paths:
+        result(f"wrote {path}")
 
 
 def apart() -> None:

@@ -2,73 +2,52 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from cubicfish_cli.cli import json_keys, options
-from cubicfish_cli.cli.chosen_views import (
-    PlaneOptions,
-    PlanesOfPhotos,
-    Views,
-    ViewsBySize,
-    plane_options,
-)
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.mask_limit import (
-    check_mask_limit,
-    mask_limit_option,
-    mask_option,
-    trusted_within,
-    uncertainty_of,
-)
-from cubicfish_cli.cli.rendering_options import (
-    RenderingOptions,
-    crop_option,
-    rendering_options,
-)
+from cubicfish_cli.cli.mask_options import MaskOptions, mask_options
+from cubicfish_cli.cli.options import as_command, option
+from cubicfish_cli.cli.plane_options import PlaneOptions, plane_options
+from cubicfish_cli.cli.rendering_options import RenderingOptions, crop_option, rendering_options
 from cubicfish_cli.cli.rig_options import RigOptions, rig_options
 from cubicfish_cli.cli.scheduler_options import SchedulerOptions, scheduler_options
-from cubicfish_cli.cli.terminal import print_json, progress, result, say, tell
-from cubicfish_cli.cli.undistort_dry_run import (
-    dry_run_of,
-    print_dry_run,
-    say_what_is_unseen,
-    warn_of_limit,
-)
+from cubicfish_cli.cli.terminal import print_json, print_wrote, progress, result, say, tell
 from cubicfish_cli.cli.undistort_failures import ending, failure_lines, share_a_reason
-from cubicfish_cli.cli.undistort_plan import Plan, plan_of
+from cubicfish_cli.cli.undistort_sources import plan_of
 from cubicfish_cli.cli.video_options import EncodingOptions, encoding_options
-from cubicfish_cli.cli.view_options import ViewOptions, view_options
+from cubicfish_cli.cli.view_options import ViewOptions, say_what_is_unseen, view_options
 
 if TYPE_CHECKING:
-    from cubicfish_cli.cli.mask_limit import Trusted
+    from cubicfish_cli.executors.executor import Executor
     from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
-    from cubicfish_cli.undistortion.batch import FailedPhoto, PhotoJob
+    from cubicfish_cli.library.masks import TrustedWithin
+    from cubicfish_cli.library.planes import PlanesOfPhotos
+    from cubicfish_cli.library.undistorting import DryRun, Plan
+    from cubicfish_cli.library.views import Views
+    from cubicfish_cli.undistortion.batch import FailedPhoto
+    from cubicfish_cli.undistortion.chosen import ChosenView
     from cubicfish_cli.undistortion.frames import Crop
-    from cubicfish_cli.undistortion.maps import UndistortMap
-    from cubicfish_cli.words.finding import Finding
 
 
-@click.command(
+@as_command(
     "undistort",
-    short_help="Photos and videos to pictures in which straight lines are straight.",
-    epilog=options.examples(
-        "cubicfish undistort photo.png flat.png",
-        "cubicfish undistort photos/ flat/ --hfov 90 --size 1920x1080",
-        "cubicfish undistort photo.png left.png --rotate -60,0,0 --hfov 80",
-        "cubicfish undistort photos/ all/ --view equidistant --fit outer --skip-existing",
-        "find . -name '*.jpg' | cubicfish undistort - flat/ -j 4",
-        "cubicfish undistort photo.jpg floor.png --plane floor --target target.yaml",
-        "cubicfish undistort drive.mp4 flat.mp4 --hfov 100 --crf 20",
-        "cubicfish undistort photos/ flat/ --scheduler tcp://node1:8786",
-        "cubicfish undistort left/1.png right/1.png all.png --rig rig",
-        "cubicfish undistort shots/ above/ --rig rig --ground 1200,-10",
-    ),
+    "Photos and videos to pictures in which straight lines are straight.",
+    "cubicfish undistort photo.png flat.png",
+    "cubicfish undistort photos/ flat/ --hfov 90 --size 1920x1080",
+    "cubicfish undistort photo.png left.png --rotate -60,0,0 --hfov 80",
+    "cubicfish undistort photos/ all/ --view equidistant --fit outer --skip-existing",
+    "find . -name '*.jpg' | cubicfish undistort - flat/ -j 4",
+    "cubicfish undistort photo.jpg floor.png --plane floor --target target.yaml",
+    "cubicfish undistort drive.mp4 flat.mp4 --hfov 100 --crf 20",
+    "cubicfish undistort photos/ flat/ --scheduler tcp://node1:8786",
+    "cubicfish undistort left/1.png right/1.png all.png --rig rig",
+    "cubicfish undistort shots/ above/ --rig rig --ground 1200,-10",
 )
 @options.argument(
     "sources",
@@ -90,23 +69,20 @@ if TYPE_CHECKING:
 @crop_option
 @rendering_options
 @encoding_options
-@mask_option
-@mask_limit_option
-@click.option(
-    "--camera",
-    "camera_out",
-    type=options.FILE,
-    metavar="FILE",
-    help="Also write the virtual camera of the result: for flat.png, flat.view.yaml and "
+@mask_options
+@option(
+    "--camera FILE",
+    "Also write the virtual camera of the result: for flat.png, flat.view.yaml and "
     "flat.view.opencv.yaml.",
+    options.FILE,
+    to="camera_out",
 )
-@click.option("--skip-existing", is_flag=True, help="Leave out photos whose result exists.")
-@click.option("--dry-run", is_flag=True, help="Say what would be done, and write nothing.")
+@option("--skip-existing", "Leave out photos whose result exists.")
+@option("--dry-run", "Say what would be done, and write nothing.")
 @options.overwrite_option
 @options.json_option(json_keys.UNDISTORT)
 @options.jobs_option
 @scheduler_options
-@options.common_options
 def command(
     sources: tuple[str, ...],
     destination: Path,
@@ -117,8 +93,7 @@ def command(
     crop: Crop | None,
     pixels: RenderingOptions,
     encoding: EncodingOptions,
-    mask: Path | None,
-    mask_limit: float | None,
+    mask: MaskOptions,
     camera_out: Path | None,
     skip_existing: bool,
     dry_run: bool,
@@ -138,21 +113,19 @@ def command(
     panorama in any --view (equirectangular unless another is named), the ground from above with
     --ground or --plane, or with --view cube flat faces about each camera, with masks and poses.
     """
-    from cubicfish_cli.undistortion.batch import undistort_photos
-
     if skip_existing and overwrite:
         raise click.UsageError("--skip-existing and --overwrite exclude each other")
     if rig.is_asked:
-        refused = {
-            "--crop": crop,
-            "--mask-limit": mask_limit,
-            "--skip-existing": skip_existing,
-            "--dry-run": dry_run,
-            "--scheduler": scheduler.address,
-        }
-        for name, given in refused.items():
-            if given:
-                raise click.UsageError(f"{name} is for the photos of one camera: leave it out")
+        options.refuse_given(
+            "is for the photos of one camera: leave it out",
+            {
+                "--crop": crop,
+                "--mask-limit": mask.mask_limit,
+                "--skip-existing": skip_existing,
+                "--dry-run": dry_run,
+                "--scheduler": scheduler.address,
+            },
+        )
         from cubicfish_cli.cli.undistort_rig import undistort_rig
 
         undistort_rig(
@@ -162,255 +135,162 @@ def command(
             view,
             plane,
             pixels.rendering(),
-            mask=mask,
+            mask=mask.mask,
             camera_out=camera_out,
             overwrite=overwrite,
             as_json=as_json,
         )
         return
-    scheduler.check(jobs)
-    check_mask_limit(mask_limit, mask)
-    plane.check(view)
-    planned = plan_of(sources, destination, view, plane)
-    if planned.videos and scheduler.address is not None:
-        raise click.UsageError("--scheduler is for photos: do videos without it")
-    camera_file = options.model_path(model)
-    chosen, loaded = _views(camera_file, crop, view, plane)
-    trusted: Callable[[tuple[int, int]], Trusted] | None = None
-    if mask_limit is not None:
-        trusted = partial(_trusted, mask_limit, uncertainty_of(loaded, camera_file), loaded, crop)
-    planned = planned.free(skip_existing=skip_existing, overwrite=overwrite)
-    with scheduler.connected(needed=bool(planned.jobs) and not dry_run) as executor:
-        if isinstance(chosen, PlanesOfPhotos):
-            chosen.find_missing([*planned.jobs, *planned.skipped], executor)
-        if dry_run:
-            found = dry_run_of(planned, chosen)
-            if as_json:
-                print_json({"model": str(camera_file), **found.as_record(planned)})
-            else:
-                print_dry_run(planned, found)
-            return
-        extras = _extras(
-            mask,
-            camera_out,
-            planned,
-            chosen,
-            overwrite=overwrite,
-            skip_existing=skip_existing,
-            trusted=trusted,
-        )
-        if planned.videos:
-            failures = _undistort_videos(planned, chosen, pixels, encoding, overwrite=overwrite)
-        else:
-            with progress("Undistorting") as callback:
-                failures = undistort_photos(
-                    planned.jobs,
-                    chosen.maps,
-                    pixels.rendering(),
-                    workers=jobs or os.cpu_count() or 1,
-                    overwrite=overwrite,
-                    progress=callback,
-                    executor=executor,
-                )
-                if executor is None:
-                    failures = [*failures, *_gone(planned, failures)]
-    if as_json:
-        record = _record(planned, failures, chosen)
-        extra_files = [str(path) for path in extras]
-        print_json({"model": str(camera_file), **record, "extra_files": extra_files})
-    else:
-        _print(planned, failures, chosen)
-        if not failures:
-            for path in extras:
-                result(f"wrote {path}")
-    _end_with(planned, failures, as_json=as_json)
-
-
-def _views(
-    model: Path, crop: Crop | None, view: ViewOptions, plane: PlaneOptions
-) -> tuple[Views, CameraFile | PointCameraFile]:
-    """What is rendered of each photo, and the camera file that it is rendered by."""
     from cubicfish_cli.formats.camera_yaml import load_any_camera, load_camera
+    from cubicfish_cli.library.undistorting import dry_run_of, failure_record, undistort_files
+    from cubicfish_cli.library.views import ViewsBySize
 
+    scheduler.check(jobs)
+    mask.check()
+    plane.check(view)
+    plan, one = plan_of(sources, destination, view, plane)
+    if plan.videos and scheduler.address is not None:
+        raise click.UsageError("--scheduler is for photos: do videos without it")
+    path = options.model_path(model)
+    planes: PlanesOfPhotos | None = None
+    views: Views
+    loaded: CameraFile | PointCameraFile
     if plane.board is not None:
-        loaded = load_any_camera(model)
-        return PlanesOfPhotos(loaded, crop, plane), loaded
-    central = load_camera(model)
-    return ViewsBySize(central.camera, crop, view), central
+        loaded = load_any_camera(path)
+        views = planes = plane.views(loaded, crop)
+    else:
+        loaded = central = load_camera(path)
+        views = ViewsBySize(central.camera, crop, view.chosen)
+    trusted = mask.trusted(loaded, path, crop)
+    plan = plan.free(skip_existing=skip_existing, overwrite=overwrite)
+    with scheduler.connected(needed=bool(plan.jobs) and not dry_run) as executor:
+        if planes is not None:
+            _place(planes, [job.source for job in (*plan.jobs, *plan.skipped)], executor)
+        if dry_run:
+            found = dry_run_of(plan, views)
+            if as_json:
+                print_json({"model": str(path), **found.as_record()})
+            else:
+                _print_dry_run(found)
+            return
+        extras = _extras(plan, views, mask.mask, camera_out, trusted, overwrite, skip_existing)
+        failures = undistort_files(
+            plan,
+            views,
+            pixels.rendering(),
+            encoding.encoding(),
+            progress=progress,
+            jobs=jobs,
+            overwrite=overwrite,
+            executor=executor,
+            note=say,
+        )
+    done = plan.done(failures)
+    shown = views.view(done[0].source, plan.size_of(done[0])) if done else None
+    if as_json:
+        failed = [failure_record(failure) for failure in failures]
+        record = plan.as_record(done, failed, shown, extra_files=[str(path) for path in extras])
+        print_json({"model": str(path), **record})
+    else:
+        if done or not share_a_reason(failures):  # else the error at the end says it
+            for line in failure_lines(failures, plan.kind):
+                tell(f"failed: {line}")
+        if plan.skipped:
+            say(f"skipped {count(len(plan.skipped), plan.kind)} whose result exists")
+        if shown is not None:
+            files = [path for job in done for path in job.wanted]
+            folder = destination.parent if one else destination
+            what = f"{count(len(files), 'video' if plan.videos else 'picture')} to {folder}"
+            result(f"wrote {files[0] if one and len(files) == 1 else what}: {shown.describe()}")
+            say_what_is_unseen(views.seen(done[0].source, plan.size_of(done[0])))
+            _warn_of_limit(shown)
+        elif not failures:
+            result("nothing to do")
+        if not failures:
+            print_wrote(extras)
+    _end_with(plan, failures, as_json=as_json)
 
 
-def _trusted(
-    limit: float,
-    record: dict[str, Any],
-    loaded: CameraFile | PointCameraFile,
-    crop: Crop | None,
-    size: tuple[int, int],
-) -> Trusted:
-    """What makes the mask of photos of ``size``."""
-    whole = loaded.camera.image_size
-    return trusted_within(limit, record, calibrated_size=whole, size=size, crop=crop)
-
-
-def _undistort_videos(
-    planned: Plan,
-    chosen: Views,
-    pixels: RenderingOptions,
-    encoding: EncodingOptions,
-    *,
-    overwrite: bool,
-) -> list[FailedPhoto]:
-    """One video after the other; one that fails does not stop the others."""
-    from cubicfish_cli.errors import CubicfishError
-    from cubicfish_cli.undistortion.batch import FailedPhoto
-    from cubicfish_cli.undistortion.video import undistort_video
-
-    failures = []
-    for job in planned.jobs:
-        try:
-            with progress(job.name) as callback:
-                done = undistort_video(
-                    job.source,
-                    job.outputs[0],
-                    partial(_first_map, chosen, job.source),
-                    pixels.rendering(),
-                    encoding.encoding(),
-                    overwrite=overwrite,
-                    progress=callback,
-                )
-        except CubicfishError as error:
-            failures.append(FailedPhoto(job=job, error=error))
-            continue
-        if done.turned_deg:
-            say(
-                f"{job.outputs[0]}: the source tells players to turn it by {done.turned_deg}°, "
-                "which the result does not: turn it with --rotate 0,0,DEG"
-            )
-    return failures
-
-
-def _first_map(chosen: Views, source: Path, size: tuple[int, int]) -> UndistortMap:
-    return chosen.maps(source, size)[0]
+def _place(planes: PlanesOfPhotos, photos: Sequence[Path], executor: Executor | None) -> None:
+    missing = planes.without_pose(photos)
+    if missing:
+        say(f"Looking for corners in {count(len(missing), 'photo')} that have no known pose.")
+        with progress("Finding corners") as callback:
+            planes.place(missing, callback, executor)
 
 
 def _extras(
+    plan: Plan,
+    views: Views,
     mask: Path | None,
     camera_out: Path | None,
-    planned: Plan,
-    chosen: Views,
-    *,
+    trusted: TrustedWithin | None,
     overwrite: bool,
     skip_existing: bool,
-    trusted: Callable[[tuple[int, int]], Trusted] | None,
 ) -> list[Path]:
     """Write the mask and the virtual camera, which are the same for all photos of one size."""
-    jobs = [*planned.jobs, *planned.skipped]
+    jobs = [*plan.jobs, *plan.skipped]
     if (mask is None and camera_out is None) or not jobs:
         return []
-    from cubicfish_cli.cli.view_outputs import write_view_outputs
     from cubicfish_cli.errors import ViewError
+    from cubicfish_cli.files import refuse_existing, write_files
+    from cubicfish_cli.undistortion.view_files import view_files
 
-    sizes = {job.source: planned.size_of(job) for job in jobs}
-    if len({chosen.group(source, size) for source, size in sizes.items()}) > 1:
+    sizes = {job.source: plan.size_of(job) for job in jobs}
+    if len({views.group(source, size) for source, size in sizes.items()}) > 1:
         raise ViewError(
             "these photos have a mask and a virtual camera each, since their sizes or planes "
             "differ: do them one at a time"
         )
     source, size = next(iter(sizes.items()))
-    view, maps = chosen.view(source, size), chosen.maps(source, size)
-    named = dict(zip(view.views, maps, strict=True))
-    return write_view_outputs(
-        named,
-        mask=mask,
-        beside=camera_out,
-        overwrite=overwrite,
-        skip_existing=skip_existing,
-        trusted=trusted(size) if trusted else None,
-    )
+    maps = dict(zip(views.view(source, size).views, views.maps(source, size), strict=True))
+    masked = None if trusted is None else partial(trusted.mask, size=size)
+    files = view_files(maps, mask=mask, beside=camera_out, masked=masked)
+    if skip_existing:
+        files = {path: content for path, content in files.items() if not path.is_file()}
+    refuse_existing(*files, overwrite=overwrite, can_skip=not skip_existing)
+    return write_files(files, overwrite=overwrite)
 
 
-def _done(planned: Plan, failures: Sequence[FailedPhoto]) -> list[PhotoJob]:
-    failed = {failure.job.source for failure in failures}
-    return [job for job in planned.jobs if job.source not in failed]
+def _print_dry_run(found: DryRun) -> None:
+    """Print how many files, which fields, and how much of them is empty."""
+    plan, jobs = found.plan, found.possible
+    files = sum(len(job.wanted) for job in jobs)
+    skipped = f", {len(plan.skipped)} skipped" * bool(plan.skipped)
+    given = count(len(plan.jobs), plan.kind)
+    if len(jobs) < len(plan.jobs):
+        given = f"{len(jobs):,} of {given}"
+    result(f"would write {count(files, 'file')} from {given}{skipped}")
+    for group in found.groups:
+        result(f"{count(len(group.images), plan.kind)} of {{}}x{{}} pixels:".format(*group.size))
+        if group.view is None or group.empty_share is None:
+            result(f"  cannot be done: {group.problem}")
+            continue
+        result(f"  view          {group.view.describe()}")
+        if group.seen is not None:
+            result(f"  camera sees   {group.seen.describe()}")
+        if group.kept_share is not None:
+            result(f"  kept field    {100 * group.kept_share:.1f} % of what the camera sees")
+        result(f"  empty pixels  {100 * group.empty_share:.1f} %")
+        _warn_of_limit(group.view)
+    for line in failure_lines(found.bad, plan.kind):
+        say(f"would fail: {line}")
 
 
-def _gone(planned: Plan, failures: Sequence[FailedPhoto]) -> list[FailedPhoto]:
-    """Photos whose results were written and are not there: somebody removed their folder."""
-    from cubicfish_cli.errors import OutputError
-    from cubicfish_cli.undistortion.batch import FailedPhoto
-
-    lost = []
-    for job in _done(planned, failures):
-        missing = next((path for path in job.wanted if not path.is_file()), None)
-        if missing is not None:
-            why = "is gone again: was its folder removed or renamed meanwhile?"
-            lost.append(FailedPhoto(job=job, error=OutputError(f"{missing} {why}")))
-    return lost
-
-
-def _record(planned: Plan, failures: Sequence[FailedPhoto], chosen: Views) -> dict[str, Any]:
-    """What was done, as plain data for JSON."""
-    done = _done(planned, failures)
-    view = chosen.view(done[0].source, planned.size_of(done[0])) if done else None
-    return {
-        "dry_run": False,
-        "images": len(done),
-        "files": [str(path) for job in done for path in job.wanted],
-        "skipped": [job.name for job in planned.skipped],
-        "failed": [
-            {
-                **_told(failure).as_record(),
-                "image": failure.job.name,
-                "problem": str(failure.error),
-            }
-            for failure in failures
-        ],
-        "view": view and view.as_record(),
-    }
-
-
-def _told(failure: FailedPhoto) -> Finding:
-    from cubicfish_cli.words.codes import Code, Severity
-    from cubicfish_cli.words.finding import Finding
-
-    return Finding(
-        code=Code.FAILED,
-        severity=Severity.BAD,
-        images=(failure.job.name,),
-        figures={"problem": str(failure.error)},
-    )
-
-
-def _print(planned: Plan, failures: Sequence[FailedPhoto], chosen: Views) -> None:
-    """Say what was written."""
-    done = _done(planned, failures)
-    if done or not share_a_reason(failures):  # else the error at the end says it
-        for line in failure_lines(failures, planned.kind):
-            tell(f"failed: {line}")
-    if planned.skipped:
-        say(f"skipped {count(len(planned.skipped), planned.kind)} whose result exists")
-    if done:
-        view = chosen.view(done[0].source, planned.size_of(done[0]))
-        files = sum(len(job.wanted) for job in done)
-        single = planned.one and files == 1
-        wrote = (
-            str(done[0].wanted[0])
-            if single
-            else f"{count(files, 'video' if planned.videos else 'picture')}"
+def _warn_of_limit(view: ChosenView) -> None:
+    """Tell the user where the view ends before the camera's field does."""
+    if view.at_limit:
+        say(
+            f"the camera sees more than a {view.first.kind} picture can show: its field ends at "
+            "the view's own limit, and --view stereographic or equidistant shows all"
         )
-        folder = planned.destination.parent if planned.one else planned.destination
-        where = "" if single else f" to {folder}"
-        result(f"wrote {wrote}{where}: {view.describe()}")
-        say_what_is_unseen(chosen.seen(done[0].source, planned.size_of(done[0])))
-        warn_of_limit(view)
-    elif not failures:
-        result("nothing to do")
 
 
-def _end_with(planned: Plan, failures: Sequence[FailedPhoto], *, as_json: bool) -> None:
+def _end_with(plan: Plan, failures: Sequence[FailedPhoto], *, as_json: bool) -> None:
     """End with an error when a photo failed.
 
     Args:
-        planned: what was to be done.
+        plan: what was to be done.
         failures: what was not.
         as_json: whether the reasons went to stdout.
 
@@ -419,9 +299,9 @@ def _end_with(planned: Plan, failures: Sequence[FailedPhoto], *, as_json: bool) 
 
     if not failures:
         return
-    if len(planned.jobs) == 1:
+    if len(plan.jobs) == 1:
         raise failures[0].error
     told_in: str | None = "in the JSON" if as_json else "above"
-    if not as_json and len(failures) == len(planned.jobs) and share_a_reason(failures):
+    if not as_json and len(failures) == len(plan.jobs) and share_a_reason(failures):
         told_in = None
-    raise PhotoError(ending(failures, len(planned.jobs), planned.kind, told_in=told_in))
+    raise PhotoError(ending(failures, len(plan.jobs), plan.kind, told_in=told_in))

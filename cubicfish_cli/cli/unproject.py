@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import click
-
 from cubicfish_cli.cli import options
+from cubicfish_cli.cli.options import as_command
 from cubicfish_cli.cli.points import PointsCommand, print_points, read_points
 
 
-@click.command(
+@as_command(
     "unproject",
+    "Pixels to unit viewing rays in the camera frame.",
+    "cubicfish unproject 640,400",
+    "echo 640,400 | cubicfish unproject --model lens_a/",
     cls=PointsCommand,
-    short_help="Pixels to unit viewing rays in the camera frame.",
-    epilog=options.examples(
-        "cubicfish unproject 640,400",
-        "echo 640,400 | cubicfish unproject --model lens_a/",
-    ),
 )
 @options.argument(
     "pixels",
@@ -25,7 +22,6 @@ from cubicfish_cli.cli.points import PointsCommand, print_points, read_points
     default=Path("-"),
 )
 @options.model_option
-@options.common_options
 def command(pixels: Path, model: Path | None) -> None:
     """Turn PIXELS into viewing rays: x,y a line (a CSV file or stdin) in, X,Y,Z a line out.
     One pixel may stand on the command line: 640,400.

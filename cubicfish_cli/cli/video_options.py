@@ -6,10 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
 from cubicfish_cli.cli.numbers import IntRange
-from cubicfish_cli.cli.options import bundle
+from cubicfish_cli.cli.options import bundle, option
 from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
 
 if TYPE_CHECKING:
@@ -40,16 +38,10 @@ class EncodingOptions:
 encoding_options = bundle(
     "encoding",
     EncodingOptions,
-    click.option(
-        "--codec",
-        metavar="NAME",
-        help="Of videos, as FFmpeg calls it: libx265, libvpx-vp9, ffv1. [default: libx264]",
+    option(
+        "--codec NAME",
+        "Of videos, as FFmpeg calls it: libx265, libvpx-vp9, ffv1. [default: libx264]",
     ),
-    click.option(
-        "--crf",
-        type=IntRange(0, 63),
-        metavar="0-63",
-        help="Of videos: lower is better and larger. [default: 18]",
-    ),
-    click.option("--preset", metavar="NAME", help="Of the video encoder, such as fast or slow."),
+    option("--crf 0-63", "Of videos: lower is better and larger. [default: 18]", IntRange(0, 63)),
+    option("--preset NAME", "Of the video encoder, such as fast or slow."),
 )

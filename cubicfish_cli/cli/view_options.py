@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import SIZE, Parsed, bundle
+from cubicfish_cli.cli.options import SIZE, Parsed, bundle, option
+from cubicfish_cli.cli.terminal import say
 from cubicfish_cli.wording import either
 
 if TYPE_CHECKING:
-    from cubicfish_cli.undistortion.view import Camera, Rotation, View
+    from cubicfish_cli.undistortion.chosen import ChosenView, SeenField
+    from cubicfish_cli.undistortion.view import Camera
 
 KINDS = (
     "perspective",
@@ -39,8 +40,6 @@ WIDEST: Mapping[str, tuple[tuple[float, bool], tuple[float, bool]]] = {
     "equidistant": ((360, True), (360, True)),
 }
 
-_LEAST_UNSEEN_DEG = 0.05  # what is printed is rounded to as much
-
 
 def _rotation(text: str) -> tuple[float, float, float]:
     """Yaw, pitch and roll in degrees; what is left out is 0."""
@@ -63,93 +62,6 @@ def _share(text: str) -> float:
     if not 0 <= share <= 1:
         raise ValueError(f"{text!r} is not 'inner', 'outer' or a share from 0 to 1")
     return share
-
-
-@dataclass(frozen=True, kw_only=True)
-class SeenField:
-    """What a camera sees of a view: a fisheye's round picture seldom fills it.
-
-    Attributes:
-        field_deg: of the view, across and down.
-        seen_deg: what the camera sees of it, along the view's middle row and column.
-
-    """
-
-    field_deg: tuple[float, float]
-    seen_deg: tuple[float, float]
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether the camera sees all of it."""
-        return all(
-            field - seen < _LEAST_UNSEEN_DEG
-            for field, seen in zip(self.field_deg, self.seen_deg, strict=True)
-        )
-
-    def describe(self) -> str:
-        """``191.2° of 231.7° across, all 173.7° down``."""
-        return ", ".join(
-            f"all {field:.1f}° {way}"
-            if field - seen < _LEAST_UNSEEN_DEG
-            else f"{seen:.1f}° of {field:.1f}° {way}"
-            for seen, field, way in zip(
-                self.seen_deg, self.field_deg, ("across", "down"), strict=True
-            )
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class ChosenView:
-    """What is rendered.
-
-    Attributes:
-        views: name of the part -> view; one part named "" unless it is a cube in six pictures.
-        at_limit: whether the camera sees more than the fitted view can show.
-        unit: of length, of a plane's picture.
-
-    """
-
-    views: dict[str, View]
-    at_limit: bool = False
-    unit: str = "unit"
-
-    @property
-    def first(self) -> View:
-        """The view, or a cube's front."""
-        return next(iter(self.views.values()))
-
-    def describe(self) -> str:
-        """A view in a few words."""
-        from cubicfish_cli.undistortion.plane import PlaneView
-
-        width, height = self.first.size
-        if len(self.views) > 1:
-            return f"the six faces of a cube, {width}x{height} pixels each"
-        first = self.first
-        words = first.scale_in(self.unit) if isinstance(first, PlaneView) else first.describe()
-        return f"{width}x{height} pixels, {words}"
-
-    def seen_by(self, camera: Camera) -> SeenField | None:
-        """What a camera sees of the view's field; None of a cube and of a plane."""
-        from cubicfish_cli.undistortion.fit import seen_field_deg
-        from cubicfish_cli.undistortion.view import CentralView
-
-        if len(self.views) > 1 or not isinstance(self.first, CentralView):
-            return None
-        field = (self.first.hfov_deg, self.first.vfov_deg)
-        return SeenField(field_deg=field, seen_deg=seen_field_deg(camera, self.first))
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data for JSON; of a cube in six pictures the first face, and all their names."""
-        from cubicfish_cli.undistortion.view import CentralView
-
-        first = self.first
-        record = {**json.loads(first.to_json()), "words": self.describe(), "cut": self.at_limit}
-        if len(self.views) > 1:
-            return {**record, "parts": list(self.views)}
-        if isinstance(first, CentralView):
-            return {**record, "hfov_deg": first.hfov_deg, "vfov_deg": first.vfov_deg}
-        return record
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,6 +90,8 @@ class ViewOptions:
                 raise click.UsageError(
                     f"the faces of a cube have 90° each: leave out {names[0]}, or choose --size"
                 )
+            if self.size and self.layout != "cross" and self.size[0] != self.size[1]:
+                raise click.UsageError("a cube's faces are square: give --size as NxN")
         elif self.layout is not None:
             raise click.UsageError("--layout is for --view cube")
         if len(names) > 1 and (set(names) != {"--hfov", "--vfov"} or self.size is not None):
@@ -218,37 +132,25 @@ class ViewOptions:
             ViewError: the view is not one that can be rendered.
 
         """
-        from cubicfish_cli.undistortion.choose import choose_view
-        from cubicfish_cli.undistortion.views import CENTRAL_KINDS, rotation_from_angles
+        from cubicfish_cli.undistortion.chosen import chosen_view
 
-        yaw, pitch, roll = self.rotate
-        rotation = rotation_from_angles(yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll)
-        if self.kind == "cube":
-            return self._cube(camera, rotation)
-        fitted = choose_view(
+        return chosen_view(
             camera,
-            CENTRAL_KINDS[self.kind],
+            self.kind,
+            self.rotate,
             size=self.size,
+            cross=self.layout == "cross",
             hfov_deg=self.hfov_deg,
             vfov_deg=self.vfov_deg,
             focal=self.focal,
             share=self.fit,
-            rotation=rotation,
         )
-        return ChosenView(views={"": fitted.view}, at_limit=fitted.at_limit)
 
-    def _cube(self, camera: Camera, rotation: Rotation) -> ChosenView:
-        from cubicfish_cli.undistortion.cube import CrossView, face_views
-        from cubicfish_cli.undistortion.views import axis_focal
 
-        side = max(1, round(2 * axis_focal(camera)))  # keeps the photo's scale on the axis
-        if self.layout == "cross":
-            return _one(CrossView(size=self.size or (4 * side, 3 * side), rotation=rotation))
-        if self.size is not None:
-            if self.size[0] != self.size[1]:
-                raise click.UsageError("a cube's faces are square: give --size as NxN")
-            side = self.size[0]
-        return ChosenView(views=dict(face_views(side, rotation)))
+def say_what_is_unseen(seen: SeenField | None) -> None:
+    """Tell the user where the camera's field ends before the view's does."""
+    if seen is not None and not seen.is_whole:
+        say(f"the camera sees {seen.describe()}: the rest is empty")
 
 
 def _shows(kind: str, axis: int, angle_deg: float) -> bool:
@@ -270,66 +172,51 @@ def _too_wide(kind: str, axis: int, option: str, angle_deg: float) -> str:
     return f"{option} is too wide: {view} shows {most} {way}: choose {flat}--view {either(others)}"
 
 
-def _one(view: View) -> ChosenView:
-    return ChosenView(views={"": view})
-
-
 view_options = bundle(
     "view",
     ViewOptions,
-    click.option(
-        "--view",
-        "kind",
-        type=click.Choice(KINDS),
-        default="perspective",
-        metavar="KIND",
-        help=f"What the result is: {either(KINDS)}. [default: perspective, in which straight "
+    option(
+        "--view KIND",
+        f"What the result is: {either(KINDS)}. [default: perspective, in which straight "
         "lines are straight]",
+        click.Choice(KINDS),
+        "perspective",
+        show_default=False,
+        to="kind",
     ),
-    click.option(
-        "--size",
-        type=SIZE,
-        help="Size of the result. [default: the photo's]",
-    ),
-    click.option(
-        "--hfov",
-        "--fov",
-        "hfov_deg",
-        type=FloatRange(0, 360, min_open=True, unit="degrees"),
-        metavar="DEG",
-        help="Field of view across the width. [default: perspective keeps the photo's scale "
+    option("--size", "Size of the result. [default: the photo's]", SIZE),
+    option(
+        "--hfov --fov DEG",
+        "Field of view across the width. [default: perspective keeps the photo's scale "
         "in its middle, up to 120 along the longer side; others take --fit outer]",
+        FloatRange(0, 360, min_open=True, unit="degrees"),
+        to="hfov_deg",
     ),
-    click.option(
-        "--vfov",
-        "vfov_deg",
-        type=FloatRange(0, 360, min_open=True, unit="degrees"),
-        metavar="DEG",
-        help="Field of view down the height; with --hfov it sets the height.",
+    option(
+        "--vfov DEG",
+        "Field of view down the height; with --hfov it sets the height.",
+        FloatRange(0, 360, min_open=True, unit="degrees"),
+        to="vfov_deg",
     ),
-    click.option(
-        "--focal",
-        type=FloatRange(0.01, 1_000_000),
-        metavar="PX",
-        help="Focal length: pixels per radian in the middle.",
+    option(
+        "--focal PX", "Focal length: pixels per radian in the middle.", FloatRange(0.01, 1_000_000)
     ),
-    click.option(
-        "--fit",
-        type=Parsed("inner|outer|SHARE", _share),
-        metavar="inner|outer|SHARE",
-        help="Field from what the camera sees: no empty pixel, nothing lost, or a share "
+    option(
+        "--fit inner|outer|SHARE",
+        "Field from what the camera sees: no empty pixel, nothing lost, or a share "
         "between (0 to 1).",
+        Parsed("inner|outer|SHARE", _share),
     ),
-    click.option(
-        "--rotate",
-        type=Parsed("YAW,PITCH,ROLL", _rotation),
-        metavar="YAW,PITCH,ROLL",
-        default=(0.0, 0.0, 0.0),
-        help="Look right, then up, then turn the view clockwise: degrees.",
+    option(
+        "--rotate YAW,PITCH,ROLL",
+        "Look right, then up, then turn the view clockwise: degrees.",
+        Parsed("YAW,PITCH,ROLL", _rotation),
+        (0.0, 0.0, 0.0),
+        show_default=False,
     ),
-    click.option(
+    option(
         "--layout",
-        type=click.Choice(["files", "cross"]),
-        help="A cube as six pictures or as one. [default: files]",
+        "A cube as six pictures or as one. [default: files]",
+        click.Choice(["files", "cross"]),
     ),
 )

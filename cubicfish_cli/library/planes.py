@@ -1,15 +1,31 @@
-"""The metric picture of a board's plane."""
+"""The metric picture of a board's plane, in one photo or in many."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.arrays import Refusal
 from cubicfish_cli.boards.board import Board
+from cubicfish_cli.correspondences import pair
 from cubicfish_cli.errors import ViewError
+from cubicfish_cli.executors.executor import Executor
+from cubicfish_cli.fitting.evaluate import evaluate
+from cubicfish_cli.fitting.statistics import photos_on_record, poses_on_record
+from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.library.detect_corners import detect_corners
+from cubicfish_cli.library.views import Size, Views
+from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
+from cubicfish_cli.undistortion.chosen import ChosenView
+from cubicfish_cli.undistortion.frames import Crop, camera_for_photos
 from cubicfish_cli.undistortion.plane import PlaneView, PointProjector, plane_view
+from cubicfish_cli.undistortion.view import matrix_of_rotation
 from cubicfish_cli.wording import did_you_mean, quoted
 
 _LIMIT = 1e9
@@ -98,3 +114,123 @@ def plane_of(
         high=corners[1] + beyond,
         pixels_a_unit=pixels_per_unit,
     )
+
+
+class PlanesOfPhotos(Views):
+    """A board's plane, whose place is another one in each photo."""
+
+    def __init__(
+        self,
+        loaded: CameraFile | PointCameraFile,
+        crop: Crop | None,
+        target: Target,
+        board: str,
+        *,
+        pixels_per_unit: float | None = None,
+        margin: float | None = None,
+    ) -> None:
+        """Prepare for the board of a target.
+
+        Args:
+            loaded: the camera, and the poses of the photos that it was calibrated from.
+            crop: the part of the calibrated photos that the photos show.
+            target: the object.
+            board: name of one of its boards.
+            pixels_per_unit: as in :func:`build_plane`.
+            margin: likewise.
+
+        Raises:
+            ViewError: it has no such board, or the board has no plane.
+
+        """
+        self._loaded, self._crop, self._target = loaded, crop, target
+        self._board = board_with_plane(target, board)
+        self._scale, self._margin = pixels_per_unit, margin
+        self._poses = _poses_of(loaded.fit)
+        self._photos = {
+            Path(str(record.get("image"))).name for record in photos_on_record(loaded.fit)
+        }
+
+    def group(self, source: Path, size: Size) -> Hashable:
+        """The photo itself."""
+        return source
+
+    def without_pose(self, sources: Sequence[Path]) -> list[Path]:
+        """Photos that the camera's file does not place, and whose corners could."""
+        if not isinstance(self._loaded.camera, CubicCamera):
+            return []
+        return [source for source in sources if source.name not in self._poses]
+
+    def place(
+        self,
+        sources: Sequence[Path],
+        progress: Callable[[int, int], None] | None = None,
+        executor: Executor | None = None,
+    ) -> None:
+        """Find the poses of photos that the camera's file does not place, from corners in them.
+
+        Args:
+            sources: the photos.
+            progress: called with photos done and all photos.
+            executor: who looks at them instead of processes here.
+
+        Raises:
+            CubicfishError: no corners, or too few, in all of them.
+
+        """
+        camera = self._loaded.camera
+        if sources and isinstance(camera, CubicCamera):
+            photos = [Photo(name=source.name, path=source) for source in sources]
+            found = detect_corners(photos, self._target, progress=progress, executor=executor)
+            pairs = pair(found.corners, self._target)
+            self._poses |= _poses_of(evaluate(camera, pairs).as_record())
+
+    def chosen(self, source: Path, size: Size) -> tuple[PointProjector, ChosenView]:
+        """The board's plane in this photo."""
+        camera, rotation, translation = self._placed(source, size)
+        plane = plane_of(
+            camera,
+            self._board,
+            rotation,
+            translation,
+            pixels_per_unit=self._scale,
+            margin=self._margin,
+        )
+        return camera, ChosenView(views={"": plane}, unit=self._target.units)
+
+    def kept_share(self, source: Path, size: Size) -> None:
+        """A plane is not about directions."""
+
+    def seen(self, source: Path, size: Size) -> None:
+        """Nor has it a field."""
+
+    def _placed(self, source: Path, size: Size) -> tuple[PointProjector, Any, Any]:
+        """A camera, and the rotation and the translation from the world to its frame."""
+        camera = self._loaded.camera
+        if not isinstance(camera, CubicCamera):
+            if size != camera.image_size:
+                raise ViewError(
+                    "a camera of lift 'point' takes photos of its own size only, "
+                    f"{camera.image_size[0]}x{camera.image_size[1]}"
+                )
+            if camera.frame == "world":
+                if self._photos and source.name not in self._photos:
+                    raise ViewError(
+                        "this camera of lift 'point' holds for the one photo that it was fitted "
+                        f"to, {min(self._photos)}: use that, or a camera of lift 'ray'"
+                    )
+                return camera, np.eye(3), np.zeros(3)
+        if source.name not in self._poses:
+            raise ViewError(
+                "nothing is known of where this photo was taken: it has no pose in the camera "
+                "file and no board was found in it"
+            )
+        vector, translation = self._poses[source.name]
+        if isinstance(camera, CubicCamera):
+            camera = camera_for_photos(camera, size, self._crop)
+        return camera, matrix_of_rotation(vector), translation
+
+
+def _poses_of(fit: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
+    """Rotation vector and translation by the photo's file name, without folders."""
+    return {Path(name).name: pose for name, pose in poses_on_record(fit).items()}

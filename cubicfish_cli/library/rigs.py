@@ -15,8 +15,8 @@ import numpy.typing as npt
 from cubicfish_cli import __version__
 from cubicfish_cli.correspondences import Corners, Correspondences
 from cubicfish_cli.diagnosis.diagnose import find_faults
-from cubicfish_cli.errors import FitError
-from cubicfish_cli.files import whole_files, write_text
+from cubicfish_cli.errors import CorrespondenceError, FitError
+from cubicfish_cli.files import Content, write_files
 from cubicfish_cli.fitting.calibrate import RefineTarget
 from cubicfish_cli.fitting.rig import calibrate as fitting
 from cubicfish_cli.fitting.rig import compare as rig_comparison
@@ -42,6 +42,7 @@ from cubicfish_cli.geometry import camera_centre, total_sigma
 from cubicfish_cli.identification.photo_report import Detection
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.pairs import pairs_of
+from cubicfish_cli.tables import read_table
 from cubicfish_cli.target import Target
 from cubicfish_cli.wording import quoted
 
@@ -133,6 +134,36 @@ def calibrate_rig(
     )
 
 
+def load_shots(
+    path: Path,
+) -> tuple[list[tuple[str, str, str]] | None, dict[str, dict[str, float]] | None]:
+    """Which photos are of one shot, by a table: rows or else times for :func:`calibrate_rig`.
+
+    Args:
+        path: a CSV file with the columns ``shot,camera,image``, or ``camera,image,time`` (seconds).
+
+    Raises:
+        CorrespondenceError: it is none.
+
+    """
+    table = read_table(
+        path,
+        required=("camera", "image"),
+        optional=("shot", "time"),
+        error=CorrespondenceError,
+    )
+    columns = table.columns
+    if "shot" in columns:
+        return list(zip(columns["shot"], columns["camera"], columns["image"], strict=True)), None
+    if "time" not in columns:
+        raise CorrespondenceError(f"{path} has neither a column shot nor a column time: add one")
+    times: dict[str, dict[str, float]] = {}
+    seconds = table.floats("time").tolist()
+    for camera, image, time in zip(columns["camera"], columns["image"], seconds, strict=True):
+        times.setdefault(camera, {})[image] = time
+    return None, times
+
+
 def _matched(
     names: Sequence[str],
     photos: Sequence[Sequence[str]],
@@ -206,10 +237,7 @@ def rig_record(rig: RigCalibration) -> dict[str, Any]:
             )
             for one in rig.cameras
         ],
-        "pairs": [
-            {"cameras": [one.first, one.second], "shots": one.shots, "rms_px": one.rms_px}
-            for one in rig.pairs
-        ],
+        "pairs": [one.as_record() for one in rig.pairs],
         "fit": {
             **rig.errors.as_record(),
             "held_out_rms_px": rig.held_out_rms_px,
@@ -278,17 +306,16 @@ def save_rig(
 
     """
     origin = {"version": __version__, **(made_by or {})}
-    texts = {Path(folder) / "rig.yaml": rig_text({**rig_record(rig), "made_by": origin})}
+    texts: dict[Path, Content] = {
+        Path(folder) / "rig.yaml": rig_text({**rig_record(rig), "made_by": origin})
+    }
     for one in rig.cameras:
         texts[Path(folder) / one.name / "camera.yaml"] = camera_text(
             one.camera, fit=one.fit, made_by={"title": one.name, **origin}
         )
     if rig.target is not None and rig.refined != "off":
         texts[Path(folder) / "target.refined.yaml"] = target_text(rig.target)
-    with whole_files(list(texts), overwrite=overwrite) as temporary:
-        for path, text in zip(temporary, texts.values(), strict=True):
-            write_text(path, text, overwrite=False)
-    return list(texts)
+    return write_files(texts, overwrite=overwrite)
 
 
 def evaluate_rig(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from cubicfish_cli.correspondences import (
 )
 from cubicfish_cli.files import sha256_of
 from cubicfish_cli.formats.camera_yaml import load_any_camera
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.point_cubic import PointCamera
 from cubicfish_cli.photos import find_photos
 from cubicfish_cli.report.facts import REFINED, Facts, Lack, gather
 from cubicfish_cli.report.pictures import matched
@@ -27,7 +30,13 @@ _CORNERS = "corners.csv"
 _TARGET = "target.yaml"
 
 
-def facts_of_files(camera_file: Path, *, target: Path | None, photos: Sequence[Path]) -> Facts:
+def facts_of_files(
+    camera_file: Path,
+    *,
+    target: Path | None,
+    photos: Sequence[Path],
+    corners: Path | None = None,
+) -> Facts:
     """Read a camera and what lies beside it, or where it says that it came from.
 
     A file that the camera file names is read only if it still has the SHA-256 that stands there.
@@ -37,6 +46,7 @@ def facts_of_files(camera_file: Path, *, target: Path | None, photos: Sequence[P
             not on record, target.yaml are looked for beside it.
         target: the object as drawn, where it is not at its recorded place.
         photos: files, folders or patterns of the photos, where they are not at theirs.
+        corners: the corners.csv of the fit, where it is not beside the camera.
 
     Raises:
         CubicfishError: a file that is there cannot be used.
@@ -50,7 +60,8 @@ def facts_of_files(camera_file: Path, *, target: Path | None, photos: Sequence[P
     if refined:
         drawn = _beside(folder, _REFINED) or target
     thing = None if drawn is None else load_target(drawn)
-    pairs = _pairs(folder, loaded.made_by, thing, loaded.camera.image_size)
+    size = loaded.camera.image_size
+    pairs = _pairs(corners or folder / _CORNERS, folder, loaded.made_by, thing, size)
     lack = _lack(folder, loaded.made_by, thing, refined=refined) if pairs is None else None
     inputs = recorded_mappings(loaded.made_by.get("inputs"))
     names = [str(record.get("image")) for record in recorded_mappings(loaded.fit.get("per_image"))]
@@ -80,10 +91,40 @@ def facts_of_files(camera_file: Path, *, target: Path | None, photos: Sequence[P
     )
 
 
+def facts_of_fit(
+    camera: CubicCamera | PointCamera,
+    fit: Mapping[str, Any],
+    made_by: Mapping[str, Any],
+    *,
+    pairs: Correspondences,
+    target: Target | None,
+    photos: Sequence[Path],
+) -> Facts:
+    """What a page says of a fit that is still at hand.
+
+    Args:
+        camera: the camera.
+        fit: how well it fits, as camera.yaml will have it.
+        made_by: how it was made, likewise.
+        pairs: what was fitted to.
+        target: the object as fitted.
+        photos: the photos' files; none for corners alone.
+
+    """
+    if target is not None:
+        world = target.world_points(pairs.board, pairs.column, pairs.row)
+        pairs = replace(pairs, world=world)
+    files = matched([record["image"] for record in fit["per_image"]], photos)
+    return gather(camera, fit, made_by, pairs=pairs, target=target, files=files)
+
+
 def _pairs(
-    folder: Path, made_by: Mapping[str, Any], target: Target | None, size: tuple[int, int]
+    beside: Path,
+    folder: Path,
+    made_by: Mapping[str, Any],
+    target: Target | None,
+    size: tuple[int, int],
 ) -> Correspondences | None:
-    beside = folder / _CORNERS
     if target is not None and beside.is_file():
         return pair(load_corners(beside, target, image_size=size), target)
     inputs = recorded_mappings(made_by.get("inputs"))

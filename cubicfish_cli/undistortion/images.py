@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from cubicfish_cli.errors import OutputError, ViewError
-from cubicfish_cli.files import refuse_existing, whole_files
+from cubicfish_cli.files import refuse_existing, write_files
 from cubicfish_cli.photos import Picture, quiet_stderr, shown
 from cubicfish_cli.undistortion.jpeg import DEFAULT_QUALITY, jpeg_nature, with_segments
 from cubicfish_cli.undistortion.maps import UndistortMap
@@ -139,23 +139,11 @@ def render_files(
     return files
 
 
-def write_files(files: Mapping[Path, bytes], *, overwrite: bool) -> None:
-    """Write files, all or none.
-
-    Raises:
-        OutputError: one exists and ``overwrite`` is false, or cannot be written.
-
-    """
-    with whole_files(list(files), overwrite=overwrite) as temporaries:
-        for temporary, content in zip(temporaries, files.values(), strict=True):
-            temporary.write_bytes(content)
-
-
 def check_outputs(paths: Sequence[Path], *, overwrite: bool) -> None:
     """Raise :class:`OutputError` when pictures cannot be written under these names."""
     for path in paths:
         check_suffix(path)
-        refuse_existing(path, overwrite=overwrite)
+    refuse_existing(*paths, overwrite=overwrite)
 
 
 def check_suffix(path: Path) -> None:

@@ -2,17 +2,63 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.files import Content
+from cubicfish_cli.undistortion.images import check_suffix, encode_picture
+from cubicfish_cli.undistortion.map_formats import PixelMap
+from cubicfish_cli.undistortion.maps import UndistortMap
 from cubicfish_cli.undistortion.plane import PlaneView
 from cubicfish_cli.undistortion.projections import EquidistantView, PerspectiveView
 from cubicfish_cli.undistortion.view import CentralView, View
 
 FORMAT_VERSION = 1
+
+Masked = Callable[[UndistortMap | PixelMap], npt.NDArray[np.bool_]]
+"""Map -> where its picture may be trusted, (H, W)."""
+
+
+def part_name(path: Path, part: str) -> Path:
+    """``flat.png`` and ``front`` -> ``flat_front.png``; as it is for a view of one part."""
+    return path.with_name(f"{path.stem}_{part}{path.suffix}") if part else path
+
+
+def view_files(
+    maps: Mapping[str, UndistortMap] | Mapping[str, PixelMap],
+    *,
+    mask: Path | None,
+    beside: Path | None,
+    masked: Masked | None = None,
+) -> dict[Path, Content]:
+    """The mask and the virtual camera of each part of a view, as :func:`write_files` takes them.
+
+    Args:
+        maps: part -> its map.
+        mask: where masks go; None for none.
+        beside: what the cameras' files are called after; None for none.
+        masked: says what a mask shows; by default where the map is valid.
+
+    Raises:
+        OutputError: no picture can have the mask's name.
+
+    """
+    files: dict[Path, Content] = {}
+    for part, made in maps.items():
+        if mask is not None:
+            check_suffix(mask)
+            shown = mask_picture(masked(made) if masked else made.valid)
+            files[part_name(mask, part)] = encode_picture(mask, shown)
+        if beside is not None:
+            plain, opencv = view_file_names(part_name(beside, part))
+            files[plain] = view_text(made.view)
+            files[opencv] = partial(write_opencv_view, view=made.view)
+    return files
 
 
 def view_file_names(output: Path) -> tuple[Path, Path]:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from running import SAMPLE, Run
 
-from cubicfish_cli.cli.detect import drawings
 from cubicfish_cli.cli.inputs import lost_word
 from cubicfish_cli.correspondences import load_corners
 from cubicfish_cli.detection.grids import FoundGrids
@@ -16,6 +15,7 @@ from cubicfish_cli.errors import OutputError
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.identified import GridReport
 from cubicfish_cli.identification.photo_report import PhotoReport
+from cubicfish_cli.library.drawings import drawings
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import load_target
 from cubicfish_cli.words.codes import Code

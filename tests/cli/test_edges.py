@@ -14,7 +14,7 @@ from running import SAMPLE, Run
 
 from cubicfish_cli.detection.grid_cache import GridCache
 from cubicfish_cli.detection.grids import FoundGrids
-from cubicfish_cli.undistortion import batch
+from cubicfish_cli.library import undistorting
 
 CORNERS, TARGET = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
 PHOTO = SAMPLE / "photos" / "corner_01.jpg"
@@ -183,14 +183,14 @@ def test_entries_of_the_cache_that_were_exchanged_are_not_used(tmp_path: Path) -
 def test_results_whose_folder_was_removed_are_not_counted(
     run: Run, calibrated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    flat, real = tmp_path / "flat", batch.undistort_photos
+    flat, real = tmp_path / "flat", undistorting.undistort_photos
 
     def remove_one(*args: object, **options: object) -> object:
         failures = real(*args, **options)  # type: ignore[arg-type]
         (flat / "corner_03.jpg").unlink()
         return failures
 
-    monkeypatch.setattr(batch, "undistort_photos", remove_one)
+    monkeypatch.setattr(undistorting, "undistort_photos", remove_one)
     line = ("undistort", SAMPLE / "photos", flat, "-m", calibrated, "--size", "64x48")
     said = run(*line, code=1)
     assert "wrote 9 pictures" in said.stdout
@@ -211,7 +211,7 @@ def test_photos_of_another_camera_are_refused_before_they_are_searched(
 def test_a_huge_camera_gets_no_map_of_gigabytes(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cubicfish_cli.photos.MAX_PIXELS", 960 * 720 - 1)
+    monkeypatch.setattr("cubicfish_cli.library.calibration_folder.MAX_PIXELS", 960 * 720 - 1)
     line = ("calibrate", CORNERS, "-t", TARGET, "--no-hold-out", "-o", tmp_path / "c")
     said = run(*line)
     assert "No undistort_map.npz was written: a map of 960x720 pixels" in said.stderr

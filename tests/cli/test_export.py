@@ -11,12 +11,13 @@ import pytest
 import yaml
 from running import Run
 
-from cubicfish_cli.cli.export import FORMATS, _rounded_up
+from cubicfish_cli.cli.export import FORMATS
 from cubicfish_cli.formats import foreign
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.formats.foreign import FILE_NAMES
 from cubicfish_cli.formats.registry import ENTRIES, READABLE
 from cubicfish_cli.geometry import inside_polygon
+from cubicfish_cli.library.exporting import _rounded_up
 
 # The other lenses of COLMAP are in test_formats_colmap; the last two are not read.
 LENS_FORMATS = sorted(

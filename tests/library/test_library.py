@@ -1,6 +1,7 @@
 """The package as a library: loaded late, typed, silent, and the same as the command line."""
 
 import inspect
+import json
 import re
 import subprocess
 import sys
@@ -28,9 +29,11 @@ from cubicfish_cli import (
     build_plane,
     build_view,
     calibrate,
+    check_target,
     compare,
     detect,
     evaluate,
+    export_camera,
     judge,
     load_camera,
     load_corners,
@@ -387,6 +390,32 @@ def test_planes_that_are_none_are_refused(fitted: Calibration, target: Target) -
     assert "not finite" in said("floor", rotation * np.nan, translation)
     assert "translation has the shape" in said("floor", rotation, translation[:2])
     assert "mirrored" in said("floor", rotation @ np.diag([1, -1, -1]), translation)
+
+
+def test_a_camera_becomes_another_tools_file_as_export_writes_it(
+    fitted: Calibration, tmp_path: Path
+) -> None:
+    fitted.save(tmp_path / "camera.yaml")
+    run_cli("export", tmp_path, "--to", "mrcal", "-o", tmp_path / "a.cameramodel")
+    made = export_camera(load_camera(tmp_path / "camera.yaml"), "mrcal")
+    assert made.text == (tmp_path / "a.cameramodel").read_text(encoding="utf-8")
+    assert len(made.note) > 1
+    assert all(f"# {line}" in made.text for line in made.note)
+    assert export_camera(fitted, "mrcal").conversion.error.max_px == made.conversion.error.max_px
+    refused = refusal(FitError, lambda: export_camera(fitted, "mrcl"))
+    assert refused == "no format is called 'mrcl': did you mean 'mrcal'?"
+    assert "more than the 1e-09 px" in refusal(
+        FitError, lambda: export_camera(fitted, "opencv", max_error=1e-9)
+    )
+
+
+def test_a_target_is_checked_as_the_command_checks_it(target: Target) -> None:
+    said = json.loads(run_cli("target", "check", SAMPLE / "target.yaml", "--json").stdout)
+    checked = check_target(target)
+    assert [{"about": about, "text": text} for about, text in checked.advice] == said["advice"]
+    assert checked.facts.rank == said["rank"]
+    assert list(checked.as_record()) == list(said)
+    assert said["planes"] == 3
 
 
 def test_the_short_name_is_the_same_library() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -49,6 +49,10 @@ class ComparedCamera:
     turn_sigma_deg: float | None
     shift_sigma: float | None
     sigmas: float | None
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data."""
+        return {**vars(self), "shift": self.shift.tolist(), "lens": self.lens.as_record()}
 
 
 def compare_rigs(

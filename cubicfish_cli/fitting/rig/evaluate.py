@@ -76,6 +76,17 @@ class CameraErrors:
     outside: int
     unplaced: tuple[str, ...]
 
+    def as_record(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "name": self.name,
+            "images": self.photos,
+            **(self.errors.as_record() if self.errors else {}),
+            "alone_rms_px": self.alone_rms_px,
+            "outside_field": self.outside,
+            "unplaced": list(self.unplaced),
+        }
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RigEvaluation:
@@ -96,6 +107,16 @@ class RigEvaluation:
     cameras: tuple[CameraErrors, ...]
     pairs: tuple[CameraPair, ...]
     per_shot: tuple[dict[str, Any], ...]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            **self.errors.as_record(),
+            "alone_rms_px": self.alone_rms_px,
+            "cameras": [one.as_record() for one in self.cameras],
+            "pairs": [one.as_record() for one in self.pairs],
+            "per_shot": list(self.per_shot),
+        }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -36,6 +36,14 @@ class CameraPair:
     shots: int
     rms_px: float | None
 
+    def as_record(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "cameras": [self.first, self.second],
+            "shots": self.shots,
+            "rms_px": self.rms_px,
+        }
+
 
 def alone_residual(
     fit: Adjustment, lens: RigLens, pairs: Correspondences, held: Sequence[FitLens], limit: float

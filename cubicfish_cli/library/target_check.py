@@ -1,18 +1,17 @@
-"""What the facts about an object mean for someone who is about to take photos, in words."""
+"""What a target is worth for someone who is about to take photos: facts, and words."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import Any
 
+from cubicfish_cli.boards.board import Board
+from cubicfish_cli.diagnosis.object_check import ObjectFacts, check_object
+from cubicfish_cli.identification.look_alikes import Turn
 from cubicfish_cli.printing.paper import MILLIMETRES
+from cubicfish_cli.target import Target
 from cubicfish_cli.wording import either
-
-if TYPE_CHECKING:
-    from cubicfish_cli.boards.board import Board
-    from cubicfish_cli.diagnosis.object_check import ObjectFacts
-    from cubicfish_cli.identification.look_alikes import Turn
-    from cubicfish_cli.target import Target
 
 _FULL_RANK = 20
 # More examples than this are not read.
@@ -22,7 +21,95 @@ _ONE_UNIT = 50.0
 _FINEST_MM, _LARGEST_MM = 0.2, 2000.0
 
 
-def advice(target: Target, facts: ObjectFacts) -> list[tuple[str, str]]:
+_FACTS = ("corners", "planes", "rank", "flat", "named_by", "ambiguous")
+_TURNS = ("symmetries", "near_symmetries", "look_alikes")
+_PAIRS = ("boards_needed", "boards_at_once", "never_together", "turned_away", "crossing")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TargetCheck:
+    """A target, what was found of it, and what that means.
+
+    Attributes:
+        target: the target.
+        facts: what was found.
+        advice: (what it is about, text) for each thing that is worth saying, in order.
+
+    """
+
+    target: Target
+    facts: ObjectFacts
+    advice: list[tuple[str, str]]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        turns = {name: getattr(self.facts, name) for name in _TURNS}
+        return {
+            "units": self.target.units,
+            "boards": [_board_record(board) for board in self.target.boards],
+            **{name: getattr(self.facts, name) for name in _FACTS},
+            **{name: own and list(map(_turn_record, own)) for name, own in turns.items()},
+            **{name: getattr(self.facts, name) for name in _PAIRS},
+            "advice": [{"about": label, "text": text} for label, text in self.advice],
+        }
+
+
+def check_target(target: Target) -> TargetCheck:
+    """Look at a target from all sides: which boards and photos may be mistaken for others.
+
+    Args:
+        target: the target, as it is printed.
+
+    """
+    facts = check_object(target)
+    return TargetCheck(target=target, facts=facts, advice=_advice(target, facts))
+
+
+def print_size(board: Board) -> list[float]:
+    """Width and height of the print; of a list of points its extent along x, y and z."""
+    if board.points is not None:
+        extent = board.points.max(axis=0) - board.points.min(axis=0)
+        return [round(float(side), 6) for side in extent]
+    rim = 2 * board.rim
+    end = board.plane_points(board.columns - 1, board.rows - 1) + rim
+    return [round(float(side), 6) for side in end]
+
+
+def _board_record(board: Board) -> dict[str, Any]:
+    record: dict[str, Any] = {
+        "name": board.name,
+        "type": board.kind,
+        "columns": board.columns,
+        "rows": board.rows,
+        "print": print_size(board),
+    }
+    if board.points is not None:
+        return record
+    markers = board.markers
+    return {
+        **record,
+        "square": board.square,
+        "origin": board.origin,
+        "x_axis": board.x_axis,
+        "y_axis": board.y_axis,
+        "faces": -board.axes[2] + 0.0,
+        "markers": None
+        if markers is None
+        else {"dictionary": markers.dictionary, "first": markers.first, "count": markers.count},
+    }
+
+
+def _turn_record(turn: Turn) -> dict[str, Any]:
+    return {
+        "angle_deg": turn.angle_deg,
+        "axis": turn.axis,
+        "point": turn.point,
+        "onto": dict(zip(turn.boards, turn.onto, strict=True)),
+        "error_squares": turn.error,
+    }
+
+
+def _advice(target: Target, facts: ObjectFacts) -> list[tuple[str, str]]:
     """(what it is about, text) for each thing that is worth saying, in order."""
     return [
         ("Photos", _photos(target, facts)),

@@ -1,0 +1,100 @@
+"""Which photos or videos ``cubicfish undistort`` is told to do, and where results go."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from glob import glob, has_magic
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.inputs import photos_of
+from cubicfish_cli.cli.plane_options import PlaneOptions
+from cubicfish_cli.cli.video_options import is_video_name
+from cubicfish_cli.cli.view_options import ViewOptions
+
+if TYPE_CHECKING:
+    from cubicfish_cli.library.undistorting import Plan
+
+
+def plan_of(
+    sources: Sequence[str], destination: Path, view: ViewOptions, plane: PlaneOptions
+) -> tuple[Plan, bool]:
+    """Which photo becomes which files, and whether a single file was named."""
+    from cubicfish_cli.library.undistorting import Plan
+    from cubicfish_cli.photos import shown
+    from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
+
+    names = _with_stdin(sources)
+    videos = [(path.name, path) for path in _videos(names)]
+    photos = videos or [(photo.name, photo.path) for photo in photos_of(names)]
+    if videos and view.parts != ("",):
+        raise click.UsageError("a cube of a video is one picture: add --layout cross")
+    if videos and plane.board is not None:
+        raise click.UsageError("--plane is for photos, each of which has its own pose")
+    one = len(photos) == 1 and len(sources) == 1 and os.fspath(photos[0][1]) == sources[0]
+    to_folder = not one or destination.is_dir() or os.fspath(destination).endswith(os.sep)
+    if not one:
+        refuse_a_file(destination, count(len(photos), "photo"))
+    if videos and not to_folder and destination.suffix.lower() not in VIDEO_SUFFIXES:
+        name = shown(destination.with_suffix(".mp4"))
+        if not destination.suffix:
+            name, kind = "flat.mp4", f"{shown(destination)}{os.sep} is a folder"
+        else:
+            kind = f"{shown(destination)} is no video"
+        raise click.UsageError(f"{kind}: name a video such as {name}")
+    plan = Plan.of(photos, destination, view.parts, to_folder=to_folder, videos=bool(videos))
+    return plan, one
+
+
+def refuse_a_file(destination: Path, several: str) -> None:
+    """Refuse the name of a file for what becomes a folder.
+
+    Raises:
+        click.UsageError: it is one.
+
+    """
+    from cubicfish_cli.photos import SUFFIXES, shown
+    from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
+
+    if destination.suffix.lower() in SUFFIXES | VIDEO_SUFFIXES and not destination.is_dir():
+        raise click.UsageError(
+            f"{shown(destination)} is the name of one file, and {several} become a folder: write "
+            f"{shown(destination.with_suffix(''))}{os.sep}"
+        )
+
+
+def _videos(names: Sequence[str]) -> list[Path]:
+    """The videos that the names and patterns mean; none when they mean photos.
+
+    Raises:
+        click.UsageError: they mean both.
+
+    """
+    paths = [
+        Path(match)
+        for name in names
+        for match in (sorted(glob(name)) if has_magic(name) and not Path(name).exists() else [name])
+    ]
+    videos = [path for path in paths if is_video_name(path) and not path.is_dir()]
+    if videos and len(videos) < len(paths):
+        raise click.UsageError("photos and videos together: do them one after the other")
+    return videos
+
+
+def _with_stdin(sources: Sequence[str]) -> list[str]:
+    """The sources, with the names that stdin lists in the place of '-'."""
+    names: list[str] = []
+    for source in sources:
+        if source == "-":
+            listed = [line.rstrip("\r\n") for line in sys.stdin]
+            names += [name for name in listed if name]
+            if not names:
+                raise click.UsageError("stdin lists no photos: give one name a line")
+        else:
+            names.append(source)
+    return names

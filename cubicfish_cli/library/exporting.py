@@ -1,0 +1,281 @@
+"""A camera, or the cameras of a rig, as another tool's lens, and how near that comes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from decimal import ROUND_UP, Decimal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cubicfish_cli import __version__
+from cubicfish_cli.errors import FitError, ViewError
+from cubicfish_cli.fitting.conversion.to_lens import Conversion, to_lens
+from cubicfish_cli.fitting.statistics import poses_on_record
+from cubicfish_cli.formats.calibrated import Calibrated
+from cubicfish_cli.formats.camera_format import Poses
+from cubicfish_cli.formats.foreign import (
+    FRONT_ONLY,
+    LENS_OF,
+    OWN_FIELD,
+    foreign_text,
+    rig_texts,
+)
+from cubicfish_cli.formats.lens_rig import FlatPair, LensRig, PlacedLens
+from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
+from cubicfish_cli.lenses.sphere import cone_rays
+from cubicfish_cli.library.rig_pictures import rectify
+from cubicfish_cli.rendering.pose import rotation_matrix
+from cubicfish_cli.undistortion.fit import sees
+from cubicfish_cli.undistortion.views import default_view
+from cubicfish_cli.wording import did_you_mean, quoted
+
+# Of formats of one tool, the one that follows decentred lenses best.
+_NEAREST = {"colmap": "colmap-rad-tan-thin-prism-fisheye", "kalibr": "kalibr-omni"}
+_BEHIND_DEG = 90.0
+_OVERLAP_RAYS = 2000
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Exported:
+    """A camera as a format's lens.
+
+    Attributes:
+        name: the format.
+        conversion: the lens, and how near it comes.
+        note: how it was made, in lines.
+        poses: camera_from_world of the calibration's photos, in the lens's frame.
+
+    """
+
+    name: str
+    conversion: Conversion
+    note: list[str]
+    poses: Poses
+
+    @property
+    def text(self) -> str:
+        """The text of the format's file."""
+        return foreign_text(self.name, self.conversion.lens, self.note, self.poses)
+
+    def as_record(self) -> dict[str, Any]:
+        """The lens and its errors, for JSON."""
+        return {
+            "lens": self.conversion.lens.name,
+            **self.conversion.error.as_record(),
+            "turned_deg": self.conversion.turned_deg,
+            "lens_from_camera": self.conversion.lens_from_camera,
+        }
+
+    def warning(self, max_error: float) -> str | None:
+        """What is to be known of the field where no corner was; None where it is as near."""
+        beyond = self.conversion.error.beyond
+        if beyond is None or beyond["max_px"] <= max_error:
+            return None
+        start = beyond["from_deg"]
+        return (
+            f"beyond {start:.1f}°, where no corner was, {_figures(beyond)}: do not rely on it "
+            f"there, or leave that out with --max-angle {start:.1f}"
+        )
+
+
+def export_camera(
+    calibrated: Calibrated, to: str, *, max_error: float = 0.5, max_angle_deg: float | None = None
+) -> Exported:
+    """A camera as another tool's lens, as ``cubicfish export`` writes it.
+
+    Args:
+        calibrated: a fit, or what :func:`load_camera` read.
+        to: the format: a name of ``cubicfish export --help``, but for ``maps`` and ``usd``.
+        max_error: how far the lens may be from the camera anywhere that corners reached, pixels.
+        max_angle_deg: leaves out what is farther from the axis, so that the rest is met more
+            nearly.
+
+    Returns:
+        ``text`` of the format's file; ``conversion`` with the lens and its ``error``, pixels.
+
+    Raises:
+        FitError: there is no such format, or its lens is farther from the camera than that.
+
+    """
+    if to not in LENS_OF:
+        raise FitError(f"no format is called {quoted(to)}: {did_you_mean(to, sorted(LENS_OF))}")
+    camera, fit = calibrated.camera, calibrated.as_record()
+    covered = fit.get("covered_deg")
+    conversion = to_lens(
+        camera,
+        LENS_OF[to],
+        max_angle_deg=max_angle_deg,
+        covered_deg=float(covered) if isinstance(covered, int | float) else None,
+    )
+    if not conversion.error.max_px <= max_error:
+        raise FitError(_too_far(conversion, to, max_error))
+    trusted = min(max_angle_deg or 180.0, camera.max_angle_deg)
+    turn = conversion.lens_from_camera
+    return Exported(
+        name=to,
+        conversion=conversion,
+        note=_note(conversion, to, calibrated.made_by, trusted),
+        poses={
+            photo: (turn @ rotation_matrix(vector), turn @ np.asarray(translation))
+            for photo, (vector, translation) in poses_on_record(fit).items()
+        },
+    )
+
+
+def exported_rig(
+    rig: RigFile,
+    cameras: Sequence[RigFileCamera],
+    name: str,
+    goal: Path,
+    *,
+    max_error: float,
+    max_angle_deg: float | None = None,
+) -> tuple[dict[str, Exported], dict[Path, str]]:
+    """Cameras of a rig as the lenses of a format, with their places.
+
+    Args:
+        rig: the rig.
+        cameras: those of its cameras that are wanted.
+        name: the format, one of ``RIG_FILE_NAMES``.
+        goal: its file or folder.
+        max_error: as for :func:`export_camera`.
+        max_angle_deg: likewise.
+
+    Returns:
+        The lenses by their cameras' names, and the texts of the files.
+
+    Raises:
+        FitError: a lens is farther from its camera than that; the text names the camera.
+
+    """
+    made = {}
+    for one in cameras:
+        try:
+            made[one.name] = export_camera(
+                one.file, name, max_error=max_error, max_angle_deg=max_angle_deg
+            )
+        except FitError as problem:
+            raise FitError(f"camera {one.name}: {problem}") from problem
+    converted = [(one, made[one.name]) for one in cameras]
+    return made, rig_texts(name, lens_rig(rig, converted), goal)
+
+
+def lens_rig(rig: RigFile, converted: Sequence[tuple[RigFileCamera, Exported]]) -> LensRig:
+    """The rig of some of its cameras' lenses: what other tools' files hold.
+
+    Args:
+        rig: the rig.
+        converted: those of its cameras that are wanted, as lenses.
+
+    """
+    cameras = [camera for camera, _ in converted]
+    return LensRig(
+        lenses=tuple(_placed(camera, lens) for camera, lens in converted),
+        units=rig.units,
+        overlaps=np.array([[a is not b and _overlap(a, b) for b in cameras] for a in cameras]),
+        flat=_flat(rig, converted) if len(converted) == 2 else None,
+    )
+
+
+def _placed(camera: RigFileCamera, lens: Exported) -> PlacedLens:
+    turn = lens.conversion.lens_from_camera
+    return PlacedLens(
+        name=camera.name,
+        lens=lens.conversion.lens,
+        note=lens.note,
+        rotation=turn @ camera.rotation,
+        translation=turn @ camera.translation,
+        max_angle_deg=camera.camera.max_angle_deg,
+        poses=lens.poses,
+    )
+
+
+def _overlap(first: RigFileCamera, second: RigFileCamera) -> bool:
+    """Whether two cameras see some far thing both."""
+    rays = cone_rays(np.deg2rad(first.camera.max_angle_deg), _OVERLAP_RAYS)
+    own = rays[sees(first.camera, rays)]
+    return bool(sees(second.camera, own @ first.rotation @ second.rotation.T).any())
+
+
+def _flat(rig: RigFile, converted: Sequence[tuple[RigFileCamera, Exported]]) -> FlatPair | None:
+    """Flat pictures of a pair; None where the cameras have no direction in common ahead."""
+    try:
+        pair = rectify(rig, *(camera.name for camera, _ in converted))
+        view = default_view(pair)
+    except ViewError:
+        return None
+    turns = [
+        rotation @ lens.conversion.lens_from_camera.T
+        for rotation, (_, lens) in zip(pair.rotations, converted, strict=True)
+    ]
+    return FlatPair(
+        size=view.size,
+        rotations=(turns[0], turns[1]),
+        projections=pair.projections(view),
+        Q=pair.Q(view),
+    )
+
+
+def _figures(figures: Mapping[str, float]) -> str:
+    if figures["max_px"] == float("inf"):
+        return "the lens does not see all of it"
+    return f"RMS {figures['rms_px']:.4f} px, largest {figures['max_px']:.4f} px"
+
+
+def _note(
+    conversion: Conversion, name: str, made_by: Mapping[str, Any], trusted_deg: float
+) -> list[str]:
+    error = conversion.error
+    when = f" of {made_by['date']}" if made_by.get("date") else ""
+    lines = [
+        f"cubicfish {__version__}: the lens nearest to a cubic camera{when}",
+        f"conversion error: RMS {error.rms_px:.4f} px, largest {error.max_px:.4f} px, up to "
+        f"{error.max_angle_deg:.1f} degrees from the axis",
+    ]
+    farthest = error.max_angle_deg
+    if error.beyond is not None:
+        farthest = error.beyond["to_deg"]
+        lines.append(
+            f"from there to {farthest:.1f} degrees, where no corner was: {_figures(error.beyond)}"
+        )
+    lines += [f"{way}: {_figures(figures)}" for way, figures in error.also.items()]
+    lines.append(f"{OWN_FIELD} {trusted_deg:.3f} degrees from the axis")
+    if farthest >= _BEHIND_DEG and name in FRONT_ONLY:
+        lines.append(f"{FRONT_ONLY[name]} itself sees nothing at 90 degrees from the axis or more")
+    if conversion.turned_deg > 0:
+        turn = " ".join(f"{value:.8f}" for value in conversion.lens_from_camera.ravel())
+        lines.append(
+            f"the frame is turned by {conversion.turned_deg:.3f} degrees; lens_from_camera: {turn}"
+        )
+    return lines
+
+
+def _too_far(conversion: Conversion, name: str, max_error: float) -> str:
+    error = conversion.error
+    good = [ring for ring in error.by_angle if ring["max_px"] <= max_error]
+    bad = [ring for ring in error.by_angle if ring["max_px"] > max_error]
+    largest = "everything" if error.max_px == float("inf") else f"{error.max_px:.2f} px"
+    ways = []
+    if good and bad and max(r["to_deg"] for r in good) <= min(r["from_deg"] for r in bad):
+        ways.append(f"try --max-angle {max(r['to_deg'] for r in good):.0f}")
+    if error.max_px < float("inf"):
+        ways.append(f"raise it to {_rounded_up(error.max_px)}")
+    others = "mrcal, maps or usd, which hold any lens"
+    nearest = _NEAREST.get(name.split("-")[0], name)
+    if nearest != name:
+        others = f"{nearest}, which comes nearer to most, or to {others}"
+    ways.append(f"export to {others}")
+    return (
+        f"the lens of {name} misses the camera by up to {largest} (RMS {error.rms_px:.2f} px up "
+        f"to {error.max_angle_deg:.0f}°), more than the {max_error:g} px of --max-error: "
+        f"{' or '.join(ways)}"
+    )
+
+
+def _rounded_up(value: float) -> str:
+    """To two digits, and no less: what ``--max-error`` takes is what is written here."""
+    step = Decimal(1).scaleb(Decimal(value).adjusted() - 1)
+    return f"{Decimal(value).quantize(step, ROUND_UP).normalize():f}"
