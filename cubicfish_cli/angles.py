@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 
 def columns(points: npt.ArrayLike) -> FloatArray:

@@ -10,10 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import CubicfishError
+from cubicfish_cli.types import FloatArray, IntArray
 from cubicfish_cli.wording import quoted
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,11 +23,8 @@ from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.files import write_text
 from cubicfish_cli.tables import Table, csv_text, read_table
 from cubicfish_cli.target import Target
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.wording import did_you_mean, quoted
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
-BoolArray = npt.NDArray[np.bool_]
 
 # Stands for as many True as there are rows, where nothing is said of certainty.
 _ALL_CERTAIN: BoolArray = np.ones(0, bool)
@@ -473,12 +470,10 @@ def _boards(table: Table, target: Target) -> IntArray:
     return board
 
 
-def _outside_board(
-    target: Target, board: IntArray, column: IntArray, row: IntArray
-) -> npt.NDArray[np.bool_]:
+def _outside_board(target: Target, board: IntArray, column: IntArray, row: IntArray) -> BoolArray:
     columns = np.array([one.columns for one in target.boards])[board]
     rows = np.array([one.rows for one in target.boards])[board]
-    outside: npt.NDArray[np.bool_] = (column < 0) | (column >= columns) | (row < 0) | (row >= rows)
+    outside: BoolArray = (column < 0) | (column >= columns) | (row < 0) | (row >= rows)
     return outside
 
 
@@ -569,7 +564,7 @@ def _photos_of(
     return size, photos, image, np.concatenate(own), np.concatenate(weights)
 
 
-def _outside(pixel: FloatArray, image_size: tuple[int, int]) -> npt.NDArray[np.bool_]:
+def _outside(pixel: FloatArray, image_size: tuple[int, int]) -> BoolArray:
     """Which pixels (N, 2) are outside a photo.
 
     One pixel of slack: a corner may be found a little beyond the outermost pixel centres.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import BoolArray, FloatArray
 
 # Points at a time, against all edges of a polygon at once.
 _BLOCK = 4096
@@ -76,7 +76,7 @@ def mean_rotation(rotations: FloatArray, weight: FloatArray) -> FloatArray:
     return nearest_rotation(np.einsum("k,kij->ij", weight, rotations))
 
 
-def inside_polygon(points: FloatArray, polygon: FloatArray) -> npt.NDArray[np.bool_]:
+def inside_polygon(points: FloatArray, polygon: FloatArray) -> BoolArray:
     """Which points (N, 2) lie in a polygon (K, 2), by crossings of a ray to the right; NaN not."""
     ax, ay = polygon.T
     bx, by = np.roll(polygon, -1, axis=0).T

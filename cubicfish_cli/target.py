@@ -17,10 +17,8 @@ from cubicfish_cli.boards.section import Section
 from cubicfish_cli.boards.types import BOARD_TYPES
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.plain_yaml import load_plain_yaml
+from cubicfish_cli.types import FloatArray, IntArray
 from cubicfish_cli.wording import quoted
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
 
 # A refined object of some ten thousand corners, each with its offset.
 MAX_BYTES = 4_000_000

@@ -29,11 +29,9 @@ from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.rendering.views import Distances, Viewpoint, WholeLens, sample_views
 from cubicfish_cli.target import Target
+from cubicfish_cli.types import BoolArray, FloatArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 GOAL_PX = 0.2
 """Wanted over the field, for photos of up to :data:`GOAL_SIDE` pixels a side; larger ones in

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.advice.words import SIDES, length_words, listed, side_of, slant
 from cubicfish_cli.angles import azimuth
@@ -16,10 +15,7 @@ from cubicfish_cli.fitting.findings import field_cells
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.target import Target
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 _BAND_DEG = 20.0
 # A part counts as empty when so many of its squares hold no corner.

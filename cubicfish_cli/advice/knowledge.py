@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.records import recorded_number
@@ -27,8 +26,7 @@ from cubicfish_cli.fitting.world import World
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.rendering.views import Viewpoint
 from cubicfish_cli.target import Target
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 _DECREASE = 1e-7
 # Files that do not say how symmetric a lens held P are from when it was always this.

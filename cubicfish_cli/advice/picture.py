@@ -7,15 +7,13 @@ from collections.abc import Iterator
 from html import escape
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.advice.advise import GRID, Advice, Proposal, reach_of, rim_of
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.rendering.object_drawing import board_rim
 from cubicfish_cli.rendering.pose import camera_points
 from cubicfish_cli.rendering.views import WholeLens
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 _WIDTH, _MARGIN, _GAP = 1000.0, 20.0, 24.0
 _PANEL = (_WIDTH - 2 * _MARGIN - _GAP) / 2

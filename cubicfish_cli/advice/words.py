@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis, azimuth
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray, IntArray
 
 # Clockwise from the right, y down, an eighth of a turn each.
 SIDES = (
@@ -19,10 +17,10 @@ _FACING_DEG = 12.0
 _METRES = {"mm": 1e-3, "cm": 1e-2, "dm": 0.1, "m": 1.0, "um": 1e-6, "µm": 1e-6}
 
 
-def side_of(offset: FloatArray) -> npt.NDArray[np.intp]:
+def side_of(offset: FloatArray) -> IntArray:
     """Which eighth of the picture offsets (..., 2) from the axis lie in, an index of SIDES."""
     turn = azimuth(offset)
-    eighth: npt.NDArray[np.intp] = np.rint(turn / (np.pi / 4)).astype(np.intp) % 8
+    eighth: IntArray = np.rint(turn / (np.pi / 4)).astype(np.intp) % 8
     return eighth
 
 

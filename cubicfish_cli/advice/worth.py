@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
@@ -21,8 +20,7 @@ from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import middle, world_scale
 from cubicfish_cli.lenses.radial import RadialCamera, project_jacobian
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 # How free the field is: polynomials up to this degree, of so many pixels' spread each for every
 # 1000 pixels of the photo's longer side.

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.records import recorded_mappings, recorded_number
@@ -15,8 +14,6 @@ from cubicfish_cli.assess.verdict import Verdict, verdict
 from cubicfish_cli.frame_names import counted
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.point_cubic import PointCamera
-
-FloatArray = npt.NDArray[np.float64]
 
 _STEPS = 512  # pixels that are looked at between the axis and an edge
 

@@ -21,10 +21,8 @@ from cubicfish_cli.boards.markers import TAG_FAMILIES, marker_ink, marker_module
 from cubicfish_cli.boards.section import Section
 from cubicfish_cli.boards.shape import PLACE_KEYS, SHAPE_KEYS, read_place, read_shape
 from cubicfish_cli.errors import TargetError
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.intp]
 _STEP = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 
 

@@ -14,9 +14,8 @@ from cubicfish_cli.boards.face import Face
 from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.boards.section import Section
 from cubicfish_cli.boards.shape import BoardShape
+from cubicfish_cli.types import FloatArray, IntArray
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
 FirstSquare = Literal["dark", "light"]
 
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board, FirstSquare
 from cubicfish_cli.boards.checkerboard import Checkerboard, squares_of
@@ -19,10 +18,7 @@ from cubicfish_cli.boards.markers import (
 )
 from cubicfish_cli.boards.section import Section
 from cubicfish_cli.boards.shape import PLACE_KEYS, SHAPE_KEYS
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 
 class Charuco(Checkerboard):

@@ -11,9 +11,8 @@ from cubicfish_cli.boards.board import Board, FirstSquare
 from cubicfish_cli.boards.face import Face
 from cubicfish_cli.boards.section import Section
 from cubicfish_cli.boards.shape import PLACE_KEYS, SHAPE_KEYS, read_place, read_shape
+from cubicfish_cli.types import BoolArray, FloatArray
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 _STEP = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 
 

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
+
+from cubicfish_cli.types import BoolArray, IntArray
 
 if TYPE_CHECKING:
     from cubicfish_cli.boards.section import Section
 
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.intp]
 
 # Number of markers in each family, as cv2.aruco.getPredefinedDictionary has them.
 MARKER_DICTIONARIES: dict[str, int] = {

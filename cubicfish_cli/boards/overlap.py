@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.boards.shape import AXES_TOLERANCE
 from cubicfish_cli.errors import TargetError
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import quoted
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def refuse_overlaps(where: str, boards: Sequence[Board]) -> None:

@@ -13,9 +13,8 @@ from cubicfish_cli.boards.face import Face
 from cubicfish_cli.boards.section import Section, is_point
 from cubicfish_cli.boards.shape import BoardShape, read_shape
 from cubicfish_cli.errors import TargetError
+from cubicfish_cli.types import FloatArray, IntArray
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
 _FLAT = 1e-6
 
 

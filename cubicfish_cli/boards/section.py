@@ -6,12 +6,10 @@ from collections.abc import Iterable
 from typing import Any, NoReturn
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.errors import TargetError
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import did_you_mean, quoted
-
-FloatArray = npt.NDArray[np.float64]
 
 MAX_COUNT = 1000
 MIN_LENGTH, MAX_LENGTH = 1e-9, 1e9

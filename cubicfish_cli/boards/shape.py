@@ -6,12 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.boards.section import MAX_LENGTH, Section, is_place, is_point
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import quoted
-
-FloatArray = npt.NDArray[np.float64]
 
 AXES_TOLERANCE = 1e-3
 PLACE_KEYS = ("origin", "x_axis", "y_axis")

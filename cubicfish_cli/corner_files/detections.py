@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli import reading
 from cubicfish_cli.boards.board import Board
@@ -17,10 +16,8 @@ from cubicfish_cli.correspondences import MAX_COORDINATE, Corners
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.tables import Table
 from cubicfish_cli.target import Target
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.wording import did_you_mean, quoted
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
 
 # How corners of a board are numbered, seen by someone who looks at its printed face:
 #   rows              along x from corner (0, 0), row by row down
@@ -86,7 +83,7 @@ def read_text(path: Path, *, max_bytes: int) -> str:
     return reading.read_text(path, max_bytes=max_bytes, error=CorrespondenceError)
 
 
-def rows_where(table: Table, keep: npt.NDArray[np.bool_]) -> Table:
+def rows_where(table: Table, keep: BoolArray) -> Table:
     """Some rows of a table."""
     index = np.flatnonzero(keep).tolist()
     return replace(

@@ -31,9 +31,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish_cli.corner_files.detections import Detections, IntArray, read_text
+from cubicfish_cli.corner_files.detections import Detections, read_text
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.tables import Table, csv_text, parse_table
+from cubicfish_cli.types import IntArray
 
 MAX_BYTES = 200_000_000
 _NAMES = {

@@ -28,15 +28,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.corner_files.detections import (
-    Detections,
-    FloatArray,
-    IntArray,
-    read_text,
-    rows_where,
-)
+from cubicfish_cli.corner_files.detections import Detections, read_text, rows_where
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.tables import Table, csv_text, parse_table
+from cubicfish_cli.types import FloatArray, IntArray
 from cubicfish_cli.wording import quoted
 
 MAX_BYTES = 200_000_000

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 
 from cubicfish_cli.detection.crossing import Crossings
-from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
 from cubicfish_cli.detection.lattice import Lattice
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # Chance closes single squares now and then: random black and white cells make four whole squares
 # that hang together once in some ten thousand places.

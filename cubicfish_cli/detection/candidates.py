@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from cubicfish_cli.detection.grids import Float32Array, FloatArray
+from cubicfish_cli.detection.grids import Float32Array
+from cubicfish_cli.types import FloatArray
 
 # Ideal sharp corners of perpendicular edges respond with 4/pi^2 = 0.41, and with the squared
 # sine of the angle between the edges when it is not a right angle; blur of the lens that equals

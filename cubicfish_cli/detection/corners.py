@@ -9,11 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.detection.candidates import SCALES, find_saddles
-from cubicfish_cli.detection.grids import Float32Array, FloatArray
+from cubicfish_cli.detection.grids import Float32Array
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import Pyramid
 from cubicfish_cli.detection.ring import check_rings, glance
 from cubicfish_cli.detection.saddle import fit_saddles
+from cubicfish_cli.types import FloatArray
 
 # A ring's span (largest minus smallest of 48 smoothed samples) reaches about 4 sigma of what
 # noise is left after smoothing (a third of the pixel noise) in flat regions; 3 pixel sigmas are

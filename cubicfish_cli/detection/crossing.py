@@ -16,8 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.detection.grids import BoolArray, Float32Array, FloatArray, IntArray
+from cubicfish_cli.detection.grids import Float32Array
 from cubicfish_cli.detection.lattice import LocalFit
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 _ROUNDS = 12
 _CONVERGED = 2e-3  # px: the last step of a fit that is done; steps shrink tenfold near the end

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from cubicfish_cli.detection.believe import USUAL_BLUR, is_regular
 from cubicfish_cli.detection.corners import find_corners
 from cubicfish_cli.detection.finder import MOST_PIXELS
-from cubicfish_cli.detection.grids import Float32Array, FloatArray, FoundGrids
+from cubicfish_cli.detection.grids import Float32Array, FoundGrids
 from cubicfish_cli.detection.growth import clean
 from cubicfish_cli.detection.lattice import Lattice
 from cubicfish_cli.detection.links import find_links, keep_squares
@@ -23,6 +23,7 @@ from cubicfish_cli.detection.pyramid import (
     reduced,
 )
 from cubicfish_cli.detection.refine import refine_pixels
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
 

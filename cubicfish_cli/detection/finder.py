@@ -16,7 +16,7 @@ from cubicfish_cli.detection.believe import (
 )
 from cubicfish_cli.detection.corners import XCorners, find_corners
 from cubicfish_cli.detection.crossing import Crossings
-from cubicfish_cli.detection.grids import BoolArray, FloatArray, FoundGrids, Grid, IntArray
+from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.growth import clean, grow, measure_contrast
 from cubicfish_cli.detection.lattice import Lattice
 from cubicfish_cli.detection.links import find_links, keep_squares
@@ -31,6 +31,7 @@ from cubicfish_cli.detection.pyramid import (
 )
 from cubicfish_cli.detection.refine import refine_at_full_size, refine_pixels
 from cubicfish_cli.detection.verify import whole_corners
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # A photo of more pixels is searched at half its size, or a quarter...
 MOST_PIXELS = 16_000_000

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
 from cubicfish_cli.detection.lattice import Lattice, LocalFit
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import Pyramid
@@ -18,6 +17,7 @@ from cubicfish_cli.detection.squares import (
     measure_half_gap,
     quadrants,
 )
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 _MOST_ROUNDS = 60
 # A prediction extrapolates by one cell. From two rows it is linear, and near a board held close

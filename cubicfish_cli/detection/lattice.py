@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # The local fit looks at the 7x7 cells around: three in a row are needed to see how the steps
 # change along it, which matters most where a grid is extended.

@@ -8,9 +8,9 @@ import numpy as np
 
 from cubicfish_cli.angles import azimuth
 from cubicfish_cli.detection.corners import XCorners
-from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import Pyramid
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # The four nearest corners along the arms are among this many even when markers inside the
 # squares add some corners of their own.

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.detection.grids import BoolArray, FloatArray, FoundGrids, Grid, IntArray
+from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.markers_detect import (
     Family,
     SeenMarkers,
@@ -39,6 +39,7 @@ from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.photo_as import grids_in_mirror, negative_grids, negative_photo
 from cubicfish_cli.detection.pyramid import Pyramid, build_pyramid
 from cubicfish_cli.target import Target
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # Markers vouch for each other up to this many cells apart, when each is where the shape of both
 # puts it, to this share of a cell: distortion takes a tenth or two, a wrong cell is 1 away.

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.detection.grids import FloatArray, IntArray
 from cubicfish_cli.detection.pyramid import Pyramid
 from cubicfish_cli.target import Target
+from cubicfish_cli.types import FloatArray, IntArray
 
 # Width of the black frame in modules: Kalibr prints tags with 2, most others with 1.
 # A marker whose modules are smaller than this cannot be read at that size.

@@ -11,12 +11,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
 from cubicfish_cli.detection.lattice import LocalFit
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import Pyramid
 from cubicfish_cli.detection.refine import refine_corners
 from cubicfish_cli.detection.saddle import fit_saddles
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # A local fit looks this many corners to each side: three squares, or two tags.
 _REACH = 4

@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cubicfish_cli.detection.grids import BoolArray, FloatArray, Grid, IntArray
+from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.detection.markers_detect import Family, SeenMarkers, join, straightened
 from cubicfish_cli.detection.pyramid import Pyramid
 from cubicfish_cli.target import Target
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # Modules smaller than this run into each other.
 _SMALLEST_MODULE_PX = 1.5

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cubicfish_cli.detection.grids import FloatArray, Grid, IntArray
+from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.detection.markers_detect import Family
 from cubicfish_cli.detection.markers_lattice import BoardLattice
 from cubicfish_cli.detection.markers_read import (
@@ -22,6 +22,7 @@ from cubicfish_cli.detection.markers_read import (
 )
 from cubicfish_cli.detection.pyramid import Pyramid
 from cubicfish_cli.target import Target
+from cubicfish_cli.types import FloatArray, IntArray
 
 # Standard deviations above what the same markers' likeness to all others of the dictionary would
 # give, for the best place, and between it and the next; nothing near comes about by chance.

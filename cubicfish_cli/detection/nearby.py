@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cubicfish_cli.detection.grids import FloatArray, IntArray
+from cubicfish_cli.types import FloatArray, IntArray
 
 
 def nearest(

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cubicfish_cli.detection.grids import FloatArray, IntArray
 from cubicfish_cli.detection.links import Links
+from cubicfish_cli.types import FloatArray, IntArray
 
 # Step of arm 0, 1, 2, 3 of a corner that is not rotated: clockwise on screen.
 DIRECTIONS = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])

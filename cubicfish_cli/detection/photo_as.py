@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.detection.grids import FloatArray, FoundGrids, Grid
+from cubicfish_cli.detection.grids import FoundGrids, Grid
+from cubicfish_cli.types import FloatArray
 
 
 def negative_photo(image: npt.NDArray[Any]) -> npt.NDArray[Any]:

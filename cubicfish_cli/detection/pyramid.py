@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.detection.grids import Float32Array, FloatArray
+from cubicfish_cli.detection.grids import Float32Array
+from cubicfish_cli.types import FloatArray
 
 # Side of the smallest level: below it there is no room for a ring test.
 SMALLEST_SIDE = 24

@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.detection.crossing import Crossings, Gaps, Quiet, fit_crossings
-from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
 from cubicfish_cli.detection.lattice import LocalFit
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import Pyramid, build_pyramid
 from cubicfish_cli.detection.saddle import fit_saddles
 from cubicfish_cli.detection.verify import MOST_TURN, MOST_TURN_MARKED, whole_corners
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # Half-size of the window, pixels.
 _SMALLEST_HALF, _USUAL_HALF, _LARGEST_HALF = 3.0, 5.0, 12.0

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cubicfish_cli.detection.grids import BoolArray, Float32Array, FloatArray
+from cubicfish_cli.detection.grids import Float32Array
 from cubicfish_cli.detection.pyramid import bilinear
+from cubicfish_cli.types import BoolArray, FloatArray
 
 # Two rings an octave. The smallest fits into squares of 6 px seen at 45 degrees; the largest
 # is where the next level of the pyramid has its middle.

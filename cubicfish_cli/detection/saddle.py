@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.detection.grids import BoolArray, FloatArray
+from cubicfish_cli.types import BoolArray, FloatArray
 
 _ITERATIONS = 8
 _CONVERGED = 0.02  # px: the crossing fit starts from here and does the rest

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
 from cubicfish_cli.detection.lattice import LocalFit
 from cubicfish_cli.detection.links import (
     ALONG_EDGE,
@@ -16,6 +15,7 @@ from cubicfish_cli.detection.links import (
     edge_is_seen,
 )
 from cubicfish_cli.detection.pyramid import Pyramid
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # Along the diagonal of each square, in sides: within the white margin that ChArUco boards leave
 # around a marker (0.1 to 0.15 of a square), but beyond the blur where squares are small.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cubicfish_cli.detection.crossing import Crossings
-from cubicfish_cli.detection.grids import BoolArray, FloatArray, IntArray
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # Each bound is relative to the corner's own surroundings, so that dim and blurred boards count
 # as much as bright and sharp ones.

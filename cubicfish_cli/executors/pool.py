@@ -11,14 +11,12 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.errors import ClusterError, CubicfishError
 from cubicfish_cli.executors.executor import Executor
 from cubicfish_cli.executors.processes import each_by_processes
 from cubicfish_cli.photos import one_opencv_thread
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 
 class _Named(Protocol):

@@ -14,10 +14,8 @@ from itertools import combinations
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray, IntArray
 
 # The parts of the picture: columns and rows, fine for places and coarse for what is seen there.
 _FINE, _COARSE = (12, 9), (4, 3)

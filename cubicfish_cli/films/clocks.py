@@ -9,9 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray, IntArray
 
 # Two films must share so long a time, in frames and as a share of the shorter one.
 _LEAST_COMMON, _LEAST_SHARE = 40, 0.4
@@ -67,9 +66,7 @@ def _lively(time: FloatArray, motion: FloatArray, step: float) -> FloatArray:
     return np.asarray(np.interp(even, time, np.log(np.maximum(motion, floor))))
 
 
-def _likeness(
-    one: FloatArray, other: FloatArray, lags: npt.NDArray[np.intp]
-) -> tuple[FloatArray, FloatArray]:
+def _likeness(one: FloatArray, other: FloatArray, lags: IntArray) -> tuple[FloatArray, FloatArray]:
     """Correlation at each lag, and how many of the common steps are free of their neighbours."""
     found, free = np.zeros(len(lags)), np.zeros(len(lags))
     memory = sum(_memory(signal) for signal in (one, other)) / 2

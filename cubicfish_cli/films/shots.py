@@ -21,9 +21,8 @@ from cubicfish_cli.films.recordings import is_recording
 from cubicfish_cli.films.scan import Measured, quality
 from cubicfish_cli.films.source import decode, opened
 from cubicfish_cli.films.write import write_frame
+from cubicfish_cli.types import FloatArray, IntArray
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
 Picture = npt.NDArray[Any]
 
 # The flow of a corner is measured in a window of so many pixels, coarse to fine.

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
@@ -21,8 +20,7 @@ from cubicfish_cli.fitting.normal_equations import (
 from cubicfish_cli.fitting.poses import Poses, cross_matrix
 from cubicfish_cli.fitting.rig_lens import body_of
 from cubicfish_cli.fitting.world import DrawnWorld, World
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 _MAX_ITERATIONS = 100
 _RELATIVE_DECREASE = 1e-10

@@ -6,13 +6,11 @@ from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.fitting.adjustment import huber_weight
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray, IntArray
 
 _HUBER_PX = 1.0
 # A ray and the one whose pixel is nearest in the other lens say how the frames are turned; the
@@ -56,7 +54,7 @@ def aligned_difference(
     wanted = second.project(rays)
     rotation = Rotation.identity() if near else _start(first, rays, wanted)
 
-    def difference(rotation: Rotation, index: npt.NDArray[np.intp]) -> FloatArray:
+    def difference(rotation: Rotation, index: IntArray) -> FloatArray:
         return first.project(rotation.apply(rays[index])) - wanted[index]
 
     everyone, common = np.arange(len(rays)), np.zeros(0, np.intp)
@@ -71,9 +69,9 @@ def aligned_difference(
 
 
 def _small_turn(
-    difference: Callable[[Rotation, npt.NDArray[np.intp]], FloatArray],
+    difference: Callable[[Rotation, IntArray], FloatArray],
     rotation: Rotation,
-    common: npt.NDArray[np.intp],
+    common: IntArray,
 ) -> Rotation:
     """The turn on the left of ``rotation`` with the smallest Huber loss.
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import COLD_DAMPING, WARM_DAMPING, adjust
@@ -17,8 +16,7 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.geometry import mean_rotation
 from cubicfish_cli.lenses.radial import RadialCamera, project_jacobian
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray, IntArray
 
 _BENDS = 5
 # It only holds another lens, and starts the search for the nearest one.
@@ -93,7 +91,7 @@ class BentFit:
         return cls(values=values, terms=terms, noise_px=noise_px, spread=spread)
 
     @property
-    def _free(self) -> npt.NDArray[np.intp]:
+    def _free(self) -> IntArray:
         return np.array([*range(4 + self.terms), *range(8, 8 + (_BENDS if self.spread else 0))])
 
     @property

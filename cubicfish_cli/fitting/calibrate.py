@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
@@ -67,11 +66,9 @@ from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.lift import lift
 from cubicfish_cli.target import Target
+from cubicfish_cli.types import BoolArray, FloatArray
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
 
 # Eq. 8–9: two equations a pair in 60 homogeneous unknowns.
 MIN_PAIRS = 30
@@ -505,9 +502,7 @@ def _refuse_undetermined(reference: RadialReference) -> None:
         )
 
 
-def _dropped(
-    pairs: Correspondences, gross: npt.NDArray[np.bool_], length: FloatArray
-) -> list[DroppedCorner]:
+def _dropped(pairs: Correspondences, gross: BoolArray, length: FloatArray) -> list[DroppedCorner]:
     return [
         DroppedCorner(
             image=pairs.images[pairs.image[index]],

@@ -12,8 +12,7 @@ from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.statistics import ErrorStatistics, error_statistics, rms_px
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 # Pixels that numbers are taken at, and rays that the frames are aligned by.
 _PIXELS = 40_000

@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import COLD_DAMPING, WARM_DAMPING, Adjustment, adjust
@@ -26,8 +25,7 @@ from cubicfish_cli.lenses.lift import lift, sphere_basis
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.lenses.validity import Validity, check_validity
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 _PRIOR_RAYS = 300
 # The prior's cone reaches this far beyond the farthest corner: past the valid cone.

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
@@ -16,8 +15,7 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.statistics import ErrorStatistics, error_statistics, photo_records
 from cubicfish_cli.fitting.subset import middle, select, with_mean_weight_one
 from cubicfish_cli.lenses.cubic import CubicCamera
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -8,15 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import RadialReference
 from cubicfish_cli.fitting.repeats import repeated_groups
 from cubicfish_cli.frame_names import film_and_time
-
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import IntArray
 
 FOLDS = 5
 MIN_PHOTOS = 3

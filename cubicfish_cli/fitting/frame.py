@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.poses import Poses
@@ -13,8 +12,6 @@ from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.lift import lift_rotation
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.lenses.validity import check_validity
-
-FloatArray = npt.NDArray[np.float64]
 
 _RAYS = 2000
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import stdtr
 
 from cubicfish_cli.correspondences import Correspondences
@@ -27,9 +26,7 @@ from cubicfish_cli.fitting.subset import select, select_photos
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.radial import RadialCamera
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray, IntArray
 
 # A step that lowers a fold's cost by less is taken unseen.
 _FOLD_DECREASE = 1e-4

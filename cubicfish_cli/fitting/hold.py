@@ -11,16 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic, held
 from cubicfish_cli.fitting.left_out import Leaving, LeftOut
 from cubicfish_cli.fitting.radial_reference import RadialReference
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.world import World
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray, IntArray
 
 # From the most symmetric and the firmest on. A hundredth is far more asymmetry than any lens has
 # that is sold; from a hundredth of a pixel's worth of weight on P is free.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import Adjustment, adjust
@@ -14,9 +13,7 @@ from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.start import candidate_poses
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.lenses.radial import RadialCamera
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray, IntArray
 
 # While poses are far off, the loss must still feel every corner.
 _WIDE_HUBER_PX = 50.0

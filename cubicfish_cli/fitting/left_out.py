@@ -13,7 +13,6 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from cubicfish_cli.correspondences import Correspondences
@@ -26,9 +25,7 @@ from cubicfish_cli.fitting.normal_equations import (
 )
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.rig_lens import body_of
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray, IntArray
 
 # Of the diagonal: what no other photo touches stays where it is.
 _DAMPING = 1e-9

@@ -6,15 +6,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.fitting.asymmetric import BentFit, StillRays
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.lift import evaluate_cubics, lift, sphere_basis
 from cubicfish_cli.lenses.radial import RadialCamera, project_jacobian
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import BoolArray, FloatArray
 
 # From a lens that is near, Gauss and Newton get to the nearest one in this many steps.
 _NEAREST_ROUNDS = 2
@@ -120,7 +118,7 @@ class RayPrior:
 
     rays: FloatArray
     lens: BentFit
-    within: npt.NDArray[np.bool_]
+    within: BoolArray
     weight: float
     denominator: FloatArray
     denominator_weight: float

@@ -8,11 +8,9 @@ biases the plain solution. Dividing by the previous round's denominator (Sanatha
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.lenses.lift import lift, sphere_basis
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 ROUNDS = 10
 # A pair beside a pole must not get an unbounded weight in the next round.

@@ -12,13 +12,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from cubicfish_cli.fitting.world import World
+from cubicfish_cli.types import FloatArray, IntArray
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
 Prior = tuple[FloatArray, FloatArray]
 """Pseudo-observations: residuals (L,) and their derivatives (L, K)."""
 

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.fitting.asymmetric import BentFit
 from cubicfish_cli.fitting.cubic_fit import CubicResult, held
@@ -32,9 +31,7 @@ from cubicfish_cli.fitting.radial_reference import MARGIN_DEG, RadialReference
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.uncertainty import Uncertainty, camera_uncertainty
 from cubicfish_cli.lenses.sphere import cone_rays
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray, IntArray
 
 # More clusters than that say little more, and each costs a linear system.
 MOST_CLUSTERS = 24

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import least_squares
 from scipy.spatial import ConvexHull
 
@@ -32,9 +31,8 @@ from cubicfish_cli.fitting.statistics import (
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
 from cubicfish_cli.lenses.lift import lift
 from cubicfish_cli.lenses.point_cubic import PointCamera
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.finding import Finding
-
-FloatArray = npt.NDArray[np.float64]
 
 # Singular values of Φ below this share of the largest are rounding and print errors, not a view.
 RANK_TOLERANCE = 1e-6

@@ -10,9 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 # Fewest points that determine the 8 (6 on a plane) homogeneous unknowns.
 MIN_POINTS = 7

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from itertools import islice
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.correspondences import Correspondences
@@ -21,11 +20,9 @@ from cubicfish_cli.fitting.robust import gross_px, huber_px, noise_px
 from cubicfish_cli.fitting.start import start_at_centre
 from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.types import FloatArray, IntArray
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
 
 # The valid cone reaches this far beyond the farthest corner.
 MARGIN_DEG = 5.0

@@ -11,14 +11,13 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis, azimuth
 from cubicfish_cli.assess.field_uncertainty import CERTAIN_PX
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import ray_at
+from cubicfish_cli.types import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
 Sigma = Callable[[FloatArray], FloatArray]
 
 _DIRECTIONS = 72

@@ -11,16 +11,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.poses import cross_matrix, rotation_from_vector
 from cubicfish_cli.target import Target
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray, IntArray
 
 # What a board may be off by: one standard deviation of the pull to the drawing, relative to the
 # board's half diagonal (for turns, radians). Prints stretch and walls bend by some thousandths.

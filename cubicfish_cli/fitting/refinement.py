@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
@@ -21,9 +20,8 @@ from cubicfish_cli.fitting.radial_reference import RadialReference, refit_radial
 from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.target import Target
+from cubicfish_cli.types import FloatArray, IntArray
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
 Level = Literal["off", "shape", "points"]
 LEVELS: tuple[Level, ...] = ("off", "shape", "points")
 

@@ -13,13 +13,10 @@ from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.poses import Poses
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray, IntArray
 
 _PLACE = 6  # a turn and a shift of camera_from_rig
 

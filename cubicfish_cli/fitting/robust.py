@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 # Median of the length of a 2D normal vector of unit standard deviation a component.
 _MEDIAN_OF_RAYLEIGH = 1.17741

@@ -10,8 +10,7 @@ import numpy.typing as npt
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_pose import RadialPose, depth_shift, radial_poses
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 # Angles from the axis that the farthest corner may have, in the scan of focal lengths.
 _FARTHEST_ANGLE_DEG = np.geomspace(4, 160, 40)

@@ -7,14 +7,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.assess.records import recorded_mappings
 from cubicfish_cli.correspondences import MAX_COORDINATE
 from cubicfish_cli.fitting.poses import Poses
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray, IntArray
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,13 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
-
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.intp]
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 
 def select(pairs: Correspondences, keep: BoolArray) -> tuple[Correspondences, IntArray]:
@@ -65,7 +61,7 @@ def with_mean_weight_one(pairs: Correspondences) -> Correspondences:
     return replace(pairs, weight=pairs.weight / pairs.weight.mean())
 
 
-def flatness(world: npt.NDArray[np.float64]) -> float:
+def flatness(world: FloatArray) -> float:
     """Third over first extent of points (N, 3): 0 on a plane."""
     if len(world) < 3:
         return 0.0

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.assess.field_uncertainty import summed
 from cubicfish_cli.fitting.adjustment import Adjustment
@@ -19,8 +18,7 @@ from cubicfish_cli.fitting.cubic_fit import CubicResult
 from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.radial import project_jacobian
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 GRID = (13, 9)  # columns and rows over the photo
 _STEP = 1e-3  # of a difference that stands for a derivative, radians

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import partial
 from typing import get_args
 
-import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.assess.verdict import Verdict
@@ -22,9 +21,8 @@ from cubicfish_cli.identification.photo_report import Detection
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.pairs import pairs_of, target_of
 from cubicfish_cli.target import Target
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import did_you_mean, quoted
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def calibrate(

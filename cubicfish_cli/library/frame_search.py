@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.advice.worth import Worth
 from cubicfish_cli.correspondences import Corners, Correspondences, joined, pair
@@ -26,8 +25,7 @@ from cubicfish_cli.identification.glance import Looked, glance, named_at_a_glanc
 from cubicfish_cli.library.detection import first_look
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 # Where fewer than these of the pictures show the object, what is good is not told by them.
 _FEW, _FEW_SHARE = 3, 0.5

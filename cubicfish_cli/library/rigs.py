@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli import __version__
 from cubicfish_cli.correspondences import Corners, Correspondences
@@ -44,9 +43,9 @@ from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.pairs import pairs_of
 from cubicfish_cli.tables import read_table
 from cubicfish_cli.target import Target
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import quoted
 
-FloatArray = npt.NDArray[np.float64]
 Matching = Literal["name", "order", "time"]
 TOLERANCE = 5e-3
 """How far apart photos of one time may be, seconds."""

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.photos import Picture
+from cubicfish_cli.types import BoolArray, FloatArray
 
 ColourPicture = npt.NDArray[np.uint8]
-FloatArray = npt.NDArray[np.float64]
 Colour = tuple[int, int, int]  # blue, green, red
 
 WHITE: Colour = (255, 255, 255)
@@ -89,7 +89,7 @@ class PhotoCanvas:
         """Keep texts away from a mark."""
         self._taken.append(np.concatenate([middle - radius, middle + radius]))
 
-    def inside(self, pixel: FloatArray) -> npt.NDArray[np.bool_]:
+    def inside(self, pixel: FloatArray) -> BoolArray:
         """(N,) which of (N, 2) pixels lie in the picture."""
         return np.asarray(((pixel >= 0) & (pixel < self.pixels.shape[1::-1])).all(axis=-1))
 

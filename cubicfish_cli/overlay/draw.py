@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.identification.decide import Decided
@@ -22,11 +21,8 @@ from cubicfish_cli.overlay.canvas import (
     local_contrast,
 )
 from cubicfish_cli.photos import Picture
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.words.finding import Finding
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
-BoolArray = npt.NDArray[np.bool_]
 
 # Okabe and Ito's colours for all kinds of colour vision, as blue, green, red; without black and
 # blue, which vanish on a dark photo, and vermillion, which is close to LEFT_OUT.

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli import __version__
 from cubicfish_cli.printing.canvas import GREY, Canvas, length_of
@@ -15,8 +14,7 @@ from cubicfish_cli.printing.outline import ink_outlines
 from cubicfish_cli.printing.sheet import SIDES, Sheet, Side
 from cubicfish_cli.rendering.object_drawing import Picture, picture_of
 from cubicfish_cli.target import Target
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 SIZES = {"A4": (210.0, 297.0), "Letter": (215.9, 279.4)}
 _MARGIN = 14.0

@@ -14,7 +14,6 @@ from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
-import numpy.typing as npt
 from matplotlib.artist import Artist
 from matplotlib.backends.backend_pdf import FigureCanvasPdf, PdfPages
 from matplotlib.figure import Figure
@@ -26,8 +25,8 @@ from matplotlib.textpath import TextToPath
 from matplotlib.transforms import Affine2D
 
 from cubicfish_cli import __version__
+from cubicfish_cli.types import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
 Along = Literal["left", "center", "right"]
 Upright = Literal["top", "center", "baseline", "bottom"]
 

@@ -12,7 +12,6 @@ from math import floor
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.boards.markers import MARKER_DICTIONARIES, TAG_FAMILIES, Markers
@@ -30,7 +29,6 @@ from cubicfish_cli.printing.sheet import (
 from cubicfish_cli.target import Target
 from cubicfish_cli.wording import did_you_mean, quoted
 
-FloatArray = npt.NDArray[np.float64]
 Kind = Literal["corner", "box", "block", "board"]
 Counts = tuple[int, int]
 Vector = tuple[float, float, float]

@@ -8,12 +8,10 @@ next to black is one area, and no reader or printer can leave a white hair betwe
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.boards.face import Face
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 Corner = tuple[int, int]
 
 # Edges nearer to each other than this share of the face are one edge, but for rounding.
@@ -44,7 +42,7 @@ def _cuts(steps: FloatArray, lower: float, upper: float) -> FloatArray:
     return cuts[np.concatenate([[True], np.diff(cuts) > same])]
 
 
-def _loops(dark: BoolArray) -> list[npt.NDArray[np.intp]]:
+def _loops(dark: BoolArray) -> list[IntArray]:
     """(rows, columns) -> the corners (K, 2), as x and y, of each outline of the dark cells."""
     around = np.pad(dark, 1)
     inside = around[1:-1, 1:-1]

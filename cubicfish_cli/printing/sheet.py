@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.boards.face import Face
@@ -16,9 +15,9 @@ from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.printing.paper import millimetres_per
 from cubicfish_cli.target import Target
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import quoted
 
-FloatArray = npt.NDArray[np.float64]
 Side = Literal["left", "top", "right", "bottom"]
 SIDES: tuple[Side, ...] = ("left", "top", "right", "bottom")
 STRIP = 18.0

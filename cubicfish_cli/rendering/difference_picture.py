@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import BoolArray, FloatArray
+
 Picture = npt.NDArray[np.uint8]
 
 # Cividis (Nuñez, Anderton & Renslow 2018) in ten bands, RGB: lightness grows all the way, and
@@ -80,7 +81,7 @@ def _scale(width: int, top: float) -> Picture:
     return picture
 
 
-def _letters(text: str, dot: int) -> npt.NDArray[np.bool_]:
+def _letters(text: str, dot: int) -> BoolArray:
     """Text as ink (5 dot, 4 dot · letters), True where it is black."""
     rows = [
         [

@@ -29,8 +29,8 @@ from cubicfish_cli.rendering.truth import project_corners
 from cubicfish_cli.rendering.views import WholeLens
 from cubicfish_cli.tables import csv_text
 from cubicfish_cli.target import Target
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
-FloatArray = npt.NDArray[np.float64]
 Float32Array = npt.NDArray[np.float32]
 
 # A place to carry the object to for so many seconds of film, and the fewest there are.
@@ -138,7 +138,7 @@ def frame_corners(
     path: HandPath,
     shutter: Shutter,
     frame: int,
-) -> tuple[npt.NDArray[np.intp], FloatArray]:
+) -> tuple[IntArray, FloatArray]:
     """Visible corners of a frame, numbered as the target's (N,), and their pixels (N, 2).
 
     Each is where it was when its own row was exposed.
@@ -401,7 +401,7 @@ class _Plate:
         light *= 1 - seen[..., 1]
         light += lit * seen[..., 0]
 
-    def _level(self, x: Float32Array, y: Float32Array, hit: npt.NDArray[np.bool_]) -> int:
+    def _level(self, x: Float32Array, y: Float32Array, hit: BoolArray) -> int:
         """The texture whose texels are about as large as pixels."""
         here = hit[:, 1:] & hit[:, :-1]
         x1, y1 = self._lower + self._texel * np.array(self._levels[0].shape[1::-1])

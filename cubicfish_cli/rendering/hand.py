@@ -11,11 +11,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.rendering.pose import Pose, rotation_matrix
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray, IntArray
 
 # Degrees a second of a move in the mean, the way through the picture and the turn added up.
 _SPEED_DEG = 70.0
@@ -114,7 +112,7 @@ def _vector(rotation: FloatArray) -> FloatArray:
     return np.asarray(cv2.Rodrigues(rotation)[0], float).ravel()
 
 
-def _near_ones_first(apart: FloatArray) -> npt.NDArray[np.intp]:
+def _near_ones_first(apart: FloatArray) -> IntArray:
     """An order in which each is followed by the nearest of those that are left."""
     order = [0]
     left = set(range(1, len(apart)))

@@ -6,13 +6,10 @@ from dataclasses import dataclass
 from html import escape
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.target import Target
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray
 
 _WIDTH, _MARGIN, _HIGHEST = 900.0, 60.0, 1100.0
 _FOOT = 44.0

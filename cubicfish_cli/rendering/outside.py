@@ -28,8 +28,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis, columns
 from cubicfish_cli.rendering.pose import rotation_matrix
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import BoolArray, FloatArray
 
 # A point's angle and its pupil depend on each other: each round gains a factor of the distance
 # over the pupil's travel.
@@ -326,7 +325,7 @@ class OutsideLens:
     def _pupil(self, angle: FloatArray) -> FloatArray:
         return self.profile.pupil(angle) / _UNITS_MM.get(self.units, 1.0)
 
-    def _in_field(self, angle: FloatArray) -> npt.NDArray[np.bool_]:
+    def _in_field(self, angle: FloatArray) -> BoolArray:
         with np.errstate(invalid="ignore"):
             return (angle >= self._least) & (angle <= self._most)
 

@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
+
 Pose = tuple[FloatArray, FloatArray]
 """camera_from_world: rotation vector (3,) in radians, translation (3,) in the target's units."""
 

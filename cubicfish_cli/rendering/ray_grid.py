@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.rendering.render import Unproject
+from cubicfish_cli.types import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
 # Rays to 1e-7: a thousandth of a pixel of a lens with 10,000 pixels a radian, in half the memory.
 FloatArray32 = npt.NDArray[np.float32]
 

@@ -13,9 +13,8 @@ from cubicfish_cli.rendering.pose import Pose, rotation_matrix
 from cubicfish_cli.rendering.scene import MARGIN_SQUARES, Plate, nearest, plates
 from cubicfish_cli.rendering.sensor import sensed
 from cubicfish_cli.target import Target
+from cubicfish_cli.types import FloatArray, IntArray
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
 Unproject = Callable[[FloatArray], FloatArray]
 Background = Callable[[FloatArray], FloatArray]
 Starts = Callable[[FloatArray], FloatArray]

@@ -5,15 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.boards.face import Face
 from cubicfish_cli.rendering.pose import Pose, rotation_matrix
 from cubicfish_cli.target import Target
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray, IntArray
 
 MARGIN_SQUARES = 0.4
 """White paper around the print, in squares."""

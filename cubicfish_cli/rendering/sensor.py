@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 _WHITE_LEVEL = 240.0  # of light 1 at exposure 1
 _DARK_LEVEL = 6.0  # what a sensor reads where no light comes

@@ -13,10 +13,7 @@ from cubicfish_cli.rendering.pose import Pose, camera_points
 from cubicfish_cli.rendering.scene import MARGIN_SQUARES, nearest, plates
 from cubicfish_cli.tables import csv_text
 from cubicfish_cli.target import Target
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 
 class Lens(Protocol):

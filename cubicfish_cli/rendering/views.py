@@ -20,10 +20,7 @@ from cubicfish_cli.errors import TargetError
 from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
 from cubicfish_cli.rendering.truth import Lens, TrueCorners, project_corners, target_corners
 from cubicfish_cli.target import Target
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # Squares below these many pixels are hard to find, and so are markers' modules.
 _SQUARE_PX, _MODULE_PX = 10.0, 2.6

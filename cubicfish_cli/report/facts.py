@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.advice.summary import summary
 from cubicfish_cli.angles import angle_from_axis
@@ -22,10 +21,8 @@ from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.point_cubic import PointCamera
 from cubicfish_cli.target import Target
+from cubicfish_cli.types import BoolArray, FloatArray
 from cubicfish_cli.words.finding import Finding, joined
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 REFINED = ("shape", "points")
 """What ``refine_target`` of a fit's record says where the object was fitted too."""

@@ -17,11 +17,10 @@ from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.photos import Picture, decode_picture, read_file
 from cubicfish_cli.rendering.thumbnail import jpeg_bytes, thumbnail
 from cubicfish_cli.report.facts import Facts, PhotoFacts
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.undistortion.images import remap_picture
 from cubicfish_cli.undistortion.maps import build_map
 from cubicfish_cli.undistortion.views import default_view
-
-FloatArray = npt.NDArray[np.float64]
 
 # What a page can carry and a reader look at: more photos have a row in the table only.
 MOST_THUMBNAILS = 48

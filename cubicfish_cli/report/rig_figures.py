@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.ticker import MaxNLocator
 
 from cubicfish_cli.assess.records import recorded_mappings, recorded_number
@@ -29,9 +28,7 @@ from cubicfish_cli.report.svg import (
     strokes,
     svg_text,
 )
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from cubicfish_cli.types import BoolArray, FloatArray
 
 COLOURS = (*BOARD_COLOURS, SKY, MUTED, INK)
 _HEIGHT, _FOOT = 250.0, 24.0

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -33,8 +32,7 @@ from cubicfish_cli.report.svg import (
     strokes,
     svg_text,
 )
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 _HEIGHT = 280.0
 _FOOT = 24.0

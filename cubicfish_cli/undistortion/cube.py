@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import ViewError
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.undistortion.projections import PerspectiveView
 from cubicfish_cli.undistortion.view import (
-    FloatArray,
     Rotation,
     View,
     is_numbers,

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.lift import EXPONENTS, lift, lift_rotation
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.undistortion.plane import PlaneView
 from cubicfish_cli.undistortion.projections import (
     CylindricalView,
@@ -26,7 +27,7 @@ from cubicfish_cli.undistortion.projections import (
     PerspectiveView,
     StereographicView,
 )
-from cubicfish_cli.undistortion.view import CentralView, FloatArray, View
+from cubicfish_cli.undistortion.view import CentralView, View
 
 _MONOMIALS = [(i, j, k, column) for column, (i, j, k) in enumerate(EXPONENTS.tolist())]
 _SLACK = 1e-9

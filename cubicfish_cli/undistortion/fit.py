@@ -16,7 +16,8 @@ import numpy.typing as npt
 
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.undistortion.view import Camera, CentralView, FloatArray, Rotation, View
+from cubicfish_cli.types import FloatArray
+from cubicfish_cli.undistortion.view import Camera, CentralView, Rotation, View
 
 INNER, OUTER = 0.0, 1.0
 

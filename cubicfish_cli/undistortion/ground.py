@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cubicfish_cli.errors import ViewError
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.undistortion.mosaic import Body
 from cubicfish_cli.undistortion.plane import PlaneView, plane_view
-from cubicfish_cli.undistortion.view import FloatArray, matrix_of_rotation, rotation_from_angles
+from cubicfish_cli.undistortion.view import matrix_of_rotation, rotation_from_angles
 
 # What is left of a direction along the ground, for it to be the picture's way up.
 _LEAST_ALONG = 0.1

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from cubicfish_cli.angles import unit_rays
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.undistortion.view import FloatArray
+from cubicfish_cli.types import FloatArray
 
 Floats = npt.NDArray[np.float32]
 

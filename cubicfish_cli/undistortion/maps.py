@@ -13,14 +13,13 @@ import numpy.typing as npt
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.files import whole_file
 from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.types import BoolArray
 from cubicfish_cli.undistortion.cube import CrossView
 from cubicfish_cli.undistortion.cubic_grid import grid_of
 from cubicfish_cli.undistortion.npz import opened
 from cubicfish_cli.undistortion.plane import PointProjector
 from cubicfish_cli.undistortion.view import MAX_SIDE, View
 from cubicfish_cli.undistortion.views import view_from_json
-
-FloatArray = npt.NDArray[np.float64]
 
 FORMAT = "cubicfish undistort_map 1"
 OUTSIDE = -1.0
@@ -48,7 +47,7 @@ class UndistortMap:
 
     map_x: npt.NDArray[np.float32]
     map_y: npt.NDArray[np.float32]
-    valid: npt.NDArray[np.bool_]
+    valid: BoolArray
     view: View
     image_size: tuple[int, int]
 

@@ -15,7 +15,8 @@ import numpy.typing as npt
 
 from cubicfish_cli.angles import unit_rays
 from cubicfish_cli.errors import ViewError
-from cubicfish_cli.undistortion.view import FloatArray, View, is_numbers, only_keys
+from cubicfish_cli.types import FloatArray
+from cubicfish_cli.undistortion.view import View, is_numbers, only_keys
 
 Vector = tuple[float, float, float]
 

@@ -23,7 +23,8 @@ from typing import ClassVar
 import numpy as np
 
 from cubicfish_cli.angles import columns, unit_rays
-from cubicfish_cli.undistortion.view import CentralView, FloatArray
+from cubicfish_cli.types import FloatArray
+from cubicfish_cli.undistortion.view import CentralView
 
 # What a picture sensibly shows where its scale grows without bounds towards the limit.
 _FLAT_SIDE_DEG = 160.0

@@ -16,13 +16,14 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import ViewError
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.undistortion.fit import seen_field_deg, sees
 from cubicfish_cli.undistortion.projections import (
     EpipolarCylindricalView,
     EpipolarEquirectangularView,
     PerspectiveView,
 )
-from cubicfish_cli.undistortion.view import Camera, CentralView, FloatArray, rotation_vector
+from cubicfish_cli.undistortion.view import Camera, CentralView, rotation_vector
 
 FORMAT_VERSION = 1
 

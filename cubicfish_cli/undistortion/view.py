@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import ViewError
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import quoted
 
-FloatArray = npt.NDArray[np.float64]
 Rotation = tuple[float, float, float]
 
 MAX_SIDE = 32_766

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
@@ -59,12 +58,10 @@ from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.lenses.validity import check_validity
 from cubicfish_cli.target import Target
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Severity
 from cubicfish_cli.words.finding import Finding
 from cubicfish_cli.words.rig_finding import RigFinding, of_camera
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
 
 # While cameras and shots are far off, the loss must still feel every corner.
 _WIDE_HUBER_PX = 50.0

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.comparison import Comparison, compare
 from cubicfish_cli.fitting.rig.evaluate import KnownCamera
 from cubicfish_cli.geometry import camera_centre, total_sigma
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 
 class ComparedPlace(KnownCamera, Protocol):

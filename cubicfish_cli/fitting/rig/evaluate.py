@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
@@ -28,8 +27,7 @@ from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import ErrorStatistics, error_statistics, rms_px
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.lenses.cubic import CubicCamera
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 # While shots are placed by one camera's view, the loss must still feel every corner.
 _WIDE_HUBER_PX = 50.0

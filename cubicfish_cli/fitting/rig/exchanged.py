@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.correspondences import Correspondences
@@ -17,6 +16,7 @@ from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.types import BoolArray, FloatArray
 
 # Photos fit another lens so many times better before they are said to be its.
 _TIMES = 2.0
@@ -24,9 +24,6 @@ _TIMES = 2.0
 # then as near as usual, within so many times.
 _CLEARLY, _LIKE = 10.0, 5.0
 _SEEDS, _FAR = 40, 0.5
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 class Known(Protocol):

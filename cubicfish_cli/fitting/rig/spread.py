@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import Adjustment
@@ -21,9 +20,7 @@ from cubicfish_cli.fitting.photo_spread import MOST_CLUSTERS, variance_of_few
 from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.uncertainty import corner_noise_px
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from cubicfish_cli.types import FloatArray, IntArray
 
 
 def place_covariances(

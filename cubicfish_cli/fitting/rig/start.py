@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.correspondences import Correspondences
@@ -19,11 +18,8 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.rig.exchanged import exchanged_shots
 from cubicfish_cli.fitting.rig_lens import RigLens
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.words.phrases import listed, plural
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
-BoolArray = npt.NDArray[np.bool_]
 
 _ROUNDS = 30
 # A view whose corners are off by more than both under the pose of its shot is of another shot.

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import Adjustment, adjust
@@ -16,8 +15,7 @@ from cubicfish_cli.fitting.rig.start import common_shots
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select
-
-FloatArray = npt.NDArray[np.float64]
+from cubicfish_cli.types import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
