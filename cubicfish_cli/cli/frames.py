@@ -5,23 +5,20 @@ from __future__ import annotations
 import shlex
 from pathlib import Path
 
-import click
-
 from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.choosing import MOST, choose_frames
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import IntRange
+from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.target_choice import TargetChoice, say_default, target_options
 from cubicfish_cli.cli.terminal import print_json, result
 
 
-@click.command(
+@as_command(
     "frames",
-    short_help="Choose frames of films to calibrate from.",
-    epilog=options.examples(
-        "cubicfish frames film.mp4 -o photos/ --target target.yaml",
-        "cubicfish frames 'films/*.mp4' -o photos/ --most 40",
-    ),
+    "Choose frames of films to calibrate from.",
+    "cubicfish frames film.mp4 -o photos/ --target target.yaml",
+    "cubicfish frames 'films/*.mp4' -o photos/ --most 40",
 )
 @options.argument(
     "films", "Films of one camera, all of one size.", nargs=-1, required=True, metavar="FILM..."
@@ -32,19 +29,11 @@ from cubicfish_cli.cli.terminal import print_json, result
     folder=True,
     required=True,
 )
-@click.option(
-    "--most",
-    type=IntRange(min=1),
-    default=MOST,
-    show_default=True,
-    metavar="N",
-    help="Choose no more frames than these.",
-)
+@option("--most N", "Choose no more frames than these.", IntRange(min=1), MOST)
 @options.overwrite_option
 @options.json_option(json_keys.FRAMES)
 @options.jobs_option
 @options.no_cache_option
-@options.common_options
 def command(
     films: tuple[Path, ...],
     target: TargetChoice,
