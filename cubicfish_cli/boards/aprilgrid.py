@@ -15,15 +15,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.boards.board import Board
+from cubicfish_cli.boards.board import AROUND_SQUARE, Board
 from cubicfish_cli.boards.face import Face
 from cubicfish_cli.boards.markers import TAG_FAMILIES, marker_ink, marker_modules, read_markers
 from cubicfish_cli.boards.section import Section
 from cubicfish_cli.boards.shape import PLACE_KEYS, SHAPE_KEYS, read_place, read_shape
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
-
-_STEP = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 
 
 class AprilGrid(Board):
@@ -145,7 +143,7 @@ class AprilGrid(Board):
     def dark_squares(self) -> FloatArray:
         """As :meth:`Board.dark_squares`."""
         row, column = np.indices((self.rows // 2, self.columns // 2)).reshape(2, -1)
-        corner = 2 * np.stack([column, row], axis=-1)[:, None] + _STEP
+        corner = 2 * np.stack([column, row], axis=-1)[:, None] + AROUND_SQUARE
         return self.plane_points(corner[..., 0], corner[..., 1])
 
     def _tag_offset(self, index: FloatArray) -> FloatArray:

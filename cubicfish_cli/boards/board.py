@@ -18,6 +18,9 @@ from cubicfish_cli.types import FloatArray, IntArray
 
 FirstSquare = Literal["dark", "light"]
 
+# From the first corner of a square to all four, in order around it.
+AROUND_SQUARE: IntArray = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.intp)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Board(ABC):

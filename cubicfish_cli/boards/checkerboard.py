@@ -7,13 +7,11 @@ from typing import Any, ClassVar, get_args
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.boards.board import Board, FirstSquare
+from cubicfish_cli.boards.board import AROUND_SQUARE, Board, FirstSquare
 from cubicfish_cli.boards.face import Face
 from cubicfish_cli.boards.section import Section
 from cubicfish_cli.boards.shape import PLACE_KEYS, SHAPE_KEYS, read_place, read_shape
 from cubicfish_cli.types import BoolArray, FloatArray
-
-_STEP = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 
 
 class Checkerboard(Board):
@@ -67,7 +65,7 @@ class Checkerboard(Board):
         """As :meth:`Board.dark_squares`."""
         row, column = np.indices((self.rows + 1, self.columns + 1)).reshape(2, -1)
         dark = (row + column) % 2 == (0 if self.first_square == "dark" else 1)
-        corner = np.stack([column, row], axis=-1)[dark][:, None] - 1 + _STEP
+        corner = np.stack([column, row], axis=-1)[dark][:, None] - 1 + AROUND_SQUARE
         return np.asarray(self.square * corner)
 
     def square_edges(self) -> tuple[FloatArray, FloatArray]:

@@ -10,7 +10,7 @@ import click
 
 from cubicfish_cli.cli import json_keys, options, report_step
 from cubicfish_cli.cli.calibrate_points import print_points
-from cubicfish_cli.cli.choosing import MOST, films_among, frames_to_calibrate, refuse_other_photos
+from cubicfish_cli.cli.choosing import films_among, frames_to_calibrate, refuse_other_photos
 from cubicfish_cli.cli.figures import (
     count,
     hold_gate,
@@ -52,6 +52,7 @@ from cubicfish_cli.cli.terminal import (
     stages,
     working,
 )
+from cubicfish_cli.films import MOST
 
 if TYPE_CHECKING:
     from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget

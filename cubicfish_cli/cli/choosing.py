@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from cubicfish_cli.library.frames import ChosenFrames, Progress
     from cubicfish_cli.photos import Photo
 
-MOST = 60
-
 
 def films_among(inputs: Sequence[Path]) -> list[Path]:
     """Those of the inputs that are films, recordings or patterns of such, by their names."""

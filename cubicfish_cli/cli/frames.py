@@ -6,12 +6,13 @@ import shlex
 from pathlib import Path
 
 from cubicfish_cli.cli import json_keys, options
-from cubicfish_cli.cli.choosing import MOST, choose_frames
+from cubicfish_cli.cli.choosing import choose_frames
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import IntRange
 from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.target_choice import TargetChoice, say_default, target_options
 from cubicfish_cli.cli.terminal import print_json, result
+from cubicfish_cli.films import MOST
 
 
 @as_command(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli import json_keys, options, report_step
-from cubicfish_cli.cli.choosing import MOST, films_among
+from cubicfish_cli.cli.choosing import films_among
 from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_verdict, px
 from cubicfish_cli.cli.inputs import load_pairs, mark_of, say_photo_problems
 from cubicfish_cli.cli.numbers import IntRange, Seconds
@@ -31,6 +31,7 @@ from cubicfish_cli.cli.terminal import (
 )
 from cubicfish_cli.cli.video_options import is_video_name
 from cubicfish_cli.errors import CorrespondenceError
+from cubicfish_cli.films import MOST
 from cubicfish_cli.wording import quoted
 
 if TYPE_CHECKING:

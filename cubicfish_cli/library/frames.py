@@ -15,7 +15,7 @@ from typing import Any
 from cubicfish_cli.errors import DetectionError, PhotoError
 from cubicfish_cli.executors.pool import map_photos, workers_for
 from cubicfish_cli.files import refuse_existing, whole_file
-from cubicfish_cli.films import sheet, table
+from cubicfish_cli.films import MOST, sheet, table
 from cubicfish_cli.films.candidates import REPEATED, Candidate, candidates, kept_of, passed_over
 from cubicfish_cli.films.choose import Seen
 from cubicfish_cli.films.film import open_films
@@ -32,7 +32,6 @@ from cubicfish_cli.target import Target
 StrPath = str | os.PathLike[str]
 Progress = Callable[[str, int, int], None]
 
-MOST = 60
 _UNFINISHED = ".unfinished"
 # Frames are looked at in rounds of so many from all over the films, until more would hardly add
 # anything.
