@@ -11,7 +11,7 @@ import numpy as np
 
 from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.cubic_fit import NEAR_DECREASE, CubicResult, Hold, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import NEAR_DECREASE, CubicResult, Hold, Rival, fit_cubic
 from cubicfish_cli.fitting.departures import Departure, departures
 from cubicfish_cli.fitting.evidence import Diagnose, FailedFit, FitEvidence
 from cubicfish_cli.fitting.findings import (
@@ -137,7 +137,8 @@ class Calibration(Calibrated):
         covered_deg: angle from the axis of the farthest used corner.
         reach: what corners say of the field's rim.
         hold: how P was held to the reference.
-        rival: how photos that were left out would rather have it held; None where as it is.
+        rival: how photos that were left out would rather have it held, and how likely they are
+            right; None where nothing was left out.
         dropped: corners left out because they were grossly off.
         unfit: photos left out, with the reason.
         refined: what of the object was fitted: ``off``, ``shape`` or ``points``.
@@ -167,7 +168,7 @@ class Calibration(Calibrated):
     covered_deg: float
     reach: Reach
     hold: Hold
-    rival: Hold | None
+    rival: Rival | None
     dropped: tuple[DroppedCorner, ...]
     unfit: dict[str, Finding]
     refined: Level
@@ -470,12 +471,12 @@ def _judged(
         start=fit.cubic,
         relative_decrease=1e-10 if fit.level == "off" else NEAR_DECREASE,
     )
-    rival = fit.cubic.rival or fit.cubic.hold
-    firm = replace(fit, cubic=replace(cubic, rival=rival))
+    firm = replace(fit, cubic=cubic)
     measured = held_out_error(firm, progress)
     if measured is None or measured.rms_px >= held_out.rms_px:
         return fit, held_out
-    return firm, measured
+    rival = Rival(hold=fit.cubic.hold, likely=measured.doubt(held_out))
+    return replace(fit, cubic=replace(cubic, rival=rival)), measured
 
 
 def _refuse_too_little(pairs: Correspondences) -> None:

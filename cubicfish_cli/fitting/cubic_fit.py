@@ -61,6 +61,20 @@ class Hold:
     weight: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class Rival:
+    """Another hold that may be the better one.
+
+    Attributes:
+        hold: the hold.
+        likely: how likely other photos would be told better by it, 0 to 1.
+
+    """
+
+    hold: Hold
+    likely: float
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CubicResult:
     """The cubic lens at the optimum.
@@ -85,7 +99,7 @@ class CubicResult:
     hold: Hold
     max_angle_deg: float
     validity: Validity
-    rival: Hold | None = None
+    rival: Rival | None = None
 
 
 def fit_cubic(

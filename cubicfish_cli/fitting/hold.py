@@ -12,10 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic, held
+from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, Rival, fit_cubic, held
 from cubicfish_cli.fitting.left_out import Leaving, LeftOut
 from cubicfish_cli.fitting.radial_reference import RadialReference
 from cubicfish_cli.fitting.robust import huber_px
+from cubicfish_cli.fitting.statistics import likely_positive
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.types import FloatArray, IntArray
 
@@ -95,7 +96,9 @@ def choose_hold(
     fitted = fit_cubic(
         reference, hold, world=start.fit.world, start=start, relative_decrease=relative_decrease
     )
-    return replace(fitted, rival=_hold(_best(squares)))
+    best = _best(squares)
+    likely = likely_positive(squares[place] - squares[best])
+    return replace(fitted, rival=Rival(hold=_hold(best), likely=likely))
 
 
 def _hold(place: _Place) -> Hold:

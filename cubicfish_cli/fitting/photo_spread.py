@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.special import chdtri, fdtri
 
 from cubicfish_cli.fitting.asymmetric import BentFit
 from cubicfish_cli.fitting.cubic_fit import CubicResult, held
@@ -37,9 +38,6 @@ from cubicfish_cli.types import FloatArray, IntArray
 MOST_CLUSTERS = 24
 # Rays over which the turn that two cameras may differ by is taken out.
 _ALIGNED_RAYS = 300
-# A variance that is itself estimated from few clusters leaves a spread as Student's t has it, which
-# is infinite with two degrees of freedom.
-_LEAST_FREEDOM = 2.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,8 +49,8 @@ class PhotoSpread:
         left_out: (G, K) steps of the lens's parameters without each cluster.
         influence: (G, K) steps with the cluster's pull gone, but not its weight.
         rival: (R, K) steps to lenses that photos left out do not tell from the one that was taken:
-            as the hold that predicted best has it, and as a target that is refined further has it,
-            by the root of how likely that is the better one.
+            as a target that is refined further has it, and as the hold that predicted best has it,
+            each times the root of how likely that is the better one.
         aligned: (M, 3) unit rays over which a common turn is taken out.
         held_to: the lens that P is held to, in P's frame.
         empty: angle from the axis within which no corner is or is near, radians.
@@ -133,9 +131,14 @@ class PhotoSpread:
 
 
 def variance_of_few(squares: FloatArray, clusters: int) -> FloatArray:
-    """Variances from sums of squared changes without each of some clusters, of any shape."""
-    freedom = max(clusters - 1, _LEAST_FREEDOM)
-    return squares * (clusters - 1) / clusters * freedom / (freedom - 2)
+    """Variances from sums of squared changes without each of some clusters, of any shape.
+
+    A variance that is itself estimated from few is below the true one more often than above it.
+    It is made larger by as much as lets errors exceed it as often as they exceed the true one: the
+    median of Fisher's F in place of that of chi squared.
+    """
+    larger = fdtri(1, clusters - 1, 0.5) / chdtri(1, 0.5)
+    return squares * (clusters - 1) / clusters * larger
 
 
 def photo_spread(
@@ -159,12 +162,15 @@ def photo_spread(
     prior = result.lens.ray_prior
     aligned = cone_rays(reference.covered, _ALIGNED_RAYS)
     others = [np.sqrt(likely) * _step(result.lens, lens, aligned) for lens, likely in doubted]
-    rivals = [] if result.rival is None else [held(result.lens, reference, result.rival)]
+    rival = result.rival
+    if rival is not None:
+        step = leaving.held_as(held(result.lens, reference, rival.hold))[:count]
+        others.append(np.sqrt(rival.likely) * step)
     return PhotoSpread(
         noise=camera_uncertainty(result),
         left_out=np.array([one.shared[:count] for one in leaving.left_out()]),
         influence=np.array([step[:count] for step in leaving.influence()]),
-        rival=np.array([*(leaving.held_as(lens)[:count] for lens in rivals), *others]),
+        rival=np.array(others),
         aligned=aligned,
         held_to=prior.nearest_lens(result.lens.project(prior.rays)),
         empty=max(reference.reached[0] - np.deg2rad(MARGIN_DEG), 0.0),

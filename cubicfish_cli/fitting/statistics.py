@@ -7,11 +7,14 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from scipy.special import stdtr
 
 from cubicfish_cli.assess.records import recorded_mappings
 from cubicfish_cli.correspondences import MAX_COORDINATE
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.types import FloatArray, IntArray
+
+_FEWEST_TO_COMPARE = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +54,17 @@ def error_statistics(residual: FloatArray) -> ErrorStatistics:
 def rms_px(residual: FloatArray) -> float:
     """sqrt(mean(dx² + dy²)) of residuals (N, 2)."""
     return float(np.sqrt(np.mean(np.sum(residual * residual, axis=-1))))
+
+
+def likely_positive(values: FloatArray) -> float:
+    """How likely the mean is positive of what such values (M,) are drawn from: Student's t, 0 to 1.
+
+    With fewer than two nothing is known: 0.5.
+    """
+    if len(values) < _FEWEST_TO_COMPARE:
+        return 0.5
+    error = np.std(values, ddof=1) / np.sqrt(len(values))
+    return float(stdtr(len(values) - 1, np.mean(values) / max(error, np.finfo(float).tiny)))
 
 
 def photo_records(

@@ -9,8 +9,8 @@ from simulated import CornerErrors, simulated_corners
 
 from cubicfish_cli.correspondences import pair
 from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
-from cubicfish_cli.fitting.photo_spread import photo_spread
+from cubicfish_cli.fitting.cubic_fit import Hold, Rival, fit_cubic
+from cubicfish_cli.fitting.photo_spread import photo_spread, variance_of_few
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.subset import select, world_scale
 from cubicfish_cli.fitting.uncertainty import camera_uncertainty
@@ -103,14 +103,33 @@ def test_a_rival_hold_adds_how_far_its_camera_is():
     reference, cubic = fitted(5, CornerErrors())
     rays = cone_rays(reference.covered, 60)
     alone = photo_spread(cubic, reference, np.arange(PHOTOS)).sigma_px(rays)
-    itself = photo_spread(replace(cubic, rival=HOLD), reference, np.arange(PHOTOS))
+    like = Rival(hold=HOLD, likely=1.0)
+    itself = photo_spread(replace(cubic, rival=like), reference, np.arange(PHOTOS))
     np.testing.assert_allclose(itself.sigma_px(rays), alone, rtol=1e-2)
     freer = Hold(spread=1e-2, weight=0.1)
-    other = photo_spread(replace(cubic, rival=freer), reference, np.arange(PHOTOS)).sigma_px(rays)
+    sure, half = (
+        photo_spread(
+            replace(cubic, rival=Rival(hold=freer, likely=likely)), reference, np.arange(PHOTOS)
+        ).sigma_px(rays)
+        for likely in (1.0, 0.5)
+    )
     lens = camera_of(reference, fit_cubic(reference, freer, start=cubic))
     distance, _ = aligned_difference(lens, camera_of(reference, cubic), rays)
-    added = np.sqrt(np.mean(other**2 - alone**2))
+    added = np.sqrt(np.mean(sure**2 - alone**2))
     assert added == pytest.approx(np.sqrt(np.mean(np.sum(distance**2, axis=1))), rel=0.35)
+    np.testing.assert_allclose(half**2 - alone**2, (sure**2 - alone**2) / 2, rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.parametrize("clusters", [3, 5, 12])
+def test_errors_exceed_a_spread_of_few_as_often_as_they_exceed_the_true_one(clusters):
+    """Of the mean of some draws, whose error is judged by leaving each of them out."""
+    draws = np.random.default_rng(clusters).normal(size=(200_000, clusters))
+    without = (draws.sum(axis=1, keepdims=True) - draws) / (clusters - 1)
+    squares = np.sum(np.square(without - without.mean(axis=1, keepdims=True)), axis=1)
+    error = np.square(draws.mean(axis=1))
+    median_of_chi_squared = 0.4549
+    exceeded = np.mean(error > median_of_chi_squared * variance_of_few(squares, clusters))
+    assert exceeded == pytest.approx(0.5, abs=0.01)
 
 
 def test_in_an_empty_middle_two_guesses_are_off_by_what_they_differ_by():

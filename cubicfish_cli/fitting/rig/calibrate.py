@@ -183,12 +183,12 @@ class _Alone:
     """One camera calibrated alone, in the common scale of all.
 
     Its lens is free, or fixed where it is held. The rival has the prior of the hold that predicted
-    best, where another one was taken.
+    best, and says how likely that is the better one.
     """
 
     camera: CubicCamera
     lens: FitLens
-    rival: FitLens | None
+    rival: tuple[FitLens, float] | None
     record: Mapping[str, Any]
     level: Level
     pairs: Correspondences
@@ -286,7 +286,7 @@ def _alone(
     poses = poses.of_world(-origin)
     poses = replace(poses, translation=poses.translation / scale)
     free: FitLens
-    other: FitLens | None = None
+    other: tuple[FitLens, float] | None = None
     if hold:
         free = FixedLens(camera=lens)
         fit = adjust(free, poses, pairs, huber_px=_WIDE_HUBER_PX, relative_decrease=_ROUGH_DECREASE)
@@ -295,7 +295,8 @@ def _alone(
         reference = radial_near(lens.radial, pairs, poses)
         result = fit_cubic(reference, held_by, relative_decrease=_ROUGH_DECREASE)
         free, poses = result.lens, result.poses
-        other = None if rival is None else held(result.lens, reference, rival)
+        if rival is not None:
+            other = held(result.lens, reference, rival.hold), rival.likely
     return _Alone(
         camera=lens,
         lens=free,

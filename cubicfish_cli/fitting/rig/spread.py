@@ -29,7 +29,7 @@ def place_covariances(
     limit: float,
     rays: list[FloatArray],
     shots: Sequence[str],
-    rivals: Sequence[FitLens | None],
+    rivals: Sequence[tuple[FitLens, float] | None],
 ) -> FloatArray:
     """Covariance (C, 6, 6) of camera_from_rig: turn (radians, camera frame), then shift.
 
@@ -42,8 +42,8 @@ def place_covariances(
         limit: where its loss turns linear, pixels.
         rays: for each camera (M, 3) unit rays over its field.
         shots: names of the shots.
-        rivals: for each camera its lens as the hold that predicted best has it; None where it is
-            held so.
+        rivals: for each camera its lens as the hold that predicted best has it, and how likely
+            that is the better one; None where there is none.
 
     """
     lens = fit.lens
@@ -74,9 +74,12 @@ def _of_rivals(
     pairs: Correspondences,
     limit: float,
     lens: RigLens,
-    rivals: Sequence[FitLens | None],
+    rivals: Sequence[tuple[FitLens, float] | None],
 ) -> list[FloatArray]:
-    """Steps (K,) to the rig with each lens held as its rival: how it should be is in doubt."""
+    """Steps (K,) to the rig with each lens held as its rival: how it should be is in doubt.
+
+    Each times the root of how likely that is the better one.
+    """
     if not any(rivals):
         return []
     leaving = Leaving(fit, pairs, limit, [])
@@ -86,8 +89,10 @@ def _of_rivals(
         if rival is None or not len(own.parameters):
             continue
         others = list(lens.lenses)
-        others[camera] = rival.with_parameters(own.parameters)
-        found.append(leaving.held_as(lens.with_lenses(others))[: len(lens.parameters)])
+        held, likely = rival
+        others[camera] = held.with_parameters(own.parameters)
+        step = leaving.held_as(lens.with_lenses(others))[: len(lens.parameters)]
+        found.append(np.sqrt(likely) * step)
     return found
 
 
