@@ -24,10 +24,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from cubicfish_cli.assess.verdict import verdict
-from cubicfish_cli.correspondences import Correspondences, load_corners, pair
+from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.library.calibration import calibrate
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target, load_target
 
 
@@ -42,7 +43,7 @@ class Trial:
     exchanged: bool
 
 
-def exchanged(pairs: Correspondences, target: Target) -> tuple[Correspondences, Target]:
+def exchanged(pairs: Observations, target: Target) -> tuple[Observations, Target]:
     """The lone board with columns for rows; seen from the printed face as before, turned by 90°."""
     (board,) = target.boards
     turned = replace(board, columns=board.rows, rows=board.columns)
@@ -55,7 +56,7 @@ def exchanged(pairs: Correspondences, target: Target) -> tuple[Correspondences, 
 def outcome(trial: Trial) -> tuple[Trial, str, list[str], list[str]]:
     """The verdict, causes and levels of what was found, and the words of what is bad."""
     target = load_target(trial.target)
-    pairs = pair(load_corners(trial.corners, target), target)
+    pairs = load_corners(trial.corners, target)
     pairs = select_photos(pairs, np.array(trial.photos))
     if trial.exchanged:
         pairs, target = exchanged(pairs, target)

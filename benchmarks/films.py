@@ -31,7 +31,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences, load_corners, pair, save_corners
+from cubicfish_cli.corner_files.observations_csv import load_corners, save_corners
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.films.source import decode, opened
 from cubicfish_cli.fitting.alignment import aligned_difference
@@ -40,6 +40,7 @@ from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.frame_names import frame_name
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.library.detect_corners import detect_corners
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import Photo, find_photos
 from cubicfish_cli.rendering.lens_file import load_lens
 from cubicfish_cli.target import Target, load_target
@@ -99,7 +100,7 @@ def rms_px(fit: Calibration | None, truth: object, angle: float) -> float:
     return float(np.sqrt(np.mean(np.sum(miss**2, axis=-1))))
 
 
-def fitted(pairs: Correspondences, target: Target) -> Calibration | None:
+def fitted(pairs: Observations, target: Target) -> Calibration | None:
     """The camera, the target as drawn; None where there is none."""
     try:
         return calibrate(pairs, target=target, refine_target="off", hold_out=False)
@@ -118,11 +119,11 @@ def measured(folder: Path, target_file: Path, most: int, every: int) -> tuple[fl
     table = folder / ("all_corners.csv" if every == 1 else f"all_corners_{every}.csv")
     if not table.exists():
         save_corners(table, detect_corners(photos_of(film, every), target, jobs=1).corners)
-    pairs = pair(load_corners(table, target), target)
+    pairs = load_corners(table, target)
     chosen = find_photos([out])
     equal = [int(one) for one in np.linspace(0, len(pairs.images) - 1, most).round()]
     fits = [
-        fitted(pair(detect_corners(chosen, target, jobs=1).corners, target), target),
+        fitted(detect_corners(chosen, target, jobs=1).corners.with_target(target), target),
         fitted(pairs, target),
         fitted(select_photos(pairs, np.unique(equal)), target),
     ]

@@ -29,7 +29,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 import numpy as np
 from simulated import CornerErrors, simulated_corners
 
-from cubicfish_cli.correspondences import pair
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import calibrate
@@ -94,7 +93,7 @@ def measured(lens, errors: CornerErrors, poses, target: Target, seed: int) -> tu
         lens, target, len(poses), seed=seed, errors=errors, poses=poses
     )
     start = time.process_time()
-    fit = calibrate(pair(corners, target))
+    fit = calibrate(corners.with_target(target))
     seconds = time.process_time() - start
     angle = min(fit.covered_deg, lens.max_angle_deg - 0.5, fit.camera.max_angle_deg)
     rays = cone_rays(np.radians(angle), 3000)

@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.point_fit import RatioFit, fit_ratio
 from cubicfish_cli.lenses.lift import lift
+from cubicfish_cli.observations import Observations
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -192,7 +192,7 @@ def whole_calibration(noise: float, rng: np.random.Generator) -> tuple[float, fl
     exact = np.vstack([true_pixels(pose.camera_points(OBJECT)) for pose in POSES])
     count = len(OBJECT)
     none = np.zeros(2 * count, np.intp)
-    pairs = Correspondences(
+    pairs = Observations(
         image_size=SIZE,
         images=tuple(pose.name for pose in POSES),
         boards=(),

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.correspondences import Correspondences, load_corners, pair
+from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.calibrate import Calibration
@@ -41,23 +41,24 @@ from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.lenses.free_lens import FreeLens
 from cubicfish_cli.lenses.unified import UnifiedLens
 from cubicfish_cli.library.calibration import calibrate
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target, load_target
 
 FloatArray = npt.NDArray[np.float64]
 HERE = Path(__file__).parent
 
 
-def corners_of(data: Path, corners: Path | None, target: Target) -> Correspondences:
+def corners_of(data: Path, corners: Path | None, target: Target) -> Observations:
     """The pairs, from a file or from the photos."""
     if corners is not None:
-        return pair(load_corners(corners, target), target)
+        return load_corners(corners, target)
     from cubicfish_cli.library.detect_corners import detect_corners
     from cubicfish_cli.photos import find_photos
 
-    return pair(detect_corners(find_photos([data / "images"]), target).corners, target)
+    return detect_corners(find_photos([data / "images"]), target).corners.with_target(target)
 
 
-def grid_of(pairs: Correspondences, target: Target) -> FloatArray:
+def grid_of(pairs: Observations, target: Target) -> FloatArray:
     """(M, rows, columns, 2) pixels, NaN where nothing was seen."""
     board = target.boards[0]
     grid = np.full((len(pairs.images), board.rows, board.columns, 2), np.nan)
@@ -75,7 +76,7 @@ def row(name: str, rms: float | None, held_out: float | None, seconds: float | N
     print(f"{name:<34}{cells[0]:>9}{cells[1]:>14}{took:>9}", flush=True)
 
 
-def ours(pairs: Correspondences, target: Target) -> Calibration:
+def ours(pairs: Observations, target: Target) -> Calibration:
     """The cubic camera at each level of refinement, Kannala–Brandt beside the first."""
     first: Calibration | None = None
     for level in ("off", "shape", "points"):
@@ -113,7 +114,7 @@ def mrcal_rows(python: str, npz: Path) -> None:
         row(name, rms_px(fitted), rms_px(left_out), found["seconds"])
 
 
-def opencv_rows(python: str, npz: Path, pairs: Correspondences, fit: Calibration) -> None:
+def opencv_rows(python: str, npz: Path, pairs: Observations, fit: Calibration) -> None:
     """OpenCV's two fisheye models, judged by the solver here with the lens fixed."""
     found = run(python, "peer_opencv.py", npz)
     for name in ("fisheye", "omnidir"):
@@ -132,7 +133,7 @@ def opencv_rows(python: str, npz: Path, pairs: Correspondences, fit: Calibration
             )
 
 
-def judged(lens: FitLens, pairs: Correspondences, poses: Poses) -> FloatArray | None:
+def judged(lens: FitLens, pairs: Observations, poses: Poses) -> FloatArray | None:
     """Residuals (N, 2) of a fixed lens, poses refitted from a start; None where it has a hole."""
     frozen = FixedLens(camera=lens)
     try:
@@ -155,7 +156,7 @@ def opencv_lens(name: str, run: dict[str, Any], image_size: tuple[int, int]) -> 
 
 
 def opencv_held_out(
-    name: str, folds: list[dict[str, Any]], pairs: Correspondences, fit: Calibration
+    name: str, folds: list[dict[str, Any]], pairs: Observations, fit: Calibration
 ) -> float | None:
     """Held-out RMS; poses start at those that the whole fit found."""
     misses = []

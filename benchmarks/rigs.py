@@ -23,12 +23,12 @@ import numpy as np
 from simulated import CornerErrors
 from simulated_rig import RigTruth, combined, simulated_rig
 
-from cubicfish_cli.correspondences import Correspondences, pair
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.rig.calibrate import RigCalibration, RigCamera, calibrate_rig
 from cubicfish_cli.fitting.rig.shots import shots_by_name
 from cubicfish_cli.lenses.sphere import cone_rays
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.outside import OutsideLens, outside_lens
 from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
 from cubicfish_cli.target import Target
@@ -125,7 +125,7 @@ def lens_of(field_deg: float, number: int) -> OutsideLens:
     return replace(lens, focal=(focal, 0.999 * focal), max_angle_deg=half)
 
 
-def simulated(setup: Setup, seed: int) -> tuple[list[Correspondences], RigTruth, list[OutsideLens]]:
+def simulated(setup: Setup, seed: int) -> tuple[list[Observations], RigTruth, list[OutsideLens]]:
     lenses = [lens_of(field, number) for number, field in enumerate(setup.fields)]
     corners, truth = simulated_rig(
         lenses,
@@ -137,10 +137,10 @@ def simulated(setup: Setup, seed: int) -> tuple[list[Correspondences], RigTruth,
         seed=seed,
         errors=NOISE,
     )
-    return [pair(one, setup.target) for one in corners], truth, lenses
+    return [one.with_target(setup.target) for one in corners], truth, lenses
 
 
-def fitted(pairs: list[Correspondences], target: Target, **options: object) -> RigCalibration:
+def fitted(pairs: list[Observations], target: Target, **options: object) -> RigCalibration:
     names = [f"camera{number}" for number in range(len(pairs))]
     shots = shots_by_name(names, [one.images for one in pairs])
     cameras = [RigCamera(name=name, pairs=one) for name, one in zip(names, pairs, strict=True)]

@@ -432,7 +432,7 @@ def measure_real(folder: Path) -> None:
     if not REAL.exists():
         print("real photos are not there: skipped")
         return
-    from cubicfish_cli.correspondences import load_corners
+    from cubicfish_cli.corner_files.observations_csv import load_corners
     from cubicfish_cli.target import load_target
 
     target = load_target(REAL / "target.yaml")

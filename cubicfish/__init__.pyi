@@ -10,6 +10,7 @@ from cubicfish_cli import CubicCamera as CubicCamera
 from cubicfish_cli import CubicfishError as CubicfishError
 from cubicfish_cli import Detection as Detection
 from cubicfish_cli import Evaluation as Evaluation
+from cubicfish_cli import Observations as Observations
 from cubicfish_cli import RectifiedPair as RectifiedPair
 from cubicfish_cli import RigCalibration as RigCalibration
 from cubicfish_cli import RigFile as RigFile

@@ -1,10 +1,8 @@
 """The public names, for type checkers: each is loaded when it is first used."""
 
 from cubicfish_cli.assess.verdict import Verdict as Verdict
-from cubicfish_cli.correspondences import Corners as Corners
-from cubicfish_cli.correspondences import Correspondences as Correspondences
-from cubicfish_cli.correspondences import load_corners as load_corners
-from cubicfish_cli.correspondences import save_corners as save_corners
+from cubicfish_cli.corner_files.observations_csv import load_corners as load_corners
+from cubicfish_cli.corner_files.observations_csv import save_corners as save_corners
 from cubicfish_cli.errors import CubicfishError as CubicfishError
 from cubicfish_cli.fitting.calibrate import Calibration as Calibration
 from cubicfish_cli.fitting.comparison import Comparison as Comparison
@@ -36,6 +34,9 @@ from cubicfish_cli.library.rigs import compare_rigs as compare_rigs
 from cubicfish_cli.library.rigs import evaluate_rig as evaluate_rig
 from cubicfish_cli.library.rigs import save_rig as save_rig
 from cubicfish_cli.library.target_check import check_target as check_target
+from cubicfish_cli.observations import Corners as Corners
+from cubicfish_cli.observations import Correspondences as Correspondences
+from cubicfish_cli.observations import Observations as Observations
 from cubicfish_cli.photos import read_picture as read_picture
 from cubicfish_cli.target import Target as Target
 from cubicfish_cli.undistortion.choose import build_view as build_view

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import CubicfishError
-from cubicfish_cli.types import FloatArray, IntArray
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.wording import quoted
 
 
@@ -113,6 +113,37 @@ class Refusal:
             twice = next(one for index, one in enumerate(names) if one in names[:index])
             raise self.error(f"{name}: {quoted(twice)} is there twice")
         return names
+
+    def flags(self, value: npt.ArrayLike, name: str, rows: int) -> BoolArray:
+        """Booleans (rows,).
+
+        Raises:
+            CubicfishError: of the class ``error``; ``value`` is something else.
+
+        """
+        flags = np.asarray(value)
+        if flags.shape != (rows,) or flags.dtype != bool:
+            raise self.error(f"{name} must hold {rows} times True or False, as many as pixel")
+        return flags.copy()
+
+    def index(
+        self, value: npt.ArrayLike, name: str, rows: int, least: int, count: int | None = None
+    ) -> IntArray:
+        """Whole numbers (rows,) from ``least`` on, below ``count`` where it is given.
+
+        Raises:
+            CubicfishError: of the class ``error``; ``value`` is something else.
+
+        """
+        index = np.asarray(value)
+        if index.shape != (rows,) or index.dtype.kind not in "iu":
+            raise self.error(f"{name} must hold {rows} whole numbers, one for each row of pixel")
+        if rows and (index.min() < least or (count is not None and index.max() >= count)):
+            raise self.error(
+                f"{name} must count from 0, and within what it counts: it goes from {index.min()} "
+                f"to {index.max()}"
+            )
+        return index.astype(np.intp)
 
     def _real(self, value: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
         try:

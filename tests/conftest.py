@@ -18,7 +18,7 @@ import pytest
 from hypothesis import settings
 from running import MISSING, SAMPLE, Run, run_cli
 
-from cubicfish_cli.correspondences import load_corners, pair
+from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.fitting import calibrate
 from cubicfish_cli.fitting.calibrate import Calibration
 from cubicfish_cli.report import extra
@@ -62,7 +62,7 @@ def with_report(monkeypatch: pytest.MonkeyPatch) -> None:
 def fitted() -> Calibration:
     """The fit of the sample's exact corners."""
     target = load_target(SAMPLE / "target.yaml")
-    pairs = pair(load_corners(SAMPLE / "true_corners.csv", target), target)
+    pairs = load_corners(SAMPLE / "true_corners.csv", target)
     return calibrate.calibrate(pairs, hold_out=False)
 
 

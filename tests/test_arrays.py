@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from cubicfish_cli.arrays import Refusal
-from cubicfish_cli.correspondences import Corners, Correspondences, pair
 from cubicfish_cli.errors import CorrespondenceError, TargetError
 from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
 
@@ -33,15 +33,15 @@ DATA: dict[str, Any] = {
 }
 
 
-def pairs(**changed: Any) -> Correspondences:
+def pairs(**changed: Any) -> Observations:
     given = {"world": [WORLD, WORLD[:2]], "pixel": [PIXEL, PIXEL[:2]], "image_size": (20, 10)}
-    return Correspondences.from_arrays(**(given | changed))
+    return Observations.from_points(**(given | changed))
 
 
-def corners(**changed: Any) -> Corners:
+def corners(**changed: Any) -> Observations:
     given: dict[str, Any] = {"places": [PLACES, PLACES[:2]], "pixel": [PIXEL, PIXEL[:2]]}
     given |= {"image_size": (20, 10), "boards": ["near", "far"]}
-    return Corners.from_arrays(**(given | changed))
+    return Observations.from_corners(**(given | changed))
 
 
 def test_pairs_are_the_rows_of_all_photos() -> None:
@@ -76,7 +76,7 @@ def test_corners_are_named_and_find_their_world_points() -> None:
     made = corners(images=["a.png", "b.png"])
     assert made.images == ("a.png", "b.png")
     assert made.board.tolist() == [0, 0, 1, 1, 0, 0]
-    world = pair(made, target).world
+    world = made.with_target(target).world
     np.testing.assert_array_equal(world[2:4], [[0, 0, 100], [0, 10, 100]])
 
 

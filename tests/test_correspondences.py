@@ -13,17 +13,15 @@ from hypothesis.extra import numpy as hnp
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.boards.checkerboard import Checkerboard
-from cubicfish_cli.correspondences import (
-    Corners,
-    Correspondences,
+from cubicfish_cli.corner_files.observations_csv import (
     load_corners,
     load_correspondences,
-    pair,
     parse_size,
     save_corners,
     save_correspondences,
 )
 from cubicfish_cli.errors import CorrespondenceError, OutputError
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 
 SIZE = (1280, 800)
@@ -71,7 +69,7 @@ names = st.text(
 
 
 @st.composite
-def corners(draw: st.DrawFn) -> Corners:
+def corners(draw: st.DrawFn) -> Observations:
     """Any corners that lie on the boards, each once, in any order."""
     images = draw(st.lists(names, min_size=1, max_size=4, unique=True))
     everywhere = [
@@ -90,7 +88,7 @@ def corners(draw: st.DrawFn) -> Corners:
     y = draw(hnp.arrays(float, count, elements=st.floats(-1, 800)))
     weight = draw(hnp.arrays(float, count, elements=st.floats(1e-6, 1e6)))
     certain = draw(hnp.arrays(bool, count))
-    return Corners(
+    return Observations(
         image_size=SIZE,
         images=tuple(images[i] for i in seen),
         boards=TARGET.board_names,
@@ -107,7 +105,7 @@ def corners(draw: st.DrawFn) -> Corners:
 @pytest.mark.slow
 @given(corners(), st.booleans(), st.booleans())
 def test_corners_read_back_exactly(
-    tmp_path_factory: Any, found: Corners, weighted: bool, doubted: bool
+    tmp_path_factory: Any, found: Observations, weighted: bool, doubted: bool
 ) -> None:
     if not weighted:
         found = replace(found, weight=np.ones(len(found.image)))
@@ -132,8 +130,8 @@ def test_tables_that_say_nothing_of_certainty_are_certain(tmp_path: Path) -> Non
 
 @pytest.mark.slow
 @given(corners())
-def test_pairs_are_sorted_by_photo_and_stand_on_their_boards(found: Corners) -> None:
-    pairs = pair(found, TARGET)
+def test_pairs_are_sorted_by_photo_and_stand_on_their_boards(found: Observations) -> None:
+    pairs = found.with_target(TARGET)
     order = sorted(range(len(found.image)), key=lambda n: found.image[n])  # stable
     np.testing.assert_array_equal(pairs.image, found.image[order])
     np.testing.assert_array_equal(pairs.pixel, found.pixel[order])
@@ -156,7 +154,7 @@ def test_pairs_are_sorted_by_photo_and_stand_on_their_boards(found: Corners) -> 
 def test_correspondences_read_back_exactly(
     tmp_path_factory: Any, world: np.ndarray, pixel: np.ndarray
 ) -> None:
-    pairs = Correspondences(
+    pairs = Observations(
         image_size=SIZE,
         images=("b.png", "a.png"),
         boards=(),
@@ -328,7 +326,7 @@ def test_any_text_below_the_header_is_read_or_refused_in_one_line(
 
 
 def test_pairing_refuses_boards_and_corners_that_the_target_lacks() -> None:
-    found = Corners(
+    found = Observations(
         image_size=SIZE,
         images=("a.png",),
         boards=("flor",),
@@ -340,13 +338,13 @@ def test_pairing_refuses_boards_and_corners_that_the_target_lacks() -> None:
         weight=np.ones(1),
     )
     with pytest.raises(CorrespondenceError, match=r"board 'flor' .* did you mean 'floor'"):
-        pair(found, TARGET)
+        found.with_target(TARGET)
     with pytest.raises(CorrespondenceError, match=r"a\.png: column 5, row 0 .*count squares"):
-        pair(replace(found, boards=("floor",)), TARGET)
+        replace(found, boards=("floor",)).with_target(TARGET)
 
 
 def test_boards_are_paired_by_name_not_by_order() -> None:
-    found = Corners(
+    found = Observations(
         image_size=SIZE,
         images=("a.png",),
         boards=("wall, left", "floor"),
@@ -357,7 +355,7 @@ def test_boards_are_paired_by_name_not_by_order() -> None:
         pixel=np.zeros((2, 2)),
         weight=np.ones(2),
     )
-    pairs = pair(found, TARGET)
+    pairs = found.with_target(TARGET)
     np.testing.assert_array_equal(pairs.board, [1, 0])
     np.testing.assert_allclose(pairs.world, [[60, 20, 50], [10, 0, 0]])
 
@@ -386,7 +384,7 @@ def test_three_hundred_thousand_rows_take_seconds_not_minutes(tmp_path: Path) ->
     count = 300_000
     image = np.repeat(np.arange(count // 20), 20)
     place = np.tile(np.arange(20), count // 20)
-    found = Corners(
+    found = Observations(
         image_size=SIZE,
         images=tuple(f"{n:05}.png" for n in range(count // 20)),
         boards=TARGET.board_names,
@@ -401,6 +399,6 @@ def test_three_hundred_thousand_rows_take_seconds_not_minutes(tmp_path: Path) ->
     start = time.process_time()
     save_corners(path, found, overwrite=False)
     read = load_corners(path, TARGET)
-    pair(read, TARGET)
+    read.with_target(TARGET)
     assert time.process_time() - start < 10  # measured: 2 s
     assert_same(read, found)

@@ -22,11 +22,11 @@ from cubicfish_cli.advice.words import length_words, place_words, tilt_words
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.field_uncertainty import FieldUncertainty, recorded, summed
 from cubicfish_cli.assess.verdict import verdict
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.uncertainty import Information, field_grid
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.views import Distances, Viewpoint, WholeLens, sample_views
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray
@@ -177,7 +177,7 @@ def default_goal(image_size: tuple[int, int]) -> float:
 def advise(
     camera: CubicCamera,
     fit: Mapping[str, Any],
-    pairs: Correspondences,
+    pairs: Observations,
     target: Target | None,
     *,
     goal_px: float | None = None,
@@ -251,7 +251,7 @@ def advise(
     )
 
 
-def distances_within(pairs: Correspondences, poses: Poses) -> Distances:
+def distances_within(pairs: Observations, poses: Poses) -> Distances:
     """From how near to how far photos may be proposed, by what photos so far show."""
     typical, nearest = photo_distances(pairs, poses)
     return Distances(

@@ -10,10 +10,10 @@ import numpy as np
 
 from cubicfish_cli.advice.words import SIDES, length_words, listed, side_of, slant
 from cubicfish_cli.angles import azimuth
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.findings import field_cells
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
@@ -89,7 +89,7 @@ class Gaps:
 
 
 def find_gaps(
-    camera: CubicCamera, pairs: Correspondences, poses: Poses | None, target: Target | None
+    camera: CubicCamera, pairs: Observations, poses: Poses | None, target: Target | None
 ) -> Gaps:
     """Look for what is missing.
 
@@ -213,7 +213,7 @@ def _part(camera: CubicCamera, sides: tuple[int, ...], first: int, stop: int, sh
 
 
 def _faces(
-    pairs: Correspondences, poses: Poses, target: Target
+    pairs: Observations, poses: Poses, target: Target
 ) -> tuple[FloatArray, FloatArray, IntArray]:
     """Where each board of each photo looks and is (F, 3) each, camera frame, and the photo."""
     key = pairs.image * len(target.boards) + pairs.board
@@ -230,7 +230,7 @@ def _faces(
     return front[kept], middle[kept], photo[kept]
 
 
-def _missing_tilts(pairs: Correspondences, poses: Poses | None, target: Target | None) -> list[str]:
+def _missing_tilts(pairs: Observations, poses: Poses | None, target: Target | None) -> list[str]:
     if poses is None or target is None:
         return []
     front, middle, _ = _faces(pairs, poses, target)
@@ -249,7 +249,7 @@ def _missing_tilts(pairs: Correspondences, poses: Poses | None, target: Target |
     return lines
 
 
-def photo_distances(pairs: Correspondences, poses: Poses) -> tuple[FloatArray, FloatArray]:
+def photo_distances(pairs: Observations, poses: Poses) -> tuple[FloatArray, FloatArray]:
     """How far each photo was from its corners in the median, and from the nearest: (M,) each.
 
     The middle of the corners would not do: inside a box it is where the camera is.
@@ -264,7 +264,7 @@ def photo_distances(pairs: Correspondences, poses: Poses) -> tuple[FloatArray, F
 
 
 def _missing_distances(
-    pairs: Correspondences, poses: Poses | None, target: Target | None
+    pairs: Observations, poses: Poses | None, target: Target | None
 ) -> list[str]:
     if poses is None or target is None or len(poses) < 2:
         return []

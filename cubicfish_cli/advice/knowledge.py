@@ -11,7 +11,6 @@ import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.records import recorded_number
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
 from cubicfish_cli.fitting.hold import UNTOLD
@@ -24,6 +23,7 @@ from cubicfish_cli.fitting.subset import middle, with_mean_weight_one, world_sca
 from cubicfish_cli.fitting.uncertainty import Information, information
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.views import Viewpoint
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
@@ -55,7 +55,7 @@ class Knowledge:
     camera: CubicCamera
     result: CubicResult
     information: Information
-    pairs: Correspondences
+    pairs: Observations
     scale: float
     target: Target | None
     offset_spread: float | None
@@ -98,8 +98,8 @@ class Knowledge:
         return information(replace(result, fit=extended), noise_px=self.information.noise_px)
 
     def _with_photo(
-        self, pairs: Correspondences, poses: Poses, view: Viewpoint
-    ) -> tuple[Correspondences, Poses]:
+        self, pairs: Observations, poses: Poses, view: Viewpoint
+    ) -> tuple[Observations, Poses]:
         seen, number = view.seen, len(pairs.images)
         angle = angle_from_axis(seen.camera)
         used = seen.visible & (angle <= np.deg2rad(self.camera.max_angle_deg + _HELD_BEYOND_DEG))
@@ -114,22 +114,19 @@ class Knowledge:
         translation = added.of_world(-self.origin).translation / self.scale
         poses = Poses.joined([poses, Poses(rotation=rotation, translation=translation)])
         image = np.full(int(used.sum()), number)
-        pixel = self.result.lens.project(poses.apply(image, world / self.scale))
-        return (
-            replace(
-                pairs,
-                images=(*pairs.images, f"view {number}"),
-                image=np.concatenate([pairs.image, image]),
-                world=np.concatenate([pairs.world, world / self.scale]),
-                pixel=np.concatenate([pairs.pixel, pixel]),
-                weight=np.concatenate([pairs.weight, np.ones(len(image))]),
-                board=np.concatenate([pairs.board, board]),
-                column=np.concatenate([pairs.column, column]),
-                row=np.concatenate([pairs.row, row]),
-                certain=np.concatenate([pairs.certain, np.ones(len(image), bool)]),
-            ),
-            poses,
+        shown = replace(
+            pairs,
+            images=(f"view {number}",),
+            image=np.zeros(len(image), np.intp),
+            world=world / self.scale,
+            pixel=self.result.lens.project(poses.apply(image, world / self.scale)),
+            weight=np.ones(len(image)),
+            board=board,
+            column=column,
+            row=row,
+            certain=np.ones(len(image), bool),
         )
+        return Observations.joined([pairs, shown]), poses
 
 
 def recorded_poses(fit: Mapping[str, Any], images: Sequence[str]) -> Poses | None:
@@ -144,7 +141,7 @@ def recorded_poses(fit: Mapping[str, Any], images: Sequence[str]) -> Poses | Non
 def know(
     camera: CubicCamera,
     fit: Mapping[str, Any],
-    pairs: Correspondences,
+    pairs: Observations,
     poses: Poses,
     target: Target | None,
 ) -> Knowledge:
@@ -162,7 +159,7 @@ def know(
 
     """
     scale, origin = world_scale(pairs), middle(pairs)
-    pairs = with_mean_weight_one(replace(pairs, world=(pairs.world - origin) / scale))
+    pairs = with_mean_weight_one(pairs.with_world((pairs.world - origin) / scale))
     poses, target = poses.of_world(-origin), target and target.moved(-origin)
     poses = replace(poses, translation=poses.translation / scale)
     reference = radial_near(camera.radial, pairs, poses)

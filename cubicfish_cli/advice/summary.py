@@ -9,15 +9,15 @@ from cubicfish_cli.advice.advise import default_goal, why_not_enough
 from cubicfish_cli.advice.gaps import find_gaps
 from cubicfish_cli.assess.field_uncertainty import recorded
 from cubicfish_cli.assess.verdict import verdict
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.observations import Observations
 
 HEED_FIRST = "heed the verdict first"
 NOISE_ALONE = "heed the verdict first; by the uncertainty alone"
 _PARTS = 2
 
 
-def summary(camera: CubicCamera, fit: Mapping[str, Any], pairs: Correspondences) -> str:
+def summary(camera: CubicCamera, fit: Mapping[str, Any], pairs: Observations) -> str:
     """Whether more photos are needed, and of which parts of the picture, in one line.
 
     Args:

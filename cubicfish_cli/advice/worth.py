@@ -9,17 +9,16 @@ all photos together explains does not count, since no photo can tell it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import middle, world_scale
 from cubicfish_cli.lenses.radial import RadialCamera, project_jacobian
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray
 
 # How free the field is: polynomials up to this degree, of so many pixels' spread each for every
@@ -39,7 +38,7 @@ class Worth:
     flat = 0.01
     """A photo that adds less than this is not worth its time."""
 
-    def __init__(self, pairs: Correspondences, quality: Mapping[str, float]) -> None:
+    def __init__(self, pairs: Observations, quality: Mapping[str, float]) -> None:
         """Fit a lens to all photos.
 
         Args:
@@ -50,7 +49,7 @@ class Worth:
             FitError: they do not determine a lens.
 
         """
-        pairs = replace(pairs, world=(pairs.world - middle(pairs)) / world_scale(pairs))
+        pairs = pairs.with_world((pairs.world - middle(pairs)) / world_scale(pairs))
         try:
             reference = fit_radial(pairs, thorough=False)
         except np.linalg.LinAlgError as failure:
@@ -112,7 +111,7 @@ def _told(by_field: FloatArray, by_point: FloatArray, points: FloatArray) -> Flo
     return np.asarray(free.T @ free)
 
 
-def _seen_cells(pairs: Correspondences) -> FloatArray:
+def _seen_cells(pairs: Observations) -> FloatArray:
     """Middles (G, 2) of the parts of the picture that have corners, pixels."""
     size, parts = np.array(pairs.image_size), np.array(_GRID)
     place = np.clip(((pairs.pixel + 0.5) / size * parts).astype(int), 0, parts - 1)

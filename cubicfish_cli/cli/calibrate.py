@@ -201,8 +201,8 @@ def command(
                 loaded.given, refine_target=refine_target, hold_out=hold_out, progress=progress
             )
     drawn = None
-    if target.counts is not None and loaded.target is not None:
-        drawn = target_text(loaded.target)
+    if target.counts is not None and loaded.pairs.target is not None:
+        drawn = target_text(loaded.pairs.target)
     made_by = _made_by(asked, loaded, drawn, output, title)
     record, camera = fitted.as_record(), fitted.camera
     facts = camera_facts(camera, record, made_by)
@@ -215,7 +215,7 @@ def command(
                 "'cubicfish map --size' makes a smaller one.".format(*camera.image_size)
             )
     else:
-        judged, thing = verdict(record, camera.image_size, fitted.camera.valid), loaded.target
+        judged, thing = verdict(record, camera.image_size, fitted.camera.valid), loaded.pairs.target
     if with_page:
         contents["report"] = report_step.make_page(camera, record, made_by, loaded, thing)
     with working("Writing"):
@@ -223,7 +223,7 @@ def command(
     advice, models = {}, []
     if isinstance(fitted, Calibration):
         advice = {"advice": summary(fitted.camera, record, fitted.pairs)}
-        models = _compared(fitted, loaded.target, hold_out=hold_out) if compare else []
+        models = _compared(fitted, loaded.pairs.target, hold_out=hold_out) if compare else []
     if as_json:
         print_json(
             {

@@ -94,8 +94,8 @@ def command(
     as_json: bool,
 ) -> None:
     """See ``_HELP``."""
+    from cubicfish_cli.corner_files.observations_csv import save_corners
     from cubicfish_cli.corner_files.read import read_corner_files
-    from cubicfish_cli.correspondences import save_corners
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.target import load_target
 

@@ -57,7 +57,7 @@ def command(
 
     The result is a table, one corner a line: image, board, column, row, x, y.
     """
-    from cubicfish_cli.correspondences import save_corners
+    from cubicfish_cli.corner_files.observations_csv import save_corners
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.library.drawings import drawings, write_drawings
 

@@ -20,10 +20,10 @@ from cubicfish_cli.errors import MISSING, CorrespondenceError, CubicfishError
 from cubicfish_cli.wording import quoted
 
 if TYPE_CHECKING:
-    from cubicfish_cli.correspondences import Corners, Correspondences
     from cubicfish_cli.executors.executor import Executor
     from cubicfish_cli.files import Fingerprint
     from cubicfish_cli.identification.photo_report import Detection, PhotoReport
+    from cubicfish_cli.observations import Observations
     from cubicfish_cli.photos import Photo
     from cubicfish_cli.target import Target
     from cubicfish_cli.words.finding import Finding
@@ -34,29 +34,27 @@ _MANY = 200
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pairs:
-    """2D-3D pairs and what they came from.
+    """Corners or points with their world points, and what they came from.
 
     Attributes:
-        pairs: the pairs.
-        corners: the named corners behind them; None for pairs that came as such.
-        target: the object; None for pairs that came as such.
+        pairs: the corners or points, sorted by photo.
+        corners: the named corners in the order that they came in; None for points without names.
         detection: what was found in each photo; None for CSV files.
         files: every file that was read, in order, as it was before.
         target_file: the target's.
 
     """
 
-    pairs: Correspondences
+    pairs: Observations
     files: tuple[Fingerprint, ...]
-    corners: Corners | None = None
-    target: Target | None = None
+    corners: Observations | None = None
     detection: Detection | None = None
     target_file: Fingerprint | None = None
 
     @property
-    def given(self) -> Detection | Corners | Correspondences:
+    def given(self) -> Detection | Observations:
         """What was given, as the library takes it."""
-        return self.detection or self.corners or self.pairs
+        return self.detection or self.pairs
 
 
 def load_pairs(
@@ -151,7 +149,7 @@ def _holds_world_points(path: Path) -> bool:
 
 
 def _from_correspondences(path: Path, size: tuple[int, int] | None) -> Pairs:
-    from cubicfish_cli.correspondences import load_correspondences
+    from cubicfish_cli.corner_files.observations_csv import load_correspondences
     from cubicfish_cli.files import fingerprint
 
     file = fingerprint(path)
@@ -159,7 +157,7 @@ def _from_correspondences(path: Path, size: tuple[int, int] | None) -> Pairs:
 
 
 def _from_corners(path: Path, choice: TargetChoice, size: tuple[int, int] | None) -> Pairs:
-    from cubicfish_cli.correspondences import load_corners, pair
+    from cubicfish_cli.corner_files.observations_csv import load_corners
     from cubicfish_cli.files import fingerprint
 
     say_default(choice)
@@ -167,9 +165,8 @@ def _from_corners(path: Path, choice: TargetChoice, size: tuple[int, int] | None
     target = choice.load()[0]
     corners = load_corners(path, target, image_size=size)
     return Pairs(
-        pairs=pair(corners, target),
+        pairs=corners.by_photo(),
         corners=corners,
-        target=target,
         files=(file,),
         target_file=target_file,
     )
@@ -184,7 +181,6 @@ def _from_photos(
 ) -> Pairs:
     from cubicfish_cli.cli.choosing import best_photos
     from cubicfish_cli.files import fingerprint
-    from cubicfish_cli.library.pairs import pairs_of
 
     say_default(choice)
     target_file = choice.fingerprint()
@@ -197,9 +193,8 @@ def _from_photos(
     files = tuple(fingerprint(photo.path) for photo in photos)
     detection = detect(photos, targets, jobs, no_cache=no_cache)
     return Pairs(
-        pairs=pairs_of(detection, None),
+        pairs=detection.corners,
         corners=detection.corners,
-        target=detection.corners.target,
         detection=detection,
         files=files,
         target_file=target_file,

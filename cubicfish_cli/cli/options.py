@@ -334,7 +334,7 @@ def refine_target_option(help: str) -> Callable[[Decorated], Decorated]:
 
 
 def _size(text: str) -> tuple[int, int]:
-    from cubicfish_cli.correspondences import parse_size
+    from cubicfish_cli.corner_files.observations_csv import parse_size
 
     return parse_size(text)
 

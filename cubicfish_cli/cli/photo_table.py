@@ -18,7 +18,7 @@ from cubicfish_cli.cli.table import Column, Row, fitting, print_columns
 from cubicfish_cli.cli.terminal import result
 
 if TYPE_CHECKING:
-    from cubicfish_cli.correspondences import Corners, Correspondences
+    from cubicfish_cli.observations import Observations
     from cubicfish_cli.words.finding import Level
 
 ByBoard = Mapping[str, Mapping[str, int]]
@@ -61,7 +61,7 @@ class PhotoRow:
     max_px: float | None = None
 
 
-def corners_by_board(corners: Corners | Correspondences) -> dict[str, dict[str, int]]:
+def corners_by_board(corners: Observations) -> dict[str, dict[str, int]]:
     """How many corners each photo has of each board, in the target's order of the boards."""
     import numpy as np
 

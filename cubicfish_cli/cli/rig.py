@@ -180,8 +180,8 @@ def command(
     one = loaded[called[0]]
     with stages("Fitting") as progress:
         rig = calibrate_rig(
-            {name: own.detection or own.pairs for name, own in loaded.items()},
-            one.target,
+            {name: own.given for name, own in loaded.items()},
+            one.pairs.target,
             **matched,
             moving=moving,
             known=known,

@@ -17,10 +17,10 @@ from cubicfish_cli.errors import DetectionError, PhotoError
 from cubicfish_cli.frame_names import frame_name
 
 if TYPE_CHECKING:
-    from cubicfish_cli.correspondences import Correspondences
     from cubicfish_cli.films.scan import Measured
     from cubicfish_cli.films.shots import Moments
     from cubicfish_cli.fitting.rig.clocks import Moving
+    from cubicfish_cli.observations import Observations
 
 _Beside = tuple[Path | None, float]
 
@@ -69,7 +69,7 @@ class RigFrames:
                     f"{'ahead of' if total > 0 else 'behind'} that of {first}."
                 )
 
-    def moving(self, camera: str, pairs: Correspondences) -> Moving:
+    def moving(self, camera: str, pairs: Observations) -> Moving:
         """How the corners of a camera's pictures move."""
         import numpy as np
 

@@ -46,9 +46,9 @@ def print_evaluation(
         name: loaded_camera((one,), target, jobs, no_cache)[0]
         for name, one in zip(own, inputs, strict=True)
     }
-    pairs = {name: one.detection or one.pairs for name, one in loaded.items()}
+    pairs = {name: one.given for name, one in loaded.items()}
     with working("Placing shots"):
-        evaluation = evaluate_rig(rig, pairs, loaded[own[0]].target)
+        evaluation = evaluate_rig(rig, pairs, loaded[own[0]].pairs.target)
     for one in evaluation.cameras:
         if one.outside:
             say(f"camera {one.name}: {count(one.outside, 'corner')} not counted: beyond its field.")

@@ -12,12 +12,18 @@ import numpy as np
 
 from cubicfish_cli import reading
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.correspondences import MAX_COORDINATE, Corners
 from cubicfish_cli.errors import CorrespondenceError
+from cubicfish_cli.observations import (
+    MAX_COORDINATE,
+    Observations,
+    first_repeated,
+    no_such_board,
+    outside_photo,
+)
 from cubicfish_cli.tables import Table
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
-from cubicfish_cli.wording import did_you_mean, quoted
+from cubicfish_cli.wording import quoted
 
 # How corners of a board are numbered, seen by someone who looks at its printed face:
 #   rows              along x from corner (0, 0), row by row down
@@ -118,7 +124,7 @@ def named_corners(
     numbering: Numbering | None,
     boards: Mapping[str, str],
     image_size: tuple[int, int] | None,
-) -> Corners:
+) -> Observations:
     """The corners of several files, named by the target's boards, columns and rows.
 
     Args:
@@ -166,7 +172,7 @@ def named_corners(
     image, board, column, row = (np.concatenate(part) for part in zip(*parts, strict=True))
     used = np.unique(image)
     names = list(images)
-    return Corners(
+    return Observations(
         image_size=size,
         images=tuple(names[i] for i in used.tolist()),
         boards=target.board_names,
@@ -176,6 +182,7 @@ def named_corners(
         row=row,
         pixel=np.concatenate([found.pixel for found in files]),
         weight=np.concatenate([found.weight for found in files]),
+        world=target.world_points(board, column, row),
         target=target,
     )
 
@@ -225,10 +232,7 @@ def _boards(found: Detections, target: Target, given: Mapping[str, str]) -> IntA
                 f"is not known: say so with {option}"
             )
         if name not in target.board_names:
-            raise CorrespondenceError(
-                f"board {quoted(name)} is not in the target: "
-                f"{did_you_mean(name, target.board_names)}"
-            )
+            raise CorrespondenceError(no_such_board(name, target))
         places[index] = target.board_names.index(name)
     board: IntArray = places[found.label] if len(found.label) else found.label
     return board
@@ -285,20 +289,15 @@ def _counted(found: Detections, board: Board, here: IntArray, numbering: Numberi
 
 
 def _refuse_twice(found: Detections, *keys: IntArray) -> None:
-    order = np.lexsort(keys[::-1])
-    same = np.logical_and.reduce([key[order][1:] == key[order][:-1] for key in keys])
-    twice = np.flatnonzero(same)
-    if twice.size:
-        first, second = min((order[i + 1], order[i]) for i in twice)[::-1]
+    twice = first_repeated(*keys)
+    if twice is not None:
         raise found.refuse(
-            int(max(first, second)),
-            f"the same corner as in line {found.lines[min(first, second)]}: keep one of them",
+            twice[1], f"the same corner as in line {found.lines[twice[0]]}: keep one of them"
         )
 
 
 def _refuse_pixels(found: Detections, size: tuple[int, int]) -> None:
-    # One pixel of slack, as corners.csv has it.
-    outside = np.flatnonzero(((found.pixel < -1) | (found.pixel > size)).any(axis=1))
+    outside = np.flatnonzero(outside_photo(found.pixel, size))
     if outside.size:
         x, y = found.pixel[outside[0]]
         raise found.refuse(

@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 
 from cubicfish_cli.corner_files.detections import Detections, read_text, rows_where
-from cubicfish_cli.correspondences import parse_size
+from cubicfish_cli.corner_files.observations_csv import parse_size
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.tables import parse_table
 from cubicfish_cli.wording import quoted

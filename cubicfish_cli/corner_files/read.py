@@ -17,10 +17,10 @@ from cubicfish_cli.corner_files.detections import (
 from cubicfish_cli.corner_files.detections_csv import read_detections_csv
 from cubicfish_cli.corner_files.orpc import read_orpc
 from cubicfish_cli.corner_files.vnlog import read_vnlog
-from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.errors import CorrespondenceError
+from cubicfish_cli.observations import Observations, no_such_board
 from cubicfish_cli.target import Target
-from cubicfish_cli.wording import did_you_mean, quoted
+from cubicfish_cli.wording import quoted
 
 CornerFormat = Literal["deltille", "mrcal", "kalibr"]
 CORNER_FORMATS: tuple[CornerFormat, ...] = get_args(CornerFormat)
@@ -38,7 +38,7 @@ class Read:
 
     """
 
-    corners: Corners
+    corners: Observations
     left_out: int
     empty: tuple[str, ...]
 
@@ -129,9 +129,7 @@ def _only_board(path: Path, target: Target, name: str | None) -> Board:
     for board in target.boards:
         if name is None or board.name == name:
             return board
-    raise CorrespondenceError(
-        f"board {quoted(name)} is not in the target: {did_you_mean(str(name), target.board_names)}"
-    )
+    raise CorrespondenceError(no_such_board(str(name), target))
 
 
 def _refuse_unknown_labels(files: Sequence[Detections], boards: Mapping[str, str]) -> None:

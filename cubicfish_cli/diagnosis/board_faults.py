@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.diagnosis.object_faults import flat_points
 from cubicfish_cli.diagnosis.orders import COUNTED, ORDERS
 from cubicfish_cli.fitting.adjustment import Adjustment
@@ -17,6 +16,7 @@ from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Code, Severity
@@ -67,7 +67,7 @@ class BoardFault:
 
 
 def board_fault(
-    camera: RadialCamera, pairs: Correspondences, target: Target, scale: float, noise: float
+    camera: RadialCamera, pairs: Observations, target: Target, scale: float, noise: float
 ) -> BoardFault | None:
     """Why one photo does not fit, if one of its boards is to blame.
 
@@ -185,7 +185,7 @@ def _meant(
     camera: RadialCamera,
     rotation: FloatArray,
     translation: FloatArray,
-    own: Correspondences,
+    own: Observations,
     target: Target,
     scale: float,
     noise: float,
@@ -226,7 +226,7 @@ def _meant(
 
 
 def _all_boards(
-    camera: RadialCamera, pairs: Correspondences, target: Target, scale: float, noise: float
+    camera: RadialCamera, pairs: Observations, target: Target, scale: float, noise: float
 ) -> BoardFault | None:
     """Whether the corners of all boards of a photo are counted from one line further on."""
     if any(target.boards[board].points is not None for board in np.unique(pairs.board)):
@@ -239,7 +239,7 @@ def _all_boards(
             here = pairs.board == board
             c, r = pairs.column[here] + float(step[0]), pairs.row[here] + float(step[1])
             world[here] = flat_points(target.boards[board], c, r) / scale
-        fit = _sharp(camera, replace(pairs, world=world), noise)
+        fit = _sharp(camera, pairs.with_world(world), noise)
         if fit is not None:
             return BoardFault(
                 photo=pairs.images[0],
@@ -250,7 +250,7 @@ def _all_boards(
     return None
 
 
-def _sharp(camera: RadialCamera, pairs: Correspondences, noise: float) -> Adjustment | None:
+def _sharp(camera: RadialCamera, pairs: Observations, noise: float) -> Adjustment | None:
     """The poses of all photos, where their corners fit nearly as well as those of others."""
     fit, placed, _ = fit_poses(camera, pairs)
     if fit is None or len(placed.pixel) < len(pairs.pixel):

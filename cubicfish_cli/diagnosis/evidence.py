@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.diagnosis.count import Count
 from cubicfish_cli.diagnosis.fewer_corners import fewer_corners
 from cubicfish_cli.diagnosis.more_corners import more_corners
 from cubicfish_cli.fitting.evidence import Evidence
 from cubicfish_cli.identification.identified import Identified
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.target import Target
 
@@ -69,5 +69,5 @@ class MarkerEvidence(PhotoEvidence):
 
     """
 
-    corners: Corners
+    corners: Observations
     grids: Sequence[FoundGrids]

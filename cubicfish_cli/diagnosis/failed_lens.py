@@ -6,13 +6,13 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.diagnosis.lens_faults import left_out_lens
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import select_photos
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import IntArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
@@ -26,7 +26,7 @@ _MOST_RUNS = 12
 _MOST_LENSES = 8
 
 
-def failed_lens(pairs: Correspondences) -> list[Finding]:
+def failed_lens(pairs: Observations) -> list[Finding]:
     """Some photos that agree on a lens, and others that do not, where such are found.
 
     Args:
@@ -87,7 +87,7 @@ def _subsets(count: int) -> Iterable[IntArray]:
         yield np.sort(rng.choice(count, min(_FEWEST_PHOTOS, count), replace=False))
 
 
-def _agreeing(lens: RadialReference, pairs: Correspondences, noise: float) -> IntArray:
+def _agreeing(lens: RadialReference, pairs: Observations, noise: float) -> IntArray:
     fit, own, placed = fit_poses(lens.camera, pairs)
     if fit is None:
         return np.zeros(0, np.intp)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.diagnosis.board_faults import FEWEST_CORNERS, board_fault, board_findings
 from cubicfish_cli.diagnosis.lens_faults import left_out_lens
 from cubicfish_cli.diagnosis.mirrored import handed
@@ -15,6 +13,7 @@ from cubicfish_cli.fitting.evidence import FitEvidence
 from cubicfish_cli.fitting.refinement import ObjectFit
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import select_photos
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
 
@@ -33,7 +32,7 @@ def left_out(evidence: FitEvidence) -> list[Finding]:
     if not photos.size:
         return []
     camera, noise = fit.reference.camera, noise_px(fit.reference.residual)
-    scaled = replace(pairs, world=pairs.world / drawing.scale)
+    scaled = pairs.with_world(pairs.world / drawing.scale)
     findings: list[Finding] = []
     unfit = [photo for photo in photos if pairs.images[photo] in fit.reference.unfit]
     if unfit:
@@ -64,7 +63,7 @@ def left_out(evidence: FitEvidence) -> list[Finding]:
 
 
 def _left_out(
-    pairs: Correspondences, fit: ObjectFit, dropped: Sequence[tuple[str, str | None]]
+    pairs: Observations, fit: ObjectFit, dropped: Sequence[tuple[str, str | None]]
 ) -> set[str]:
     """Photos that were left out, and those of which a board lost half of its corners."""
     unfit = fit.reference.unfit.items()

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.diagnosis.few_photos import enough_photos, fit_of_few, spread_out
 from cubicfish_cli.diagnosis.photo_lenses import (
     BY_CHANCE,
@@ -33,6 +32,7 @@ from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import flatness, select_photos
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
@@ -292,7 +292,7 @@ def _at_the_boundary(
     return split, apart
 
 
-def _as_one(pairs: Correspondences, given: FloatArray, reach: float) -> FloatArray:
+def _as_one(pairs: Observations, given: FloatArray, reach: float) -> FloatArray:
     """Pixels (N, 2) as they would be without their photos' own scale and shift."""
     middle = (np.array(pairs.image_size, float) - 1) / 2
     own = given[pairs.image]
@@ -300,7 +300,7 @@ def _as_one(pairs: Correspondences, given: FloatArray, reach: float) -> FloatArr
 
 
 def left_out_lens(
-    camera: RadialCamera, pairs: Correspondences, noise: float, *, order: Sequence[str]
+    camera: RadialCamera, pairs: Observations, noise: float, *, order: Sequence[str]
 ) -> Finding | None:
     """Whether photos that do not fit do fit a lens of their own.
 
@@ -360,7 +360,7 @@ def _clearly_other(camera: RadialCamera, own: RadialReference) -> bool:
 def lens_change(
     change: LensChange,
     names: list[str],
-    pairs: Correspondences,
+    pairs: Observations,
     *,
     in_order: bool,
     because: str,
@@ -462,7 +462,7 @@ def _determined_without(fit: ObjectFit, left_out: IntArray) -> bool:
 
 def _without(fit: ObjectFit, suspects: IntArray) -> PhotoLenses | None:
     """What each photo has of its own beside a lens that was fitted without some."""
-    pairs = replace(fit.reference.pairs, world=fit.cubic.fit.world.points)
+    pairs = fit.reference.pairs.with_world(fit.cubic.fit.world.points)
     good = np.setdiff1d(np.arange(len(pairs.images)), suspects)
     good = spread_out(good, 2 * enough_photos(len(good)))
     try:
@@ -490,7 +490,7 @@ def _without(fit: ObjectFit, suspects: IntArray) -> PhotoLenses | None:
     return photos if np.isfinite(photos.own).all() else None
 
 
-def _single_finding(certain: list[Unlike], pairs: Correspondences, code: Code) -> Finding:
+def _single_finding(certain: list[Unlike], pairs: Observations, code: Code) -> Finding:
     most = max(certain, key=lambda one: one.size_px)
     return Finding(
         code=code,

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.correspondences import Correspondences, taken
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial
 from cubicfish_cli.geometry import mean_rotation
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray
 
@@ -58,7 +58,7 @@ def plane_in_squares(board: Board, column: IntArray, row: IntArray) -> FloatArra
     return np.asarray(board.plane_points(column, row) / board.square)
 
 
-def measured_object(pairs: Correspondences, target: Target) -> MeasuredObject | None:
+def measured_object(pairs: Observations, target: Target) -> MeasuredObject | None:
     """Measure the object.
 
     Returns:
@@ -97,7 +97,7 @@ def measured_object(pairs: Correspondences, target: Target) -> MeasuredObject | 
     return MeasuredObject(boards=placed, lens=lens) if placed else None
 
 
-def _views(pairs: Correspondences, target: Target) -> Correspondences | None:
+def _views(pairs: Observations, target: Target) -> Observations | None:
     """Each board in each photo as a photo of one flat board, in squares; None without any."""
     world = np.zeros_like(pairs.world)
     usable = np.zeros(len(world), bool)
@@ -116,14 +116,13 @@ def _views(pairs: Correspondences, target: Target) -> Correspondences | None:
         np.stack([pairs.image, pairs.board], axis=1)[usable], axis=0, return_inverse=True
     )
     seen = replace(
-        taken(pairs, usable),
+        pairs.select(usable).with_world(world[usable]),
         images=tuple(f"{photo}:{board}" for photo, board in views),
         image=image.reshape(-1).astype(np.intp),
-        world=world[usable],
         board=np.zeros(len(image), np.intp),
         boards=("board",),
     )
-    return taken(seen, np.argsort(seen.image, kind="stable"))
+    return seen.by_photo()
 
 
 def _relative(

@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.diagnosis.count import grid_boards
 from cubicfish_cli.diagnosis.evidence import GridEvidence
 from cubicfish_cli.fitting.evidence import FailedFit
@@ -18,6 +17,7 @@ from cubicfish_cli.fitting.local_noise import neighbours
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import flatness
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import IntArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
@@ -30,7 +30,7 @@ _SURE_FOCAL = 0.03
 _FLAT = 1e-4
 
 
-def handed(pairs: Correspondences) -> list[Finding]:
+def handed(pairs: Observations) -> list[Finding]:
     """Photos or boards that are seen as in a mirror, though the fit succeeded."""
     sides = seen_sides(pairs)
     some = some_mirrored(sides, pairs)
@@ -41,7 +41,7 @@ def handed(pairs: Correspondences) -> list[Finding]:
     return []
 
 
-def some_mirrored(sides: IntArray, pairs: Correspondences) -> list[Finding]:
+def some_mirrored(sides: IntArray, pairs: Observations) -> list[Finding]:
     """Photos that show boards the other way round than most photos show the same boards."""
     usual = np.sign(sides.sum(axis=0))
     against = (sides * usual < 0).any(axis=1) & ~(sides * usual > 0).any(axis=1)
@@ -58,7 +58,7 @@ def mirrored_photos(evidence: FailedFit) -> list[Finding]:
     return some_mirrored(seen_sides(pairs), pairs)
 
 
-def mirrored_object(pairs: Correspondences) -> list[Finding]:
+def mirrored_object(pairs: Observations) -> list[Finding]:
     """Photos that fit a lens and the object as it is seen in a mirror.
 
     Args:
@@ -102,7 +102,7 @@ def other_colours(evidence: GridEvidence) -> list[Finding]:
     return [told]
 
 
-def seen_sides(pairs: Correspondences) -> IntArray:
+def seen_sides(pairs: Observations) -> IntArray:
     """(photos, boards): 1 where a board is seen from its face, -1 mirrored, 0 where it is unknown.
 
     Boards whose corners have no rows and columns, such as lists of points, are never known.

@@ -15,12 +15,12 @@ from typing import Literal
 import numpy as np
 from scipy.special import fdtrc
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import huber_weight
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.normal_equations import runs_of_photos
 from cubicfish_cli.fitting.poses import Poses, cross_matrix
 from cubicfish_cli.fitting.robust import huber_px
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # What a photo may have of its own: scale, shift x, shift y; and a shift x, y that grows by rows.
@@ -113,7 +113,7 @@ class Unlike:
 
 
 def photo_lenses(
-    lens: FitLens, poses: Poses, pairs: Correspondences, world: FloatArray
+    lens: FitLens, poses: Poses, pairs: Observations, world: FloatArray
 ) -> PhotoLenses:
     """What each photo would have of its own.
 
@@ -142,7 +142,7 @@ def photo_lenses(
 def own_triangles(
     lens: FitLens,
     poses: Poses,
-    pairs: Correspondences,
+    pairs: Observations,
     world: FloatArray,
     more: Callable[[slice, FloatArray, FloatArray], FloatArray],
 ) -> tuple[IntArray, FloatArray]:
@@ -184,7 +184,7 @@ def own_triangles(
 def _linearised(
     lens: FitLens,
     poses: Poses,
-    pairs: Correspondences,
+    pairs: Observations,
     world: FloatArray,
     run: slice,
     more: Callable[[slice, FloatArray, FloatArray], FloatArray],

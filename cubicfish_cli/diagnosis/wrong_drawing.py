@@ -162,7 +162,7 @@ def wrong_drawing_of_failure(evidence: FailedFit) -> list[Finding]:
     for index, real in fault.points.items():
         own = pairs.board == index
         world[own] = real[pairs.row[own] * target.boards[index].columns + pairs.column[own]] / scale
-    corrected = replace(pairs, world=world)
+    corrected = pairs.with_world(world)
     if fault.kind == "mirror":
         pixel = corrected.pixel * [-1, 1] + [pairs.image_size[0] - 1, 0]
         corrected = replace(corrected, pixel=pixel)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.normal_equations import (
@@ -20,6 +19,7 @@ from cubicfish_cli.fitting.normal_equations import (
 from cubicfish_cli.fitting.poses import Poses, cross_matrix
 from cubicfish_cli.fitting.rig_lens import body_of
 from cubicfish_cli.fitting.world import DrawnWorld, World
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray
 
 _MAX_ITERATIONS = 100
@@ -58,7 +58,7 @@ class Adjustment:
     cost: float
     iterations: int
     normal: NormalEquations
-    pairs: Correspondences
+    pairs: Observations
     huber_px: float
     sums: NormalSums | None
 
@@ -91,7 +91,7 @@ class _State:
 def adjust(
     lens: FitLens,
     poses: Poses,
-    pairs: Correspondences,
+    pairs: Observations,
     *,
     huber_px: float,
     world: World | None = None,
@@ -182,7 +182,7 @@ class _Evaluation:
     sums: NormalSums | None
 
 
-def _evaluated(state: _State, pairs: Correspondences, huber_px: float) -> _Evaluation:
+def _evaluated(state: _State, pairs: Observations, huber_px: float) -> _Evaluation:
     """Evaluate a state with its derivatives at once: nearly every step that is tried is taken."""
     lens, world = state.lens, state.world
     sums = NormalSums(len(lens.parameters), len(world.parameters), len(state.poses), world)
@@ -202,7 +202,7 @@ def _evaluated(state: _State, pairs: Correspondences, huber_px: float) -> _Evalu
 
 
 def _known(
-    fit: Adjustment | None, state: _State, pairs: Correspondences, huber_px: float
+    fit: Adjustment | None, state: _State, pairs: Observations, huber_px: float
 ) -> _Evaluation | None:
     """A state that another adjustment ended in; None where its sums are not those of this one."""
     if fit is None or fit.sums is None or fit.poses is not state.poses:
@@ -223,7 +223,7 @@ def _known(
 
 def _with_priors(
     state: _State,
-    pairs: Correspondences,
+    pairs: Observations,
     huber_px: float,
     residual: FloatArray,
     sums: NormalSums,
@@ -239,7 +239,7 @@ def _with_priors(
 
 def _cost(
     residual: FloatArray,
-    pairs: Correspondences,
+    pairs: Observations,
     huber_px: float,
     priors: Sequence[Prior],
     world: World,
@@ -259,7 +259,7 @@ def linearised(
     lens: FitLens,
     poses: Poses,
     world: World,
-    pairs: Correspondences,
+    pairs: Observations,
     run: slice,
     views: Poses | None = None,
 ) -> Linearised:

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import COLD_DAMPING, WARM_DAMPING, adjust
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.geometry import mean_rotation
 from cubicfish_cli.lenses.radial import RadialCamera, project_jacobian
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 
 _BENDS = 5
@@ -242,7 +242,7 @@ def bend(
     camera: RadialCamera,
     terms: int,
     poses: Poses,
-    pairs: Correspondences,
+    pairs: Observations,
     residual: FloatArray,
     spread: float,
     near: Bend | None = None,

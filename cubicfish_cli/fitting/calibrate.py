@@ -9,7 +9,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.cubic_fit import NEAR_DECREASE, CubicResult, Hold, Rival, fit_cubic
 from cubicfish_cli.fitting.departures import Departure, departures
@@ -65,6 +64,7 @@ from cubicfish_cli.formats.calibrated import Calibrated
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.lift import lift
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray
 from cubicfish_cli.words.codes import Code
@@ -158,7 +158,7 @@ class Calibration(Calibrated):
 
     camera: CubicCamera
     poses: Poses
-    pairs: Correspondences
+    pairs: Observations
     residual: FloatArray
     errors: ErrorStatistics
     companion_rms_px: float
@@ -220,7 +220,7 @@ class Calibration(Calibrated):
 
 
 def calibrate(
-    pairs: Correspondences,
+    pairs: Observations,
     *,
     target: Target | None = None,
     refine_target: RefineTarget = "auto",
@@ -256,7 +256,7 @@ def calibrate(
         refine_target = "off"  # corners that may be others say nothing about the object
     # What the user chose freely, the world's origin and the unit of weights, must not matter.
     origin, weight = middle(pairs), pairs.weight.mean()
-    pairs = with_mean_weight_one(replace(pairs, world=pairs.world - origin))
+    pairs = with_mean_weight_one(pairs.with_world(pairs.world - origin))
     given, target = target, target and target.moved(-origin)
     refined = target is not None and (hold_out or refine_target != "auto")
     stages = Stages(progress, refined=refined and refine_target != "off", hold_out=hold_out)
@@ -282,7 +282,7 @@ def calibrate(
 
 
 def _calibrated(
-    pairs: Correspondences,
+    pairs: Observations,
     target: Target | None,
     refine_target: RefineTarget,
     hold_out: bool,
@@ -291,7 +291,7 @@ def _calibrated(
 ) -> Calibration:
     stages.begin("start")
     scale = world_scale(pairs)
-    reference = fit_radial(replace(pairs, world=pairs.world / scale))
+    reference = fit_radial(pairs.with_world(pairs.world / scale))
     stages.begin("cubic")
     fit, dropped = _without_gross(reference)
     fit = _without_noisy(fit)
@@ -303,7 +303,7 @@ def _calibrated(
     stages.begin("checks")
     held_out_by_level = {level: error.rms_px for level, error in held_out.items() if error}
     cubic, reference = fit.cubic, fit.reference
-    used = replace(reference.pairs, world=reference.pairs.world * scale)
+    used = reference.pairs.with_world(reference.pairs.world * scale)
     refined = fit.refined_target(drawing)
     camera = CubicCamera(
         image_size=pairs.image_size,
@@ -479,7 +479,7 @@ def _judged(
     return replace(fit, cubic=replace(cubic, rival=rival)), measured
 
 
-def _refuse_too_little(pairs: Correspondences) -> None:
+def _refuse_too_little(pairs: Observations) -> None:
     if len(pairs.pixel) < MIN_PAIRS:
         raise FitError(
             f"{len(pairs.pixel)} corners are too few: a cubic camera needs at least {MIN_PAIRS} "
@@ -503,7 +503,7 @@ def _refuse_undetermined(reference: RadialReference) -> None:
         )
 
 
-def _dropped(pairs: Correspondences, gross: BoolArray, length: FloatArray) -> list[DroppedCorner]:
+def _dropped(pairs: Observations, gross: BoolArray, length: FloatArray) -> list[DroppedCorner]:
     return [
         DroppedCorner(
             image=pairs.images[pairs.image[index]],

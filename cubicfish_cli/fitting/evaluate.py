@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.held_out import pose_only_residual
 from cubicfish_cli.fitting.known_lens import fit_poses
@@ -15,6 +14,7 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.statistics import ErrorStatistics, error_statistics, photo_records
 from cubicfish_cli.fitting.subset import middle, select, with_mean_weight_one
 from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray
 
 
@@ -33,7 +33,7 @@ class Evaluation:
     """
 
     errors: ErrorStatistics
-    pairs: Correspondences
+    pairs: Observations
     residual: FloatArray
     poses: Poses
     outside: int
@@ -52,7 +52,7 @@ class Evaluation:
         }
 
 
-def evaluate(camera: CubicCamera, pairs: Correspondences) -> Evaluation:
+def evaluate(camera: CubicCamera, pairs: Observations) -> Evaluation:
     """Refit the pose of every photo under a fixed camera and measure what is left.
 
     Raises:
@@ -67,7 +67,7 @@ def evaluate(camera: CubicCamera, pairs: Correspondences) -> Evaluation:
         )
     origin = middle(pairs)
     weight = pairs.weight.mean()
-    pairs = with_mean_weight_one(replace(pairs, world=pairs.world - origin))
+    pairs = with_mean_weight_one(pairs.with_world(pairs.world - origin))
     placed, own, photos = fit_poses(camera.radial, pairs)
     if placed is None:
         raise FitError(

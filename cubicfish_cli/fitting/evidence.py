@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.refinement import Drawing, ObjectFit
 from cubicfish_cli.fitting.subset import select_photos, world_scale
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.finding import Finding
 
@@ -37,7 +37,7 @@ class CornerEvidence(Evidence):
 
     """
 
-    pairs: Correspondences
+    pairs: Observations
     target: Target | None
 
 
@@ -53,10 +53,10 @@ class FailedFit(CornerEvidence):
     fits: bool = False
 
     @cached_property
-    def scaled(self) -> tuple[Correspondences, float]:
+    def scaled(self) -> tuple[Observations, float]:
         """The pairs in a unit in which the object is of order 1, and that in the target's."""
         scale = world_scale(self.pairs)
-        pairs = replace(self.pairs, world=self.pairs.world / scale)
+        pairs = self.pairs.with_world(self.pairs.world / scale)
         return select_photos(pairs, np.arange(len(pairs.images))), scale
 
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.folds import MIN_PHOTOS
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.geometry import inside_polygon
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import BoolArray, FloatArray
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
@@ -66,7 +66,7 @@ def field_cells(
 
 
 def dropped_groups(
-    before: Correspondences, dropped: Sequence[tuple[str, str | None, float]]
+    before: Observations, dropped: Sequence[tuple[str, str | None, float]]
 ) -> list[Finding]:
     """Boards of which a photo lost most corners: no single slips but one cause.
 
@@ -105,7 +105,7 @@ def _group(board: str, lost: Sequence[tuple[str, list[float], int]]) -> Finding:
     )
 
 
-def noisy_photos(pairs: Correspondences, residual: FloatArray) -> dict[int, Finding]:
+def noisy_photos(pairs: Observations, residual: FloatArray) -> dict[int, Finding]:
     """Photos whose corners are much noisier than the others': blurred, moving, badly lit.
 
     Returns:

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import RadialReference
 from cubicfish_cli.fitting.repeats import repeated_groups
 from cubicfish_cli.frame_names import film_and_time
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import IntArray
 
 FOLDS = 5
@@ -25,7 +25,7 @@ def folds_of(reference: RadialReference) -> list[IntArray]:
     return photo_folds(reference.poses, reference.pairs, reference.camera.fx)
 
 
-def photo_folds(poses: Poses, pairs: Correspondences, focal: float) -> list[IntArray]:
+def photo_folds(poses: Poses, pairs: Observations, focal: float) -> list[IntArray]:
     """Indices of the photos that are left out together, fold by fold.
 
     Args:

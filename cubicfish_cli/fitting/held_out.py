@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from scipy.special import stdtr
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.cubic_fit import cubic_of
@@ -26,6 +25,7 @@ from cubicfish_cli.fitting.subset import select, select_photos
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 
 # A step that lowers a fold's cost by less is taken unseen.
@@ -139,7 +139,7 @@ def _fold(
     radial = adjust(
         RadialFit(values=fit.reference.camera.parameters, terms=fit.reference.terms),
         fit.reference.poses[train],
-        replace(training, world=trained.world.points),
+        training.with_world(trained.world.points),
         huber_px=huber_px(fit.reference.residual),
         relative_decrease=_RADIAL_DECREASE,
         damping=WARM_DAMPING,
@@ -153,7 +153,7 @@ def _fold(
     )
     left_out = select_photos(pairs, test)
     if isinstance(world, RefinedWorld) and isinstance(trained.world, RefinedWorld):
-        left_out = replace(left_out, world=world.like(trained.world).points[out])
+        left_out = left_out.with_world(world.like(trained.world).points[out])
     poses = fit.cubic.poses[test]
     _, cubic, seen = pose_only_residual(camera, left_out, poses)
     _, of_radial, _ = pose_only_residual(camera.radial, left_out, poses)
@@ -163,7 +163,7 @@ def _fold(
 def _trained(
     fit: ObjectFit,
     train: IntArray,
-    training: Correspondences,
+    training: Observations,
     world: World,
     step: tuple[FloatArray, FloatArray, FloatArray],
 ) -> Adjustment:
@@ -193,7 +193,7 @@ def _trained(
 
 
 def pose_only_residual(
-    camera: CubicCamera | RadialCamera, pairs: Correspondences, poses: Poses
+    camera: CubicCamera | RadialCamera, pairs: Observations, poses: Poses
 ) -> tuple[Poses, FloatArray, IntArray]:
     """Fit poses with the lens fixed, over the corners that lie in the camera's field.
 

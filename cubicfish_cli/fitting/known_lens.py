@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import Adjustment, adjust
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
@@ -13,13 +12,14 @@ from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.start import candidate_poses
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 
 # While poses are far off, the loss must still feel every corner.
 _WIDE_HUBER_PX = 50.0
 
 
-def place_photos(camera: RadialCamera, pairs: Correspondences) -> tuple[Poses, FloatArray]:
+def place_photos(camera: RadialCamera, pairs: Observations) -> tuple[Poses, FloatArray]:
     """Start poses of all photos under a known radial lens.
 
     Returns:
@@ -49,8 +49,8 @@ def place_photos(camera: RadialCamera, pairs: Correspondences) -> tuple[Poses, F
 
 
 def fit_poses(
-    camera: RadialCamera, pairs: Correspondences
-) -> tuple[Adjustment | None, Correspondences, IntArray]:
+    camera: RadialCamera, pairs: Observations
+) -> tuple[Adjustment | None, Observations, IntArray]:
     """Poses under a known radial lens, refined by Levenberg–Marquardt.
 
     Returns:

@@ -15,7 +15,6 @@ from itertools import pairwise
 import numpy as np
 from scipy.sparse import csr_array
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import Adjustment, huber_weight, linearised, views_of
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.normal_equations import (
@@ -25,6 +24,7 @@ from cubicfish_cli.fitting.normal_equations import (
 )
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.rig_lens import body_of
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 
 # Of the diagonal: what no other photo touches stays where it is.
@@ -113,7 +113,7 @@ class Leaving:
     def __init__(
         self,
         fit: Adjustment,
-        pairs: Correspondences,
+        pairs: Observations,
         huber_px: float,
         groups: Sequence[IntArray],
     ) -> None:
@@ -200,7 +200,7 @@ def _squared(lens: FitLens) -> tuple[FloatArray, FloatArray]:
     return slope.T @ slope, slope.T @ residual
 
 
-def _parts(fit: Adjustment, pairs: Correspondences, limit: float) -> list[_Part]:
+def _parts(fit: Adjustment, pairs: Observations, limit: float) -> list[_Part]:
     """What was seen from each pose; in one place, or one for each camera that saw the shot."""
     body, views = body_of(fit.lens), views_of(fit.lens, fit.poses)
     found: list[list[_Part]] = [[] for _ in range(len(fit.poses))]
@@ -222,7 +222,7 @@ def _joined(some: Sequence[_Part]) -> _Part:
     return _Part(**{name: np.concatenate([getattr(one, name) for one in some]) for name in names})
 
 
-def _run(fit: Adjustment, views: Poses, pairs: Correspondences, limit: float, run: slice) -> _Part:
+def _run(fit: Adjustment, views: Poses, pairs: Observations, limit: float, run: slice) -> _Part:
     terms = linearised(fit.lens, fit.poses, fit.world, pairs, run, views)
     length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
     root = np.sqrt(np.maximum(pairs.weight[run], _SMALLEST_WEIGHT) * huber_weight(length, limit))

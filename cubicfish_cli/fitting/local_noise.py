@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.robust import noise_px
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 
 # Errors of neighbouring corners that go together make a fit so much worse than their noise.
 _BEYOND_NOISE = 1.5
 
 
-def neighbours(pairs: Correspondences) -> tuple[IntArray, IntArray]:
+def neighbours(pairs: Observations) -> tuple[IntArray, IntArray]:
     """(N,) index of the corner in the next column, and in the next row; -1 where it is not seen."""
     width, height = int(pairs.column.max()) + 2, int(pairs.row.max()) + 2
     view = pairs.image * max(len(pairs.boards), 1) + pairs.board
@@ -27,7 +27,7 @@ def neighbours(pairs: Correspondences) -> tuple[IntArray, IntArray]:
     return at(key + 1), at(key + width)
 
 
-def local_noise_px(pairs: Correspondences, residual: FloatArray) -> float:
+def local_noise_px(pairs: Observations, residual: FloatArray) -> float:
     """Standard deviation a coordinate of what is not smooth in residuals (N, 2), pixels.
 
     What a wrong lens, pose or object leaves changes little from corner to corner, noise changes
@@ -46,13 +46,13 @@ def local_noise_px(pairs: Correspondences, residual: FloatArray) -> float:
     return float(np.median(np.hypot(bend[:, 0], bend[:, 1])) / 1.17741 / np.sqrt(6))
 
 
-def times_noise(pairs: Correspondences, residual: FloatArray) -> float | None:
+def times_noise(pairs: Observations, residual: FloatArray) -> float | None:
     """How many times the corners' own noise residuals (N, 2) are; None where it is not known."""
     noise = local_noise_px(pairs, residual)
     return noise_px(residual) / noise if noise else None
 
 
-def within_noise(pairs: Correspondences, residual: FloatArray) -> bool:
+def within_noise(pairs: Observations, residual: FloatArray) -> bool:
     """Whether residuals (N, 2) are no larger than the corners' own noise explains."""
     times = times_noise(pairs, residual)
     return times is not None and times < _BEYOND_NOISE

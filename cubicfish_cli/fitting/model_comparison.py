@@ -10,7 +10,6 @@ from typing import Any, TypeVar
 import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import Adjustment, adjust
 from cubicfish_cli.fitting.calibrate import Calibration
@@ -29,6 +28,7 @@ from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.lenses.nearest import nearest_lens
 from cubicfish_cli.lenses.registry import LENSES
 from cubicfish_cli.lenses.sphere import cone_rays, usable_angle_deg
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
 
@@ -76,7 +76,7 @@ class _Fold:
     """Photos to learn from, and corners of the others to be judged on."""
 
     reference: RadialReference
-    left_out: Correspondences
+    left_out: Observations
     poses: Poses
 
 
@@ -108,7 +108,7 @@ def compare_models(
     hold: Hold | None = calibration.hold
     if drawn is not None and calibration.refined != "off":
         world = drawn.world_points(pairs.board, pairs.column, pairs.row)
-        pairs, hold = replace(pairs, world=world), None
+        pairs, hold = pairs.with_world(world), None
     reference = _reference(calibration, pairs)
     # The choice of how P is held is part of the cubic's time.
     begun = time.perf_counter()
@@ -132,10 +132,10 @@ def compare_models(
     return rows
 
 
-def _reference(calibration: Calibration, pairs: Correspondences) -> RadialReference:
+def _reference(calibration: Calibration, pairs: Observations) -> RadialReference:
     """The reference of the corners that were used, adjusted to just these."""
     scale = world_scale(pairs)
-    pairs = replace(pairs, world=pairs.world / scale)
+    pairs = pairs.with_world(pairs.world / scale)
     poses = Poses(
         rotation=calibration.poses.rotation, translation=calibration.poses.translation / scale
     )
@@ -207,7 +207,7 @@ def _held_out(fit: _Fit, folds: Sequence[_Fold]) -> float | None:
     return rms_px(np.vstack(residuals)) if residuals else None
 
 
-def _adjusted(lens: FitLens, poses: Poses, pairs: Correspondences, limit: float) -> Adjustment:
+def _adjusted(lens: FitLens, poses: Poses, pairs: Observations, limit: float) -> Adjustment:
     """Adjust with a loss that then follows the residuals."""
     fit = adjust(lens, poses, pairs, huber_px=limit)
     return adjust(fit.lens, fit.poses, pairs, huber_px=huber_px(fit.residual))

@@ -14,7 +14,6 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial import ConvexHull
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.folds import photo_folds
 from cubicfish_cli.fitting.known_lens import fit_poses
@@ -31,6 +30,7 @@ from cubicfish_cli.fitting.statistics import (
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
 from cubicfish_cli.lenses.lift import lift
 from cubicfish_cli.lenses.point_cubic import PointCamera
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.finding import Finding
 
@@ -86,7 +86,7 @@ class PointCalibration:
     """
 
     camera: PointCamera
-    pairs: Correspondences
+    pairs: Observations
     poses: Poses | None
     residual: FloatArray
     errors: ErrorStatistics
@@ -125,7 +125,7 @@ class PointCalibration:
         return [{"image": names[0], **self.errors.as_record()}]
 
 
-def calibrate_points(pairs: Correspondences, *, hold_out: bool = True) -> PointCalibration:
+def calibrate_points(pairs: Observations, *, hold_out: bool = True) -> PointCalibration:
     """Fit the ``point`` lift to 2D-3D pairs.
 
     Args:
@@ -164,7 +164,7 @@ def calibrate_points(pairs: Correspondences, *, hold_out: bool = True) -> PointC
     )
 
 
-def _held_out(pairs: Correspondences, poses: Poses | None) -> float | None:
+def _held_out(pairs: Observations, poses: Poses | None) -> float | None:
     """RMS over the corners of photos left out of the fit, in folds as the ``ray`` lift's."""
     if poses is None:
         return None
@@ -177,10 +177,10 @@ def _held_out(pairs: Correspondences, poses: Poses | None) -> float | None:
         scale = world_scale(train)
         try:
             camera = calibrate_points(train, hold_out=False).camera
-            reference = fit_radial(replace(train, world=train.world / scale))
+            reference = fit_radial(train.with_world(train.world / scale))
         except FitError:
             return None
-        placed, own, _ = fit_poses(reference.camera, replace(test, world=test.world / scale))
+        placed, own, _ = fit_poses(reference.camera, test.with_world(test.world / scale))
         if placed is None:
             return None
         points = placed.poses.apply(own.image, own.world) * scale
@@ -192,19 +192,19 @@ def _held_out(pairs: Correspondences, poses: Poses | None) -> float | None:
     return rms_px(residual[np.isfinite(residual[:, 0])])
 
 
-def _placed(pairs: Correspondences) -> tuple[Correspondences, Poses, dict[str, Finding]]:
+def _placed(pairs: Observations) -> tuple[Observations, Poses, dict[str, Finding]]:
     """The pairs that fit a radial lens, the poses that it gives, and the photos that do not."""
     scale = world_scale(pairs)
-    reference = fit_radial(replace(pairs, world=pairs.world / scale))
+    reference = fit_radial(pairs.with_world(pairs.world / scale))
     near = np.hypot(*reference.residual.T) <= gross_px(reference.residual)
     kept, photos = select(reference.pairs, near)
     reference = refit_radial(reference, kept, reference.poses[photos])
-    used = replace(reference.pairs, world=reference.pairs.world * scale)
+    used = reference.pairs.with_world(reference.pairs.world * scale)
     return used, reference.poses.scaled(scale), reference.unfit
 
 
 def _fit(
-    pairs: Correspondences, poses: Poses | None
+    pairs: Observations, poses: Poses | None
 ) -> tuple[PointCamera, tuple[float, float], FloatArray]:
     """The camera, the RMS of both linear solutions, and the residual (N, 2), pixels."""
     points = pairs.world if poses is None else poses.apply(pairs.image, pairs.world)

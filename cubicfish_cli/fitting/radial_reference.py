@@ -9,7 +9,6 @@ from itertools import islice
 import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import COLD_DAMPING, WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.asymmetric import Bend, BentFit, bend, bend_between
@@ -20,6 +19,7 @@ from cubicfish_cli.fitting.robust import gross_px, huber_px, noise_px
 from cubicfish_cli.fitting.start import start_at_centre
 from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
@@ -73,7 +73,7 @@ class RadialReference:
 
     camera: RadialCamera
     poses: Poses
-    pairs: Correspondences
+    pairs: Observations
     residual: FloatArray
     unfit: dict[str, Finding]
     terms: int
@@ -83,7 +83,7 @@ class RadialReference:
 
     def followed(self, world: FloatArray) -> RadialReference:
         """The same lens, and what it is bent to, for world points (N, 3) that moved a little on."""
-        follower = replace(self, pairs=replace(self.pairs, world=world))
+        follower = replace(self, pairs=self.pairs.with_world(world))
         follower._bent.update(self._bent)
         return follower
 
@@ -119,7 +119,7 @@ class RadialReference:
         return float(good.min()), float(good.max())
 
 
-def fit_radial(pairs: Correspondences, *, thorough: bool = True) -> RadialReference:
+def fit_radial(pairs: Observations, *, thorough: bool = True) -> RadialReference:
     """Fit a Kannala–Brandt lens and the pose of every photo, without any guess.
 
     Photos that do not fit the lens of the others are tried again with the lens that the others
@@ -174,7 +174,7 @@ def fit_radial(pairs: Correspondences, *, thorough: bool = True) -> RadialRefere
 
 def radial_near(
     camera: RadialCamera,
-    pairs: Correspondences,
+    pairs: Observations,
     poses: Poses,
     *,
     terms: int = _ALL_TERMS,
@@ -203,9 +203,7 @@ def radial_near(
     return refit_radial(near, pairs, poses)
 
 
-def refit_radial(
-    reference: RadialReference, pairs: Correspondences, poses: Poses
-) -> RadialReference:
+def refit_radial(reference: RadialReference, pairs: Observations, poses: Poses) -> RadialReference:
     """Adjust a reference to other pairs of the same lens, from known poses.
 
     Used for pairs without the dropped ones and for the training part of a fold.
@@ -233,7 +231,7 @@ def _does_not_fit(error: float) -> FitError:
     )
 
 
-def _first_fit(pairs: Correspondences, thorough: bool) -> tuple[Adjustment, IntArray]:
+def _first_fit(pairs: Observations, thorough: bool) -> tuple[Adjustment, IntArray]:
     poor = _POOR_SHARE * max(pairs.image_size)
     best: tuple[float, Adjustment, IntArray] | None = None
     for centre in islice(_centres(pairs), None if thorough else 1):
@@ -255,7 +253,7 @@ def _first_fit(pairs: Correspondences, thorough: bool) -> tuple[Adjustment, IntA
     return best[1], best[2]
 
 
-def _centres(pairs: Correspondences) -> Iterator[FloatArray]:
+def _centres(pairs: Observations) -> Iterator[FloatArray]:
     """The middle of the photo, and only if that does not serve the best-ranked others."""
     size = np.array(pairs.image_size, float)
     middle = (size - 1) / 2
@@ -273,9 +271,7 @@ def _centres(pairs: Correspondences) -> Iterator[FloatArray]:
         yield centres[index]
 
 
-def _fit_from_centre(
-    pairs: Correspondences, centre: FloatArray
-) -> tuple[Adjustment, IntArray] | None:
+def _fit_from_centre(pairs: Observations, centre: FloatArray) -> tuple[Adjustment, IntArray] | None:
     start = start_at_centre(pairs, centre)
     placed = np.isfinite(start.error)
     if not placed.any():
@@ -298,14 +294,14 @@ def _fit_from_centre(
     return _adjusted(_with_terms(fit, own, _ALL_TERMS), own), used
 
 
-def _with_terms(fit: Adjustment, pairs: Correspondences, terms: int) -> Adjustment:
+def _with_terms(fit: Adjustment, pairs: Observations, terms: int) -> Adjustment:
     values = radial_of(fit).values.copy()
     values[4 + terms :] = 0
     lens = RadialFit(values=values, terms=terms)
     return adjust(lens, fit.poses, pairs, huber_px=huber_px(fit.residual))
 
 
-def _adjusted(fit: Adjustment, pairs: Correspondences) -> Adjustment:
+def _adjusted(fit: Adjustment, pairs: Observations) -> Adjustment:
     """Continue with a loss that follows the residuals down to the noise."""
     for damping in (COLD_DAMPING, WARM_DAMPING):
         limit = huber_px(fit.residual)
@@ -320,12 +316,12 @@ def radial_of(fit: Adjustment) -> RadialFit:
     return fit.lens
 
 
-def _camera(fit: Adjustment, pairs: Correspondences) -> RadialCamera:
+def _camera(fit: Adjustment, pairs: Observations) -> RadialCamera:
     return RadialCamera.from_parameters(radial_of(fit).values, pairs.image_size)
 
 
 def _with_missing(
-    fit: Adjustment, used: IntArray, pairs: Correspondences, missing: IntArray
+    fit: Adjustment, used: IntArray, pairs: Observations, missing: IntArray
 ) -> tuple[Adjustment, IntArray, dict[int, Finding]]:
     """Add the photos that the start set aside, placed with the lens that the others gave.
 
@@ -355,7 +351,7 @@ def _with_missing(
 
 
 def _joined(
-    fit: Adjustment, used: IntArray, pairs: Correspondences, poses: Poses, photos: IntArray
+    fit: Adjustment, used: IntArray, pairs: Observations, poses: Poses, photos: IntArray
 ) -> tuple[Adjustment, IntArray]:
     """A fit to photos that are used already and to others, whose poses are known roughly."""
     everyone = np.concatenate([used, photos])
@@ -365,7 +361,7 @@ def _joined(
     return adjust(fit.lens, poses, select_photos(pairs, everyone), huber_px=limit), everyone
 
 
-def _bad_photos(fit: Adjustment, pairs: Correspondences, limit: float) -> dict[int, Finding]:
+def _bad_photos(fit: Adjustment, pairs: Observations, limit: float) -> dict[int, Finding]:
     """Photos of which most corners are off by more than a limit in pixels, with the reason."""
     length = np.hypot(fit.residual[:, 0], fit.residual[:, 1])
     bad = {}
@@ -377,7 +373,7 @@ def _bad_photos(fit: Adjustment, pairs: Correspondences, limit: float) -> dict[i
     return bad
 
 
-def _sound_profile(fit: Adjustment, pairs: Correspondences) -> tuple[Adjustment, int]:
+def _sound_profile(fit: Adjustment, pairs: Observations) -> tuple[Adjustment, int]:
     """Take coefficients away until the profile grows over the whole valid cone.
 
     A lens that really flattens out just beyond its corners (an orthographic fisheye does) fits

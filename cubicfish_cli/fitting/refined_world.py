@@ -14,8 +14,8 @@ import numpy as np
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.boards.shape import BoardShape
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.poses import cross_matrix, rotation_from_vector
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray
 
@@ -85,7 +85,7 @@ class RefinedWorld:
     @classmethod
     def drawn(
         cls,
-        pairs: Correspondences,
+        pairs: Observations,
         target: Target,
         *,
         noise: float,
@@ -243,7 +243,7 @@ class RefinedWorld:
         mean[stretches] = self.noise / (_SCALE_SPREAD * len(stretches))
         return np.append(residual, mean @ self.parameters), np.vstack([jacobian, mean])
 
-    def refined_target(self, target: Target, pairs: Correspondences, *, scale: float) -> Target:
+    def refined_target(self, target: Target, pairs: Observations, *, scale: float) -> Target:
         """The target with these shapes, places and offsets, in its own units."""
         return target.with_boards(
             {
@@ -253,7 +253,7 @@ class RefinedWorld:
         )
 
     def _refined_board(
-        self, board: Board, part: BoardPart, pairs: Correspondences, scale: float
+        self, board: Board, part: BoardPart, pairs: Observations, scale: float
     ) -> Board:
         place = self.parameters[part.place]
         if not len(place):
@@ -289,7 +289,7 @@ class RefinedWorld:
 
 
 def _part(
-    pairs: Correspondences, board: Board, index: int, scale: float, first: int, still: bool
+    pairs: Observations, board: Board, index: int, scale: float, first: int, still: bool
 ) -> BoardPart:
     own = np.flatnonzero(pairs.board == index)
     if board.points is None:

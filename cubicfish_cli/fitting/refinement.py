@@ -10,7 +10,6 @@ from typing import Literal
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.cubic_fit import NEAR_DECREASE, CubicResult, cubic_of, fit_cubic
 from cubicfish_cli.fitting.hold import choose_hold
@@ -19,6 +18,7 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import RadialReference, refit_radial
 from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.robust import huber_px, noise_px
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray
 
@@ -47,10 +47,10 @@ class Drawing:
     """
 
     target: Target | None
-    pairs: Correspondences
+    pairs: Observations
     scale: float
 
-    def of(self, pairs: Correspondences) -> Drawing:
+    def of(self, pairs: Observations) -> Drawing:
         """The same object for some of the pairs."""
         return replace(self, pairs=pairs)
 
@@ -135,9 +135,7 @@ def free_world(drawing: Drawing, *, noise: float, offset_spread: float | None) -
     )
 
 
-def _adjusted(
-    lens: CubicFit, poses: Poses, pairs: Correspondences, world: RefinedWorld
-) -> Adjustment:
+def _adjusted(lens: CubicFit, poses: Poses, pairs: Observations, world: RefinedWorld) -> Adjustment:
     """A first adjustment of the object, rough: the reference and all at once come after it."""
     # As drawn, residuals are too large to set the loss's scale by.
     return adjust(
@@ -151,7 +149,7 @@ def _adjusted(
 
 
 def _continued(
-    fit: Adjustment, pairs: Correspondences, world: RefinedWorld | None = None
+    fit: Adjustment, pairs: Observations, world: RefinedWorld | None = None
 ) -> Adjustment:
     return adjust(
         fit.lens,
@@ -166,7 +164,7 @@ def _continued(
 
 
 def settled_spread(
-    fit: Adjustment, pairs: Correspondences, spread: float | None
+    fit: Adjustment, pairs: Observations, spread: float | None
 ) -> tuple[Adjustment, float | None]:
     """Let the spreads of shapes, places and offsets follow the data: the pulls to the drawing.
 
@@ -229,7 +227,7 @@ def _joint(
 ) -> ObjectFit:
     """With the object near its place: the reference anew, how P is held, then all at once."""
     world = _refined(adjusted)
-    pairs = replace(drawing.pairs, world=world.points)
+    pairs = drawing.pairs.with_world(world.points)
     reference = refit_radial(fit.reference, pairs, adjusted.poses)
     world = world.with_noise(noise_px(adjusted.residual), spread)
     near = replace(

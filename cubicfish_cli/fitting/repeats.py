@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import KDTree
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 
 # Photos in which the object lies within this share of the longer side of the same place are one:
@@ -17,7 +17,7 @@ NEAR_SHARE = 0.05
 
 
 def repeated_groups(
-    poses: Poses, pairs: Correspondences, focal: float, share: float = SAME_SHARE
+    poses: Poses, pairs: Observations, focal: float, share: float = SAME_SHARE
 ) -> IntArray:
     """(photos,) which photos are one: numbers from 0, in the order in which they first appear.
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_pose import RadialPose, depth_shift, radial_poses
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray
 
 # Angles from the axis that the farthest corner may have, in the scan of focal lengths.
@@ -48,7 +48,7 @@ class _Photo:
     candidates: list[RadialPose]
 
 
-def start_at_centre(pairs: Correspondences, centre: FloatArray) -> Start:
+def start_at_centre(pairs: Observations, centre: FloatArray) -> Start:
     """Scan focal lengths of an equidistant lens r = fθ about ``centre``: (2,) pixels.
 
     Every photo is placed by the linear radial equations, then its depth follows from the focal
@@ -84,7 +84,7 @@ def start_at_centre(pairs: Correspondences, centre: FloatArray) -> Start:
     )
 
 
-def _photo(pairs: Correspondences, image: int, centre: FloatArray) -> _Photo:
+def _photo(pairs: Observations, image: int, centre: FloatArray) -> _Photo:
     own = pairs.image == image
     world, offset = pairs.world[own], pairs.pixel[own] - centre
     return _Photo(

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.special import stdtr
 
 from cubicfish_cli.assess.records import recorded_mappings
-from cubicfish_cli.correspondences import MAX_COORDINATE
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.observations import MAX_COORDINATE
 from cubicfish_cli.types import FloatArray, IntArray
 
 _FEWEST_TO_COMPARE = 2

@@ -6,44 +6,31 @@ from dataclasses import replace
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 
-def select(pairs: Correspondences, keep: BoolArray) -> tuple[Correspondences, IntArray]:
+def select(pairs: Observations, keep: BoolArray) -> tuple[Observations, IntArray]:
     """The pairs where ``keep`` (N,) is true, photos without any left out.
 
     Returns:
         The pairs, and for each of their photos its index in ``pairs.images``.
 
     """
-    photos, image = np.unique(pairs.image[keep], return_inverse=True)
-    chosen = replace(
-        pairs,
-        images=tuple(pairs.images[photo] for photo in photos),
-        image=image.astype(np.intp),
-        world=pairs.world[keep],
-        pixel=pairs.pixel[keep],
-        weight=pairs.weight[keep],
-        board=pairs.board[keep],
-        column=pairs.column[keep],
-        row=pairs.row[keep],
-        certain=pairs.certain[keep],
-    )
-    return chosen, photos.astype(np.intp)
+    return pairs.select(keep).only_seen()
 
 
-def select_photos(pairs: Correspondences, photos: IntArray) -> Correspondences:
+def select_photos(pairs: Observations, photos: IntArray) -> Observations:
     """The pairs of the photos with these indices."""
     return select(pairs, np.isin(pairs.image, photos))[0]
 
 
-def world_scale(pairs: Correspondences) -> float:
+def world_scale(pairs: Observations) -> float:
     """Typical distance of the world points from their middle, in the target's units."""
     return float(np.sqrt(np.mean(np.var(pairs.world, axis=0).sum()))) or 1.0
 
 
-def middle(pairs: Correspondences) -> FloatArray:
+def middle(pairs: Observations) -> FloatArray:
     """Middle of the world points (3,): where a fit has its origin, wherever the user's is.
 
     Surveyors count from an origin that may be a million times farther away than the object is
@@ -53,7 +40,7 @@ def middle(pairs: Correspondences) -> FloatArray:
     return np.asarray(pairs.world.mean(axis=0))
 
 
-def with_mean_weight_one(pairs: Correspondences) -> Correspondences:
+def with_mean_weight_one(pairs: Observations) -> Observations:
     """The same pairs with weights whose mean is 1: they are relative, so their unit is nothing.
 
     Before the fit, and once for all photos: a factor on all weights would pass for less noise.

@@ -11,7 +11,6 @@ from typing import Protocol
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.detection.glance import glance_at_grids, glance_at_markers
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.detection.markers import MarkedCorners
@@ -19,6 +18,7 @@ from cubicfish_cli.errors import PhotoError
 from cubicfish_cli.executors.pool import map_photos, workers_for
 from cubicfish_cli.identification.marked import marked_corners
 from cubicfish_cli.identification.name_grids import name_grids
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.target import Target
 
@@ -70,7 +70,7 @@ def named_at_a_glance(
     targets: Sequence[Target],
     size: tuple[int, int],
     names: Sequence[str],
-) -> Corners:
+) -> Observations:
     """Named corners of what was seen, of the target that explains most.
 
     Args:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.known_lens import fit_poses
@@ -23,6 +22,7 @@ from cubicfish_cli.identification.moments import grid_moments
 from cubicfish_cli.identification.placement import Reach
 from cubicfish_cli.identification.search import GridView
 from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 
 # RMS, as a share of the distance of neighbouring corners, from which a grid is no plane of
@@ -42,7 +42,7 @@ def _gate_px(grid: Grid, steps: float) -> float:
     return max(_SMALLEST_GATE_PX, steps * grid.step)
 
 
-def anonymous_pairs(grids: Sequence[Grid], image_size: tuple[int, int]) -> Correspondences:
+def anonymous_pairs(grids: Sequence[Grid], image_size: tuple[int, int]) -> Observations:
     """Each grid as a photo of its own plane, in squares: corner (i, j) is at (i, j, 0).
 
     Of very many corners only some of each grid are taken, spread over it.
@@ -63,21 +63,16 @@ def on_plane(grid: Grid) -> FloatArray:
 
 def pairs_of_parts(
     world: Sequence[FloatArray], pixel: Sequence[FloatArray], image_size: tuple[int, int]
-) -> Correspondences:
+) -> Observations:
     """Pairs without names, each part a photo: (N, 3) points and (N, 2) pixels each."""
     counts = [len(one) for one in pixel]
-    total = sum(counts)
-    return Correspondences(
+    return Observations.without_names(
         image_size=image_size,
         images=tuple(str(index) for index in range(len(counts))),
-        boards=(),
         image=np.repeat(np.arange(len(counts)), counts),
         world=np.concatenate(world),
         pixel=np.concatenate(pixel),
-        weight=np.ones(total),
-        board=np.full(total, -1, np.intp),
-        column=np.arange(total),
-        row=np.zeros(total, np.intp),
+        column=np.arange(sum(counts)),
     )
 
 
@@ -158,7 +153,7 @@ def view_of(camera: RadialCamera, grid: Grid, pose: GridPose, reach: Reach) -> G
     )
 
 
-def _rms(residual: FloatArray, pairs: Correspondences) -> FloatArray:
+def _rms(residual: FloatArray, pairs: Observations) -> FloatArray:
     squares = np.bincount(pairs.image, weights=np.square(residual).sum(axis=1))
     rms: FloatArray = np.sqrt(squares / np.bincount(pairs.image))
     return rms

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import BoolArray
 
 FEWEST_CORNERS = 12
@@ -78,7 +78,7 @@ class Identified:
 
     """
 
-    corners: Corners
+    corners: Observations
     found: tuple[tuple[Grid, ...], ...]
     grids: tuple[tuple[GridReport, ...], ...]
     lens: RadialCamera | None

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Corners, in_order
 from cubicfish_cli.detection.markers import MarkedCorners
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 
 
@@ -20,7 +20,7 @@ def marked_corners(
     target: Target,
     image_size: tuple[int, int],
     images: Sequence[str],
-) -> Corners:
+) -> Observations:
     """What markers named in each of the photos, as one table sorted by photo.
 
     Args:
@@ -36,16 +36,17 @@ def marked_corners(
         for name in ("board", "column", "row")
     )
     pixel = np.concatenate([one.pixel for one in marked])
-    corners = Corners(
-        image_size=image_size,
-        images=tuple(images),
-        boards=target.board_names,
-        image=image,
-        board=board,
-        column=column,
-        row=row,
-        pixel=pixel,
-        weight=np.ones(len(pixel)),
-        target=target,
+    return (
+        Observations(
+            image_size=image_size,
+            images=tuple(images),
+            boards=target.board_names,
+            image=image,
+            board=board,
+            column=column,
+            row=row,
+            pixel=pixel,
+        )
+        .with_target(target)
+        .in_order()
     )
-    return in_order(corners)

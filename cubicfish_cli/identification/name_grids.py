@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Corners, in_order
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.identification.as_built import decided_as_built
 from cubicfish_cli.identification.decide import Decided, Decision, rim_in_doubt
@@ -18,6 +17,7 @@ from cubicfish_cli.identification.placement import Placement, reach_of
 from cubicfish_cli.identification.scene import Decisions, Scene, spread
 from cubicfish_cli.identification.strays import solid, solid_size
 from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray
 
@@ -218,7 +218,7 @@ def _identified(
         reports.append(tuple(known[index] for index in sorted(known)))
     counts = [len(pixel) for *_, pixel in rows]
     cells = np.concatenate([np.empty((0, 2), np.intp), *(row[2] for row in rows)])
-    corners = Corners(
+    corners = Observations(
         image_size=scene.image_size,
         images=images,
         boards=scene.target.board_names,
@@ -227,12 +227,10 @@ def _identified(
         column=cells[:, 0],
         row=cells[:, 1],
         pixel=np.concatenate([np.empty((0, 2)), *(row[3] for row in rows)]),
-        weight=np.ones(len(cells)),
         certain=np.repeat(exact[np.array([row[0] for row in rows], np.intp)], counts),
-        target=scene.target,
     )
     return Identified(
-        corners=in_order(corners),
+        corners=corners.with_target(scene.target).in_order(),
         found=tuple(tuple(scene.grids[index] for index in sorted(own)) for own in scene.photos),
         grids=tuple(reports),
         lens=scene.camera,

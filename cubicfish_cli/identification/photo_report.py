@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.identification.identified import GridReport
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.words.finding import Finding
 
 
@@ -72,7 +72,7 @@ class Detection:
 
     """
 
-    corners: Corners
+    corners: Observations
     photos: tuple[PhotoReport, ...]
     findings: tuple[Finding, ...] = ()
     other_colours: bool = False

@@ -13,7 +13,6 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.correspondences import Corners, in_order, pair, stacked, taken
 from cubicfish_cli.detection.refine import refine_corners
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.executors.executor import Executor
@@ -22,6 +21,7 @@ from cubicfish_cli.fitting.calibrate import Calibration, calibrate
 from cubicfish_cli.fitting.robust import gross_px
 from cubicfish_cli.identification.photo_report import Detection, PhotoReport
 from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
@@ -52,7 +52,7 @@ class _Prediction:
     """
 
     photo: Photo
-    corners: Corners
+    corners: Observations
     step: FloatArray
     bend: FloatArray
     sign: IntArray
@@ -95,7 +95,7 @@ def second_pass(
         return detection
     try:
         fit = calibrate(
-            pair(detection.corners, target),
+            detection.corners,
             target=target,
             refine_target="off",
             hold_out=False,
@@ -127,7 +127,7 @@ def _predicted(
     board, column, row, pixel, step, bend, sign = (
         np.concatenate([part[field] for part in parts]) for field in range(7)
     )
-    predicted = Corners(
+    predicted = Observations(
         image_size=corners.image_size,
         images=(photo.name,),
         boards=corners.boards,
@@ -136,21 +136,19 @@ def _predicted(
         column=column,
         row=row,
         pixel=pixel,
-        weight=np.ones(len(board)),
-    )
-    known = taken(corners, corners.image == corners.images.index(photo.name))
+    ).with_target(target)
     return _Prediction(
         photo=photo,
         corners=predicted,
         step=step,
         bend=bend,
         sign=-sign if detection.other_colours else sign,
-        known=np.isin(_places(predicted), _places(known)),
+        known=np.isin(_places(predicted), _places(corners.of(photo.name))),
         limit_px=gross_px(fit.residual),
     )
 
 
-def _places(corners: Corners) -> IntArray:
+def _places(corners: Observations) -> IntArray:
     """(N,) one number for each place on the target."""
     return np.asarray((corners.board * _MOST_COUNT + corners.row) * _MOST_COUNT + corners.column)
 
@@ -201,7 +199,7 @@ def _of_board(
     )
 
 
-def _look(prediction: _Prediction) -> Corners:
+def _look(prediction: _Prediction) -> Observations:
     """The unknown corners that the photo shows."""
     picture, predicted = prediction.photo.read_grey(), prediction.corners.pixel
     # Known corners take part: a corner is judged by those around it.
@@ -212,16 +210,16 @@ def _look(prediction: _Prediction) -> Corners:
     moved = np.hypot(*(pixel - predicted).T)
     ok &= moved < np.minimum(prediction.limit_px, _FARTHEST_SHARE * side)
     shown = replace(prediction.corners, pixel=settled(pixel))
-    return taken(shown, ok & ~prediction.known)
+    return shown.select(ok & ~prediction.known)
 
 
-def _with_added(detection: Detection, found: Sequence[Corners]) -> Detection:
+def _with_added(detection: Detection, found: Sequence[Observations]) -> Detection:
     corners = detection.corners
     added = {new.images[0]: len(new.image) for new in found}
     numbers = (corners.images.index(name) for name in added)
     parts = [replace(new, image=new.image + n) for new, n in zip(found, numbers, strict=True)]
     # Only photos whose names are certain are looked at again.
-    joint = in_order(stacked([corners, *parts]))
+    joint = Observations.stacked([corners, *parts]).in_order()
     return replace(
         detection,
         corners=joint,
@@ -231,7 +229,7 @@ def _with_added(detection: Detection, found: Sequence[Corners]) -> Detection:
     )
 
 
-def _with_counts(report: PhotoReport, corners: Corners, added: int) -> PhotoReport:
+def _with_counts(report: PhotoReport, corners: Observations, added: int) -> PhotoReport:
     if not added:
         return report
     own = corners.image == corners.images.index(report.name)

@@ -8,9 +8,8 @@ from typing import get_args
 import numpy.typing as npt
 
 from cubicfish_cli.assess.verdict import Verdict
-from cubicfish_cli.correspondences import Corners, Correspondences
 from cubicfish_cli.diagnosis.diagnose import find_faults
-from cubicfish_cli.errors import FitError
+from cubicfish_cli.errors import CorrespondenceError, FitError
 from cubicfish_cli.fitting import calibrate as fitting
 from cubicfish_cli.fitting import evaluate as evaluation
 from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
@@ -19,14 +18,31 @@ from cubicfish_cli.fitting.stages import Progress
 from cubicfish_cli.formats.calibrated import Calibrated
 from cubicfish_cli.identification.photo_report import Detection
 from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.library.pairs import pairs_of, target_of
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import did_you_mean, quoted
 
 
+def observed(given: Observations | Detection, target: Target | None) -> Observations:
+    """What a caller may fit a camera to, checked, with world points: of ``target``, if given.
+
+    Raises:
+        CorrespondenceError: corners come without their target, do not fit it, or hold arrays
+            that cannot be; one line that says which.
+
+    """
+    seen = given.corners if isinstance(given, Detection) else given
+    if not isinstance(seen, Observations):
+        raise CorrespondenceError(
+            f"{type(seen).__name__} is neither Observations nor a Detection: "
+            "Observations.from_points makes them of arrays"
+        )
+    return seen.checked(target)
+
+
 def calibrate(
-    corners: Correspondences | Corners | Detection,
+    corners: Observations | Detection,
     target: Target | None = None,
     *,
     refine_target: RefineTarget = "auto",
@@ -63,12 +79,11 @@ def calibrate(
             f"refine_target {quoted(refine_target)} is not known: "
             f"{did_you_mean(str(refine_target), get_args(RefineTarget))}"
         )
-    target = target_of(corners, target)
-    pairs = pairs_of(corners, target)
+    pairs = observed(corners, target)
     known = corners.findings if isinstance(corners, Detection) else ()
     return fitting.calibrate(
         pairs,
-        target=target,
+        target=pairs.target,
         refine_target=refine_target,
         hold_out=hold_out,
         diagnose=partial(find_faults, known=known),
@@ -78,7 +93,7 @@ def calibrate(
 
 def evaluate(
     camera: CubicCamera,
-    corners: Correspondences | Corners | Detection,
+    corners: Observations | Detection,
     target: Target | None = None,
 ) -> Evaluation:
     """Measure a camera on other photos: their poses are fitted, the camera stays as it is.
@@ -94,7 +109,7 @@ def evaluate(
             or no corner lies in the camera's field.
 
     """
-    return evaluation.evaluate(camera, pairs_of(corners, target))
+    return evaluation.evaluate(camera, observed(corners, target))
 
 
 def judge(calibrated: Calibrated) -> Verdict:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.assess.camera_facts import camera_facts
-from cubicfish_cli.correspondences import Corners, save_corners
+from cubicfish_cli.corner_files.observations_csv import save_corners
 from cubicfish_cli.errors import OutputError
 from cubicfish_cli.files import Content, refuse_existing, write_files
 from cubicfish_cli.fitting.calibrate import Calibration
@@ -18,6 +18,7 @@ from cubicfish_cli.fitting.point_fit import PointCalibration
 from cubicfish_cli.formats.camera_writer import camera_text
 from cubicfish_cli.formats.target_yaml import target_text
 from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import MAX_PIXELS
 from cubicfish_cli.undistortion.maps import build_map, save_map
 from cubicfish_cli.undistortion.views import default_view
@@ -105,7 +106,7 @@ class CalibrationFolder:
 def contents_of(
     fitted: Calibration | PointCalibration,
     made_by: Mapping[str, Any],
-    corners: Corners | None = None,
+    corners: Observations | None = None,
     drawn: str | None = None,
 ) -> dict[str, Content | None]:
     """What :meth:`CalibrationFolder.write` takes of a fit of either lift, but for the report.

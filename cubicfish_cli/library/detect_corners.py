@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.detection.grid_cache import GridCache
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.detection.look import Look, look_at, refused
@@ -108,7 +107,7 @@ def detect_corners(
         boards = tuple(corners.boards[one] for one in np.unique(board))
         reports[index] = replace(part, boards=boards, corners=len(board))
     return Detection(
-        corners=_only_seen(corners),
+        corners=corners.only_seen()[0],
         photos=tuple(reports),
         findings=tuple(findings),
         other_colours=other_colours,
@@ -179,16 +178,6 @@ def _by_markers(look: Look, name: str, target: Target) -> PhotoReport:
         refusal=look.refusal,
         remarks=tuple(twice(boards=(board,)) for board in boards),
         found=replace(_grids(look), grids=()),
-    )
-
-
-def _only_seen(corners: Corners) -> Corners:
-    """The same corners, without the photos that have none."""
-    seen, image = np.unique(corners.image, return_inverse=True)
-    return replace(
-        corners,
-        images=tuple(corners.images[index] for index in seen),
-        image=image.astype(np.intp),
     )
 
 

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 
 from cubicfish_cli.advice.worth import Worth
-from cubicfish_cli.correspondences import Corners, Correspondences, joined, pair
 from cubicfish_cli.detection.grid_cache import GridCache
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.detection.look import nameless_grids
@@ -23,6 +22,7 @@ from cubicfish_cli.films.choose import Choice, Patch, Seen, choose
 from cubicfish_cli.films.scan import still_px
 from cubicfish_cli.identification.glance import Looked, glance, named_at_a_glance
 from cubicfish_cli.library.detection import first_look
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
@@ -45,13 +45,13 @@ class Found:
     """
 
     patches: dict[str, tuple[Patch, ...]] = field(default_factory=dict)
-    pairs: Correspondences | None = None
+    pairs: Observations | None = None
     target: Target | None = None
 
     def with_more(self, more: Found) -> Found:
         """Of these and of other pictures."""
         one, other = self.pairs, more.pairs
-        both = other if one is None else one if other is None else joined(one, other)
+        both = other if one is None else one if other is None else Observations.joined([one, other])
         return Found(
             patches={**self.patches, **more.patches},
             pairs=both,
@@ -128,7 +128,7 @@ def _of_grids(found: Mapping[str, FoundGrids]) -> Found:
     return Found(patches=patches)
 
 
-def _of_corners(corners: Corners) -> Found:
+def _of_corners(corners: Observations) -> Found:
     cells = np.column_stack([corners.column, corners.row])
     patches = {}
     for number in np.unique(corners.image).tolist():
@@ -139,7 +139,7 @@ def _of_corners(corners: Corners) -> Found:
             for own in (here & (corners.board == board),)
         )
     target = corners.target
-    pairs = None if target is None or not len(corners.pixel) else pair(corners, target)
+    pairs = corners if len(corners.pixel) else None
     return Found(patches=patches, pairs=pairs, target=target)
 
 

@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from cubicfish_cli.arrays import Refusal
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.correspondences import pair
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.executors.executor import Executor
 from cubicfish_cli.fitting.evaluate import evaluate
@@ -182,8 +181,7 @@ class PlanesOfPhotos(Views):
         if sources and isinstance(camera, CubicCamera):
             photos = [Photo(name=source.name, path=source) for source in sources]
             found = detect_corners(photos, self._target, progress=progress, executor=executor)
-            pairs = pair(found.corners, self._target)
-            self._poses |= _poses_of(evaluate(camera, pairs).as_record())
+            self._poses |= _poses_of(evaluate(camera, found.corners).as_record())
 
     def chosen(self, source: Path, size: Size) -> tuple[PointProjector, ChosenView]:
         """The board's plane in this photo."""

@@ -12,7 +12,6 @@ from typing import Any, Literal
 import numpy as np
 
 from cubicfish_cli import __version__
-from cubicfish_cli.correspondences import Corners, Correspondences
 from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.errors import CorrespondenceError, FitError
 from cubicfish_cli.files import Content, write_files
@@ -40,7 +39,8 @@ from cubicfish_cli.frame_names import time_of
 from cubicfish_cli.geometry import camera_centre, total_sigma
 from cubicfish_cli.identification.photo_report import Detection
 from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.library.pairs import pairs_of
+from cubicfish_cli.library.calibration import observed
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.tables import read_table
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
@@ -61,7 +61,7 @@ _NAME = re.compile(r"[\w.+-][\w .+-]{0,63}")
 
 
 def calibrate_rig(
-    cameras: Mapping[str, Correspondences | Corners | Detection],
+    cameras: Mapping[str, Observations | Detection],
     target: Target | None = None,
     *,
     shots: Matching | Sequence[tuple[str, str, str]] = "name",
@@ -115,7 +115,7 @@ def calibrate_rig(
     given = [
         RigCamera(
             name=name,
-            pairs=pairs_of(own, target),
+            pairs=observed(own, target),
             camera=known[name].camera if name in known else None,
             fit=known[name].fit if name in known else None,
             moving=None if moving is None else moving.get(name),
@@ -319,7 +319,7 @@ def save_rig(
 
 def evaluate_rig(
     rig: RigFile,
-    cameras: Mapping[str, Correspondences | Corners | Detection],
+    cameras: Mapping[str, Observations | Detection],
     target: Target | None = None,
     *,
     shots: Matching | Sequence[tuple[str, str, str]] = "name",
@@ -353,7 +353,7 @@ def evaluate_rig(
             f"the rig's lengths are in {rig.units} and the target's in {target.units}: write the "
             "target in the rig's units"
         )
-    pairs = [pairs_of(own, target) for own in cameras.values()]
+    pairs = [observed(own, target) for own in cameras.values()]
     names = list(cameras)
     return rig_evaluation.evaluate_rig(
         [KnownPlace.of(known[name]) for name in names],

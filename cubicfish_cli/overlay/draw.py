@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.photo_report import PhotoReport
 from cubicfish_cli.identification.remarks import CODES
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.overlay.canvas import (
     BLACK,
     WHITE,
@@ -43,7 +43,7 @@ _SQUARE = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
 _CROSS = np.array([[[-1.0, -1], [1, 1]], [[-1, 1], [1, -1]]])
 
 
-def draw_found(picture: Picture, report: PhotoReport, corners: Corners) -> ColourPicture:
+def draw_found(picture: Picture, report: PhotoReport, corners: Observations) -> ColourPicture:
     """The photo, dimmed, with all that was found in it and what became of it.
 
     Each board has a colour: lines along its rows and columns, rings at its corners (squares
@@ -145,7 +145,7 @@ class _Board(_Mesh):
     convention: bool
 
 
-def _boards(report: PhotoReport, corners: Corners) -> list[_Board]:
+def _boards(report: PhotoReport, corners: Observations) -> list[_Board]:
     """The boards of a photo that have named corners."""
     if report.name not in corners.images:
         return []

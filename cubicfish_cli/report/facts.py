@@ -14,12 +14,12 @@ from cubicfish_cli.advice.summary import summary
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import Verdict, photo_verdicts, verdict
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.statistics import photos_on_record, poses_on_record, rms_px
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.point_cubic import PointCamera
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray
 from cubicfish_cli.words.finding import Finding, joined
@@ -87,7 +87,7 @@ class ErrorFacts:
 
     """
 
-    pairs: Correspondences
+    pairs: Observations
     residual: FloatArray
     angle_deg: FloatArray | None
 
@@ -168,7 +168,7 @@ def gather(
     fit: Mapping[str, Any],
     made_by: Mapping[str, Any],
     *,
-    pairs: Correspondences | None,
+    pairs: Observations | None,
     target: Target | None,
     files: Mapping[str, Path],
     digests: Mapping[str, str] | None = None,
@@ -270,7 +270,7 @@ def _dropped(fit: Mapping[str, Any]) -> tuple[DroppedFacts, ...]:
 def _errors(
     camera: CubicCamera | PointCamera,
     fit: Mapping[str, Any],
-    pairs: Correspondences,
+    pairs: Observations,
     photos: Sequence[PhotoFacts],
     dropped: Sequence[DroppedFacts],
 ) -> tuple[ErrorFacts | None, str | None]:
@@ -320,7 +320,7 @@ def _errors(
     return ErrorFacts(pairs=used, residual=residual, angle_deg=angle), None
 
 
-def _among(pairs: Correspondences, dropped: Sequence[DroppedFacts]) -> BoolArray:
+def _among(pairs: Observations, dropped: Sequence[DroppedFacts]) -> BoolArray:
     """Which pairs are corners that the fit dropped."""
     if not dropped:
         return np.zeros(len(pairs.pixel), bool)

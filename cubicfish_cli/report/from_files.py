@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.assess.records import recorded_mappings
-from cubicfish_cli.correspondences import (
-    Correspondences,
-    load_corners,
-    load_correspondences,
-    pair,
-)
+from cubicfish_cli.corner_files.observations_csv import load_corners, load_correspondences
 from cubicfish_cli.files import sha256_of
 from cubicfish_cli.formats.camera_yaml import load_any_camera
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.point_cubic import PointCamera
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import find_photos
 from cubicfish_cli.report.facts import REFINED, Facts, Lack, gather
 from cubicfish_cli.report.pictures import matched
@@ -96,7 +91,7 @@ def facts_of_fit(
     fit: Mapping[str, Any],
     made_by: Mapping[str, Any],
     *,
-    pairs: Correspondences,
+    pairs: Observations,
     target: Target | None,
     photos: Sequence[Path],
 ) -> Facts:
@@ -112,8 +107,7 @@ def facts_of_fit(
 
     """
     if target is not None:
-        world = target.world_points(pairs.board, pairs.column, pairs.row)
-        pairs = replace(pairs, world=world)
+        pairs = pairs.with_target(target)
     files = matched([record["image"] for record in fit["per_image"]], photos)
     return gather(camera, fit, made_by, pairs=pairs, target=target, files=files)
 
@@ -124,16 +118,16 @@ def _pairs(
     made_by: Mapping[str, Any],
     target: Target | None,
     size: tuple[int, int],
-) -> Correspondences | None:
+) -> Observations | None:
     if target is not None and beside.is_file():
-        return pair(load_corners(beside, target, image_size=size), target)
+        return load_corners(beside, target, image_size=size).by_photo()
     inputs = recorded_mappings(made_by.get("inputs"))
     table = _recorded(inputs[0], folder) if len(inputs) == 1 else None
     if table is None or table.suffix.lower() != ".csv":
         return None
     if made_by.get("target") is None:
         return load_correspondences(table, image_size=size)
-    return None if target is None else pair(load_corners(table, target, image_size=size), target)
+    return None if target is None else load_corners(table, target, image_size=size).by_photo()
 
 
 def _lack(

@@ -8,7 +8,6 @@ from simulated import simulated_corners
 from synthetic import flat_board, lens_of_size
 
 from cubicfish_cli.advice.worth import Worth, _told
-from cubicfish_cli.correspondences import pair
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.lenses.radial import project_jacobian
@@ -20,7 +19,7 @@ LENS = lens_of_size(1.0)
 def pairs():
     target = flat_board()
     corners, _ = simulated_corners(LENS, target, 12, seed=5)
-    return pair(corners, target)
+    return corners.with_target(target)
 
 
 def even(pairs) -> dict[str, float]:

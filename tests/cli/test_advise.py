@@ -106,11 +106,11 @@ def test_what_point_cameras_and_bare_pairs_cannot(run: Run, poor: Path, tmp_path
     said = run("advise", tmp_path / "p", code=1).stderr
     assert "lift 'point'" in said
     assert said.count("\n") == 1
-    from cubicfish_cli.correspondences import load_corners, pair, save_correspondences
+    from cubicfish_cli.corner_files.observations_csv import load_corners, save_correspondences
     from cubicfish_cli.target import load_target
 
     target = load_target(TARGET)
-    pairs = pair(load_corners(poor / "three.csv", target), target)
+    pairs = load_corners(poor / "three.csv", target)
     save_correspondences(tmp_path / "pairs.csv", pairs, overwrite=False)
     run("calibrate", "--correspondences", tmp_path / "pairs.csv", "-o", tmp_path / "c",
         "--no-hold-out")  # fmt: skip

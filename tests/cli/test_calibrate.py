@@ -9,7 +9,7 @@ import yaml
 from running import SAMPLE, Run
 
 from cubicfish_cli import __version__
-from cubicfish_cli.correspondences import load_corners, pair, save_correspondences
+from cubicfish_cli.corner_files.observations_csv import load_corners, save_correspondences
 from cubicfish_cli.errors import OutputError
 from cubicfish_cli.files import sha256_of
 from cubicfish_cli.fitting import calibrate as fitting
@@ -152,7 +152,7 @@ def correspondences(folder: Path) -> Path:
     """The sample as pairs, without a line that gives the size."""
     target = load_target(TARGET)
     path = folder / "pairs.csv"
-    save_correspondences(path, pair(load_corners(CORNERS, target), target), overwrite=False)
+    save_correspondences(path, load_corners(CORNERS, target), overwrite=False)
     path.write_text(path.read_text().split("\n", 1)[1])
     return path
 

@@ -9,7 +9,7 @@ import pytest
 from running import SAMPLE, Run
 
 from cubicfish_cli.cli.inputs import lost_word
-from cubicfish_cli.correspondences import load_corners
+from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.errors import OutputError
 from cubicfish_cli.identification.decide import Decided

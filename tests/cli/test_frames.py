@@ -291,7 +291,7 @@ def test_the_best_of_many_photos_are_taken(
     args = ("calibrate", folder, "-t", target, "-o", out, "--best", 6, "-j", 1)
     said = run(*args).stderr
     assert "6 photos of 32 chosen" in said
-    from cubicfish_cli.correspondences import load_corners
+    from cubicfish_cli.corner_files.observations_csv import load_corners
     from cubicfish_cli.target import load_target
 
     images = load_corners(out / "corners.csv", load_target(target)).images

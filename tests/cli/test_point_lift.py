@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from running import SAMPLE, Run
 
-from cubicfish_cli.correspondences import load_corners, pair
+from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.formats.camera_yaml import load_any_camera
 from cubicfish_cli.target import load_target
 
@@ -41,7 +41,7 @@ def test_one_photo_gives_a_camera_of_its_boards(run: Run, one_photo: Path, tmp_p
     ]
     model = tmp_path / "a" / "camera.yaml"
     target = load_target(TARGET)
-    pairs = pair(load_corners(one_photo, target), target)
+    pairs = load_corners(one_photo, target)
     text = "".join(f"{x},{y},{z}\n" for x, y, z in pairs.world.tolist())
     pixels = np.array(
         [line.split(",") for line in run("project", "-m", model, input=text).stdout.splitlines()],

@@ -14,7 +14,7 @@ import pytest
 import yaml
 from running import SAMPLE, Run
 
-from cubicfish_cli.correspondences import load_corners, pair, save_correspondences
+from cubicfish_cli.corner_files.observations_csv import load_corners, save_correspondences
 from cubicfish_cli.report import extra
 from cubicfish_cli.target import load_target
 
@@ -214,7 +214,7 @@ def test_point_lift(run: Run, tmp_path: Path, photos: int) -> None:
 def test_pairs_without_a_target(run: Run, tmp_path: Path) -> None:
     target = load_target(TARGET)
     table = tmp_path / "pairs.csv"
-    save_correspondences(table, pair(load_corners(CORNERS, target), target), overwrite=False)
+    save_correspondences(table, load_corners(CORNERS, target), overwrite=False)
     folder = tmp_path / "c"
     run("calibrate", "--correspondences", table, "--no-hold-out", "-o", folder)
     page = (folder / "report.html").read_text(encoding="utf-8")

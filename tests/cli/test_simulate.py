@@ -11,7 +11,7 @@ from running import SAMPLE, Run
 from synthetic import TRUE_LENS
 
 from cubicfish_cli.cli import simulate
-from cubicfish_cli.correspondences import load_corners, pair
+from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.fitting.conversion.from_lens import ExactLens
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.formats.camera_yaml import load_camera
@@ -52,7 +52,7 @@ def test_calibrating_the_photos_gives_the_camera_back(
     # The truth beside the photos: corners, poses and camera belong together.
     target, camera = load_target(TARGET), load_camera(photos / "true_camera.yaml").camera
     np.testing.assert_array_equal(camera.P, load_camera(model).camera.P)
-    truth = pair(load_corners(photos / "true_corners.csv", target), target)
+    truth = load_corners(photos / "true_corners.csv", target)
     poses = load_poses(photos / "true_poses.csv")
     assert tuple(poses) == truth.images == tuple(f"photo_0{i}.jpg" for i in range(1, 7))
     for index, pose in enumerate(poses.values()):
@@ -65,7 +65,7 @@ def test_calibrating_the_photos_gives_the_camera_back(
     errors = [np.hypot(*(xy - true[key])) for key, xy in _by_name(corners) if key in true]
     assert len(errors) > 0.95 * len(true)
     assert np.median(errors) < 0.05
-    assert evaluate(camera, pair(corners, target)).errors.rms_px < 0.15
+    assert evaluate(camera, corners.with_target(target)).errors.rms_px < 0.15
 
 
 def _by_name(corners):
@@ -130,7 +130,7 @@ def test_a_lens_that_no_camera_can_hold_and_its_truth(run: Run, tmp_path: Path) 
     assert truth.lens == outside_lens("moving-pupil", (480, 360))
     assert 0 < truth.centre < 1
     target = load_target(TARGET)
-    pairs = pair(load_corners(tmp_path / "a" / "true_corners.csv", target), target)
+    pairs = load_corners(tmp_path / "a" / "true_corners.csv", target)
     poses = list(load_poses(tmp_path / "a" / "true_poses.csv").values())
     for index, pose in enumerate(poses):
         own = pairs.image == index
@@ -165,7 +165,7 @@ def test_another_tools_lens_is_taken_as_it_is(
     given, _ = read_foreign(file)
     lens = ExactLens.of(given)
     target = load_target(TARGET)
-    pairs = pair(load_corners(tmp_path / "a" / "true_corners.csv", target), target)
+    pairs = load_corners(tmp_path / "a" / "true_corners.csv", target)
     (pose,) = load_poses(tmp_path / "a" / "true_poses.csv").values()
     points = camera_points(pose, pairs.world)
     pixel = given.project(points)

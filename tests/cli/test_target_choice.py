@@ -9,7 +9,7 @@ import pytest
 import yaml
 from running import SAMPLE, Run
 
-from cubicfish_cli.correspondences import load_corners
+from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.target import colourings, load_target
 

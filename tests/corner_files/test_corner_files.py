@@ -13,10 +13,11 @@ from synthetic import TRUE_LENS, corner_of_three, flat_board, poses_around, synt
 
 from cubicfish_cli.cli import corners as command
 from cubicfish_cli.corner_files.detections import NUMBERINGS, _place
+from cubicfish_cli.corner_files.observations_csv import load_corners, save_corners
 from cubicfish_cli.corner_files.read import CORNER_FORMATS, read_corner_files
-from cubicfish_cli.correspondences import Corners, load_corners, save_corners
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.formats.target_yaml import target_text
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target, load_target
 
 SIZE = TRUE_LENS.image_size
@@ -28,7 +29,7 @@ boards:
 """
 
 
-def truth(target: Target, photos: int = 3) -> Corners:
+def truth(target: Target, photos: int = 3) -> Observations:
     return synthetic_corners(target, poses_around(target, photos), noise=0.1)
 
 
@@ -39,10 +40,10 @@ def grid(tmp_path_factory: pytest.TempPathFactory) -> Target:
     return load_target(path)
 
 
-def same(read: Corners, true: Corners) -> None:
+def same(read: Observations, true: Observations) -> None:
     """The same corners, in whatever order."""
 
-    def keyed(corners: Corners) -> dict[tuple[str, str, int, int], tuple[float, float]]:
+    def keyed(corners: Observations) -> dict[tuple[str, str, int, int], tuple[float, float]]:
         rows = zip(
             corners.image, corners.board, corners.column, corners.row, corners.pixel, strict=True
         )
@@ -58,7 +59,7 @@ def same(read: Corners, true: Corners) -> None:
 # Writers of the layouts as their own programs write them -----------------------------------------
 
 
-def write_orpc(folder: Path, corners: Corners, target: Target, ids: dict[int, int]) -> None:
+def write_orpc(folder: Path, corners: Observations, target: Target, ids: dict[int, int]) -> None:
     """As deltille_detector: one file a photo, board,corner,ordered,x,y."""
     for index, name in enumerate(corners.images):
         here = np.flatnonzero(corners.image == index)
@@ -75,7 +76,7 @@ def write_orpc(folder: Path, corners: Corners, target: Target, ids: dict[int, in
         (folder / f"{Path(name).stem}.orpc").write_text(head + "\n".join([*rows, ""]))
 
 
-def vnl_rows(corners: Corners, target: Target, *, extra: str = " 0") -> list[str]:
+def vnl_rows(corners: Observations, target: Target, *, extra: str = " 0") -> list[str]:
     """As mrgingham: one row a corner of the board, row by row; dashes where nothing was found."""
     board = target.boards[0]
     rows = []
@@ -174,7 +175,7 @@ def test_vnl_treats_corners_below_zero_as_not_found(tmp_path: Path) -> None:
     assert read.corners.column.min() == 1
 
 
-def csv_of(corners: Corners, header: str, cell: Callable[[int, int, int], str]) -> str:
+def csv_of(corners: Observations, header: str, cell: Callable[[int, int, int], str]) -> str:
     rows = [
         f"{corners.image[i]},{cell(i, int(corners.column[i]), int(corners.row[i]))},"
         f"{float(corners.pixel[i, 0])!r},{float(corners.pixel[i, 1])!r}"
@@ -183,7 +184,7 @@ def csv_of(corners: Corners, header: str, cell: Callable[[int, int, int], str]) 
     return "\n".join([header, *rows, ""])
 
 
-def as_photos(corners: Corners, names: list[str]) -> Corners:
+def as_photos(corners: Observations, names: list[str]) -> Observations:
     return replace(corners, images=tuple(names))
 
 

@@ -5,11 +5,11 @@ import pytest
 from seen import grid_evidence
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
 
-from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.diagnosis.another_target import another_target, nothing_named
 from cubicfish_cli.diagnosis.count import Count
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.identified import GridReport, Identified, Place
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code
 
@@ -37,7 +37,7 @@ def report(size, verdict, corners=None):
 
 def identified(*photos):
     none = np.zeros(0, np.intp)
-    corners = Corners(
+    corners = Observations(
         image_size=IMAGE_SIZE, images=(), boards=(), image=none, board=none, column=none,
         row=none, pixel=np.zeros((0, 2)), weight=np.zeros(0),
     )  # fmt: skip

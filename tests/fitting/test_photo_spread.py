@@ -7,7 +7,6 @@ import pytest
 import synthetic
 from simulated import CornerErrors, simulated_corners
 
-from cubicfish_cli.correspondences import pair
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.cubic_fit import Hold, Rival, fit_cubic
 from cubicfish_cli.fitting.photo_spread import photo_spread, variance_of_few
@@ -27,7 +26,7 @@ def fitted(seed, errors):
     corners, _ = simulated_corners(
         outside_lens("equisolid"), TARGET, PHOTOS, seed=seed, errors=errors
     )
-    pairs = pair(corners, TARGET)
+    pairs = corners.with_target(TARGET)
     reference = fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))
     return reference, fit_cubic(reference, HOLD)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from running import SAMPLE
 
-from cubicfish_cli.correspondences import load_corners, pair
+from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.stages import Stages
 from cubicfish_cli.fitting.subset import select_photos
@@ -13,7 +13,7 @@ from cubicfish_cli.target import load_target
 
 def told(**options: object) -> list[tuple[str, float]]:
     target = load_target(SAMPLE / "target.yaml")
-    pairs = pair(load_corners(SAMPLE / "true_corners.csv", target), target)
+    pairs = load_corners(SAMPLE / "true_corners.csv", target)
     few = select_photos(pairs, np.arange(4))
     said: list[tuple[str, float]] = []
     calibrate(few, target=target, progress=lambda *one: said.append(one), **options)  # type: ignore[arg-type]

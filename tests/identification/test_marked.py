@@ -8,7 +8,6 @@ import pytest
 import synthetic
 
 from cubicfish_cli.boards.markers import Markers
-from cubicfish_cli.correspondences import pair
 from cubicfish_cli.errors import DetectionError
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.identification.second_pass import second_pass
@@ -82,7 +81,9 @@ def test_every_kind_of_board_is_named_and_calibrates(photos):
     miss = distances(corners, truth)
     assert np.max(miss) < 1.0
     assert np.sqrt(np.mean(np.square(miss))) < 0.1
-    result = calibrate(pair(corners, target), target=target, refine_target="off", hold_out=False)
+    result = calibrate(
+        corners.with_target(target), target=target, refine_target="off", hold_out=False
+    )
     assert result.errors.rms_px < 0.1
     assert not result.dropped
 

@@ -14,7 +14,7 @@ from synthetic import (
     synthetic_corners,
 )
 
-from cubicfish_cli.correspondences import load_corners
+from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.fitting.poses import rotation_from_vector
 from cubicfish_cli.geometry import similarity

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from synthetic import as_type
 
-from cubicfish_cli.correspondences import Corners, load_corners
+from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.identification.photo_report import Detection, PhotoReport
 from cubicfish_cli.identification.second_pass import second_pass
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import find_photos
 from cubicfish_cli.target import load_target
 
@@ -18,13 +19,13 @@ TARGET = load_target(SAMPLE / "target.yaml")
 PHOTOS = find_photos([SAMPLE / "photos"])[:4]
 
 
-def truth() -> Corners:
+def truth() -> Observations:
     corners = load_corners(SAMPLE / "true_corners.csv", TARGET)
     names = [photo.name for photo in PHOTOS]
     return subset(corners, np.isin(np.array(corners.images)[corners.image], names))
 
 
-def subset(corners: Corners, keep) -> Corners:
+def subset(corners: Observations, keep) -> Observations:
     names, image = np.unique(corners.image[keep], return_inverse=True)
     return replace(
         corners,
@@ -38,7 +39,7 @@ def subset(corners: Corners, keep) -> Corners:
     )
 
 
-def first_pass(corners: Corners, *, exact: bool = True) -> Detection:
+def first_pass(corners: Observations, *, exact: bool = True) -> Detection:
     counts = np.bincount(corners.image, minlength=len(corners.images))
     by_name = dict(zip(corners.images, counts.tolist(), strict=True))
     return Detection(
@@ -50,7 +51,7 @@ def first_pass(corners: Corners, *, exact: bool = True) -> Detection:
     )
 
 
-def keys(corners: Corners):
+def keys(corners: Observations):
     return {
         (corners.images[i], b, c, r): tuple(p)
         for i, b, c, r, p in zip(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from synthetic import checkerboard
 
-from cubicfish_cli.correspondences import load_corners
+from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.errors import DetectionError
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.remarks import remark_lines

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.identified import GridReport, Place
 from cubicfish_cli.identification.photo_report import PhotoReport
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.overlay.canvas import PhotoCanvas
 from cubicfish_cli.overlay.draw import BOARD_COLOURS, LEFT_OUT, REFUSED, draw_found
 from cubicfish_cli.words.codes import Code
@@ -57,9 +57,9 @@ def report() -> PhotoReport:
 
 
 @pytest.fixture
-def corners() -> Corners:
+def corners() -> Observations:
     named = np.concatenate([CELLS, CELLS + np.array([2, 3]), [[7, 3]]])
-    return Corners(
+    return Observations(
         image_size=(WIDTH, HEIGHT),
         images=("a.png",),
         boards=("floor", "wänd"),
@@ -78,7 +78,7 @@ def near(drawn: np.ndarray, x: float, y: float, colour: tuple[int, int, int], by
     return bool((np.abs(part - colour).max(axis=-1) < 30).any())
 
 
-def test_everything_has_its_colour_and_shape(report: PhotoReport, corners: Corners) -> None:
+def test_everything_has_its_colour_and_shape(report: PhotoReport, corners: Observations) -> None:
     drawn = draw_found(BLANK, report, corners)
     assert drawn.shape == (HEIGHT, WIDTH, 3)
     assert drawn.dtype == np.uint8
@@ -99,7 +99,9 @@ def test_everything_has_its_colour_and_shape(report: PhotoReport, corners: Corne
     assert near(drawn, 40, 380, REFUSED)
 
 
-def test_the_first_corner_and_the_axes_are_marked(report: PhotoReport, corners: Corners) -> None:
+def test_the_first_corner_and_the_axes_are_marked(
+    report: PhotoReport, corners: Observations
+) -> None:
     drawn = draw_found(BLANK, report, corners)
     # A filled disc at (0, 0), which the second board does not show.
     assert near(drawn, LEFT[0], TOP, BOARD_COLOURS[0], by=0)
@@ -132,7 +134,7 @@ def written(monkeypatch: pytest.MonkeyPatch, *args: object) -> dict[str, list[np
 
 
 def test_texts_say_what_is_what(
-    report: PhotoReport, corners: Corners, monkeypatch: pytest.MonkeyPatch
+    report: PhotoReport, corners: Observations, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     texts = written(monkeypatch, BLANK, report, corners)
     caption = ("a.png", "51 corners", "floor 25", "wänd 26 (place by convention)")
@@ -155,7 +157,7 @@ def test_texts_say_what_is_what(
 
 
 def test_only_what_is_as_clear_as_a_board_s_corners_is_a_dot(
-    report: PhotoReport, corners: Corners, monkeypatch: pytest.MonkeyPatch
+    report: PhotoReport, corners: Observations, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Chequers under the grids and at one candidate; noise everywhere, with candidates of its own.
     y, x = np.mgrid[:HEIGHT, :WIDTH]
@@ -178,7 +180,7 @@ def test_texts_never_overlap_or_leave_the_picture(step: float, angle: float, col
     cells = np.stack(np.mgrid[:columns, :9], axis=-1).reshape(-1, 2)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     count = len(cells)
-    own = Corners(
+    own = Observations(
         image_size=(480, 360),
         images=("a.png",),
         boards=("floor",),
@@ -199,7 +201,9 @@ def test_texts_never_overlap_or_leave_the_picture(step: float, angle: float, col
             assert not ((box[:2] < other[2:]).all() and (other[:2] < box[2:]).all())
 
 
-def test_a_photo_with_nothing_says_why(corners: Corners, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_photo_with_nothing_says_why(
+    corners: Observations, monkeypatch: pytest.MonkeyPatch
+) -> None:
     report = PhotoReport(
         name="b.png",
         refusal=Finding(code=Code.TOO_DARK, images=("b.png",)),
@@ -211,7 +215,7 @@ def test_a_photo_with_nothing_says_why(corners: Corners, monkeypatch: pytest.Mon
     assert (draw_found(0 * BLANK, report, corners)[50:] == 0).all()
 
 
-def test_dark_and_deep_photos_are_spread(report: PhotoReport, corners: Corners) -> None:
+def test_dark_and_deep_photos_are_spread(report: PhotoReport, corners: Observations) -> None:
     squares = np.kron(np.indices((40, 100)).sum(axis=0) % 2, np.ones((10, 10)))
     nothing = replace(report, name="b.png", found=None, grids=())
     dark = draw_found((8 + 30 * squares).astype(np.uint8), nothing, corners)
@@ -224,7 +228,9 @@ def test_dark_and_deep_photos_are_spread(report: PhotoReport, corners: Corners) 
 
 
 @pytest.mark.parametrize("side", [1, 7, 40, 3000])
-def test_small_and_large_photos_are_drawn(side: int, report: PhotoReport, corners: Corners) -> None:
+def test_small_and_large_photos_are_drawn(
+    side: int, report: PhotoReport, corners: Observations
+) -> None:
     scale = side / WIDTH
     assert report.found is not None
     grids = tuple(replace(grid, pixel=grid.pixel * scale) for grid in report.found.grids)

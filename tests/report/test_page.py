@@ -23,8 +23,9 @@ pytest.importorskip("jinja2")
 
 import matplotlib as mpl
 
-from cubicfish_cli.correspondences import Correspondences, load_corners, pair
+from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.fitting.calibrate import Calibration
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.report import figures, svg
 from cubicfish_cli.report.facts import Facts, gather
 from cubicfish_cli.report.page import report_html
@@ -80,13 +81,13 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def pairs() -> Correspondences:
-    return pair(load_corners(SAMPLE / "true_corners.csv", TARGET), TARGET)
+def pairs() -> Observations:
+    return load_corners(SAMPLE / "true_corners.csv", TARGET)
 
 
 def facts_of(
     fitted: Calibration,
-    pairs: Correspondences | None,
+    pairs: Observations | None,
     *,
     fit: dict[str, Any] | None = None,
     made_by: dict[str, Any] | None = None,
@@ -106,7 +107,7 @@ def facts_of(
 
 
 @pytest.fixture(scope="module")
-def html(fitted: Calibration, pairs: Correspondences) -> str:
+def html(fitted: Calibration, pairs: Observations) -> str:
     return report_html(facts_of(fitted, pairs, files={path.name: path for path in PHOTOS}))
 
 
@@ -115,7 +116,7 @@ def page(html: str) -> Page:
     return Page(html)
 
 
-def test_the_errors_are_those_of_the_fit(fitted: Calibration, pairs: Correspondences) -> None:
+def test_the_errors_are_those_of_the_fit(fitted: Calibration, pairs: Observations) -> None:
     errors = facts_of(fitted, pairs).errors
     assert errors is not None
     np.testing.assert_allclose(errors.residual, fitted.residual, atol=1e-9)
@@ -125,7 +126,7 @@ def test_the_errors_are_those_of_the_fit(fitted: Calibration, pairs: Corresponde
 
 @pytest.mark.slow
 def test_dropped_corners_and_unfit_photos_take_no_part(
-    fitted: Calibration, pairs: Correspondences
+    fitted: Calibration, pairs: Observations
 ) -> None:
     record = fitted.as_record()
     first = {"image": pairs.images[0], "board": pairs.boards[pairs.board[0]], "error_px": 9.0}
@@ -142,7 +143,7 @@ def test_dropped_corners_and_unfit_photos_take_no_part(
     assert "1 photo gave no corners that took part: corner_05.jpg" in said
 
 
-def test_corners_of_another_fit_are_not_drawn(fitted: Calibration, pairs: Correspondences) -> None:
+def test_corners_of_another_fit_are_not_drawn(fitted: Calibration, pairs: Observations) -> None:
     facts = facts_of(fitted, replace(pairs, pixel=pairs.pixel + 1.0))
     assert facts.errors is None
     assert "they are not those of the fit" in facts.absent[0]
@@ -219,7 +220,7 @@ def test_before_and_after_stand_beside_the_verdict(page: Page, html: str) -> Non
 
 
 def test_the_error_by_angle_is_that_of_the_corners(
-    page: Page, fitted: Calibration, pairs: Correspondences
+    page: Page, fitted: Calibration, pairs: Observations
 ) -> None:
     errors = facts_of(fitted, pairs).errors
     assert errors is not None
@@ -234,7 +235,7 @@ def test_the_error_by_angle_is_that_of_the_corners(
 
 
 def test_halves_are_foretold_of_enough_photos_only(
-    page: Page, fitted: Calibration, pairs: Correspondences
+    page: Page, fitted: Calibration, pairs: Observations
 ) -> None:
     median = fitted.as_record()["uncertainty"]["median_px"]
     assert f"would agree within about {2 * median:.3f} px: foretold" in page.text
@@ -243,7 +244,7 @@ def test_halves_are_foretold_of_enough_photos_only(
 
 
 @pytest.mark.slow
-def test_a_bad_photo_stands_out(fitted: Calibration, pairs: Correspondences) -> None:
+def test_a_bad_photo_stands_out(fitted: Calibration, pairs: Observations) -> None:
     per_image = [dict(photo) for photo in fitted.as_record()["per_image"]]
     per_image[4]["rms_px"] *= 9
     html = report_html(facts_of(fitted, None, fit={"per_image": per_image}))
@@ -393,7 +394,7 @@ def test_drawings_take_the_pages_colours(html: str) -> None:
 
 @pytest.mark.slow
 def test_the_same_page_to_the_byte_whatever_the_surroundings(
-    html: str, fitted: Calibration, pairs: Correspondences, monkeypatch: pytest.MonkeyPatch
+    html: str, fitted: Calibration, pairs: Observations, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(mpl.rcParams, "font.size", 31)
     monkeypatch.setitem(mpl.rcParams, "xtick.major.size", 23)
@@ -412,7 +413,7 @@ HOSTILE = [
 
 
 @pytest.mark.slow
-def test_names_are_text_and_nothing_else(fitted: Calibration, pairs: Correspondences) -> None:
+def test_names_are_text_and_nothing_else(fitted: Calibration, pairs: Observations) -> None:
     names = tuple(HOSTILE[: len(pairs.images)])
     record = fitted.as_record()
     per_image = [
@@ -462,7 +463,7 @@ def test_names_are_text_and_nothing_else(fitted: Calibration, pairs: Corresponde
 
 @pytest.mark.slow
 def test_a_thousand_photos_and_a_hundred_thousand_corners(
-    fitted: Calibration, pairs: Correspondences
+    fitted: Calibration, pairs: Observations
 ) -> None:
     many = 1000
     record = fitted.as_record()
@@ -493,7 +494,7 @@ def test_a_thousand_photos_and_a_hundred_thousand_corners(
 
 @pytest.mark.slow
 def test_photos_that_changed_or_are_broken_are_left_out_and_told(
-    fitted: Calibration, pairs: Correspondences, tmp_path: Path
+    fitted: Calibration, pairs: Observations, tmp_path: Path
 ) -> None:
     (tmp_path / "cut.jpg").write_bytes(PHOTOS[0].read_bytes()[:5000])
     files = {PHOTOS[0].name: tmp_path / "cut.jpg", PHOTOS[1].name: PHOTOS[1]}

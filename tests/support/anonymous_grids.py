@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.identification.identified import Place
 from cubicfish_cli.identification.placement import TURNS
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 
 
 def anonymous(
-    corners: Corners, target: Target, keep: np.ndarray, rng: np.random.Generator
+    corners: Observations, target: Target, keep: np.ndarray, rng: np.random.Generator
 ) -> tuple[Grid, Place]:
     """The corners where ``keep`` is true, all of one board, as a grid turned at random."""
     board = int(corners.board[keep][0])
@@ -39,7 +39,7 @@ def anonymous(
 
 
 def anonymous_photos(
-    corners: Corners, target: Target, *, least: int = 8, seed: int = 0
+    corners: Observations, target: Target, *, least: int = 8, seed: int = 0
 ) -> tuple[list[list[Grid]], list[list[Place]]]:
     """Every board of every photo with at least ``least`` corners, in random order."""
     rng = np.random.default_rng(seed)

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.correspondences import Corners
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.outside import OutsideLens
 from cubicfish_cli.rendering.pose import Pose
 from cubicfish_cli.rendering.simulate import chosen_poses
@@ -82,7 +82,7 @@ def simulated_corners(
     errors: CornerErrors = CornerErrors(),
     image_size: tuple[int, int] | None = None,
     poses: tuple[Pose, ...] | None = None,
-) -> tuple[Corners, Truth]:
+) -> tuple[Observations, Truth]:
     """Corners of photos that fill the field, and the truth behind them.
 
     Args:
@@ -112,7 +112,7 @@ def simulated_corners(
         pixel.append(true)
         found.append(true + scale * (own + both))
     points = np.concatenate([one.camera[one.visible] for one in seen])
-    corners = Corners.from_arrays(
+    corners = Observations.from_corners(
         [np.column_stack([one.board, one.column, one.row])[one.visible] for one in seen],
         found,
         size,

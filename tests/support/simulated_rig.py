@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from simulated import CornerErrors, Truth, simulated_corners
 
-from cubicfish_cli.correspondences import Corners
 from cubicfish_cli.errors import TargetError
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.outside import OutsideLens
 from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
 from cubicfish_cli.rendering.truth import project_corners
@@ -49,7 +49,7 @@ def simulated_rig(
     middle: npt.ArrayLike | None = None,
     seed: int = 0,
     errors: CornerErrors | None = None,
-) -> tuple[list[Corners], RigTruth]:
+) -> tuple[list[Observations], RigTruth]:
     """Corners of the shots of a rig, called ``shot_001`` and so on in each camera.
 
     Shots are chosen so that all cameras get as many as can be, and two see the target at once.
@@ -114,7 +114,7 @@ def combined(first: Pose, second: Pose) -> Pose:
     return vector, turn @ np.asarray(second[1], float) + np.asarray(first[1], float)
 
 
-def _renamed(corners: Corners, names: tuple[str, ...]) -> Corners:
+def _renamed(corners: Observations, names: tuple[str, ...]) -> Observations:
     return replace(corners, images=names)
 
 

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.boards.checkerboard import Checkerboard
 from cubicfish_cli.boards.types import BOARD_TYPES
-from cubicfish_cli.correspondences import Corners, Correspondences
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.pose import Pose, camera_points, look_at
 from cubicfish_cli.rendering.truth import Lens, TrueCorners, project_corners, target_corners
 from cubicfish_cli.target import Target
@@ -167,7 +167,7 @@ def synthetic_corners(
     noise: float = 0.0,
     seed: int = 0,
     neighbourhood: float = 0.5,
-) -> Corners:
+) -> Observations:
     """The visible corners of each photo with Gaussian noise of ``noise`` px along x and y."""
     rng = np.random.default_rng(seed)
     seen = [
@@ -176,7 +176,7 @@ def synthetic_corners(
     ]
     image = np.repeat(np.arange(len(poses)), [part.visible.sum() for part in seen])
     pixel = _visible(seen, "pixel")
-    return Corners(
+    return Observations(
         image_size=image_size,
         images=tuple(f"{i:02d}.png" for i in range(len(poses))),
         boards=tuple(board.name for board in target.boards),
@@ -198,7 +198,7 @@ def synthetic_correspondences(
     noise: float = 0.0,
     seed: int = 0,
     neighbourhood: float = 0.5,
-) -> Correspondences:
+) -> Observations:
     """:func:`synthetic_corners` with their true world points."""
     corners = synthetic_corners(
         target,
@@ -212,13 +212,13 @@ def synthetic_correspondences(
     return pair(corners, target)
 
 
-def pair(corners: Corners, target: Target) -> Correspondences:
+def pair(corners: Observations, target: Target) -> Observations:
     """Corners with their world points in ``target``; board indices must be the target's."""
     world = np.empty((len(corners.pixel), 3))
     for index, board in enumerate(target.boards):
         here = corners.board == index
         world[here] = board.world_points(corners.column[here], corners.row[here])
-    return Correspondences(
+    return Observations(
         image_size=corners.image_size,
         images=corners.images,
         boards=corners.boards,
@@ -233,7 +233,7 @@ def pair(corners: Corners, target: Target) -> Correspondences:
 
 
 def true_pixels(
-    pairs: Correspondences, poses: Sequence[Pose], lens: Lens = TRUE_LENS
+    pairs: Observations, poses: Sequence[Pose], lens: Lens = TRUE_LENS
 ) -> npt.NDArray[np.float64]:
     """Exact pixels (N, 2) of the pairs' world points under the true lens and poses."""
     pixel = np.empty((len(pairs.world), 2))

@@ -15,9 +15,10 @@ import numpy.typing as npt
 import synthetic
 
 from cubicfish_cli.boards.shape import BoardShape
-from cubicfish_cli.correspondences import Corners, save_corners
+from cubicfish_cli.corner_files.observations_csv import save_corners
 from cubicfish_cli.formats.target_yaml import target_text
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.pose import Pose
 from cubicfish_cli.target import Target
 
@@ -40,7 +41,7 @@ class SetUp:
     """
 
     target: Target
-    corners: Corners
+    corners: Observations
     options: tuple[str, ...] = ()
     says: tuple[str, ...] = ()
 
@@ -143,7 +144,7 @@ def photos(
     lens: AsymmetricLens | None = None,
     noise: float = NOISE,
     poses: list[Pose] | None = None,
-) -> Corners:
+) -> Observations:
     """Corners of 8 to 20 photos of an object, in a random order."""
     lens = lens or lens_of(rng)
     if poses is None:
@@ -211,14 +212,14 @@ def shifted(target: Target, index: int, length: float, rng: np.random.Generator)
 # Changes of corners
 
 
-def own(corners: Corners, chosen: npt.ArrayLike) -> BoolArray:
+def own(corners: Observations, chosen: npt.ArrayLike) -> BoolArray:
     """Which corners are of the photos with these indices."""
     return np.isin(corners.image, np.asarray(chosen))
 
 
 def moved(
-    corners: Corners, which: BoolArray, change: Callable[[FloatArray], FloatArray]
-) -> Corners:
+    corners: Observations, which: BoolArray, change: Callable[[FloatArray], FloatArray]
+) -> Observations:
     """Some corners' pixels (n, 2) changed; those that leave the photo are left out."""
     pixel = corners.pixel.copy()
     pixel[which] = change(pixel[which])
@@ -226,7 +227,7 @@ def moved(
     return only(replace(corners, pixel=pixel), inside)
 
 
-def only(corners: Corners, keep: BoolArray) -> Corners:
+def only(corners: Observations, keep: BoolArray) -> Observations:
     """Some of the corners."""
     return replace(
         corners,
@@ -239,7 +240,7 @@ def only(corners: Corners, keep: BoolArray) -> Corners:
     )
 
 
-def together(parts: list[Corners]) -> Corners:
+def together(parts: list[Observations]) -> Observations:
     """Corners of several sets, their photos one after the other."""
     counts = np.cumsum([0, *(len(part.images) for part in parts)])
     return replace(
@@ -253,7 +254,7 @@ def together(parts: list[Corners]) -> Corners:
     )
 
 
-def interleaved(corners: Corners, order: npt.NDArray[np.intp]) -> Corners:
+def interleaved(corners: Observations, order: npt.NDArray[np.intp]) -> Observations:
     """The same photos in another order."""
     place = np.argsort(order)
     image = place[corners.image]
@@ -261,7 +262,9 @@ def interleaved(corners: Corners, order: npt.NDArray[np.intp]) -> Corners:
     return only(replace(corners, image=image), rows)
 
 
-def some_photos(rng: np.random.Generator, corners: Corners, share: float) -> npt.NDArray[np.intp]:
+def some_photos(
+    rng: np.random.Generator, corners: Observations, share: float
+) -> npt.NDArray[np.intp]:
     """A random few of the photos."""
     count = len(corners.images)
     return np.sort(rng.choice(count, max(2, round(share * count)), replace=False))
@@ -476,7 +479,7 @@ def grid_shifted(rng: np.random.Generator, board: int | None) -> SetUp:
     return SetUp(target=target, corners=only(replace(corners, column=column), column < columns))
 
 
-def _photo_with(corners: Corners, least: int) -> int:
+def _photo_with(corners: Observations, least: int) -> int:
     counts = np.array(
         [
             [(own(corners, p) & (corners.board == b)).sum() for b in range(3)]

@@ -12,7 +12,6 @@ from seen import grid_evidence
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
 
 from cubicfish_cli.boards.shape import BoardShape
-from cubicfish_cli.correspondences import pair
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.markers import find_marked_corners
 from cubicfish_cli.detection.photo_as import grid_in_mirror
@@ -68,7 +67,7 @@ def test_a_mirrored_object_is_named_and_fitted_as_the_mirror_shows_it():
     ):
         true = names_of[(int(image), *np.round(pixel, 6))]
         assert (board, target.boards[board].columns - 1 - column, row) == true
-    fit = fit_radial(pair(corners, target))
+    fit = fit_radial(corners.with_target(target))
     assert rms_px(fit.residual) < 0.3
 
 

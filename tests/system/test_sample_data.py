@@ -9,7 +9,7 @@ import pytest
 from synthetic import corner_of_three
 
 from cubicfish_cli.angles import angle_from_axis
-from cubicfish_cli.correspondences import load_corners
+from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.target import load_target
 

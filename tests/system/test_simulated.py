@@ -5,7 +5,6 @@ import pytest
 import synthetic
 from simulated import CornerErrors, simulated_corners
 
-from cubicfish_cli.correspondences import pair
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.rendering.pose import camera_points
@@ -24,7 +23,7 @@ def exact():
 def test_without_errors_corners_are_where_the_lens_sees_them(exact):
     corners, truth = exact
     assert len(truth.poses) == len(corners.images) == 6
-    world = pair(corners, TARGET).world
+    world = corners.with_target(TARGET).world
     for index, pose in enumerate(truth.poses):
         here = corners.image == index
         seen = LENS.project(camera_points(pose, world[here]))
@@ -87,5 +86,5 @@ def test_any_lens_serves_and_one_that_is_not_central_is_made_so(exact):
 def test_a_fit_of_them_is_near_the_truth():
     target = synthetic.corner_of_three()
     corners, _ = simulated_corners(LENS, target, 8, errors=replace(EXACT, noise=0.05))
-    fitted = calibrate(pair(corners, target), hold_out=False)
+    fitted = calibrate(corners.with_target(target), hold_out=False)
     assert fitted.errors.rms_px == pytest.approx(0.07, rel=0.15)

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.calibrate import RefineTarget, calibrate
@@ -57,6 +56,7 @@ from cubicfish_cli.geometry import camera_centre, total_sigma
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.lenses.validity import check_validity
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Severity
@@ -89,7 +89,7 @@ class RigCamera:
     """
 
     name: str
-    pairs: Correspondences
+    pairs: Observations
     camera: CubicCamera | None = None
     fit: Mapping[str, Any] | None = None
     moving: Moving | None = None
@@ -191,7 +191,7 @@ class _Alone:
     rival: tuple[FitLens, float] | None
     record: Mapping[str, Any]
     level: Level
-    pairs: Correspondences
+    pairs: Observations
     poses: Poses
     told: tuple[RigFinding, ...]
 
@@ -228,7 +228,7 @@ def calibrate_rig(
     refuse_exchanged(cameras)
     everything = np.concatenate([camera.pairs.world for camera in cameras])
     origin = everything.mean(axis=0)
-    scale = world_scale(replace(cameras[0].pairs, world=everything))
+    scale = world_scale(cameras[0].pairs.with_world(everything))
     alone = []
     for number, camera in enumerate(cameras):
         if progress is not None:
@@ -282,7 +282,7 @@ def _alone(
                 "that they are of this camera and of this target"
             )
         poses, level, held_by, rival, told = placed.poses, "off", UNTOLD, None, ()
-    pairs = with_mean_weight_one(replace(pairs, world=(pairs.world - origin) / scale))
+    pairs = with_mean_weight_one(pairs.with_world((pairs.world - origin) / scale))
     poses = poses.of_world(-origin)
     poses = replace(poses, translation=poses.translation / scale)
     free: FitLens
@@ -313,19 +313,19 @@ def _fitted(
     alone: Sequence[_Alone],
     lens: RigLens,
     poses: Poses,
-    pairs: Correspondences,
+    pairs: Observations,
     moving: Moving | None,
     target: Target | None,
     scale: float,
     origin: FloatArray,
-) -> tuple[Adjustment, Level, Correspondences, Clocks | None]:
+) -> tuple[Adjustment, Level, Observations, Clocks | None]:
     """Places, shots and clocks first, the lenses held; then all at once."""
     level: Level = "off"
     if target is not None:
         level = max((one.level for one in alone), key=LEVELS.index)
         board, column, row = pairs.board, pairs.column, pairs.row
         drawn = (target.world_points(board, column, row) - origin) / scale
-        pairs = replace(pairs, world=drawn)
+        pairs = pairs.with_world(drawn)
     held = [FixedLens(camera=_as_camera(one.lens, one)) for one in alone]
     fit = adjust(
         lens.with_lenses(held),
@@ -353,8 +353,8 @@ def _fitted(
 
 
 def _on_time(
-    fit: Adjustment, pairs: Correspondences, moving: Moving
-) -> tuple[Adjustment, Correspondences, Clocks]:
+    fit: Adjustment, pairs: Observations, moving: Moving
+) -> tuple[Adjustment, Observations, Clocks]:
     """The fit with corners where they were at their shot's moment, and what clocks say of it."""
     camera = _rig_of(fit).camera[pairs.image]
     late = np.zeros(len(_rig_of(fit).lenses))
@@ -371,7 +371,7 @@ def _on_time(
 
 
 def _further(
-    fit: Adjustment, pairs: Correspondences, lens: FitLens, world: World, decrease: float
+    fit: Adjustment, pairs: Observations, lens: FitLens, world: World, decrease: float
 ) -> Adjustment:
     return adjust(
         lens,
@@ -385,7 +385,7 @@ def _further(
 
 
 def _free_world(
-    fit: Adjustment, pairs: Correspondences, target: Target, level: Level, scale: float
+    fit: Adjustment, pairs: Observations, target: Target, level: Level, scale: float
 ) -> RefinedWorld:
     return RefinedWorld.drawn(
         pairs,
@@ -420,7 +420,7 @@ def _calibration(
     names: Sequence[str],
     alone: Sequence[_Alone],
     fit: Adjustment,
-    pairs: Correspondences,
+    pairs: Observations,
     clocks: Clocks | None,
     start: RigStart,
     seen: Seen,
@@ -432,7 +432,7 @@ def _calibration(
 ) -> RigCalibration:
     lens = _rig_of(fit)
     limit = huber_px(fit.residual)
-    drawn = replace(pairs, world=fit.world.points)
+    drawn = pairs.with_world(fit.world.points)
     rays = [cone_rays(np.deg2rad(_covered_deg(one)), _RAYS) for one in alone]
     rivals = [one.rival for one in alone]
     covariance = place_covariances(fit, drawn, limit, rays, seen.shot, rivals)
@@ -547,7 +547,7 @@ def _in_references_frames(
 
 
 def _held_out(
-    fit: Adjustment, pairs: Correspondences, limit: float, shots: Sequence[str]
+    fit: Adjustment, pairs: Observations, limit: float, shots: Sequence[str]
 ) -> FloatArray | None:
     """(N, 2) residuals of each corner under a fit without its shot, to first order."""
     count = len(fit.poses)

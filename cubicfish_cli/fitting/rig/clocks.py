@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import Adjustment, huber_weight, linearised
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px, noise_px
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray
 
 # Nobody's clocks differ by much more than that once films are matched: what holds a clock of which
@@ -41,7 +41,7 @@ class Moving:
     velocity: FloatArray
     acceleration: FloatArray
 
-    def of(self, pairs: Correspondences, others: Correspondences) -> Moving:
+    def of(self, pairs: Observations, others: Observations) -> Moving:
         """The same for other pairs of the same corners; nothing is known of those not here."""
         row = {key: number for number, key in enumerate(_keys(pairs))}
         at = np.array([row.get(key, -1) for key in _keys(others)], np.intp)
@@ -112,7 +112,7 @@ class Clocks:
     effect_px: FloatArray
 
 
-def fitted_clocks(fit: Adjustment, pairs: Correspondences, moving: Moving) -> Clocks:
+def fitted_clocks(fit: Adjustment, pairs: Observations, moving: Moving) -> Clocks:
     """How late each camera is, beside the first: a step from a fit that takes all as on time.
 
     Shots' poses and the cameras' places are free, lenses and object are not.
@@ -153,7 +153,7 @@ def fitted_clocks(fit: Adjustment, pairs: Correspondences, moving: Moving) -> Cl
 
 
 def _by_shot(
-    lens: RigLens, fit: Adjustment, pairs: Correspondences, moving: Moving, shots: int
+    lens: RigLens, fit: Adjustment, pairs: Observations, moving: Moving, shots: int
 ) -> tuple[FloatArray, FloatArray]:
     """Of each shot, its pose eliminated: Hessian (S, K, K) and gradient (S, K).
 
@@ -187,7 +187,7 @@ def _by_shot(
     return hessian, gradient
 
 
-def _keys(pairs: Correspondences) -> list[tuple[str, int, int, int]]:
+def _keys(pairs: Observations) -> list[tuple[str, int, int, int]]:
     images = [pairs.images[image] for image in pairs.image]
     return list(
         zip(

@@ -8,7 +8,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.known_lens import fit_poses
@@ -27,6 +26,7 @@ from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import ErrorStatistics, error_statistics, rms_px
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray
 
 # While shots are placed by one camera's view, the loss must still feel every corner.
@@ -120,12 +120,12 @@ class RigEvaluation:
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Placed:
     lens: FixedLens
-    pairs: Correspondences
+    pairs: Observations
     poses: Poses
 
 
 def evaluate_rig(
-    cameras: Sequence[KnownCamera], pairs: Sequence[Correspondences], shots: Shots
+    cameras: Sequence[KnownCamera], pairs: Sequence[Observations], shots: Shots
 ) -> RigEvaluation:
     """Place every shot with the rig as it is, and measure what is left.
 
@@ -187,7 +187,7 @@ def evaluate_rig(
     )
 
 
-def _placed(camera: KnownCamera, pairs: Correspondences) -> tuple[_Placed, int, tuple[str, ...]]:
+def _placed(camera: KnownCamera, pairs: Observations) -> tuple[_Placed, int, tuple[str, ...]]:
     """Photos placed by one camera alone, corners beyond its field, photos that cannot be placed."""
     found, own, photos = fit_poses(camera.camera.radial, pairs)
     if found is None:

@@ -9,13 +9,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import Adjustment, huber_weight, linearised
 from cubicfish_cli.fitting.evidence import Evidence
 from cubicfish_cli.fitting.rig.clocks import Clocks
 from cubicfish_cli.fitting.rig.start import RigStart
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 
 
@@ -39,7 +39,7 @@ class RigEvidence(Evidence):
     names: Sequence[str]
     fit: Adjustment
     lens: RigLens
-    pairs: Correspondences
+    pairs: Observations
     clocks: Clocks | None
     start: RigStart
     photos: Sequence[str]

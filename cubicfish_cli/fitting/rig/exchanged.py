@@ -8,7 +8,6 @@ from typing import Protocol
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.known_lens import fit_poses
@@ -16,6 +15,7 @@ from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import BoolArray, FloatArray
 
 # Photos fit another lens so many times better before they are said to be its.
@@ -34,7 +34,7 @@ class Known(Protocol):
         """Of the camera."""
 
     @property
-    def pairs(self) -> Correspondences:
+    def pairs(self) -> Observations:
         """Of its photos."""
 
     @property

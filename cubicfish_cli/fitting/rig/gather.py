@@ -8,7 +8,6 @@ from typing import Protocol
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.rig.clocks import Moving
@@ -16,6 +15,7 @@ from cubicfish_cli.fitting.rig.shots import Shots
 from cubicfish_cli.fitting.rig.start import RigStart
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.subset import select
+from cubicfish_cli.observations import Observations
 
 
 class OneCamera(Protocol):
@@ -26,7 +26,7 @@ class OneCamera(Protocol):
         """Its lens."""
 
     @property
-    def pairs(self) -> Correspondences:
+    def pairs(self) -> Observations:
         """Of its photos."""
 
     @property
@@ -51,8 +51,8 @@ class Seen:
 def gathered(
     alone: Sequence[OneCamera],
     shots: Shots,
-    moving: Sequence[tuple[Correspondences, Moving] | None],
-) -> tuple[RigLens, Poses, Correspondences, Seen, Moving | None]:
+    moving: Sequence[tuple[Observations, Moving] | None],
+) -> tuple[RigLens, Poses, Observations, Seen, Moving | None]:
     """All cameras' photos as the views of one rig, sorted by camera.
 
     Args:
@@ -73,7 +73,7 @@ def gathered(
         listed = np.array([name in of_shot for name in one.pairs.images])
         own, kept = select(one.pairs, listed[one.pairs.image])
         moves.append(Moving.still(len(own.pixel)) if given is None else given[1].of(given[0], own))
-        parts.append(replace(own, image=own.image + len(camera)))
+        parts.append(own)
         camera += [number] * len(kept)
         shot += [of_shot[name] for name in own.images]
         photo += own.images
@@ -89,19 +89,7 @@ def gathered(
         shot=index.astype(np.intp),
     )
     width, height = np.max([part.image_size for part in parts], axis=0).tolist()
-    pairs = Correspondences(
-        image_size=(width, height),
-        images=tuple(photo),
-        boards=parts[0].boards,
-        image=np.concatenate([part.image for part in parts]),
-        world=np.concatenate([part.world for part in parts]),
-        pixel=np.concatenate([part.pixel for part in parts]),
-        weight=np.concatenate([part.weight for part in parts]),
-        board=np.concatenate([part.board for part in parts]),
-        column=np.concatenate([part.column for part in parts]),
-        row=np.concatenate([part.row for part in parts]),
-        certain=np.concatenate([part.certain for part in parts]),
-    )
+    pairs = replace(Observations.joined(parts), image_size=(width, height))
     names = tuple(shots.names[number] for number in used)
     known = None
     if any(given is not None for given in moving):

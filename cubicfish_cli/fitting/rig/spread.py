@@ -11,7 +11,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import Adjustment
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import MIN_PHOTOS, dealt_out
@@ -20,12 +19,13 @@ from cubicfish_cli.fitting.photo_spread import MOST_CLUSTERS, variance_of_few
 from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.uncertainty import corner_noise_px
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 
 
 def place_covariances(
     fit: Adjustment,
-    pairs: Correspondences,
+    pairs: Observations,
     limit: float,
     rays: list[FloatArray],
     shots: Sequence[str],
@@ -71,7 +71,7 @@ def place_covariances(
 
 def _of_rivals(
     fit: Adjustment,
-    pairs: Correspondences,
+    pairs: Observations,
     limit: float,
     lens: RigLens,
     rivals: Sequence[tuple[FitLens, float] | None],

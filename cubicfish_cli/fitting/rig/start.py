@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.rig.exchanged import exchanged_shots
 from cubicfish_cli.fitting.rig_lens import RigLens
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.words.phrases import listed, plural
 
@@ -73,7 +73,7 @@ def start_rig(
     names: Sequence[str],
     lens: RigLens,
     views: Poses,
-    pairs: Correspondences,
+    pairs: Observations,
     called: Sequence[str],
 ) -> RigStart:
     """Place the cameras and the shots.
@@ -166,7 +166,7 @@ def _placed(
     return Poses.joined([found[camera] for camera in range(len(names))]), edges
 
 
-def _transferred(lens: RigLens, views: Poses, pairs: Correspondences, a: int, b: int) -> FloatArray:
+def _transferred(lens: RigLens, views: Poses, pairs: Observations, a: int, b: int) -> FloatArray:
     """Errors of one camera's views where another's say that the rig was, pixels."""
     bounds = np.searchsorted(pairs.image, np.arange(len(views) + 1))
     of_a, of_b = _together(lens, a, b)
@@ -189,7 +189,7 @@ def _unconnected(names: Sequence[str], found: dict[int, Poses]) -> str:
     )
 
 
-def place_shots(lens: RigLens, views: Poses, pairs: Correspondences) -> tuple[Poses, FloatArray]:
+def place_shots(lens: RigLens, views: Poses, pairs: Observations) -> tuple[Poses, FloatArray]:
     """rig_from_world of each shot, by the view with which the shot's others agree best."""
     proposed = lens.places[lens.camera].inverse() @ views
     count = int(lens.shot.max()) + 1
@@ -214,7 +214,7 @@ def place_shots(lens: RigLens, views: Poses, pairs: Correspondences) -> tuple[Po
 
 
 def _view_error(
-    lens: RigLens, rig_from_world: Poses, view: int, bounds: IntArray, pairs: Correspondences
+    lens: RigLens, rig_from_world: Poses, view: int, bounds: IntArray, pairs: Observations
 ) -> float:
     """Median error of a view's corners under a pose of the rig, pixels."""
     run = slice(int(bounds[view]), int(bounds[view + 1]))

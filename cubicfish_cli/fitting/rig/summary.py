@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.correspondences import Correspondences
 from cubicfish_cli.fitting.adjustment import Adjustment, adjust
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.rig.start import common_shots
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray
 
 
@@ -44,7 +44,7 @@ class CameraPair:
 
 
 def alone_residual(
-    fit: Adjustment, lens: RigLens, pairs: Correspondences, held: Sequence[FitLens], limit: float
+    fit: Adjustment, lens: RigLens, pairs: Observations, held: Sequence[FitLens], limit: float
 ) -> FloatArray:
     """(N, 2) residuals with every view's pose free, each camera's lens held."""
     views = lens.views(fit.poses)
@@ -58,7 +58,7 @@ def alone_residual(
 
 
 def camera_pairs(
-    names: Sequence[str], lens: RigLens, pairs: Correspondences, residual: FloatArray
+    names: Sequence[str], lens: RigLens, pairs: Observations, residual: FloatArray
 ) -> list[CameraPair]:
     """Every two cameras."""
     common = common_shots(lens, len(names))
@@ -82,7 +82,7 @@ def camera_pairs(
 def shot_records(
     shots: Sequence[str],
     lens: RigLens,
-    pairs: Correspondences,
+    pairs: Observations,
     residual: FloatArray,
     names: Sequence[str],
 ) -> list[dict[str, Any]]:

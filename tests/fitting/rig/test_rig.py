@@ -9,7 +9,6 @@ import pytest
 from simulated import CornerErrors
 from simulated_rig import RigTruth, simulated_rig
 
-from cubicfish_cli.correspondences import Correspondences, pair
 from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust, linearised, views_of
@@ -29,6 +28,7 @@ from cubicfish_cli.fitting.rig.start import median_pose
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.fitting.world import DrawnWorld
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
 from cubicfish_cli.target import Target
@@ -59,7 +59,7 @@ def target() -> Target:
 @functools.cache
 def simulated(
     seed: int = 0, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
-) -> tuple[tuple[Correspondences, ...], RigTruth]:
+) -> tuple[tuple[Observations, ...], RigTruth]:
     lenses = [outside_lens("equisolid", (800, 600)), outside_lens("equisolid", (640, 640))]
     nothing = (np.zeros(3), np.zeros(3))
     corners, truth = simulated_rig(
@@ -72,15 +72,15 @@ def simulated(
         seed=seed,
         errors=CornerErrors(noise=0.1, shared=0, spread=0),
     )
-    return tuple(pair(one, target()) for one in corners), truth
+    return tuple(one.with_target(target()) for one in corners), truth
 
 
-def matched(pairs: Sequence[Correspondences]) -> Shots:
+def matched(pairs: Sequence[Observations]) -> Shots:
     return shots_by_name(NAMES, [one.images for one in pairs])
 
 
 def fitted(
-    pairs: Sequence[Correspondences], shots: Shots | None = None, *, hold_lenses: bool = False
+    pairs: Sequence[Observations], shots: Shots | None = None, *, hold_lenses: bool = False
 ) -> RigCalibration:
     cameras = [RigCamera(name=name, pairs=one) for name, one in zip(NAMES, pairs, strict=True)]
     return calibrate_rig(
@@ -153,14 +153,14 @@ def test_a_photo_of_another_shot_is_named_and_harms_nothing() -> None:
     assert rig.errors.rms_px < 1.1 * plain().errors.rms_px
 
 
-def joined(first: Correspondences, second: Correspondences, half: str) -> Correspondences:
+def joined(first: Observations, second: Observations, half: str) -> Observations:
     """The photos of the first up to ``half``, and those of the second after it."""
     one, _ = select(first, np.array([name <= half for name in first.images])[first.image])
     two, _ = select(second, np.array([name > half for name in second.images])[second.image])
     return in_line(one, two)
 
 
-def in_line(one: Correspondences, two: Correspondences) -> Correspondences:
+def in_line(one: Observations, two: Observations) -> Observations:
     """The photos of the first, then those of the second."""
     names = ("world", "pixel", "weight", "board", "column", "row", "certain")
     return replace(
@@ -184,7 +184,7 @@ def test_a_camera_that_moved_half_way_is_found() -> None:
 
 def in_motion(
     seed: int = 1, late: tuple[float, float] = (0.0, 0.0)
-) -> tuple[list[Correspondences], list[Moving]]:
+) -> tuple[list[Observations], list[Moving]]:
     """The same shots with rig and target in motion, cameras late by some seconds."""
     pairs, truth = simulated()
     rng = np.random.default_rng(seed)
@@ -287,7 +287,7 @@ def test_cameras_that_were_exchanged_for_some_shots_are_named() -> None:
         middle=(330, 330, 300),
         errors=CornerErrors(noise=0.1, shared=0, spread=0),
     )
-    pairs = tuple(pair(one, target()) for one in corners)
+    pairs = tuple(one.with_target(target()) for one in corners)
     halves = [
         [
             select(one, np.array([(name in both) == late for name in one.images])[one.image])[0]
@@ -369,7 +369,7 @@ def test_shots_that_fit_no_rig_are_refused() -> None:
         fitted(pairs, wrong)
 
 
-def small_rig() -> tuple[RigLens, Poses, Correspondences]:
+def small_rig() -> tuple[RigLens, Poses, Observations]:
     """Two radial lenses and three shots, one of which only the second camera sees."""
     rng = np.random.default_rng(1)
     camera, shot = np.array([0, 0, 1, 1, 1]), np.array([0, 2, 0, 1, 2])
@@ -387,7 +387,7 @@ def small_rig() -> tuple[RigLens, Poses, Correspondences]:
     )
     image = np.repeat(np.arange(5), 12)
     world = rng.uniform(-1, 1, (60, 3))
-    pairs = Correspondences.from_arrays(
+    pairs = Observations.from_points(
         [world[image == view] for view in range(5)],
         [rng.uniform(0, 400, (12, 2)) for _ in range(5)],
         (640, 480),

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-from cubicfish_cli.correspondences import load_corners, pair
+from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.fitting.calibrate import Calibration, calibrate
 from cubicfish_cli.fitting.point_fit import calibrate_points
 from cubicfish_cli.formats.camera_writer import save_camera
@@ -23,7 +23,7 @@ def _calibration() -> Calibration:
 @cache
 def _pairs():
     target = load_target(SAMPLE / "target.yaml")
-    return pair(load_corners(SAMPLE / "true_corners.csv", target), target)
+    return load_corners(SAMPLE / "true_corners.csv", target)
 
 
 def camera() -> CubicCamera:

@@ -13,7 +13,7 @@ import fuzz_lenses as lenses
 import numpy as np
 
 from cubicfish_cli.cli.points import read_points
-from cubicfish_cli.correspondences import load_corners, load_correspondences, pair
+from cubicfish_cli.corner_files.observations_csv import load_corners, load_correspondences
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.formats.camera_yaml import load_any_camera
 from cubicfish_cli.photos import decode_picture, photo_size, read_file
@@ -93,7 +93,7 @@ def _corners_seeds() -> Sequence[bytes]:
 
 def _read_corners(path: Path) -> object:
     target = _loaded_target()
-    return pair(load_corners(path, target), target)
+    return load_corners(path, target)
 
 
 @cache
