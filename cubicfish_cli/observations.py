@@ -169,7 +169,7 @@ class Observations:
 
     @classmethod
     def without_names(cls, *, column: IntArray, **others: Any) -> Observations:
-        """Points that are told apart by ``column`` (N,) alone, with the other attributes."""
+        """Points without names: ``column`` (N,) is an index that tells them apart; and the rest."""
         board, row = np.full(len(column), -1, np.intp), np.zeros(len(column), np.intp)
         return cls(**others, boards=(), board=board, column=column, row=row)
 
@@ -208,7 +208,7 @@ class Observations:
         )
 
     def select(self, rows: IntArray | BoolArray) -> Observations:
-        """Some of the rows, in the order of their indices (K,), or by a mask (N,).
+        """Some of the rows, each by its index (K,), in that order, or by a mask (N,).
 
         All photos stay listed.
         """
@@ -228,7 +228,7 @@ class Observations:
         return self.select(self.image == self.images.index(photo))
 
     def only_seen(self) -> tuple[Observations, IntArray]:
-        """The same rows without the photos that have none, and of each photo its index here."""
+        """Without the photos that have no rows, and (M,) the index of each other photo here."""
         photos, image = np.unique(self.image, return_inverse=True)
         images = tuple(self.images[photo] for photo in photos)
         return replace(self, images=images, image=image.astype(np.intp)), photos.astype(np.intp)
@@ -242,7 +242,7 @@ class Observations:
         return self.select(np.lexsort([self.column, self.row, self.board, self.image]))
 
     def with_world(self, world: FloatArray) -> Observations:
-        """The same rows with other world points (N, 3), which are no longer those of a target."""
+        """The same rows with other world points (N, 3), any unit, which are of no target."""
         return replace(self, world=world, target=None)
 
     def with_target(self, target: Target) -> Observations:
@@ -300,9 +300,11 @@ class Observations:
         target = self.target if target is None else target
         if target is not None:
             return own.with_target(target)
-        if rows and np.array_equal(self.world, np.full((rows, 3), np.nan), equal_nan=True):
+        world = self.world
+        numbers = isinstance(world, np.ndarray) and world.dtype.kind == "f"
+        if rows and numbers and np.isnan(world).all():
             raise CorrespondenceError("corners need the target that they are of: pass it as well")
-        world = _REFUSAL.numbers(self.world, "world", 3, limit=MAX_COORDINATE)
+        world = _REFUSAL.numbers(world, "world", 3, limit=MAX_COORDINATE)
         if len(world) != rows:
             raise CorrespondenceError(f"world has {len(world)} rows and pixel has {rows}")
         if (np.diff(own.image) < 0).any():

@@ -273,7 +273,7 @@ def test_axes_names_orders_and_mirrors():
 def test_the_object_is_measured_from_photos_without_its_drawing(pairs):
     drawn = wrong.shifted(TARGET, 1, 90.0, np.random.default_rng(0))
     drawn = wrong.with_board(drawn, 2, square=1.4)
-    scaled = replace(synthetic.pair(pairs, drawn), world=np.zeros_like(pairs.world))
+    scaled = replace(pairs.with_target(drawn), world=np.zeros_like(pairs.world))
     found = measured_object(scaled, drawn)
     assert sorted(found.boards) == [0, 1, 2]
     seen, truth = [], []
@@ -563,7 +563,7 @@ def test_odd_photos_are_compared_with_a_lens_that_knows_none_of_them(size):
     """Three of them hide each other beside a lens and poses that were fitted to all."""
     number = next(i for i, case in enumerate(wrong.CASES) if "sheared by 0.3 %" in case.name)
     corners = wrong.sheared(np.random.default_rng([number, 2]), size).corners
-    found = calibrate(synthetic.pair(corners, TARGET), hold_out=False).findings
+    found = calibrate(corners.with_target(TARGET), hold_out=False).findings
     assert [one.images for one in found] == [("03.png", "08.png", "09.png")] * (size > 0)
 
 
@@ -660,7 +660,7 @@ def one_photo(changed=lambda corners: {}):
     corners = replace(corners, **changed(corners))
     sizes = np.array([(board.columns, board.rows) for board in TARGET.boards])[corners.board]
     named = np.stack([corners.column, corners.row], axis=-1)
-    return synthetic.pair(wrong.only(corners, ((named >= 0) & (named < sizes)).all(1)), TARGET)
+    return wrong.only(corners, ((named >= 0) & (named < sizes)).all(1)).with_target(TARGET)
 
 
 @pytest.mark.parametrize(

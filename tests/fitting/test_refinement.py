@@ -46,7 +46,7 @@ def photos_of(real: Target, count: int = 10, seed: int = 21):
     """Pairs as a user has them: pixels of the real object, world points of the drawn one."""
     poses = synthetic.poses_around(DRAWN, count, seed=seed)
     corners = synthetic.synthetic_corners(real, poses, noise=NOISE, seed=seed)
-    return synthetic.pair(corners, DRAWN)
+    return corners.with_target(DRAWN)
 
 
 def test_derivatives_of_the_object():
@@ -100,8 +100,8 @@ def test_shape_is_found_and_helps_on_new_photos():
     fresh = synthetic.synthetic_corners(
         real, synthetic.poses_around(DRAWN, 5, seed=77), noise=NOISE, seed=5
     )
-    refined = evaluate(result.camera, synthetic.pair(fresh, result.target)).errors.rms_px
-    drawn = evaluate(result.camera, synthetic.pair(fresh, DRAWN)).errors.rms_px
+    refined = evaluate(result.camera, fresh.with_target(result.target)).errors.rms_px
+    drawn = evaluate(result.camera, fresh.with_target(DRAWN)).errors.rms_px
     assert refined < 0.09 < drawn
 
 

@@ -26,17 +26,7 @@ def truth() -> Observations:
 
 
 def subset(corners: Observations, keep) -> Observations:
-    names, image = np.unique(corners.image[keep], return_inverse=True)
-    return replace(
-        corners,
-        images=tuple(corners.images[index] for index in names),
-        image=image,
-        board=corners.board[keep],
-        column=corners.column[keep],
-        row=corners.row[keep],
-        pixel=corners.pixel[keep],
-        weight=corners.weight[keep],
-    )
+    return corners.select(keep).only_seen()[0]
 
 
 def first_pass(corners: Observations, *, exact: bool = True) -> Detection:

@@ -21,9 +21,8 @@ import cubicfish_cli
 from cubicfish_cli import (
     Calibration,
     CameraFile,
-    Corners,
-    Correspondences,
     CubicfishError,
+    Observations,
     Target,
     build_map,
     build_plane,
@@ -67,7 +66,7 @@ def target() -> Target:
 
 
 @pytest.fixture(scope="module")
-def corners(target: Target) -> Corners:
+def corners(target: Target) -> Observations:
     return load_corners(SAMPLE / "true_corners.csv", target)
 
 
@@ -76,7 +75,7 @@ def picture() -> np.ndarray:
     return np.ascontiguousarray(read_picture(PHOTOS[0])[..., 1])  # grey
 
 
-def as_arrays(corners: Corners, target: Target) -> tuple[list[np.ndarray], list[np.ndarray]]:
+def as_arrays(corners: Observations, target: Target) -> tuple[list[np.ndarray], list[np.ndarray]]:
     photos = range(len(corners.images))
     world = target.world_points(corners.board, corners.column, corners.row)
     return [world[corners.image == photo] for photo in photos], [
@@ -184,7 +183,7 @@ def test_every_function_says_shapes_units_and_types(name: str) -> None:
 
 @pytest.mark.slow
 def test_a_camera_is_that_of_the_command_line(
-    calibrated: Path, corners: Corners, target: Target
+    calibrated: Path, corners: Observations, target: Target
 ) -> None:
     calibration = calibrate(corners, target, hold_out=False)
     loaded = load_camera(calibrated / "camera.yaml")
@@ -199,10 +198,10 @@ def test_a_camera_is_that_of_the_command_line(
 
 @pytest.mark.slow
 def test_arrays_give_the_camera_that_named_corners_give(
-    fitted: Calibration, corners: Corners, target: Target
+    fitted: Calibration, corners: Observations, target: Target
 ) -> None:
     world, pixel = as_arrays(corners, target)
-    pairs = Correspondences.from_arrays(world, pixel, (960, 720))
+    pairs = Observations.from_points(world, pixel, (960, 720))
     calibration = calibrate(pairs, hold_out=False)
     np.testing.assert_allclose(calibration.camera.P, fitted.camera.P, atol=P_BITS)
     np.testing.assert_allclose(calibration.poses.translation, fitted.poses.translation, atol=1e-5)
@@ -216,12 +215,12 @@ def test_arrays_give_the_camera_that_named_corners_give(
 @pytest.mark.slow
 @pytest.mark.parametrize("distance", [1e4, 1e7])
 def test_a_world_counted_from_far_away_gives_the_same_camera(
-    fitted: Calibration, corners: Corners, target: Target, distance: float
+    fitted: Calibration, corners: Observations, target: Target, distance: float
 ) -> None:
     origin = distance * np.array([1, 2, -0.5])
     world, pixel = (arrays[:3] for arrays in as_arrays(corners, target))
-    near = calibrate(Correspondences.from_arrays(world, pixel, (960, 720)), hold_out=False)
-    moved = Correspondences.from_arrays([w + origin for w in world], pixel, (960, 720))
+    near = calibrate(Observations.from_points(world, pixel, (960, 720)), hold_out=False)
+    moved = Observations.from_points([w + origin for w in world], pixel, (960, 720))
     far = calibrate(moved, hold_out=False)
     assert compare(near.camera, far.camera).statistics.max_px < 1e-5
     np.testing.assert_allclose(far.pairs.world, moved.world)
@@ -266,7 +265,7 @@ def test_photos_in_memory_give_the_corners_of_their_files(tmp_path: Path, target
 
 
 def test_what_a_photo_was_placed_by_says_nothing_of_the_object(
-    monkeypatch: pytest.MonkeyPatch, corners: Corners, target: Target, fitted: Calibration
+    monkeypatch: pytest.MonkeyPatch, corners: Observations, target: Target, fitted: Calibration
 ) -> None:
     from cubicfish_cli.fitting import calibrate as fitting
     from cubicfish_cli.identification.photo_report import Detection, PhotoReport
@@ -354,11 +353,13 @@ def test_a_camera_without_a_fit_has_figures_and_no_verdict(fitted: Calibration) 
     assert alone.facts.verdict is None
 
 
-def test_corners_bring_their_target(corners: Corners, target: Target, fitted: Calibration) -> None:
+def test_corners_bring_their_target(
+    corners: Observations, target: Target, fitted: Calibration
+) -> None:
     assert corners.target is target
     error = evaluate(fitted.camera, corners).errors
     assert error == evaluate(fitted.camera, corners, target).errors
-    nameless = replace(corners, target=None)
+    nameless = replace(corners, target=None, world=np.full_like(corners.world, np.nan))
     assert "need the target" in refusal(
         CorrespondenceError, lambda: evaluate(fitted.camera, nameless)
     )
@@ -427,7 +428,7 @@ def test_the_short_name_is_the_same_library() -> None:
 
 
 def test_files_are_those_of_the_command_line(
-    tmp_path: Path, fitted: Calibration, corners: Corners, target: Target
+    tmp_path: Path, fitted: Calibration, corners: Observations, target: Target
 ) -> None:
     camera = tmp_path / "made" / "camera.yaml"
     save_camera(str(camera), fitted, made_by={"station": ("a", 3)})
@@ -468,7 +469,7 @@ def refusal(error: type[CubicfishError], call: Callable[[], object]) -> str:
 
 
 def test_corners_that_cannot_be_fitted_to_are_refused(
-    corners: Corners, target: Target, fitted: Calibration
+    corners: Observations, target: Target, fitted: Calibration
 ) -> None:
     pairs = fitted.pairs
     nameless = replace(pairs, boards=(), board=np.full(len(pairs.board), -1))
@@ -477,10 +478,11 @@ def test_corners_that_cannot_be_fitted_to_are_refused(
     def said(given: Any, of: Target | None = None, **more: Any) -> str:
         return refusal(CorrespondenceError, lambda: calibrate(given, of, **more))
 
-    assert "need the target" in said(replace(corners, target=None))
-    assert "list is neither Correspondences" in said([1, 2])
+    unknown_world = np.full_like(corners.world, np.nan)
+    assert "need the target" in said(replace(corners, target=None, world=unknown_world))
+    assert "list is neither Observations" in said([1, 2])
     assert "do not say which corners" in said(nameless, target)
-    assert "do not say which corners" in said(pairs, other)
+    assert "board 'right' is not in the target" in said(pairs, other)
     assert "board 'right' is not in the target" in said(corners, other)
     assert "pixel, row 0 is not finite" in said(replace(pairs, pixel=pairs.pixel * np.nan))
     assert "world has the shape" in said(replace(pairs, world=pairs.world[:, :2]))
@@ -496,11 +498,11 @@ def test_corners_that_cannot_be_fitted_to_are_refused(
     assert "did you mean 'shape'" in refusal(
         FitError, lambda: calibrate(corners, target, refine_target=unknown)
     )
-    few = Correspondences.from_arrays([pairs.world[:9]], [pairs.pixel[:9]], (960, 720))
+    few = Observations.from_points([pairs.world[:9]], [pairs.pixel[:9]], (960, 720))
     assert "9 corners are too few" in refusal(FitError, lambda: calibrate(few))
-    middle = Correspondences.from_arrays([pairs.world[:99]], [np.zeros((99, 2))], (1, 1))
+    middle = Observations.from_points([pairs.world[:99]], [np.zeros((99, 2))], (1, 1))
     assert "enough corners to be placed" in refusal(FitError, lambda: calibrate(middle))
-    small = Correspondences.from_arrays([pairs.world[:9]], [pairs.pixel[:9] / 10], (96, 72))
+    small = Observations.from_points([pairs.world[:9]], [pairs.pixel[:9] / 10], (96, 72))
     assert "photos of 96x72" in refusal(FitError, lambda: evaluate(fitted.camera, small))
 
 
@@ -631,14 +633,14 @@ def test_only_plain_data_are_saved(tmp_path: Path, fitted: Calibration, value: A
 
 @pytest.mark.slow
 def test_threads_do_not_disturb_each_other(
-    corners: Corners, target: Target, picture: np.ndarray, fitted: Calibration
+    corners: Observations, target: Target, picture: np.ndarray, fitted: Calibration
 ) -> None:
     world, pixel = as_arrays(corners, target)
     views = [build_view(fitted.camera, hfov_deg=angle) for angle in (60, 120)]
 
     def work(number: int) -> tuple[np.ndarray, ...]:
         own = slice(number, number + 2)
-        pairs = Correspondences.from_arrays(world[own], pixel[own], (960, 720))
+        pairs = Observations.from_points(world[own], pixel[own], (960, 720))
         flat = undistort(picture, fitted.camera, views[number])
         rays = fitted.camera.unproject(pixel[number])
         return calibrate(pairs, hold_out=False).camera.P, flat, rays

@@ -185,7 +185,6 @@ def synthetic_corners(
         column=_visible(seen, "column"),
         row=_visible(seen, "row"),
         pixel=pixel + noise * rng.standard_normal(pixel.shape),
-        weight=np.ones(len(image)),
     )
 
 
@@ -209,27 +208,7 @@ def synthetic_correspondences(
         seed=seed,
         neighbourhood=neighbourhood,
     )
-    return pair(corners, target)
-
-
-def pair(corners: Observations, target: Target) -> Observations:
-    """Corners with their world points in ``target``; board indices must be the target's."""
-    world = np.empty((len(corners.pixel), 3))
-    for index, board in enumerate(target.boards):
-        here = corners.board == index
-        world[here] = board.world_points(corners.column[here], corners.row[here])
-    return Observations(
-        image_size=corners.image_size,
-        images=corners.images,
-        boards=corners.boards,
-        image=corners.image,
-        world=world,
-        pixel=corners.pixel,
-        weight=corners.weight,
-        board=corners.board,
-        column=corners.column,
-        row=corners.row,
-    )
+    return corners.with_target(target)
 
 
 def true_pixels(

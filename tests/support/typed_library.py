@@ -17,6 +17,7 @@ from cubicfish_cli import (
     CubicfishError,
     Detection,
     Evaluation,
+    Observations,
     Target,
     UndistortMap,
     Verdict,
@@ -53,6 +54,9 @@ def fits(folder: Path, pictures: dict[str, npt.NDArray[np.uint8]]) -> Calibratio
     detect([np.zeros((4, 4), np.uint8)], target, progress=lambda words, share: None)
     corners = assert_type(load_corners(folder / "corners.csv", target), Corners)
     points, pixel = [np.zeros((9, 3))], [np.zeros((9, 2), np.float32)]
+    seen = Observations.from_corners(points, pixel, (4, 4), boards=["board"])
+    assert_type(seen.of("photo_0").with_target(target).select(seen.certain), Observations)
+    assert_type(Observations.from_points(points, pixel, (4, 4)).world, Floats)
     assert_type(Corners.from_arrays(points, pixel, (4, 4), boards=["board"]), Corners)
     pairs = assert_type(Correspondences.from_arrays(points, pixel, (4, 4)), Correspondences)
     try:

@@ -229,29 +229,13 @@ def moved(
 
 def only(corners: Observations, keep: BoolArray) -> Observations:
     """Some of the corners."""
-    return replace(
-        corners,
-        image=corners.image[keep],
-        board=corners.board[keep],
-        column=corners.column[keep],
-        row=corners.row[keep],
-        pixel=corners.pixel[keep],
-        weight=corners.weight[keep],
-    )
+    return corners.select(keep)
 
 
 def together(parts: list[Observations]) -> Observations:
     """Corners of several sets, their photos one after the other."""
-    counts = np.cumsum([0, *(len(part.images) for part in parts)])
-    return replace(
-        parts[0],
-        images=tuple(f"{i:02d}.png" for i in range(counts[-1])),
-        image=np.concatenate([p.image + n for p, n in zip(parts, counts, strict=False)]),
-        **{
-            name: np.concatenate([getattr(part, name) for part in parts])
-            for name in ("board", "column", "row", "pixel", "weight")
-        },
-    )
+    both = Observations.joined(parts)
+    return replace(both, images=tuple(f"{i:02d}.png" for i in range(len(both.images))))
 
 
 def interleaved(corners: Observations, order: npt.NDArray[np.intp]) -> Observations:

@@ -157,18 +157,7 @@ def joined(first: Observations, second: Observations, half: str) -> Observations
     """The photos of the first up to ``half``, and those of the second after it."""
     one, _ = select(first, np.array([name <= half for name in first.images])[first.image])
     two, _ = select(second, np.array([name > half for name in second.images])[second.image])
-    return in_line(one, two)
-
-
-def in_line(one: Observations, two: Observations) -> Observations:
-    """The photos of the first, then those of the second."""
-    names = ("world", "pixel", "weight", "board", "column", "row", "certain")
-    return replace(
-        one,
-        images=one.images + two.images,
-        image=np.concatenate([one.image, two.image + len(one.images)]),
-        **{name: np.concatenate([getattr(one, name), getattr(two, name)]) for name in names},
-    )
+    return Observations.joined([one, two])
 
 
 @pytest.mark.slow
@@ -295,7 +284,7 @@ def test_cameras_that_were_exchanged_for_some_shots_are_named() -> None:
         ]
         for one in pairs
     ]
-    wrong = [in_line(halves[number][0], halves[1 - number][1]) for number in range(2)]
+    wrong = [Observations.joined([halves[number][0], halves[1 - number][1]]) for number in range(2)]
     with pytest.raises(FitError, match="left and right are exchanged in 3 shots of 10"):
         fitted(wrong)
 

@@ -1,7 +1,7 @@
 """corners.csv and correspondences.csv: exact round trips, and every refusal."""
 
 import time
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from observed import SIZE, TARGET, any_corners, assert_same
 
-from cubicfish_cli.boards.board import Board
-from cubicfish_cli.boards.checkerboard import Checkerboard
 from cubicfish_cli.corner_files.observations_csv import (
     load_corners,
     load_correspondences,
@@ -22,26 +21,9 @@ from cubicfish_cli.corner_files.observations_csv import (
 )
 from cubicfish_cli.errors import CorrespondenceError, OutputError
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.target import Target
 
-SIZE = (1280, 800)
 HEADER = "# cubicfish corners 1, image_size 1280x800\nimage,board,column,row,x,y\n"
 PAIRS_HEADER = "# cubicfish correspondences 1, image_size 1280x800\nimage,X,Y,Z,x,y\n"
-
-
-def grid(name: str, origin: list[float], columns: int = 5, rows: int = 4) -> Board:
-    return Checkerboard(
-        name=name,
-        columns=columns,
-        rows=rows,
-        square=10.0,
-        origin=np.array(origin),
-        x_axis=np.array([1.0, 0, 0]),
-        y_axis=np.array([0, 1.0, 0]),
-    )
-
-
-TARGET = Target(units="mm", boards=(grid("floor", [0, 0, 0]), grid("wall, left", [0, 0, 50], 7, 3)))
 
 
 def written(tmp_path: Path, text: str | bytes) -> Path:
@@ -50,60 +32,14 @@ def written(tmp_path: Path, text: str | bytes) -> Path:
     return path
 
 
-def assert_same(one: object, other: object) -> None:
-    assert type(one) is type(other)
-    for field in fields(one):  # type: ignore[arg-type]
-        if field.name == "target":  # what is read knows it
-            continue
-        a, b = getattr(one, field.name), getattr(other, field.name)
-        if isinstance(a, np.ndarray):
-            np.testing.assert_array_equal(a, b, strict=True)
-        else:
-            assert a == b, field.name
-
-
-finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
-names = st.text(
-    st.characters(exclude_categories=["Cs", "Cc", "Cf", "Co", "Cn", "Zl", "Zp", "Zs"]), min_size=1
-)
-
-
-@st.composite
-def corners(draw: st.DrawFn) -> Observations:
-    """Any corners that lie on the boards, each once, in any order."""
-    images = draw(st.lists(names, min_size=1, max_size=4, unique=True))
-    everywhere = [
-        (image, board, column, row)
-        for image in range(len(images))
-        for board, one in enumerate(TARGET.boards)
-        for column in range(one.columns)
-        for row in range(one.rows)
-    ]
-    some = draw(st.lists(st.sampled_from(everywhere), min_size=1, max_size=30, unique=True))
-    # The file names a photo only by its corners: number photos by first appearance.
-    seen = list(dict.fromkeys(image for image, *_ in some))
-    keys = np.array([(seen.index(i), *rest) for i, *rest in some], np.intp)
-    count = len(keys)
-    x = draw(hnp.arrays(float, count, elements=st.floats(-1, 1280)))
-    y = draw(hnp.arrays(float, count, elements=st.floats(-1, 800)))
-    weight = draw(hnp.arrays(float, count, elements=st.floats(1e-6, 1e6)))
-    certain = draw(hnp.arrays(bool, count))
-    return Observations(
-        image_size=SIZE,
-        images=tuple(images[i] for i in seen),
-        boards=TARGET.board_names,
-        image=keys[:, 0].copy(),
-        board=keys[:, 1].copy(),
-        column=keys[:, 2].copy(),
-        row=keys[:, 3].copy(),
-        pixel=np.stack([x, y], axis=-1),
-        weight=weight,
-        certain=certain,
-    )
+def on_target(found: Observations) -> Observations:
+    """The same rows in their order, as one reads them who knows the target."""
+    world = TARGET.world_points(found.board, found.column, found.row)
+    return replace(found, world=world, target=TARGET)
 
 
 @pytest.mark.slow
-@given(corners(), st.booleans(), st.booleans())
+@given(any_corners(), st.booleans(), st.booleans())
 def test_corners_read_back_exactly(
     tmp_path_factory: Any, found: Observations, weighted: bool, doubted: bool
 ) -> None:
@@ -117,7 +53,7 @@ def test_corners_read_back_exactly(
     assert path.read_text().startswith(
         f"# cubicfish corners {version}, image_size 1280x800\nimage,board,column,row,x,y"
     )
-    assert_same(load_corners(path, TARGET), found)
+    assert_same(load_corners(path, TARGET), on_target(found))
 
 
 def test_tables_that_say_nothing_of_certainty_are_certain(tmp_path: Path) -> None:
@@ -126,25 +62,6 @@ def test_tables_that_say_nothing_of_certainty_are_certain(tmp_path: Path) -> Non
     assert load_corners(written(tmp_path, newer), TARGET).certain.tolist() == [True]
     marked = newer.replace(",y\n", ",y,certain\n").replace(ROW, ROW.strip() + ",0\n")
     assert load_corners(written(tmp_path, marked), TARGET).certain.tolist() == [False]
-
-
-@pytest.mark.slow
-@given(corners())
-def test_pairs_are_sorted_by_photo_and_stand_on_their_boards(found: Observations) -> None:
-    pairs = found.with_target(TARGET)
-    order = sorted(range(len(found.image)), key=lambda n: found.image[n])  # stable
-    np.testing.assert_array_equal(pairs.image, found.image[order])
-    np.testing.assert_array_equal(pairs.pixel, found.pixel[order])
-    np.testing.assert_array_equal(pairs.weight, found.weight[order])
-    np.testing.assert_array_equal(pairs.certain, found.certain[order])
-    doubted = {pairs.images[photo] for photo in pairs.image[~pairs.certain]}
-    assert set(pairs.uncertain_images) == doubted
-    expected = np.stack([pairs.column * 10, pairs.row * 10, pairs.board * 50], axis=-1)
-    np.testing.assert_allclose(pairs.world, expected)
-    np.testing.assert_array_equal(
-        np.stack([pairs.board, pairs.column, pairs.row]),
-        np.stack([found.board, found.column, found.row])[:, order],
-    )
 
 
 @given(
@@ -325,41 +242,6 @@ def test_any_text_below_the_header_is_read_or_refused_in_one_line(
     assert "\n" not in said
 
 
-def test_pairing_refuses_boards_and_corners_that_the_target_lacks() -> None:
-    found = Observations(
-        image_size=SIZE,
-        images=("a.png",),
-        boards=("flor",),
-        image=np.zeros(1, np.intp),
-        board=np.zeros(1, np.intp),
-        column=np.array([5]),
-        row=np.array([0]),
-        pixel=np.zeros((1, 2)),
-        weight=np.ones(1),
-    )
-    with pytest.raises(CorrespondenceError, match=r"board 'flor' .* did you mean 'floor'"):
-        found.with_target(TARGET)
-    with pytest.raises(CorrespondenceError, match=r"a\.png: column 5, row 0 .*count squares"):
-        replace(found, boards=("floor",)).with_target(TARGET)
-
-
-def test_boards_are_paired_by_name_not_by_order() -> None:
-    found = Observations(
-        image_size=SIZE,
-        images=("a.png",),
-        boards=("wall, left", "floor"),
-        image=np.zeros(2, np.intp),
-        board=np.array([0, 1]),
-        column=np.array([6, 1]),
-        row=np.array([2, 0]),
-        pixel=np.zeros((2, 2)),
-        weight=np.ones(2),
-    )
-    pairs = found.with_target(TARGET)
-    np.testing.assert_array_equal(pairs.board, [1, 0])
-    np.testing.assert_allclose(pairs.world, [[60, 20, 50], [10, 0, 0]])
-
-
 def test_files_are_not_replaced_unasked(tmp_path: Path) -> None:
     path = written(tmp_path, HEADER + ROW)
     found = load_corners(path, TARGET)
@@ -393,12 +275,10 @@ def test_three_hundred_thousand_rows_take_seconds_not_minutes(tmp_path: Path) ->
         column=place % 5,
         row=place // 5,
         pixel=np.random.default_rng(1).uniform(0, 800, (count, 2)),
-        weight=np.ones(count),
     )
     path = tmp_path / "corners.csv"
     start = time.process_time()
     save_corners(path, found, overwrite=False)
     read = load_corners(path, TARGET)
-    read.with_target(TARGET)
     assert time.process_time() - start < 10  # measured: 2 s
-    assert_same(read, found)
+    assert_same(read, on_target(found))
