@@ -348,12 +348,27 @@ def first_repeated(*keys: IntArray) -> tuple[int, int] | None:
     return min(pairs)[::-1] if pairs else None
 
 
-def outside_photo(pixel: FloatArray, image_size: tuple[int, int]) -> BoolArray:
-    """Which pixels (N, 2) are outside a photo.
+def first_outside_photo(pixel: FloatArray, image_size: tuple[int, int]) -> tuple[int, str] | None:
+    """The first row (N, 2) whose pixel is outside a photo, and what is said of it.
 
     One pixel of slack: a corner may be found a little beyond the outermost pixel centres.
     """
-    return np.asarray(((pixel < -1) | (pixel > image_size)).any(axis=1))
+    outside = np.flatnonzero(((pixel < -1) | (pixel > image_size)).any(axis=1))
+    if not outside.size:
+        return None
+    (x, y), (width, height) = pixel[outside[0]], image_size
+    return int(outside[0]), f"x {x:g}, y {y:g} is outside the {width}x{height} image"
+
+
+def first_bad_weight(weight: FloatArray) -> tuple[int, str] | None:
+    """The first weight (N,) that cannot be, and what is said of it."""
+    bad = np.flatnonzero(~((weight > 0) & (weight <= MAX_COORDINATE)))
+    if not bad.size:
+        return None
+    return int(bad[0]), (
+        f"weight {weight[bad[0]]:g} must be above 0 and at most {MAX_COORDINATE:g}: to leave a "
+        "corner out, remove its row"
+    )
 
 
 def _listed(arrays: Iterable[npt.ArrayLike], name: str) -> list[tuple[int, npt.ArrayLike]]:
@@ -392,12 +407,10 @@ def _photos(
             )
         if not len(points):
             raise CorrespondenceError(f"photo {index} has no points: leave it out of both lists")
-        outside = np.flatnonzero(outside_photo(seen, size))
-        if outside.size:
-            x, y = seen[outside[0]]
+        outside = first_outside_photo(seen, size)
+        if outside is not None:
             raise CorrespondenceError(
-                f"pixel[{index}], row {outside[0]}: {x:g}, {y:g} is outside the "
-                f"{size[0]}x{size[1]} image: is image_size (width, height)?"
+                f"pixel[{index}], row {outside[0]}: {outside[1]}: is image_size (width, height)?"
             )
     names = [f"photo_{index}" for index in range(len(own))] if images is None else images
     photos = _REFUSAL.names(names, "images")

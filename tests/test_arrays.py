@@ -101,7 +101,7 @@ def test_points_as_opencv_has_them(make) -> None:
         ({"pixel": [PIXEL, [["a", "b"]] * 2]}, "pixel[1] must hold real numbers, not <U1"),
         ({"pixel": [PIXEL, PIXEL[:2] * 1j]}, "real numbers, not complex128"),
         ({"pixel": [PIXEL, [[1, np.nan], [1, 2]]]}, "pixel[1], row 0 is not finite"),
-        ({"pixel": [PIXEL, [[1, 2], [1, 15]]]}, "pixel[1], row 1: 1, 15 is outside the 20x10"),
+        ({"pixel": [PIXEL, [[1, 2], [1, 15]]]}, "pixel[1], row 1: x 1, y 15 is outside the 20x10"),
         ({"image_size": (10,)}, "image_size must be two whole numbers above 0, (width, height)"),
         ({"image_size": (10.0, 20.0)}, "image_size must be two whole numbers"),
         ({"image_size": (0, 20)}, "image_size must be two whole numbers"),

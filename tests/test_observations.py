@@ -15,6 +15,8 @@ from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.observations import Corners, Correspondences, Observations
 from cubicfish_cli.target import Target
 
+BOARDS = TARGET.board_names
+
 
 def rows_of(seen: Observations) -> list[tuple[object, ...]]:
     """Each row by the names of its photo and board."""
@@ -147,8 +149,16 @@ def test_boards_are_paired_by_name_not_by_order() -> None:
     np.testing.assert_allclose(paired.world, [[60, 20, 50], [10, 0, 0]])
 
 
+def test_world_points_of_other_rows_do_not_matter_to_a_target() -> None:
+    two = Observations.from_corners(
+        [[[0, 0, 0], [1, 1, 0]]], [np.ones((2, 2))], SIZE, boards=BOARDS
+    )
+    paired = two.with_target(TARGET)
+    assert_same(paired.with_world(np.zeros((1, 3))).checked(TARGET), paired)
+
+
 def one_corner(**changed: Any) -> Observations:
-    given: dict[str, Any] = {"images": ("a.png",), "boards": TARGET.board_names}
+    given: dict[str, Any] = {"images": ("a.png",), "boards": BOARDS}
     given |= {name: np.zeros(1, np.intp) for name in ("image", "board", "column", "row")}
     return Observations(**(given | {"image_size": SIZE, "pixel": np.zeros((1, 2))} | changed))
 

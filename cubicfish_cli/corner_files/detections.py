@@ -14,11 +14,11 @@ from cubicfish_cli import reading
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.observations import (
-    MAX_COORDINATE,
     Observations,
+    first_bad_weight,
+    first_outside_photo,
     first_repeated,
     no_such_board,
-    outside_photo,
 )
 from cubicfish_cli.tables import Table
 from cubicfish_cli.target import Target
@@ -297,19 +297,12 @@ def _refuse_twice(found: Detections, *keys: IntArray) -> None:
 
 
 def _refuse_pixels(found: Detections, size: tuple[int, int]) -> None:
-    outside = np.flatnonzero(outside_photo(found.pixel, size))
-    if outside.size:
-        x, y = found.pixel[outside[0]]
-        raise found.refuse(
-            int(outside[0]),
-            f"x {x:g}, y {y:g} is outside the {_by(size)} image: is the size right?",
-        )
-    bad = np.flatnonzero(~((found.weight > 0) & (found.weight <= MAX_COORDINATE)))
-    if bad.size:
-        raise found.refuse(
-            int(bad[0]),
-            f"the weight {found.weight[bad[0]]:g} must be above 0 and at most {MAX_COORDINATE:g}",
-        )
+    outside = first_outside_photo(found.pixel, size)
+    if outside is not None:
+        raise found.refuse(outside[0], f"{outside[1]}: is the size right?")
+    bad = first_bad_weight(found.weight)
+    if bad is not None:
+        raise found.refuse(*bad)
 
 
 def _mirrored(

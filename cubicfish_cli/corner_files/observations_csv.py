@@ -15,10 +15,11 @@ from cubicfish_cli.observations import (
     MAX_COORDINATE,
     MAX_SIDE,
     Observations,
+    first_bad_weight,
     first_outside,
+    first_outside_photo,
     first_repeated,
     no_such_board,
-    outside_photo,
 )
 from cubicfish_cli.tables import Table, csv_text, read_table
 from cubicfish_cli.target import Target
@@ -206,24 +207,15 @@ def _boards(table: Table, target: Target) -> IntArray:
 def _pixels(table: Table, image_size: tuple[int, int]) -> dict[str, Any]:
     """Pixels, and weights where there are any."""
     pixel = np.stack([table.floats("x"), table.floats("y")], axis=-1)
-    outside = np.flatnonzero(outside_photo(pixel, image_size))
-    if outside.size:
-        x, y = pixel[outside[0]]
-        table.refuse(
-            outside[0],
-            f"x {x:g}, y {y:g} is outside the {image_size[0]}x{image_size[1]} image: "
-            "is the image size right?",
-        )
+    outside = first_outside_photo(pixel, image_size)
+    if outside is not None:
+        table.refuse(outside[0], f"{outside[1]}: is the image size right?")
     if "weight" not in table.columns:
         return {"pixel": pixel}
     weight = table.floats("weight")
-    bad = np.flatnonzero(~((weight > 0) & (weight <= MAX_COORDINATE)))
-    if bad.size:
-        table.refuse(
-            bad[0],
-            f"weight {weight[bad[0]]:g} must be above 0 and at most {MAX_COORDINATE:g}: to leave a "
-            "corner out, remove its row",
-        )
+    bad = first_bad_weight(weight)
+    if bad is not None:
+        table.refuse(*bad)
     return {"pixel": pixel, "weight": weight}
 
 

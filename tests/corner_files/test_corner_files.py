@@ -312,7 +312,7 @@ REFUSED = {
     "nan.csv": (CSV + "a,0,inf,2\n", "line 2: x must be a finite number, not 'inf'"),
     "tags.csv": ("image,tag_id,corner_index,x,y\na,0,4,1,1\n", "corner_index 0, 1, 2 or 3"),
     "noun.csv": ("image,tag_id,corner_index,x,y\na,0,3,1,1\n", "is not an aprilgrid"),
-    "weight.csv": ("image,corner_id,x,y,weight\na,0,1,2,0\n", "line 2: the weight 0 must be above"),
+    "weight.csv": ("image,corner_id,x,y,weight\na,0,1,2,0\n", "line 2: weight 0 must be above"),
     "board.csv": ("image,board,corner_id,x,y\na,7,0,1,2\n", "it has board '7'"),
     "what.txt": ("", "add --format deltille or mrcal or kalibr"),
 }
