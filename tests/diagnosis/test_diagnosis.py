@@ -790,7 +790,7 @@ def test_corners_that_do_not_fit_are_explained_by_what_is_likeliest(pairs):
 @pytest.fixture(scope="module")
 def points(pairs):
     """The same corners as points with no board, rows and columns."""
-    return replace(pairs, board=np.full(len(pairs.board), -1), boards=())
+    return replace(pairs, board=np.full(len(pairs.board), -1), boards=(), target=None)
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import synthetic
 
+from cubicfish_cli.fitting.calibrate import calibrate as fit
 from cubicfish_cli.fitting.findings import coverage, coverage_notes, dropped_groups
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.lenses.radial import RadialCamera
@@ -56,7 +57,7 @@ def test_a_board_that_moved_in_one_photo_is_named(pairs):
     own = (pairs.image == 2) & (pairs.board == 1)
     world = pairs.world.copy()
     world[own] += [0, 0, 12.0]
-    result = calibrate(replace(pairs, world=world), target=TARGET, hold_out=False)
+    result = fit(pairs.with_world(world), target=TARGET, hold_out=False)
     (note,) = [one for one in result.notes if "02.png" in one.images]
     assert (note.code, note.boards) == (Code.BOARD_DROPPED, ("left",))
     assert note.figures["corners"] == own.sum()
