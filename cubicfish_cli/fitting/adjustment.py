@@ -24,6 +24,8 @@ from cubicfish_cli.types import FloatArray
 
 _MAX_ITERATIONS = 100
 _RELATIVE_DECREASE = 1e-10
+# Below this share, what is left to gain is lost in the rounding of the cost.
+_ROUNDING = 1e-13
 # What residuals say of their noise is less certain than this share.
 _SAME_LIMIT = 0.02
 # What an adjustment looks at of its pairs, beside their world points.
@@ -139,15 +141,20 @@ def adjust(
     near, iterations = damping < COLD_DAMPING, 0
     while iterations < max_iterations:
         step = normal.solve(damping)
+        gain = normal.expected_decrease(step) / max(now.cost, 1e-300)
         # Far from the optimum, or damped, a step says too little of what is left to gain.
-        gains = normal.expected_decrease(step) >= relative_decrease * now.cost
-        if near and not gains and damping < COLD_DAMPING:
+        if near and gain < relative_decrease and damping < COLD_DAMPING:
             if trust_last:
                 state, sums = state.moved(*step), None
             break
         iterations += 1
         candidate = state.moved(*step)
         new = _evaluated(candidate, pairs, huber_px)
+        if new.normal is not None and new.cost >= now.cost and gain > _ROUNDING:
+            # A valley that bends: what went straight on is on its side, a step above its floor.
+            iterations += 1
+            candidate = candidate.moved(*new.normal.solve(damping))
+            new = _evaluated(candidate, pairs, huber_px)
         if new.normal is not None and new.cost < now.cost:
             decrease = (now.cost - new.cost) / max(now.cost, 1e-300)
             state, now, normal, sums = candidate, new, new.normal, new.sums
@@ -156,7 +163,7 @@ def adjust(
                 break
         else:
             damping *= 10
-            if damping > 1e8:
+            if damping > 1e8 or gain < _ROUNDING:
                 break
     return Adjustment(
         lens=state.lens,
