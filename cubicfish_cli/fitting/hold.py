@@ -12,8 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, Rival, fit_cubic, held
-from cubicfish_cli.fitting.left_out import Leaving, LeftOut
+from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, Rival, fit_cubic
+from cubicfish_cli.fitting.left_out import Leaving
+from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.radial_reference import RadialReference
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import likely_positive
@@ -85,9 +86,8 @@ def choose_hold(
             relative_decrease=_SCAN_DECREASE,
         )
         leaving = Leaving(start.fit, reference.pairs, huber_px(start.residual), groups)
-        for other in places:
-            lens = held(start.lens, reference, _hold(other))
-            squares[other] = _squares(leaving.left_out(lens), len(start.poses))
+        looked = _squares(leaving, start.lens, reference)
+        squares |= {other: looked[other] for other in places}
         place = _firmest_of_the_best(squares)
         places = _around(place)
     assert start is not None
@@ -114,11 +114,20 @@ def _around(place: _Place) -> list[_Place]:
     return [other for other in _EVERY_PLACE if np.abs(np.subtract(place, other)).sum() <= 1]
 
 
-def _squares(judged: Sequence[LeftOut], photos: int) -> FloatArray:
-    """(M,) squared errors of each photo under a fit without it, summed over its corners."""
-    image = np.concatenate([one.image for one in judged])
-    residual = np.vstack([one.residual for one in judged])
-    return np.bincount(image, np.sum(residual**2, axis=1), photos).astype(float)
+def _squares(
+    leaving: Leaving, lens: CubicFit, reference: RadialReference
+) -> dict[_Place, FloatArray]:
+    """(M,) squared errors of each photo under a fit without it, summed over its corners.
+
+    Under every hold, to first order from a fit under one of them, whose lens is given.
+    """
+    weights = np.array(WEIGHTS)
+    priors = [lens.priors(reference.bent(spread)[0], weights) for spread in SPREADS]
+    hessians, gradients = zip(*priors, strict=True)
+    photos = leaving.residuals(np.concatenate(hessians), np.concatenate(gradients))
+    squares = {photo: np.square(residual).sum(axis=(0, 1)) for photo, residual in photos}
+    of_holds = np.array([squares[photo] for photo in range(len(squares))]).T
+    return dict(zip(_EVERY_PLACE, of_holds, strict=True))
 
 
 def _best(squares: Mapping[_Place, FloatArray]) -> _Place:

@@ -7,7 +7,7 @@ the price of a small linear system, where a fit anew costs tens of iterations.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
@@ -32,24 +32,6 @@ _DAMPING = 1e-9
 _SMALLEST_WEIGHT = 1e-12
 # Below this share of the largest, a singular value is rounding.
 _RANK = 1e-12
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LeftOut:
-    """A fit without some photos.
-
-    Attributes:
-        photos: which were left out.
-        shared: (K,) step of the lens's and the object's parameters.
-        residual: (n, 2) of the corners of these photos, their poses fitted anew, pixels.
-        image: (n,) photo of each of these corners.
-
-    """
-
-    photos: IntArray
-    shared: FloatArray
-    residual: FloatArray
-    image: IntArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,13 +80,19 @@ class _Part:
         return self._without_pose(self.residual), self._without_pose(self.shared)
 
     def after(self, shared: FloatArray, offset: FloatArray) -> FloatArray:
-        """Residuals (n, 2) after a step of what is shared, the photo's pose fitted anew."""
+        """Residuals (n, 2, H) after steps of what is shared, the photo's pose fitted anew.
+
+        Args:
+            shared: (K, H).
+            offset: (Q, 3, H).
+
+        """
         residual, slope = self._left
-        residual = residual + slope @ shared
+        left = residual[:, None] + slope @ shared
         if len(self.corner):
-            moved = (self.by_corner @ offset[self.corner, :, None]).reshape(-1)
-            residual += self._without_pose(moved)
-        return residual.reshape(-1, 2) / self.root[:, None]
+            moved = (self.by_corner @ offset[self.corner]).reshape(left.shape)
+            left += self._without_pose(moved)
+        return left.reshape(len(self.root), 2, -1) / self.root[:, None, None]
 
 
 class Leaving:
@@ -138,39 +126,41 @@ class Leaving:
         """Steps (K,), (M, 6) and (Q, 3) to the fit without each group; its own poses' are 0."""
         return [equations.solve() for equations in self._equations]
 
-    def left_out(self, lens: FitLens | None = None) -> list[LeftOut]:
-        """Leave out each group in turn, and hold the lens as another one is held, where given.
+    def residuals(
+        self, hessian: FloatArray | None = None, gradient: FloatArray | None = None
+    ) -> Iterator[tuple[int, FloatArray]]:
+        """Residuals of every photo under the fit without its group, its own pose fitted anew.
+
+        All at once for H other priors of the lens, by default for its own alone.
 
         Args:
-            lens: with the same parameters and another prior.
+            hessian: (H, L, L) what each puts into the lens's Hessian.
+            gradient: (H, L) what it puts into the gradient.
+
+        Yields:
+            The photo, and (n, 2, H) pixels.
 
         """
-        change = () if lens is None else self._other_prior(lens)
-        found = []
+        own_hessian, own_gradient = self._prior
+        change = (
+            own_hessian[None] - own_hessian if hessian is None else hessian - own_hessian,
+            own_gradient[None] - own_gradient if gradient is None else gradient - own_gradient,
+        )
         for (photos, parts), equations in zip(self._groups, self._equations, strict=True):
-            shared, _, offset = equations.solve(*change)
-            found.append(
-                LeftOut(
-                    photos=photos,
-                    shared=shared,
-                    residual=np.vstack([part.after(shared, offset) for part in parts]),
-                    image=np.repeat(photos, [len(part.root) for part in parts]),
-                )
-            )
-        return found
+            step = equations.solve_changed(*change)
+            for photo, part in zip(photos, parts, strict=True):
+                yield int(photo), part.after(*step)
 
     @cached_property
     def _prior(self) -> tuple[FloatArray, FloatArray]:
+        """What the lens's own prior puts into Hessian (L, L) and gradient (L,)."""
         return _squared(self._fit.lens)
-
-    def _other_prior(self, lens: FitLens) -> tuple[FloatArray, FloatArray]:
-        """What another lens's prior adds to the Hessian (L, L) and to the gradient (L,)."""
-        (hessian, gradient), (new_hessian, new_gradient) = self._prior, _squared(lens)
-        return new_hessian - hessian, new_gradient - gradient
 
     def held_as(self, lens: FitLens) -> FloatArray:
         """Step (K,) of the shared unknowns with no photo left out, under another lens's prior."""
-        return self._equations_of_all.solve(*self._other_prior(lens))[0]
+        pairs = zip(_squared(lens), self._prior, strict=True)
+        change = ((other - own)[None] for other, own in pairs)
+        return self._equations_of_all.solve_changed(*change)[0][:, 0]
 
     @cached_property
     def _equations_of_all(self) -> Eliminated:

@@ -9,6 +9,7 @@ import numpy as np
 
 from cubicfish_cli.fitting.asymmetric import BentFit, StillRays
 from cubicfish_cli.fitting.fit_lens import FitLens
+from cubicfish_cli.fitting.normal_equations import solve_scaled
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.lift import evaluate_cubics, lift, sphere_basis
 from cubicfish_cli.lenses.radial import RadialCamera, project_jacobian
@@ -176,14 +177,15 @@ class RayPrior:
 
     @cached_property
     def _seen(self) -> tuple[FloatArray, FloatArray]:
-        return self.lens.seen(self._still)
+        return self.lens.seen(self.still)
 
     @cached_property
-    def _still(self) -> StillRays:
+    def still(self) -> StillRays:
+        """The rays as lenses that P is held to see them."""
         return StillRays.of(self.rays)
 
     def _misses(self, pixel: FloatArray, lens: BentFit) -> tuple[FloatArray, FloatArray]:
-        seen, by_lens = lens.seen(self._still)
+        seen, by_lens = lens.seen(self.still)
         own, own_by_lens = lens.prior()
         miss = self.weights[:, None] * (pixel - seen)
         by_lens = -self.weights[:, None, None] * by_lens
@@ -274,10 +276,10 @@ class CubicFit:
         prior = self.ray_prior
         inside, denominator = self._pixel(prior.values)
         pixel = inside * self.scale + self.centre
-        change = prior.denominator_weight * (denominator / prior.denominator - 1)
         if not np.isfinite(pixel).all():  # a bad step: its cost turns it down
             return np.full(1, np.inf), np.zeros((1, 47))
         miss, by_lens = prior.nearest(pixel)
+        change, of_change = self._denominators(denominator)
         slope = np.empty((len(miss) + len(change), 47))
         direct = slope[: len(miss)]
         by_pixel = slope[: pixel.size].reshape(-1, 2, 47)
@@ -285,10 +287,61 @@ class CubicFit:
         direct[pixel.size :] = 0
         basis = np.linalg.qr(by_lens / np.sqrt(np.einsum("ij,ij->j", by_lens, by_lens)))[0]
         direct -= basis @ (basis.T @ direct)
-        share = (prior.denominator_weight / prior.denominator)[:, None]
-        slope[len(miss) :, :32] = 0
-        slope[len(miss) :, 32:] = share * (prior.values @ self.denominator_basis)
+        slope[len(miss) :] = of_change
         return np.concatenate([miss, change]), slope
+
+    def _denominators(self, denominator: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Weighted relative changes of P3Φ at the prior's rays, and their derivatives (M, 47)."""
+        prior = self.ray_prior
+        change = prior.denominator_weight * (denominator / prior.denominator - 1)
+        slope = np.zeros((len(change), 47))
+        share = (prior.denominator_weight / prior.denominator)[:, None]
+        slope[:, 32:] = share * (prior.values @ self.denominator_basis)
+        return change, slope
+
+    def priors(self, lens: BentFit, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What other priors put into the equations, all at once and to first order.
+
+        The lens that is nearest under the weight of today follows linearly.
+
+        Args:
+            lens: what P is held to.
+            weights: (H,) how firmly; see :attr:`RayPrior.weight`.
+
+        Returns:
+            Hessians (H, 47, 47) and gradients (H, 47).
+
+        """
+        prior = self.ray_prior
+        inside, denominator = self._pixel(prior.values)
+        pixel = inside * self.scale + self.centre
+        near = replace(prior, lens=lens).nearest_lens(pixel)
+        seen, by_lens = near.seen(prior.still)
+        own, own_by_lens = near.prior()
+        count, columns = len(self.parameters), len(self.parameters) + by_lens.shape[2] + 1
+        # What moves P's pixels, what moves the lens's, and the miss.
+        rows = np.empty((len(seen), 2, columns))
+        rows[:, :, :count] = self._d_parameters(
+            prior.values, inside, denominator, np.empty((len(seen), 2, count))
+        )
+        rows[:, :, count:-1] = -by_lens
+        rows[:, :, -1] = pixel - seen
+        pulls = np.zeros((len(own), columns))
+        pulls[:, count:-1], pulls[:, -1] = own_by_lens, own
+        among, beyond = (
+            part.T @ part
+            for part in (
+                rows[which].reshape(-1, columns) for which in (prior.within, ~prior.within)
+            )
+        )
+        squares = np.square([weights, np.minimum(weights, WEIGHT_BEYOND)])[:, :, None, None]
+        gram = squares[0] * among + squares[1] * beyond + pulls.T @ pulls
+        kept = np.r_[:count, columns - 1]
+        cross = gram[:, count:-1, kept]
+        followed = solve_scaled(gram[:, count:-1, count:-1], cross)
+        left = gram[:, kept[:, None], kept] - cross.transpose(0, 2, 1) @ followed
+        change, slope = self._denominators(denominator)
+        return left[:, :-1, :-1] + slope.T @ slope, left[:, :-1, -1] + slope.T @ change
 
     def _pixel(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         homogeneous = values @ self.coefficients.T

@@ -139,31 +139,51 @@ class Eliminated:
     corners: int
     keeps_poses: bool
 
-    def solve(
-        self, hessian: FloatArray | None = None, gradient: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The step: (K,), (M, 6) and (Q, 3).
-
-        Args:
-            hessian: (L, L) to be added for the first L of the shared unknowns, another prior of
-                the lens for instance.
-            gradient: (L,) likewise.
-
-        """
-        matrix, right = self.matrix, self.gradient
-        if hessian is not None and gradient is not None:
-            matrix, right = matrix.copy(), right.copy()
-            matrix[: len(gradient), : len(gradient)] += hessian
-            right[: len(gradient)] += gradient
-        step = -_solve_scaled(matrix, right)
-        seen = self.half @ np.append(step, 1.0)
-        other = -np.einsum("nij,ni->nj", self.inverse_root, seen)
-        first, second = step[: self.shared], step[self.shared :]
+    def solve(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The step: (K,), (M, 6) and (Q, 3)."""
+        step = -solve_scaled(self.matrix, self.gradient[:, None])
+        other = self._followed(step)[..., 0]
+        first, second = step[: self.shared, 0], step[self.shared :, 0]
         if not self.corners:
             return first, other, np.zeros((0, 3))
         if self.keeps_poses:
             return first, second.reshape(-1, 6), other
         return first, other, second.reshape(-1, 3)
+
+    def solve_changed(
+        self, hessian: FloatArray, gradient: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """The steps under H changes of the first L shared unknowns' equations, all at once.
+
+        Another prior of the lens is such a change.
+
+        Args:
+            hessian: (H, L, L) to be added.
+            gradient: (H, L) likewise.
+
+        Returns:
+            (K, H) and (Q, 3, H).
+
+        """
+        lens = gradient.shape[1]
+        cross = self.matrix[lens:, :lens]
+        # What is not changed is eliminated once.
+        rest = solve_scaled(
+            self.matrix[lens:, lens:], np.column_stack([cross, self.gradient[lens:]])
+        )
+        own = self.matrix[:lens, :lens] - cross.T @ rest[:, :-1]
+        slope = self.gradient[:lens] - cross.T @ rest[:, -1]
+        first = -solve_scaled(own + hessian, (slope + gradient)[..., None])[..., 0].T
+        step = np.vstack([first, -rest[:, :-1] @ first - rest[:, -1:]])
+        shared, second = step[: self.shared], step[self.shared :]
+        if self.keeps_poses:
+            return shared, self._followed(step)
+        return shared, second.reshape(self.corners, 3, len(gradient))
+
+    def _followed(self, step: FloatArray) -> FloatArray:
+        """(n, b, H) steps of what was eliminated, of those of the rest (D, H)."""
+        seen = self.half[..., :-1] @ step + self.half[..., -1:]
+        return -self.inverse_root.transpose(0, 2, 1) @ seen
 
     def shared_step(self, shared: FloatArray, corner: FloatArray) -> FloatArray:
         """The step (K,) of the shared unknowns under another gradient, of no pose.
@@ -180,7 +200,7 @@ class Eliminated:
             right -= np.tensordot(half, self.half[..., :-1], 2)
         elif self.corners:
             right[self.shared :] = corner.reshape(-1)
-        return -_solve_scaled(self.matrix, right)[: self.shared]
+        return -solve_scaled(self.matrix, right[:, None])[: self.shared, 0]
 
 
 def _inverse_root(blocks: FloatArray) -> FloatArray:
@@ -206,19 +226,17 @@ def _bordered(shared: FloatArray, cross: FloatArray, blocks: FloatArray) -> Floa
     return dense
 
 
-def _solve_scaled(matrix: FloatArray, gradient: FloatArray) -> FloatArray:
-    """Solve a symmetric system after scaling its diagonal to 1."""
-    if not len(gradient):
-        return gradient
-    diagonal = np.diagonal(matrix)
+def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Solve symmetric systems (..., D, D) for (..., D, H) after scaling their diagonals to 1."""
+    diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
     # What rounding made of nothing, or less than nothing, is not scaled beyond all numbers.
-    least = max(1e-300, 1e-40 * float(diagonal.max()))
-    scale = 1 / np.sqrt(np.maximum(diagonal, least))
-    scaled = matrix * scale * scale[:, None]
+    least = np.maximum(1e-300, 1e-40 * diagonal.max(axis=-1, keepdims=True, initial=0.0))
+    scale = (1 / np.sqrt(np.maximum(diagonal, least)))[..., None]
+    scaled = matrix * scale * np.swapaxes(scale, -1, -2)
     try:
-        return scale * np.linalg.solve(scaled, scale * gradient)
+        return scale * np.linalg.solve(scaled, scale * right)
     except np.linalg.LinAlgError:
-        return scale * np.linalg.lstsq(scaled, scale * gradient, rcond=None)[0]
+        return scale * (np.linalg.pinv(scaled, hermitian=True) @ (scale * right))
 
 
 def _damped(matrix: FloatArray, damping: float) -> FloatArray:

@@ -168,7 +168,7 @@ def photo_spread(
         others.append(np.sqrt(rival.likely) * step)
     return PhotoSpread(
         noise=camera_uncertainty(result),
-        left_out=np.array([one.shared[:count] for one in leaving.left_out()]),
+        left_out=np.array([shared[:count] for shared, _, _ in leaving.steps()]),
         influence=np.array([step[:count] for step in leaving.influence()]),
         rival=np.array(others),
         aligned=aligned,

@@ -556,10 +556,6 @@ def _held_out(
     groups = dealt_out(np.arange(count), shots, min(FOLDS, count))
     shot = _rig_of(fit).shot[pairs.image]
     found = np.empty_like(fit.residual)
-    for one in Leaving(fit, pairs, limit, groups).left_out():
-        done = 0
-        for photo in one.photos:
-            own = np.flatnonzero(shot == photo)  # by view, as they are left out
-            found[own] = one.residual[done : done + len(own)]
-            done += len(own)
+    for number, residual in Leaving(fit, pairs, limit, groups).residuals():
+        found[shot == number] = residual[:, :, 0]  # by view, as they are left out
     return found

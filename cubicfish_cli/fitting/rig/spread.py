@@ -56,7 +56,7 @@ def place_covariances(
     clusters = _clusters(shots)
     if clusters:
         leaving = Leaving(fit, pairs, limit, clusters)
-        left_out = np.array([one.shared[:count] for one in leaving.left_out()])
+        left_out = np.array([shared[:count] for shared, _, _ in leaving.steps()])
         influence = np.array([step[:count] for step in leaving.influence()])
         found = [
             _larger(one, _of_shots(left_out @ by.T, influence @ by.T))
