@@ -86,8 +86,7 @@ def choose_hold(
             relative_decrease=_SCAN_DECREASE,
         )
         leaving = Leaving(start.fit, reference.pairs, huber_px(start.residual), groups)
-        looked = _squares(leaving, start.lens, reference)
-        squares |= {other: looked[other] for other in places}
+        squares |= _squares(leaving, start.lens, reference, places)
         place = _firmest_of_the_best(squares)
         places = _around(place)
     assert start is not None
@@ -115,19 +114,28 @@ def _around(place: _Place) -> list[_Place]:
 
 
 def _squares(
-    leaving: Leaving, lens: CubicFit, reference: RadialReference
+    leaving: Leaving, lens: CubicFit, reference: RadialReference, places: Sequence[_Place]
 ) -> dict[_Place, FloatArray]:
     """(M,) squared errors of each photo under a fit without it, summed over its corners.
 
-    Under every hold, to first order from a fit under one of them, whose lens is given.
+    Under some holds, to first order from a fit under one of them, whose lens is given.
+
+    Args:
+        leaving: that fit.
+        lens: its lens.
+        reference: what P is held to.
+        places: the holds, by their spreads.
+
     """
-    weights = np.array(WEIGHTS)
-    priors = [lens.priors(reference.bent(spread)[0], weights) for spread in SPREADS]
+    priors = []
+    for spread in dict.fromkeys(spread for spread, _ in places):
+        weights = [WEIGHTS[weight] for own, weight in places if own == spread]
+        priors.append(lens.priors(reference.bent(SPREADS[spread])[0], np.array(weights)))
     hessians, gradients = zip(*priors, strict=True)
     photos = leaving.residuals(np.concatenate(hessians), np.concatenate(gradients))
     squares = {photo: np.square(residual).sum(axis=(0, 1)) for photo, residual in photos}
-    of_holds = np.array([squares[photo] for photo in range(len(squares))]).T
-    return dict(zip(_EVERY_PLACE, of_holds, strict=True))
+    of_places = np.array([squares[photo] for photo in range(len(squares))]).T
+    return dict(zip(places, of_places, strict=True))
 
 
 def _best(squares: Mapping[_Place, FloatArray]) -> _Place:
