@@ -113,10 +113,11 @@ class BentFit:
         """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
         plain = np.array([1, 1, 0, 0, *self.values[4:8]])
         flat, flat_by_point, flat_by_values = project_jacobian(plain, points)
-        onto = _Onto.sensor(self.values, flat)
-        by_values = onto.by_values()
-        by_values[:, :, 4:8] = onto.moved(flat_by_values[:, :, 4:])
-        return onto.pixel, onto.moved(flat_by_point), by_values[:, :, self._free]
+        onto = _Onto.sensor(self.values, flat.T)
+        changes = np.concatenate([flat_by_point, flat_by_values[:, :, 4:]], axis=2)
+        moved = onto.moved(changes.transpose(1, 2, 0))
+        by_point, by_profile = moved[:, :3], moved[:, 3:]
+        return onto.pixel, by_point.transpose(2, 0, 1), self._by_free(onto.by_values(by_profile))
 
     def seen(self, rays: StillRays) -> tuple[FloatArray, FloatArray]:
         """Pixels (N, 2) of rays and their derivatives by the free parameters (N, 2, K).
@@ -124,11 +125,16 @@ class BentFit:
         What :meth:`project_jacobian` says of them, at a fraction of the cost.
         """
         radius = rays.theta + rays.odd @ self.values[4:8]
-        onto = _Onto.sensor(self.values, rays.direction * radius[:, None])
-        by_values = onto.by_values()
-        outwards = onto.moved(rays.direction[:, :, None])
-        np.multiply(outwards, rays.odd[:, None, :], out=by_values[:, :, 4:8])
-        return onto.pixel, by_values[:, :, self._free]
+        onto = _Onto.sensor(self.values, rays.direction.T * radius)
+        outwards = onto.moved(rays.direction.T[:, None])
+        return onto.pixel, self._by_free(onto.by_values(outwards * rays.odd.T))
+
+    def _by_free(self, by_values: FloatArray) -> FloatArray:
+        """(N, 2, K) of derivatives by all values (2, 13, N)."""
+        free = self._free
+        if len(free) < by_values.shape[1]:
+            by_values = by_values[:, free]
+        return np.ascontiguousarray(by_values.transpose(2, 0, 1))
 
     def prior(self) -> tuple[FloatArray, FloatArray]:
         """The pulls to symmetry and to the anchor, weak: (L,) pixels, (L, K)."""
@@ -168,9 +174,9 @@ class _Onto:
 
     @classmethod
     def sensor(cls, values: FloatArray, flat: FloatArray) -> _Onto:
-        """Where points (N, 2) of the radial lens's image meet the sensor."""
+        """Where points (2, N) of the radial lens's image meet the sensor."""
         p1, p2, t1, t2, skew = values[8:]
-        a, b = flat = np.ascontiguousarray(flat.T)
+        a, b = flat
         aa, bb, ab = a * a, b * b, 2 * a * b
         moved = np.empty_like(flat)
         moved[0] = a + p1 * ab + p2 * (3 * aa + bb) + skew * b
@@ -184,43 +190,33 @@ class _Onto:
         return cls(values=values, flat=flat, tilted=tilted, depth=depth, pixel=pixel)
 
     def moved(self, change: FloatArray) -> FloatArray:
-        """How pixels move (N, 2, C) when points of the radial lens's image do (N, 2, C)."""
+        """How pixels move (2, C, N) when points of the radial lens's image do (2, C, N)."""
         p1, p2, _, _, skew = self.values[8:]
-        a, b = self.flat[:, :, None]
-        da, db = change[:, 0], change[:, 1]
+        (a, b), (da, db) = self.flat, change
         across = 2 * (p1 * a + p2 * b)
-        return self._tilted(
-            (1 + 2 * p1 * b + 6 * p2 * a) * da + (across + skew) * db,
-            across * da + (1 + 6 * p1 * b + 2 * p2 * a) * db,
-        )
+        decentred = np.empty_like(change)
+        decentred[0] = (1 + 2 * p1 * b + 6 * p2 * a) * da + (across + skew) * db
+        decentred[1] = across * da + (1 + 6 * p1 * b + 2 * p2 * a) * db
+        return self._tilted(decentred)
 
-    def _tilted(self, da: FloatArray, db: FloatArray) -> FloatArray:
-        """How pixels move (N, 2, C) when points before the tilt do, (N, C) each."""
-        (fx, fy), (t1, t2) = self.values[:2], self.values[10:12]
-        tilted, depth = self.tilted[:, :, None], self.depth[:, None]
-        away = t1 * da + t2 * db
-        pixel = np.empty((len(da), 2, da.shape[1]))
-        pixel[:, 0] = fx * (da - tilted[0] * away) / depth
-        pixel[:, 1] = fy * (db - tilted[1] * away) / depth
-        return pixel
+    def _tilted(self, change: FloatArray) -> FloatArray:
+        """How pixels move (2, C, N) when points before the tilt do (2, C, N)."""
+        focal, (t1, t2) = self.values[:2, None, None], self.values[10:12]
+        away = t1 * change[0] + t2 * change[1]
+        return np.asarray((change - self.tilted[:, None] * away) * (focal / self.depth))
 
-    def by_values(self) -> FloatArray:
-        """(N, 2, 13) derivatives of pixels, those by the profile left at 0."""
-        a, b = self.flat
-        aa, bb, ab = a * a, b * b, 2 * a * b
-        u, v = self.tilted
-        by_values = np.zeros((len(a), 2, 8 + _BENDS))
-        by_values[:, 0, 0], by_values[:, 1, 1] = u, v
-        by_values[:, 0, 2] = by_values[:, 1, 3] = 1
-        bends = np.zeros((2, len(a), 3))
-        bends[0, :, 0] = bends[1, :, 1] = ab
-        bends[1, :, 0], bends[0, :, 1], bends[0, :, 2] = aa + 3 * bb, 3 * aa + bb, b
-        by_bends = self._tilted(*bends)
-        by_values[:, :, 8:10], by_values[:, :, 12] = by_bends[:, :, :2], by_bends[:, :, 2]
-        across = u * v
-        by_values[:, 0, 10], by_values[:, 1, 11] = u * u, v * v
-        by_values[:, 0, 11] = by_values[:, 1, 10] = across
-        by_values[:, :, 10:12] *= -self.values[:2, None]
+    def by_values(self, by_profile: FloatArray) -> FloatArray:
+        """(2, 13, N) derivatives of pixels; those by the profile (2, 4, N) are known."""
+        (a, b), (u, v) = self.flat, self.tilted
+        by_values = np.zeros((2, 8 + _BENDS, len(a)))
+        by_values[0, 0], by_values[1, 1] = u, v
+        by_values[0, 2] = by_values[1, 3] = 1
+        by_values[:, 4:8] = by_profile
+        bends = np.zeros((2, 3, len(a)))
+        bends[0, 0] = bends[1, 1] = 2 * a * b
+        bends[1, 0], bends[0, 1], bends[0, 2] = a * a + 3 * b * b, 3 * a * a + b * b, b
+        by_values[:, [8, 9, 12]] = self._tilted(bends)
+        by_values[:, 10:12] = -self.values[:2, None, None] * self.tilted[:, None] * self.tilted
         return by_values
 
 

@@ -17,6 +17,8 @@ from cubicfish_cli.types import BoolArray, FloatArray
 
 # From a lens that is near, Gauss and Newton get to the nearest one in this many steps.
 _NEAREST_ROUNDS = 2
+# Squared: a share of a parameter's own effect that no other has.
+_TOLD_APART = 1e-13
 WEIGHT_BEYOND = 0.1
 """Largest weight of pseudo-observations where no corners are."""
 
@@ -158,9 +160,8 @@ class RayPrior:
         lens = lens.with_parameters(lens.parameters + to_step @ np.concatenate([miss, own]))
         for _ in range(_NEAREST_ROUNDS - 1):
             miss, by_lens = self._misses(pixel, lens)
-            scale = 1 / np.sqrt(np.einsum("ij,ij->j", by_lens, by_lens))
-            step = np.linalg.lstsq(by_lens * scale, -miss, rcond=None)[0]
-            lens = lens.with_parameters(lens.parameters + scale * step)
+            step = _follow(by_lens.T @ by_lens, by_lens.T @ miss[:, None])[:, 0]
+            lens = lens.with_parameters(lens.parameters - step)
         return lens
 
     @cached_property
@@ -172,8 +173,7 @@ class RayPrior:
         own, own_by_lens = self.lens.prior()
         by_lens = -self.weights[:, None, None] * by_lens
         slope = np.vstack([by_lens.reshape(seen.size, -1), own_by_lens])
-        scale = 1 / np.linalg.norm(slope, axis=0)
-        return seen, own, -scale[:, None] * np.linalg.pinv(slope * scale)
+        return seen, own, -_follow(slope.T @ slope, slope.T)
 
     @cached_property
     def _seen(self) -> tuple[FloatArray, FloatArray]:
@@ -285,8 +285,7 @@ class CubicFit:
         by_pixel = slope[: pixel.size].reshape(-1, 2, 47)
         self._d_parameters(prior.values, inside, denominator, by_pixel, prior.weights[:, None])
         direct[pixel.size :] = 0
-        basis = np.linalg.qr(by_lens / np.sqrt(np.einsum("ij,ij->j", by_lens, by_lens)))[0]
-        direct -= basis @ (basis.T @ direct)
+        direct -= by_lens @ _follow(by_lens.T @ by_lens, by_lens.T @ direct)
         slope[len(miss) :] = of_change
         return np.concatenate([miss, change]), slope
 
@@ -338,7 +337,7 @@ class CubicFit:
         gram = squares[0] * among + squares[1] * beyond + pulls.T @ pulls
         kept = np.r_[:count, columns - 1]
         cross = gram[:, count:-1, kept]
-        followed = solve_scaled(gram[:, count:-1, count:-1], cross)
+        followed = _follow(gram[:, count:-1, count:-1], cross)
         left = gram[:, kept[:, None], kept] - cross.transpose(0, 2, 1) @ followed
         change, slope = self._denominators(denominator)
         return left[:, :-1, :-1] + slope.T @ slope, left[:, :-1, -1] + slope.T @ change
@@ -379,6 +378,16 @@ class CubicFit:
         )
         P = normalisation @ self.coefficients @ sphere_basis().T
         return P / np.linalg.norm(P)
+
+
+def _follow(square: FloatArray, cross: FloatArray) -> FloatArray:
+    """What parameters follow other things by: (..., K, K) JᵀJ and (..., K, n) Jᵀ of these.
+
+    Parameters of a narrow lens are hardly told apart; what is lost in rounding stays.
+    """
+    index = np.arange(square.shape[-1])
+    square[..., index, index] *= 1 + _TOLD_APART
+    return solve_scaled(square, cross)
 
 
 def _through_unit_ray(slope: FloatArray, rays: FloatArray, length: FloatArray) -> FloatArray:

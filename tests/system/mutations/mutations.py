@@ -118,7 +118,7 @@ MUTATIONS = tuple(
         ("fitting/lenses.py", "slope - radial * rays[:, None, :]", "slope", "lenses/test_cameras"),
         (
             "fitting/lenses.py",
-            "direct -= basis @ (basis.T @ direct)",
+            "direct -= by_lens @ _follow(by_lens.T @ by_lens, by_lens.T @ direct)",
             "direct",
             "lenses/test_cameras",
         ),
@@ -136,8 +136,8 @@ MUTATIONS = tuple(
         ),
         (
             "fitting/asymmetric.py",
-            "*= -self.values[:2, None]",
-            "*= self.values[:2, None]",
+            "= -self.values[:2, None, None] * self.tilted[:, None]",
+            "= self.values[:2, None, None] * self.tilted[:, None]",
             "lenses/test_cameras",
         ),
         (
