@@ -16,7 +16,7 @@ from cubicfish_cli.fitting.normal_equations import (
     Prior,
     runs_of_photos,
 )
-from cubicfish_cli.fitting.poses import Poses, cross_matrix
+from cubicfish_cli.fitting.poses import Poses, cross, cross_matrix
 from cubicfish_cli.fitting.rig_lens import body_of
 from cubicfish_cli.fitting.world import DrawnWorld, World
 from cubicfish_cli.observations import Observations
@@ -284,16 +284,18 @@ def linearised(
     body = body_of(lens)
     views = body.views(poses) if views is None else views
     image = pairs.image[run]
-    rotation = views.rotation[image]
-    rotated = (rotation @ world.points[run, :, None])[:, :, 0]
-    points = rotated + views.translation[image]
+    # One coordinate of all points after the other is the quickest to work on.
+    rotation = views.rotation.transpose(1, 2, 0)[:, :, image]
+    rotated = np.einsum("ijn,jn->in", rotation, world.points[run].T)
+    points = (rotated + views.translation.T[:, image]).T
     through = body.through(int(image[0]))
     pixel, d_point, d_lens = through.lens.project_jacobian(points)
+    by_point = d_point.transpose(1, 2, 0)
     d_board, d_corner = None, None
     if len(world.parameters) or len(world.offsets):
-        d_corner = d_point @ rotation
+        d_corner = np.einsum("ain,ijn->ajn", by_point, rotation).transpose(2, 0, 1)
         d_board = world.chain(d_corner, run)
-    d_turn, d_shift = -d_point @ cross_matrix(rotated), d_point
+    d_turn, d_shift = cross(rotated, by_point).transpose(2, 0, 1), d_point
     if through.place is not None:
         turned, shift = through.place
         if through.free:

@@ -83,9 +83,11 @@ class FixedLens:
         if not isinstance(self.camera, CubicCamera):
             pixel, d_point, _ = self.camera.project_jacobian(points)
             return pixel, d_point, none
-        length = np.linalg.norm(points, axis=-1, keepdims=True)
-        pixel, slope = self.camera.pixel_and_slope(points / length)
-        return pixel, _through_unit_ray(slope, points / length, length), none
+        length = np.linalg.norm(points, axis=-1)
+        rays = points / length[:, None]
+        pixel, slope = self.camera.pixel_and_slope(rays)
+        d_point = _through_unit_ray(slope.transpose(1, 2, 0), rays.T, length)
+        return pixel, d_point.transpose(2, 0, 1), none
 
     def project(self, points: FloatArray) -> FloatArray:
         """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
@@ -244,17 +246,18 @@ class CubicFit:
 
     def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
-        length = np.linalg.norm(points, axis=-1, keepdims=True)
-        rays = points / length
+        length = np.sqrt(np.einsum("ij,ij->i", points, points))
+        rays = points / length[:, None]
         values = lift(rays) @ sphere_basis()
         pixel, denominator = self._pixel(values)
         _, gradient = evaluate_cubics(self.coefficients @ sphere_basis().T, rays)
-        slope = self.scale * (
-            (gradient[:, :2] - pixel[:, :, None] * gradient[:, 2:]) / denominator[:, None, None]
-        )
+        # One coordinate of all points after the other is the quickest to work on.
+        across = gradient.transpose(1, 2, 0)
+        slope = across[:2] - pixel.T[:, None] * across[2]
+        slope *= self.scale / denominator
         return (
             pixel * self.scale + self.centre,
-            _through_unit_ray(slope, rays, length),
+            _through_unit_ray(slope, rays.T, length).transpose(2, 0, 1),
             self._d_parameters(values, pixel, denominator, np.empty((len(points), 2, 47))),
         )
 
@@ -391,6 +394,13 @@ def _follow(square: FloatArray, cross: FloatArray) -> FloatArray:
 
 
 def _through_unit_ray(slope: FloatArray, rays: FloatArray, length: FloatArray) -> FloatArray:
-    """From d/d unit ray to d/d point: the derivative of X/‖X‖ is (I − d dᵀ)/‖X‖."""
-    radial = slope @ rays[:, :, None]
-    return (slope - radial * rays[:, None, :]) / length[:, :, None]
+    """From d/d unit ray to d/d point: the derivative of X/‖X‖ is (I − d dᵀ)/‖X‖.
+
+    Args:
+        slope: (2, 3, N).
+        rays: (3, N).
+        length: (N,) of the points.
+
+    """
+    radial = (slope * rays).sum(axis=1)
+    return np.asarray((slope - radial[:, None] * rays) / length)

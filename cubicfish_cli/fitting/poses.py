@@ -90,6 +90,14 @@ def rotation_from_vector(vector: npt.ArrayLike) -> FloatArray:
     return Rotation.from_rotvec(vector).as_matrix()
 
 
+def cross(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Cross products (..., 3, N) of vectors (3, N) and (..., 3, N)."""
+    after, before = [1, 2, 0], [2, 0, 1]
+    product: FloatArray = first[after] * second[..., before, :]
+    product -= first[before] * second[..., after, :]
+    return product
+
+
 def cross_matrix(vector: FloatArray) -> FloatArray:
     """The matrix of v ×: (..., 3) -> (..., 3, 3)."""
     matrix = np.zeros((*vector.shape, 3))

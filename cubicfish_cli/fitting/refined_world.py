@@ -14,7 +14,7 @@ import numpy as np
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.boards.shape import BoardShape
-from cubicfish_cli.fitting.poses import cross_matrix, rotation_from_vector
+from cubicfish_cli.fitting.poses import cross, rotation_from_vector
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray
@@ -215,13 +215,13 @@ class RefinedWorld:
             first, stop = np.searchsorted(part.pairs, [run.start, run.stop])
             pairs = part.pairs[first:stop]
             own = d_world[pairs - run.start]
-            columns = [own @ part.basis[first:stop]]
+            chained[pairs - run.start, :, part.shape] = own @ part.basis[first:stop]
             place = self.parameters[part.place]
             if len(place):
                 arm = self.points[pairs] - part.middle - place[3:] * part.size
-                columns += [-own @ cross_matrix(arm), own * part.size]
-            parameters = slice(part.shape.start, part.place.stop)
-            chained[pairs - run.start, :, parameters] = np.concatenate(columns, axis=2)
+                turned = cross(arm.T, own.transpose(1, 2, 0)).transpose(2, 0, 1)
+                moved = np.concatenate([turned, own * part.size], axis=2)
+                chained[pairs - run.start, :, part.place] = moved
         return chained
 
     def prior(self) -> tuple[FloatArray, FloatArray]:

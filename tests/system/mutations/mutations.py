@@ -99,8 +99,8 @@ MUTATIONS = tuple(
         # The adjustment and its priors.
         (
             "fitting/adjustment.py",
-            "d_turn, d_shift = -d_point @",
-            "d_turn, d_shift = d_point @",
+            "d_turn, d_shift = cross",
+            "d_turn, d_shift = -cross",
             "fitting/test_adjustment",
         ),
         (
@@ -115,7 +115,7 @@ MUTATIONS = tuple(
             "gradient",
             "fitting/test_adjustment",
         ),
-        ("fitting/lenses.py", "slope - radial * rays[:, None, :]", "slope", "lenses/test_cameras"),
+        ("fitting/lenses.py", "slope - radial[:, None] * rays", "slope", "lenses/test_cameras"),
         (
             "fitting/lenses.py",
             "direct -= by_lens @ _follow(by_lens.T @ by_lens, by_lens.T @ direct)",
