@@ -241,9 +241,9 @@ def _without(normal: NormalEquations, photos: IntArray, parts: Sequence[_Part]) 
     columns = (6 * photos[:, None] + np.arange(6)).reshape(-1)
     shared, shared_gradient = normal.shared.copy(), normal.shared_gradient.copy()
     corner, corner_gradient = normal.corner.copy(), normal.corner_gradient.copy()
-    shared_corner = normal.shared_corner.copy()
+    shared_corner = normal.shared_corner.copy("K")
     pose, pose_gradient = normal.pose.copy(), normal.pose_gradient.copy()
-    shared_pose, pose_corner = normal.shared_pose.copy(), normal.pose_corner.copy()
+    shared_pose, pose_corner = normal.shared_pose.copy(), normal.pose_corner.copy("K")
     pose[photos], pose_gradient[photos] = np.eye(6), 0
     shared_pose[:, columns] = 0
     pose_corner[columns] = 0

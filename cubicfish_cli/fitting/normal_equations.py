@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.types import FloatArray, IntArray
@@ -182,8 +181,9 @@ class Eliminated:
 
     def _followed(self, step: FloatArray) -> FloatArray:
         """(n, b, H) steps of what was eliminated, of those of the rest (D, H)."""
-        seen = self.half[..., :-1] @ step + self.half[..., -1:]
-        return -self.inverse_root.transpose(0, 2, 1) @ seen
+        count, size, columns = self.half.shape
+        seen = self.half.reshape(-1, columns) @ np.vstack([step, np.ones((1, step.shape[1]))])
+        return -self.inverse_root.transpose(0, 2, 1) @ seen.reshape(count, size, -1)
 
     def shared_step(self, shared: FloatArray, corner: FloatArray) -> FloatArray:
         """The step (K,) of the shared unknowns under another gradient, of no pose.
@@ -320,9 +320,9 @@ class NormalSums:
         self._pose = np.zeros((poses, 6, 6))
         self._shared_pose = np.zeros((count, poses, 6))
         self._pose_gradient = np.zeros((poses, 6))
-        # By each corner's coordinates: what is shared, its own place, the residual.
-        self._by_corner = np.zeros((3 * self._corners, count + 4))
-        self._pose_corner = np.zeros((poses, 6, self._corners, 3))
+        # By each corner's coordinates: what is shared, the residual, its own place.
+        self._by_corner = np.zeros((self._corners, 3, count + 4))
+        self._corner_pose = np.zeros((self._corners, poses, 3, 6))
 
     def _own(self, columns: slice) -> IntArray | slice:
         """Which of the shared unknowns photos touch."""
@@ -348,50 +348,47 @@ class NormalSums:
         own = self._own(terms.columns)
         key = terms.columns.start, terms.columns.stop
         if key not in self._total:
-            self._total[key] = np.zeros((count, count + 7))
-        total = self._total[key]
-        jacobian = np.empty((len(root), 2, count + 7))
-        jacobian[:, :, :lens] = terms.d_lens
+            self._total[key] = np.zeros((count, count + 1))
+        # The pose, what is shared, the residual; the corner's own place where it is free.
+        free = self._corners > 0 and terms.d_corner is not None
+        whole = np.empty((len(root), 2, count + (10 if free else 7)))
+        whole[:, :, :3] = terms.d_turn
+        whole[:, :, 3:6] = terms.d_shift
+        whole[:, :, 6 : 6 + lens] = terms.d_lens
         if terms.d_board is not None:
-            jacobian[:, :, lens:count] = terms.d_board
-        jacobian[:, :, count : count + 3] = terms.d_turn
-        jacobian[:, :, count + 3 : count + 6] = terms.d_shift
-        jacobian[:, :, count + 6] = terms.residual
+            whole[:, :, 6 + lens : 6 + count] = terms.d_board
+        whole[:, :, 6 + count] = terms.residual
+        if free:
+            whole[:, :, 7 + count :] = terms.d_corner
         # Few corners are so far off that they weigh less than others.
         light = np.flatnonzero(root != 1)
-        jacobian[light] *= root[light, None, None]
+        whole[light] *= root[light, None, None]
+        jacobian = whole[:, :, : count + 7]
         bounds = np.searchsorted(image, np.arange(photos.start, photos.stop + 1))
-        if len(bounds) > 2 and bounds[1] > 0 and not np.diff(bounds, 2).any():
-            self._add_alike(jacobian, total, own, terms.pose[bounds[:-1]])
-            bounds = bounds[:0]
-        for start, stop in pairwise(bounds):
-            if start == stop:
-                continue
-            # One Gram matrix a photo holds every block, the gradient in its last column.
-            rows = jacobian[start:stop].reshape(-1, count + 7)
-            gram, pose = rows.T @ rows, terms.pose[start]
-            total += gram[:count]
-            self._pose[pose] += gram[count:-1, count:-1]
-            self._shared_pose[own, pose] += gram[:count, count:-1]
-            self._pose_gradient[pose] += gram[count:-1, -1]
-        if self._corners and terms.d_corner is not None:
-            d_corner = terms.d_corner * root[:, None, None]
-            self._add_corners(jacobian, d_corner, own, terms.pose, self._corner[pairs])
+        each = np.diff(bounds)
+        if len(each) > 1 and each[0] > 0 and (each == each[0]).all():
+            # A small board is seen whole in most photos: these are worked out all at once.
+            self._add_photos(
+                jacobian.reshape(len(each), -1, count + 7), own, key, terms.pose[bounds[:-1]]
+            )
+        else:
+            for start, stop in pairwise(bounds):
+                if start < stop:
+                    rows = jacobian[start:stop].reshape(1, -1, count + 7)
+                    self._add_photos(rows, own, key, terms.pose[start : start + 1])
+        if free:
+            self._add_corners(whole, own, terms.pose, self._corner[pairs], bounds)
 
-    def _add_alike(
-        self, jacobian: FloatArray, total: FloatArray, own: IntArray | slice, pose: IntArray
+    def _add_photos(
+        self, rows: FloatArray, own: IntArray | slice, key: tuple[int, int], pose: IntArray
     ) -> None:
-        """The blocks of photos of equally many pairs each, all at once: (n, 2, k + 7), (photos,).
-
-        A small board is seen whole in most photos.
-        """
-        count = jacobian.shape[2] - 7
-        rows = jacobian.reshape(len(pose), -1, count + 7)
+        """The blocks of some photos (P, 2n, k + 7) of equally many pairs."""
+        # One Gram matrix a photo holds every block, the gradient in its last column.
         gram = rows.transpose(0, 2, 1) @ rows
-        total += gram[:, :count].sum(axis=0)
-        self._pose[pose] += gram[:, count:-1, count:-1]
-        self._pose_gradient[pose] += gram[:, count:-1, -1]
-        across = gram[:, :count, count:-1].transpose(1, 0, 2)
+        self._total[key] += gram[:, 6:-1, 6:].sum(axis=0) if len(gram) > 1 else gram[0, 6:-1, 6:]
+        self._pose[pose] += gram[:, :6, :6]
+        self._pose_gradient[pose] += gram[:, :6, -1]
+        across = gram[:, 6:-1, :6].transpose(1, 0, 2)
         if isinstance(own, slice):
             self._shared_pose[:, pose] += across
         else:
@@ -399,22 +396,23 @@ class NormalSums:
 
     def _add_corners(
         self,
-        jacobian: FloatArray,
-        d_corner: FloatArray,
+        whole: FloatArray,
         own: IntArray | slice,
         pose: IntArray,
         corner: IntArray,
+        bounds: IntArray,
     ) -> None:
-        """The blocks of free corners: jacobian (n, 2, k + 7), d_corner (n, 2, 3), weighted."""
-        count = jacobian.shape[2] - 7
-        by_corner = _by_own_block(d_corner, corner, self._corners)
-        product = by_corner.T @ jacobian.reshape(-1, count + 7)
-        self._by_corner[:, : self._shared][:, own] += product[:, :count]
-        self._by_corner[:, self._shared : -1] += by_corner.T @ d_corner.reshape(-1, 3)
-        self._by_corner[:, -1] += product[:, -1]
+        """The blocks of free corners: (n, 2, k + 10) with derivatives by them last, weighted."""
+        product = whole[:, :, -3:].transpose(0, 2, 1) @ whole
         # A photo sees each corner once, so no place comes twice.
-        across = jacobian[:, :, count:-1].transpose(0, 2, 1) @ d_corner
-        self._pose_corner[pose, :, corner] += across
+        self._corner_pose[corner, pose] += product[:, :, :6]
+        for start, stop in pairwise(bounds):
+            seen, added = corner[start:stop], product[start:stop, :, 6:]
+            if isinstance(own, slice):
+                self._by_corner[seen] += added
+            else:
+                columns = np.r_[own, self._shared : self._shared + 4]
+                self._by_corner[seen[:, None], :, columns] += added.transpose(0, 2, 1)
 
     def _totals(self) -> tuple[FloatArray, FloatArray]:
         """Hessian (K, K) and gradient (K,) of the shared unknowns."""
@@ -422,9 +420,9 @@ class NormalSums:
         for (first, stop), total in self._total.items():
             own = self._own(slice(first, stop))
             if isinstance(own, slice):
-                hessian += total[:, : self._shared]
+                hessian += total[:, :-1]
             else:
-                hessian[np.ix_(own, own)] += total[:, : len(own)]
+                hessian[np.ix_(own, own)] += total[:, :-1]
             gradient[own] += total[:, -1]
         return hessian, gradient
 
@@ -439,25 +437,16 @@ class NormalSums:
             hessian[own, own] += slope.T @ slope
             gradient[own] += slope.T @ residual
         offsets, pull = world.offsets, world.offset_weight**2
-        corner = self._by_corner[:, count:-1].reshape(-1, 3, 3)
+        rows, columns = 3 * self._corners, 6 * len(self._pose)
+        corner_pose = self._corner_pose.transpose(0, 2, 1, 3).reshape(rows, columns)
         return NormalEquations(
             shared=hessian,
             pose=self._pose,
             shared_pose=self._shared_pose.reshape(count, 6 * len(self._pose)),
             shared_gradient=gradient,
             pose_gradient=self._pose_gradient,
-            corner=corner + pull * np.eye(3),
-            shared_corner=self._by_corner[:, :count].T,
-            pose_corner=self._pose_corner.reshape(6 * len(self._pose), 3 * self._corners),
-            corner_gradient=self._by_corner[:, -1].reshape(-1, 3) + pull * offsets,
+            corner=self._by_corner[:, :, -3:] + pull * np.eye(3),
+            shared_corner=self._by_corner.reshape(rows, count + 4)[:, :count].T,
+            pose_corner=corner_pose.T,
+            corner_gradient=self._by_corner[:, :, count] + pull * offsets,
         )
-
-
-def _by_own_block(derivative: FloatArray, block: IntArray, blocks: int) -> csr_array:
-    """Sparse (2n, b·blocks): each pair's (2, b) derivative in the columns of its own block."""
-    pairs, _, size = derivative.shape
-    columns = size * np.repeat(block, 2)[:, None] + np.arange(size)
-    starts = np.arange(0, 2 * pairs * size + 1, size)
-    return csr_array(
-        (derivative.ravel(), columns.ravel(), starts), shape=(2 * pairs, size * blocks)
-    )

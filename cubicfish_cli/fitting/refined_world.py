@@ -211,17 +211,20 @@ class RefinedWorld:
         at most): the derivatives of its shape and of its corners' offsets leave the turn out.
         """
         chained = np.zeros((len(d_world), 2, len(self.parameters)))
+        d_world = np.ascontiguousarray(d_world)
         for part in self.parts:
             first, stop = np.searchsorted(part.pairs, [run.start, run.stop])
             pairs = part.pairs[first:stop]
-            own = d_world[pairs - run.start]
-            chained[pairs - run.start, :, part.shape] = own @ part.basis[first:stop]
+            own, shape = d_world[pairs - run.start], part.basis.shape[2]
+            columns = np.empty((len(pairs), 2, part.place.stop - part.shape.start))
+            columns[:, :, :shape] = own @ part.basis[first:stop]
             place = self.parameters[part.place]
             if len(place):
                 arm = self.points[pairs] - part.middle - place[3:] * part.size
-                turned = cross(arm.T, own.transpose(1, 2, 0)).transpose(2, 0, 1)
-                moved = np.concatenate([turned, own * part.size], axis=2)
-                chained[pairs - run.start, :, part.place] = moved
+                turned = cross(arm.T, own.transpose(1, 2, 0))
+                columns[:, :, shape:-3] = turned.transpose(2, 0, 1)
+                columns[:, :, -3:] = own * part.size
+            chained[pairs - run.start, :, part.shape.start : part.place.stop] = columns
         return chained
 
     def prior(self) -> tuple[FloatArray, FloatArray]:
