@@ -30,6 +30,7 @@ _ROUNDING = 1e-13
 _SAME_LIMIT = 0.02
 # What an adjustment looks at of its pairs, beside their world points.
 _OF_PAIRS = ("image", "pixel", "weight")
+_POSE = 6
 COLD_DAMPING = 1e-4
 WARM_DAMPING = 1e-8
 """For a start at the optimum of nearly the same pairs."""
@@ -197,7 +198,9 @@ def _evaluated(state: _State, pairs: Observations, huber_px: float) -> _Evaluati
     # A step may lead anywhere: what overflows there has an infinite cost and is turned down.
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         views = views_of(lens, state.poses)
-        for photos, run in runs_of_photos(pairs.image, len(views), body_of(lens).stops):
+        unknowns = len(lens.parameters) + len(world.parameters) + _POSE
+        stops = body_of(lens).stops
+        for photos, run in runs_of_photos(pairs.image, len(views), stops, unknowns):
             terms = linearised(lens, state.poses, world, pairs, run, views)
             residual[run] = terms.residual
             length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])

@@ -20,8 +20,9 @@ _START_SHARE = 0.8
 # Rounds of least squares: each takes the rays that are in both fields under the last rotation.
 _FIT_ROUNDS = 3
 _MOST_STEPS = 50
-# Radians: of the differences that stand for derivatives, and of the last step.
-_SIDE, _SETTLED = 1e-5, 1e-9
+# Radians: of the differences that stand for derivatives, of a step that hardly changes these, and
+# of the last step.
+_SIDE, _SAME_SLOPE, _SETTLED = 1e-5, 1e-3, 1e-9
 
 
 class ProjectingLens(Protocol):
@@ -82,11 +83,13 @@ def _small_turn(
         return difference(turn * rotation, common).ravel()
 
     turn, slope = Rotation.identity(), np.empty((2 * len(common), 3))
+    step = np.full(3, np.inf)
     for _ in range(_MOST_STEPS):
         now = miss(turn)
-        for axis, side in enumerate(_SIDE * np.eye(3)):
-            ahead, behind = (Rotation.from_rotvec(way) * turn for way in (side, -side))
-            slope[:, axis] = (miss(ahead) - miss(behind)) / (2 * _SIDE)
+        if np.linalg.norm(step) > _SAME_SLOPE:
+            for axis, side in enumerate(_SIDE * np.eye(3)):
+                ahead, behind = (Rotation.from_rotvec(way) * turn for way in (side, -side))
+                slope[:, axis] = (miss(ahead) - miss(behind)) / (2 * _SIDE)
         # A ray that leaves the field as R changes pulls neither way.
         seen = np.isfinite(now) & np.isfinite(slope).all(axis=1)
         weight = huber_weight(np.abs(now[seen]), _HUBER_PX)[:, None] * slope[seen]

@@ -19,8 +19,9 @@ from cubicfish_cli.types import FloatArray, IntArray
 Prior = tuple[FloatArray, FloatArray]
 """Pseudo-observations: residuals (L,) and their derivatives (L, K)."""
 
-# Derivatives of so many pairs fit into a core's cache; larger arrays wait for memory.
-_RUN_PAIRS = 1000
+# Derivatives of so many pairs by so many unknowns fit into a core's cache; larger arrays wait for
+# memory.
+_RUN_PAIRS, _RUN_UNKNOWNS = 1000, 60
 _NO_STOPS: IntArray = np.zeros(0, np.intp)
 
 
@@ -253,7 +254,7 @@ def _damped(matrix: FloatArray, damping: float) -> FloatArray:
 
 
 def runs_of_photos(
-    image: IntArray, photos: int, stops: IntArray = _NO_STOPS
+    image: IntArray, photos: int, stops: IntArray = _NO_STOPS, unknowns: int = _RUN_UNKNOWNS
 ) -> Iterator[tuple[slice, slice]]:
     """Whole photos in runs whose derivatives stay in the processor's cache.
 
@@ -261,15 +262,17 @@ def runs_of_photos(
         image: (N,) photo of each pair, non-decreasing.
         photos: M.
         stops: photos with which a run has to begin, increasing.
+        unknowns: by how many unknowns each pair is derived, roughly.
 
     Returns:
         The photos of each run and their pairs.
 
     """
     bounds = np.searchsorted(image, np.arange(photos + 1))
+    pairs = max(_RUN_PAIRS, _RUN_PAIRS * _RUN_UNKNOWNS // max(unknowns, 1))
     first = 0
     while first < photos:
-        stop = int(np.searchsorted(bounds, bounds[first] + _RUN_PAIRS, side="right")) - 1
+        stop = int(np.searchsorted(bounds, bounds[first] + pairs, side="right")) - 1
         stop = min([max(stop, first + 1), photos, *stops[stops > first]])
         yield slice(first, stop), slice(int(bounds[first]), int(bounds[stop]))
         first = stop

@@ -72,21 +72,18 @@ class PhotoSpread:
 
     def sigma_px(self, rays: FloatArray) -> FloatArray:
         """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (N,), pixels."""
-        of_photos = self._of_photos(
-            *(self._changes(steps, rays) for steps in (self.left_out, self.influence))
-        )
-        of_photos = of_photos.reshape(-1, 2).sum(axis=1)
-        of_hold = np.square(self._changes(self.rival, rays)).sum(axis=1).reshape(-1, 2).sum(axis=1)
+        left_out, influence, rival = self._changes(rays)
+        of_photos = self._of_photos(left_out, influence).reshape(-1, 2).sum(axis=1)
+        of_hold = np.square(rival).sum(axis=1).reshape(-1, 2).sum(axis=1)
         of_guess = np.square(self._guessed(rays)).sum(axis=1)
         of_noise = np.square(self.noise.sigma_px(rays))
         return np.sqrt(np.maximum(of_noise, of_photos) + of_hold + of_guess)
 
     def variance(self, rays: FloatArray, weights: FloatArray) -> FloatArray:
         """See :class:`~cubicfish_cli.fitting.uncertainty.Sigma`."""
-        of_photos = self._of_photos(
-            *(weights @ self._changes(steps, rays) for steps in (self.left_out, self.influence))
-        )
-        of_hold = np.square(weights @ self._changes(self.rival, rays)).sum(axis=1)
+        left_out, influence, rival = (weights @ change for change in self._changes(rays))
+        of_photos = self._of_photos(left_out, influence)
+        of_hold = np.square(rival).sum(axis=1)
         of_guess = np.square(weights @ self._guessed(rays).reshape(-1))
         return np.maximum(self.noise.variance(rays, weights), of_photos) + of_hold + of_guess
 
@@ -112,14 +109,20 @@ class PhotoSpread:
         mean: FloatArray = np.sqrt(np.prod(list(spread), axis=0))
         return variance_of_few(mean, clusters)
 
-    def _changes(self, steps: FloatArray, rays: FloatArray) -> FloatArray:
-        """(2N, G) how the pixels of rays move by each step, the common turn taken out."""
-        if not len(steps):
-            return np.zeros((2 * len(rays), 0))
+    def _changes(self, rays: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(2N, steps) how the pixels of rays move, the common turn taken out.
+
+        By each step of ``left_out``, of ``influence`` and of ``rival``.
+        """
         _, by_ray, by_lens = self.noise.result.lens.project_jacobian(rays)
         turned = -by_ray @ cross_matrix(rays)
-        change = (by_lens - turned @ self._turn) @ steps.T
-        return np.asarray(change.reshape(-1, len(steps)))
+        change = (by_lens - turned @ self._turn).reshape(2 * len(rays), -1)
+        count = by_lens.shape[2]
+        left_out, influence, rival = (
+            change @ steps.reshape(-1, count).T
+            for steps in (self.left_out, self.influence, self.rival)
+        )
+        return left_out, influence, rival
 
     @cached_property
     def _turn(self) -> FloatArray:
