@@ -26,14 +26,14 @@ def lift(points: npt.ArrayLike) -> FloatArray:
     """Φ of points: (..., 3) -> (..., 20), in the paper's order (Eq. 4)."""
     x, y, z = (_powers(axis) for axis in np.moveaxis(np.asarray(points, dtype=float), -1, 0))
     lifted = np.empty((SIZE, *x[0].shape))
-    for out, (i, j, k) in zip(lifted, EXPONENTS.tolist(), strict=True):
-        np.multiply(x[i] * y[j], z[k], out=out)
+    for monomial, (i, j, k) in enumerate(EXPONENTS.tolist()):
+        lifted[monomial] = x[i] * y[j] * z[k]
     return np.moveaxis(lifted, 0, -1)
 
 
 def _powers(axis: FloatArray) -> tuple[FloatArray, ...]:
     """A coordinate to the powers 0 to 3."""
-    axis = np.ascontiguousarray(axis)
+    axis = np.asarray(axis, order="C")
     square = axis * axis
     return np.ones_like(axis), axis, square, square * axis
 
