@@ -154,9 +154,8 @@ def _fold(
     left_out = select_photos(pairs, test)
     if isinstance(world, RefinedWorld) and isinstance(trained.world, RefinedWorld):
         left_out = left_out.with_world(world.like(trained.world).points[out])
-    poses = fit.cubic.poses[test]
-    _, cubic, seen = pose_only_residual(camera, left_out, poses)
-    _, of_radial, _ = pose_only_residual(camera.radial, left_out, poses)
+    _, cubic, seen = pose_only_residual(camera, left_out, fit.cubic.poses[test])
+    _, of_radial, _ = pose_only_residual(camera.radial, left_out, fit.reference.poses[test])
     return cubic, of_radial, test[left_out.image[seen]]
 
 

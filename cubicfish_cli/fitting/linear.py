@@ -13,6 +13,8 @@ from cubicfish_cli.lenses.lift import lift, sphere_basis
 from cubicfish_cli.types import FloatArray
 
 ROUNDS = 10
+# Rounds end when no denominator changes by more than this share of their mean.
+_SETTLED = 1e-6
 # A pair beside a pole must not get an unbounded weight in the next round.
 _SMALLEST_SHARE = 0.02
 
@@ -36,7 +38,7 @@ def linear_coefficients(
         rays: (N, 3) unit rays.
         pixel: (N, 2), best normalised to order 1 (Hartley).
         denominator_pull: weight of P3Φ = 1 at each ray; 0 is the homogeneous system of the paper.
-        rounds: reweighting rounds; 0 is the paper's plain solution.
+        rounds: reweighting rounds, at most; 0 is the paper's plain solution.
         weights: (N,) of each ray's two equations; 1 by default.
 
     """
@@ -60,7 +62,7 @@ def linear_ratios(
         values: (N, K) Φ of each point in a basis of its row space.
         pixel: (N, 2), best normalised to order 1 (Hartley).
         denominator_pull: weight of C3 · values = 1 at each point.
-        rounds: reweighting rounds.
+        rounds: reweighting rounds, at most.
         weights: (N,) of each point's two equations; 1 by default.
 
     """
@@ -87,5 +89,9 @@ def linear_ratios(
         found = values @ coefficients[2]
         scale = found.mean()
         coefficients, found = coefficients / scale, found / scale
-        denominator = np.maximum(found, _SMALLEST_SHARE)
+        found = np.maximum(found, _SMALLEST_SHARE)
+        settled = np.abs(found - denominator).max() < _SETTLED
+        denominator = found
+        if settled:
+            break
     return coefficients
