@@ -22,7 +22,7 @@ _FIT_ROUNDS = 3
 _MOST_STEPS = 50
 # Radians: of the differences that stand for derivatives, of a step that hardly changes these, and
 # of the last step.
-_SIDE, _SAME_SLOPE, _SETTLED = 1e-5, 1e-3, 1e-9
+_SIDE, _SAME_SLOPE, _SETTLED = 1e-5, 1e-5, 1e-9
 
 
 class ProjectingLens(Protocol):

@@ -76,28 +76,21 @@ class FixedLens:
 
     def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
-        none = np.zeros((len(points), 2, 0))
-        if isinstance(self.camera, RadialCamera):
+        if isinstance(self.camera, CubicCamera):
+            length = np.linalg.norm(points, axis=-1)
+            rays = points / length[:, None]
+            pixel, slope = self.camera.pixel_and_slope(rays)
+            across = _through_unit_ray(slope.transpose(1, 2, 0), rays.T, length)
+            d_point = across.transpose(2, 0, 1)
+        elif isinstance(self.camera, RadialCamera):
             pixel, d_point, _ = project_jacobian(self.camera.parameters, points)
-            return pixel, d_point, none
-        if not isinstance(self.camera, CubicCamera):
+        else:
             pixel, d_point, _ = self.camera.project_jacobian(points)
-            return pixel, d_point, none
-        length = np.linalg.norm(points, axis=-1)
-        rays = points / length[:, None]
-        pixel, slope = self.camera.pixel_and_slope(rays)
-        d_point = _through_unit_ray(slope.transpose(1, 2, 0), rays.T, length)
-        return pixel, d_point.transpose(2, 0, 1), none
+        return pixel, d_point, np.zeros((len(points), 2, 0))
 
     def project(self, points: FloatArray) -> FloatArray:
         """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
-        if isinstance(self.camera, RadialCamera):
-            return project_jacobian(self.camera.parameters, points)[0]
-        if not isinstance(self.camera, CubicCamera):
-            return self.camera.project(points)
-        rays = points / np.linalg.norm(points, axis=-1, keepdims=True)
-        homogeneous = lift(rays) @ self.camera.P.T
-        return homogeneous[:, :2] / homogeneous[:, 2:]
+        return self.project_jacobian(points)[0]
 
     def prior(self) -> tuple[FloatArray, FloatArray]:
         """None."""
@@ -267,6 +260,11 @@ class CubicFit:
         return self._pixel(lift(rays) @ sphere_basis())[0] * self.scale + self.centre
 
     def prior(self) -> tuple[FloatArray, FloatArray]:
+        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
+        return self._prior
+
+    @cached_property
+    def _prior(self) -> tuple[FloatArray, FloatArray]:
         """Weighted misses of the nearest lens of the prior's kind, and of its denominators.
 
         That lens's own parameters are eliminated (variable projection, Golub & Pereyra 1973; the

@@ -159,17 +159,7 @@ def fit_radial(pairs: Observations, *, thorough: bool = True) -> RadialReference
         )
         if set(np.setdiff1d(np.arange(len(pairs.images)), used)) == set(missing.tolist()):
             break
-    own = select_photos(pairs, used)
-    fit, terms = _sound_profile(fit, own)
-    return RadialReference(
-        camera=_camera(fit, pairs),
-        poses=fit.poses,
-        pairs=own,
-        residual=fit.residual,
-        unfit=unfit,
-        terms=terms,
-        focal_uncertainty=_focal_uncertainty(fit),
-    )
+    return _sound(fit, select_photos(pairs, used), unfit, {})
 
 
 def radial_near(
@@ -210,16 +200,23 @@ def refit_radial(reference: RadialReference, pairs: Observations, poses: Poses) 
     """
     lens = RadialFit(values=reference.camera.parameters, terms=reference.terms)
     fit = adjust(lens, poses, pairs, huber_px=huber_px(reference.residual))
+    return _sound(fit, pairs, reference.unfit, dict(reference.bends))
+
+
+def _sound(
+    fit: Adjustment, pairs: Correspondences, unfit: dict[str, Finding], bends: dict[float, Bend]
+) -> RadialReference:
+    """The reference of a fit, with a profile that grows over the whole valid cone."""
     fit, terms = _sound_profile(fit, pairs)
     return RadialReference(
         camera=_camera(fit, pairs),
         poses=fit.poses,
         pairs=pairs,
         residual=fit.residual,
-        unfit=reference.unfit,
+        unfit=unfit,
         terms=terms,
         focal_uncertainty=_focal_uncertainty(fit),
-        bends=dict(reference.bends),
+        bends=bends,
     )
 
 
