@@ -198,6 +198,36 @@ def test_a_perturbed_start_returns_to_the_same_optimum(pairs, cubic):
     np.testing.assert_allclose(again.residual, once.residual, atol=1e-4)
 
 
+class Valley:
+    """Pixels that depend on two parameters: Rosenbrock's valley, a floor that bends."""
+
+    def __init__(self, parameters):
+        self.parameters = np.asarray(parameters, float)
+
+    def with_parameters(self, parameters):
+        return Valley(parameters)
+
+    def project_jacobian(self, points):
+        x, y = self.parameters
+        pixel = np.tile([100 * (y - x * x), 1 - x], (len(points), 1))
+        slope = np.tile([[-200 * x, 100.0], [-1.0, 0.0]], (len(points), 1, 1))
+        return pixel, np.zeros((len(points), 2, 3)), slope
+
+    def project(self, points):
+        return self.project_jacobian(points)[0]
+
+    def prior(self):
+        return np.zeros(0), np.zeros((0, 2))
+
+
+def test_a_valley_that_bends_is_followed(pairs, cubic):
+    """Not crept along: whoever takes back what ends on its side is not there in a hundred steps."""
+    still = replace(pairs, pixel=np.zeros_like(pairs.pixel))
+    fit = adjust(Valley([-1.2, 1.0]), cubic.poses, still, huber_px=1e6)
+    np.testing.assert_allclose(fit.lens.parameters, 1.0, atol=1e-6)
+    assert fit.iterations <= 20
+
+
 def test_huber_loss_and_its_weight_belong_together():
     distance = np.linspace(0.01, 5, 200)
     slope = (huber_cost(distance + 1e-6, 1.2) - huber_cost(distance - 1e-6, 1.2)) / 2e-6

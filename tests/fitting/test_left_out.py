@@ -8,7 +8,7 @@ import synthetic
 from lenses import radial_camera
 
 from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.cubic_fit import Hold, cubic_of, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import Hold, cubic_of, fit_cubic, held
 from cubicfish_cli.fitting.folds import photo_folds
 from cubicfish_cli.fitting.held_out import held_out_error
 from cubicfish_cli.fitting.hold import UNTOLD, choose_hold
@@ -74,14 +74,60 @@ def test_one_step_is_nearly_a_fit_anew(reference, target, level):
         )
     fit = fit_cubic(reference, HOLD, world=world).fit
     limit = huber_px(fit.residual)
-    for one in Leaving(fit, pairs, limit, FOLDS).left_out():
-        wanted = anew(fit, pairs, pairs.image_size, one.photos)
-        own = np.isin(pairs.image, one.photos)
-        assert one.residual.shape == wanted.shape
+    found = dict(Leaving(fit, pairs, limit, FOLDS).residuals())
+    assert found.keys() == set(range(8))
+    for photos in FOLDS:
+        wanted = anew(fit, pairs, pairs.image_size, photos)
+        own = np.isin(pairs.image, photos)
+        residual = np.vstack([found[photo][:, :, 0] for photo in photos])
+        assert residual.shape == wanted.shape
         # What a photo left out adds to its own residuals is what must be right.
         added = np.sqrt(np.mean(np.square(wanted - fit.residual[own])))
-        assert rms_px(one.residual - wanted) < 0.25 * added + 1e-3
-        assert rms_px(one.residual) == pytest.approx(rms_px(wanted), rel=0.02)
+        assert rms_px(residual - wanted) < 0.25 * added + 1e-3
+        assert rms_px(residual) == pytest.approx(rms_px(wanted), rel=0.02)
+
+
+@pytest.mark.parametrize("level", ["off", "shape", "points"])
+def test_all_holds_at_once_are_as_one_by_one(reference, target, level):
+    """Both ways to eliminate, and every prior as its lens itself has it."""
+    pairs, world = reference.pairs, None
+    if level != "off":
+        spread = 2e-3 if level == "points" else None
+        world = RefinedWorld.drawn(pairs, target, noise=0.2, offset_spread=spread)
+    result = fit_cubic(reference, HOLD, world=world, relative_decrease=1e-4)
+    leaving = Leaving(result.fit, pairs, huber_px(result.residual), FOLDS)
+    weights = np.array([10.0, 1.0, 0.01])
+    for spread in (0.0, 1e-3, 1e-2):
+        bent, _ = reference.bent(spread)
+        hessians, gradients = result.lens.priors(bent, weights)
+        together = dict(leaving.residuals(hessians, gradients))
+        for place, weight in enumerate(weights):
+            lens = held(result.lens, reference, Hold(spread=spread, weight=weight))
+            miss, slope = lens.prior()
+            if weight == HOLD.weight:
+                expected = slope.T @ slope
+                np.testing.assert_allclose(
+                    hessians[place], expected, atol=1e-6 * np.abs(expected).max()
+                )
+            alone = dict(leaving.residuals((slope.T @ slope)[None], (slope.T @ miss)[None]))
+            for photo, residual in alone.items():
+                left = together[photo][:, :, [place]]
+                assert rms_px(left[..., 0]) == pytest.approx(rms_px(residual[..., 0]), rel=2e-3)
+
+
+def test_another_prior_steps_as_the_equations_with_it_do(reference):
+    result = fit_cubic(reference, HOLD, relative_decrease=1e-4)
+    normal = result.fit.normal
+    other = held(result.lens, reference, Hold(spread=1e-2, weight=0.1))
+    (miss, slope), (own, own_slope) = other.prior(), result.lens.prior()
+    changed = replace(
+        normal,
+        shared=normal.shared + slope.T @ slope - own_slope.T @ own_slope,
+        shared_gradient=normal.shared_gradient + slope.T @ miss - own_slope.T @ own,
+    )
+    leaving = Leaving(result.fit, reference.pairs, huber_px(result.residual), FOLDS)
+    step = changed.solve(1e-9)[0]
+    np.testing.assert_allclose(leaving.held_as(other), step, atol=1e-3 * np.abs(step).max())
 
 
 @pytest.mark.slow
