@@ -69,14 +69,14 @@ def first_that_works(calibrate, grid, spacing, size, focal):
         enough = [len(one[0]) >= 8 for one in images]
         objects = [one for one, good in zip(objects, enough, strict=True) if good]
         images = [one for one, good in zip(images, enough, strict=True) if good]
-        begun = time.perf_counter()
+        begun = time.process_time()
         try:
             values, count = calibrate(objects, images, size, float(focal))
         except cv2.error as error:
             problem = " ".join(str(error).split())[:100]
             continue
         return {
-            "seconds": time.perf_counter() - begun,
+            "seconds": time.process_time() - begun,
             "values": [float(value) for value in values],
             "share": share,
             "photos": count,

@@ -151,7 +151,8 @@ def adjust(
         iterations += 1
         candidate = state.moved(*step)
         new = _evaluated(candidate, pairs, huber_px)
-        if new.normal is not None and new.cost >= now.cost and gain > _ROUNDING:
+        stray = new.normal is not None and new.cost >= now.cost and gain > _ROUNDING
+        if new.normal is not None and stray and iterations < max_iterations:
             # A valley that bends: what went straight on is on its side, a step above its floor.
             iterations += 1
             candidate = candidate.moved(*new.normal.solve(damping))
