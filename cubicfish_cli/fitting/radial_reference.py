@@ -204,7 +204,7 @@ def refit_radial(reference: RadialReference, pairs: Observations, poses: Poses) 
 
 
 def _sound(
-    fit: Adjustment, pairs: Correspondences, unfit: dict[str, Finding], bends: dict[float, Bend]
+    fit: Adjustment, pairs: Observations, unfit: dict[str, Finding], bends: dict[float, Bend]
 ) -> RadialReference:
     """The reference of a fit, with a profile that grows over the whole valid cone."""
     fit, terms = _sound_profile(fit, pairs)
