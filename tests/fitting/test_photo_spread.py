@@ -90,9 +90,8 @@ def test_variances_add_up_to_sigma():
     reference, cubic = fitted(4, CornerErrors())
     spread = photo_spread(cubic, reference, np.arange(PHOTOS))
     rays = cone_rays(reference.covered, 30)
-    single = spread._of_photos(
-        *(spread._changes(s, rays) for s in (spread.left_out, spread.influence))
-    )
+    left_out, influence, _ = spread._changes(rays)
+    single = spread._of_photos(left_out, influence)
     assert (spread.sigma_px(rays) ** 2 >= single.reshape(-1, 2).sum(axis=1) * (1 - 1e-12)).all()
     assert spread.noise_px == pytest.approx(spread.noise.noise_px)
 
