@@ -14,12 +14,10 @@ import numpy.typing as npt
 
 from cubicfish_cli.detection.believe import is_beyond_chance, is_large_enough
 from cubicfish_cli.detection.corners import find_corners
-from cubicfish_cli.detection.grids import FoundGrids, Grid
+from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.detection.growth import clean
-from cubicfish_cli.detection.lattice import Lattice
-from cubicfish_cli.detection.links import find_links, keep_squares
+from cubicfish_cli.detection.links import find_patches
 from cubicfish_cli.detection.markers import MarkedCorners, outlined_corners
-from cubicfish_cli.detection.patches import find_patches
 from cubicfish_cli.detection.pyramid import SMALLEST_SIDE, build_pyramid, enlarged, reduced
 from cubicfish_cli.target import Target
 
@@ -36,22 +34,19 @@ def glance_at_grids(image: npt.NDArray[np.generic]) -> FoundGrids:
         return FoundGrids(grids=(), refused=np.zeros((0, 2)), image_size=(width, height))
     pyramid = build_pyramid(small)
     corners = find_corners(pyramid)
-    links = keep_squares(find_links(pyramid, corners))
-    patches = find_patches(links, corners.contrast * corners.radius)
     free = np.ones(len(corners.pixel), bool)
     found = []
-    for patch in patches:
-        lattice = Lattice.from_cells(
-            patch.cells, corners.pixel[patch.corner], corners.contrast[patch.corner], patch.parity
-        )
+    for patch in find_patches(pyramid, corners):
+        lattice = patch.lattice(corners)
         clean(lattice)
         if is_large_enough(lattice):
             found.append(lattice)
             free[patch.corner] = False
+    grids = [lattice.as_grid() for lattice in found]
     grids = [
-        _grid(lattice, zoom)
-        for lattice in found
-        if is_beyond_chance(int(lattice.known.sum()), int(free.sum()))
+        replace(grid, pixel=enlarged(grid.pixel, zoom), step=zoom * grid.step)
+        for grid in grids
+        if is_beyond_chance(len(grid), int(free.sum()))
     ]
     return FoundGrids(
         grids=tuple(sorted(grids, key=lambda grid: -len(grid))),
@@ -69,16 +64,3 @@ def glance_at_markers(image: npt.NDArray[np.generic], target: Target) -> MarkedC
 
 def _zoom(image: npt.NDArray[np.generic], most: int) -> int:
     return max(1, math.ceil(math.sqrt(image.size / most)))
-
-
-def _grid(lattice: Lattice, zoom: int) -> Grid:
-    cells = lattice.cells()
-    origin = cells.min(0)
-    steps = np.concatenate([np.diff(lattice.pixel, axis=axis).reshape(-1, 2) for axis in (0, 1)])
-    return Grid(
-        cells=cells - origin,
-        pixel=enlarged(lattice.pixel[cells[:, 0], cells[:, 1]], zoom),
-        parity=int(lattice.sign(origin[None])[0]),
-        step=zoom * float(np.nanmedian(np.hypot(steps[:, 0], steps[:, 1]))),
-        contrast=lattice.contrast[cells[:, 0], cells[:, 1]],
-    )

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.types import FloatArray, IntArray
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 Float32Array = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rows:
+    """A record whose fields are arrays with one row for each thing that it is about."""
+
+    def select(self, rows: BoolArray | IntArray) -> Self:
+        """Take some rows."""
+        return replace(self, **{one.name: getattr(self, one.name)[rows] for one in fields(self)})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -45,24 +45,10 @@ def grow(pyramid: Pyramid, lattice: Lattice, free: cKDTree, most: int) -> bool:
         if lattice.known.sum() > most:
             return True
         lattice.make_room()
-        cells = _frontier(lattice)
+        cells = lattice.frontier()
         if not len(cells) or not _grow_once(pyramid, lattice, free, cells):
             return False
     return False
-
-
-def _frontier(lattice: Lattice) -> IntArray:
-    """Empty cells beside a corner whose neighbourhood changed since they were tried."""
-    known = lattice.known
-    beside = np.zeros_like(known)
-    beside[1:] |= known[:-1]
-    beside[:-1] |= known[1:]
-    beside[:, 1:] |= known[:, :-1]
-    beside[:, :-1] |= known[:, 1:]
-    count = lattice.neighbour_sum(known.astype(float))
-    fresh = beside & ~known & (count != lattice.tried)
-    lattice.tried[fresh] = count[fresh]
-    return np.argwhere(fresh)
 
 
 def _grow_once(pyramid: Pyramid, lattice: Lattice, free: cKDTree, cells: IntArray) -> bool:
@@ -124,7 +110,7 @@ def looks_like_corner(
     square = quadrants(pyramid, pixel, fit, sign, lattice.half_gap)
     around = cells[:, None] + NEIGHBOUR_STEPS
     neighbour = lattice.pixel[around[..., 0], around[..., 1]]
-    expected = _contrast_around(lattice, cells)
+    expected = np.maximum(lattice.contrast_around(cells), 1e-6)
     # Light falls off steeply towards the rim, and shadows take part of it: only a corner's own
     # contrast says what its edges must show.
     own = np.maximum(square.contrast, 1e-6)
@@ -138,48 +124,18 @@ def looks_like_corner(
     return good, square.contrast
 
 
-def _contrast_around(lattice: Lattice, cells: IntArray) -> FloatArray:
-    total = lattice.neighbour_sum(lattice.contrast)
-    count = lattice.neighbour_sum(lattice.known.astype(float))
-    row, column = cells.T
-    return np.maximum(total[row, column] / np.maximum(count[row, column], 1), 1e-6)
-
-
 def measure_contrast(pyramid: Pyramid, lattice: Lattice) -> None:
     """Set the gap of the lattice, and the contrast of all corners from the squares around them."""
     cells = lattice.cells()
     fit = lattice.fit(cells)
-    pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
+    pixel = lattice.at(cells)
     sign = lattice.sign(cells)
     lattice.half_gap = measure_half_gap(pyramid, pixel, fit, sign)
     contrast = quadrants(pyramid, pixel, fit, sign, lattice.half_gap).contrast
     lattice.put(cells, pixel, np.maximum(contrast, 0))
 
 
-def clean(lattice: Lattice) -> int:
-    """Drop corners that contradict their neighbours or have none; returns how many."""
-    dropped = 0
-    for _ in range(10):
-        lattice.make_room()
-        cells = lattice.cells()
-        if not len(cells):
-            return dropped
-        known = lattice.known
-        around = cells[:, None] + NEIGHBOUR_STEPS
-        beside = known[around[..., 0], around[..., 1]]
-        lonely = ~beside.any(1)
-        fit = lattice.fit(cells, without_itself=True)
-        pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
-        miss = fit.cells_away(pixel) / (1 + np.sqrt(fit.leverage))
-        miss[~fit.sound] = 0
-        # One wrong corner spoils the prediction of all its neighbours: only the worst one of a
-        # neighbourhood goes.
-        spread = np.zeros(known.shape)
-        spread[cells[:, 0], cells[:, 1]] = miss
-        window = np.lib.stride_tricks.sliding_window_view(np.pad(spread, 1), (3, 3)).max((2, 3))
-        bad = lonely | ((miss > _OUTLIER) & (miss >= window[cells[:, 0], cells[:, 1]]))
-        if not bad.any():
-            return dropped
-        lattice.drop(cells[bad])
-        dropped += int(bad.sum())
-    return dropped
+def clean(lattice: Lattice) -> None:
+    """Drop corners that contradict their neighbours or have none."""
+    lattice.make_room()
+    lattice.clean(_OUTLIER)

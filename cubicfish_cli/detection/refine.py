@@ -183,7 +183,6 @@ def refine_corners(
         pixel=pixel[rows],
         step=jacobians[rows],
         bend=np.zeros((len(rows), 2, 3)) if bends is None else bends[rows],
-        neighbours=np.full(len(rows), 4),
         leverage=np.zeros(len(rows)),
         side=side[rows],
         sound=np.ones(len(rows), bool),

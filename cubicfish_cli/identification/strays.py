@@ -64,9 +64,7 @@ def doubtful_rims(grid: Grid) -> list[BoolArray]:
         for rim in (along == along.min(), along == along.max()):
             lattice.drop(place[rim])
             fit = lattice.fit(place[rim])
-            row, column = place[rim].T
-            known = lattice.neighbour_sum(lattice.known.astype(float))[row, column]
-            around = lattice.neighbour_sum(lattice.contrast)[row, column] / np.maximum(known, 1)
+            around = lattice.contrast_around(place[rim])
             away = fit.cells_away(grid.pixel[rim]) / (1 + np.sqrt(fit.leverage))
             vouched = (away < MOST_MISS) | ~fit.sound  # where nothing is predicted nothing speaks
             vouched &= grid.contrast[rim] >= _SAME_CONTRAST * around
