@@ -21,7 +21,6 @@ from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.chosen import ChosenView
 from cubicfish_cli.undistortion.fit import sees
 from cubicfish_cli.undistortion.frames import camera_for_photos
-from cubicfish_cli.undistortion.map_formats import PixelMap
 from cubicfish_cli.undistortion.maps import UndistortMap, build_map
 from cubicfish_cli.undistortion.mosaic import Body, BodyCamera, mosaic_of
 from cubicfish_cli.undistortion.projections import PerspectiveView
@@ -87,7 +86,7 @@ class PairMaps:
 
     pair: RectifiedPair
     chosen: ChosenView
-    maps: dict[str, PixelMap]
+    maps: dict[str, UndistortMap]
     record: dict[str, Any]
 
 
@@ -132,7 +131,7 @@ def pair_maps(
         common = pair.field_view(common)
         chosen = ChosenView(views={"": common})
     maps = {
-        name: PixelMap.of(build_map(camera, own))
+        name: build_map(camera, own)
         for name, camera, own in zip((first, second), pair.cameras, pair.views(common), strict=True)
     }
     record = {

@@ -22,6 +22,7 @@ from cubicfish_cli.undistortion.view import MAX_SIDE, View
 from cubicfish_cli.undistortion.views import view_from_json
 
 FORMAT = "cubicfish undistort_map 1"
+REDISTORT_FORMAT = "cubicfish redistort_map 1"
 OUTSIDE = -1.0
 _KEYS = ("map_x", "map_y", "valid", "view", "format", "image_size")
 # A block's arrays stay in the processor's cache; fewer pixels than these are not worth a thread.
@@ -42,6 +43,8 @@ class UndistortMap:
         valid: (H, W) whether the camera may be trusted there and the photo has the pixel.
         view: what is rendered.
         image_size: (width, height) of the photos that the map is for.
+        redistorts: whether it is the other way round: the result is the camera's photo, and what
+            it is for are pictures of the view.
 
     """
 
@@ -50,6 +53,7 @@ class UndistortMap:
     valid: BoolArray
     view: View
     image_size: tuple[int, int]
+    redistorts: bool = False
 
 
 def build_map(camera: PointProjector, view: View) -> UndistortMap:
@@ -143,15 +147,21 @@ def save_map(path: Path | str, undistort_map: UndistortMap, *, overwrite: bool =
         OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
 
     """
-    with whole_file(Path(path), overwrite=overwrite) as temporary, temporary.open("wb") as file:
+    with whole_file(Path(path), overwrite=overwrite) as temporary:
+        write_npz(temporary, undistort_map)
+
+
+def write_npz(path: Path, made: UndistortMap) -> None:
+    """The same, of a map of either way: ``format`` says which; an existing file is replaced."""
+    with path.open("wb") as file:
         np.savez(
             file,
-            map_x=undistort_map.map_x,
-            map_y=undistort_map.map_y,
-            valid=undistort_map.valid,
-            view=np.array(undistort_map.view.to_json()),
-            format=np.array(FORMAT),
-            image_size=np.array(undistort_map.image_size),
+            map_x=made.map_x,
+            map_y=made.map_y,
+            valid=made.valid,
+            view=np.array(made.view.to_json()),
+            format=np.array(REDISTORT_FORMAT if made.redistorts else FORMAT),
+            image_size=np.array(made.image_size),
         )
 
 
