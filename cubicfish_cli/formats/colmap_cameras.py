@@ -6,7 +6,6 @@ the model's number (int32), width and height (uint64) and the parameters (float6
 
 from __future__ import annotations
 
-import json
 import re
 import struct
 from collections.abc import Iterator, Sequence
@@ -21,6 +20,7 @@ from cubicfish_cli.formats.camera_format import CameraFormat
 from cubicfish_cli.formats.colmap_models import MODELS, WRITTEN, lens_of, parameters_of
 from cubicfish_cli.formats.fields import size
 from cubicfish_cli.formats.lens_rig import LensRig
+from cubicfish_cli.formats.plain_json import json_text
 from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.wording import did_you_mean, quoted
 
@@ -78,7 +78,7 @@ def colmap_rig_text(rig: LensRig) -> str:
         else:
             camera["ref_sensor"] = True
         cameras.append({**camera, "made_by": list(one.note)})
-    return json.dumps([{"cameras": cameras}], indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json_text([{"cameras": cameras}])
 
 
 def looks_like_cameras_txt(text: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +10,13 @@ import numpy as np
 
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.types import FloatArray
+from cubicfish_cli.wording import did_you_mean, quoted
 
 MAX_SIDE = 100_000
 _LARGEST = 1e100
 
 
-def mapping(path: Path, value: Any, what: str) -> dict[str, Any]:
+def mapping(path: Path | str, value: Any, what: str) -> dict[str, Any]:
     """A record, or an error that says what it should be."""
     if not isinstance(value, dict):
         raise CameraFileError(f"{path}: {what} must hold keys and values")
@@ -44,6 +46,23 @@ def focal(path: Path, values: FloatArray, key: str) -> FloatArray:
     if not (values > 0).all():
         raise CameraFileError(f"{path}: {key}: focal lengths must be above 0")
     return values
+
+
+def refuse_unknown(path: Path, record: Mapping[Any, Any], keys: Iterable[str]) -> None:
+    """Refuse a record that has another key."""
+    keys = tuple(keys)
+    for key in map(str, record):
+        if key not in keys:
+            raise CameraFileError(f"{path}: unknown key {quoted(key)}: {did_you_mean(key, keys)}")
+
+
+def refuse_version(path: Path, found: Any, version: int) -> None:
+    """Refuse a file of our own of another version."""
+    if found != version or isinstance(found, bool):
+        raise CameraFileError(
+            f"{path}: format version {found!r} is not {version}: read it with the version of "
+            "cubicfish that wrote it, or calibrate again"
+        )
 
 
 def size(path: Path, width: Any, height: Any, key: str) -> tuple[int, int]:

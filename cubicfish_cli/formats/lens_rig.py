@@ -110,5 +110,4 @@ def matrix_rows(rotation: FloatArray, translation: FloatArray) -> list[list[floa
     """The four rows of a 4x4 transform."""
     whole = np.eye(4)
     whole[:3, :3], whole[:3, 3] = rotation, translation
-    rows: list[list[float]] = (whole + 0.0).tolist()  # no -0.0
-    return rows
+    return (whole + 0.0).tolist()  # no -0.0

@@ -13,6 +13,11 @@ from cubicfish_cli.wording import quoted
 MAX_VALUES = 2_000_000
 
 
+def json_text(data: Any) -> str:
+    """Plain data as the text of a file, finite numbers only."""
+    return json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
 def parse_plain_json(path: Path, text: str) -> Any:
     """What the text of a file holds; ``path`` is for messages.
 

@@ -77,7 +77,7 @@ def read_pyocamcalib(path: Path, *, image_size: tuple[int, int] | None) -> Scara
         stretch=np.array(stretch),
         polynomial=polynomial,
         inverse=_shifted(inverse[::-1], math.pi / 2),
-        size=image_size,
+        image_size=image_size,
     )
 
 
