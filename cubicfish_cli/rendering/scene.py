@@ -66,12 +66,11 @@ def plates(target: Target, camera_from_world: Pose, *, margin: float) -> list[Pl
     eye = -rotation.T @ np.asarray(camera_from_world[1], float)
     seen = []
     for board in target.boards:
-        axes = np.stack([board.x_axis, board.y_axis, np.cross(board.x_axis, board.y_axis)])
         seen.append(
             Plate(
                 face=board.face(margin=margin),
-                board_from_camera=axes @ rotation.T,
-                eye=axes @ (eye - board.origin),
+                board_from_camera=board.axes @ rotation.T,
+                eye=board.axes @ (eye - board.origin),
             )
         )
     return seen

@@ -47,11 +47,6 @@ class TrueCorners:
     visible: BoolArray
 
 
-def target_corners(target: Target) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-    """All corners of a target: board, column, row (N,) each and world points (N, 3)."""
-    return target.corners()
-
-
 def project_corners(
     target: Target,
     lens: Lens,
@@ -71,7 +66,7 @@ def project_corners(
         TargetError: a board of a kind that cannot be drawn.
 
     """
-    board, column, row, world = target_corners(target)
+    board, column, row, world = target.corners()
     camera = camera_points(camera_from_world, world)
     x_axis = np.stack([b.x_axis for b in target.boards])[board]
     y_axis = np.stack([b.y_axis for b in target.boards])[board]
@@ -110,14 +105,36 @@ def true_corners_text(
         TargetError: a board of a kind that cannot be drawn.
 
     """
-    width, height = image_size
-    rows: list[tuple[object, ...]] = [("image", "board", "column", "row", "x", "y")]
+    found = {}
     for name, pose in poses.items():
         seen = project_corners(target, lens, pose, image_size)
-        for i in seen.visible.nonzero()[0]:
-            board = target.boards[seen.board[i]].name
-            x, y = seen.pixel[i]
-            rows.append((name, board, seen.column[i], seen.row[i], f"{x:.6f}", f"{y:.6f}"))
+        found[name] = np.flatnonzero(seen.visible), seen.pixel[seen.visible]
+    return corners_text(target, found, image_size, digits=6)
+
+
+def corners_text(
+    target: Target,
+    found: Mapping[str, tuple[IntArray, FloatArray]],
+    image_size: tuple[int, int],
+    *,
+    digits: int,
+) -> str:
+    """The text of a corners.csv.
+
+    Args:
+        target: the object.
+        found: by the photo's name, which of the target's corners (N,), and their pixels (N, 2).
+        image_size: (width, height) of the photos.
+        digits: of a pixel, behind the point.
+
+    """
+    board, column, row, _ = target.corners()
+    rows: list[tuple[object, ...]] = [("image", "board", "column", "row", "x", "y")]
+    for name, (which, pixel) in found.items():
+        for one, (x, y) in zip(which, pixel, strict=True):
+            own = target.boards[board[one]].name
+            rows.append((name, own, column[one], row[one], f"{x:.{digits}f}", f"{y:.{digits}f}"))
+    width, height = image_size
     return f"# cubicfish corners 1, image_size {width}x{height}\n" + csv_text(rows)
 
 
