@@ -67,8 +67,7 @@ def mirrored_object(pairs: Observations) -> list[Finding]:
     """
     if flatness(pairs.world) < _FLAT:
         return []
-    pixel = pairs.pixel * [-1, 1] + [pairs.image_size[0] - 1, 0]
-    fit = fit_radial(replace(pairs, pixel=pixel), thorough=False)
+    fit = fit_radial(in_mirror(pairs), thorough=False)
     if fit.focal_uncertainty > _SURE_FOCAL:
         return []
     return [
@@ -80,6 +79,11 @@ def mirrored_object(pairs: Observations) -> list[Finding]:
             figures={"after_px": noise_px(fit.residual)},
         )
     ]
+
+
+def in_mirror(pairs: Correspondences) -> Correspondences:
+    """The pairs of photos with left and right exchanged."""
+    return replace(pairs, pixel=pairs.pixel * [-1, 1] + [pairs.image_size[0] - 1, 0])
 
 
 def other_colours(evidence: GridEvidence) -> list[Finding]:

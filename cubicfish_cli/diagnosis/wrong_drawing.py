@@ -9,6 +9,7 @@ import numpy as np
 
 from cubicfish_cli.diagnosis.few_photos import enough_photos, fit_of_few, spread_out
 from cubicfish_cli.diagnosis.measured_object import measured_object, plane_in_squares
+from cubicfish_cli.diagnosis.mirrored import in_mirror
 from cubicfish_cli.diagnosis.object_faults import Fault, object_fault
 from cubicfish_cli.diagnosis.orders import EXCHANGED
 from cubicfish_cli.fitting.evidence import FailedFit, FitEvidence
@@ -164,8 +165,7 @@ def wrong_drawing_of_failure(evidence: FailedFit) -> list[Finding]:
         world[own] = real[pairs.row[own] * target.boards[index].columns + pairs.column[own]] / scale
     corrected = pairs.with_world(world)
     if fault.kind == "mirror":
-        pixel = corrected.pixel * [-1, 1] + [pairs.image_size[0] - 1, 0]
-        corrected = replace(corrected, pixel=pixel)
+        corrected = in_mirror(corrected)
     again = fit_radial(corrected)
     noise = local_noise_px(again.pairs, again.residual)
     if noise_px(again.residual) > _AGREES * max(noise, 1e-3):
