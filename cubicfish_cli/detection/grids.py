@@ -17,7 +17,7 @@ Float32Array = npt.NDArray[np.float32]
 class Rows:
     """A record whose fields are arrays with one row for each thing that it is about."""
 
-    def select(self, rows: BoolArray | IntArray) -> Self:
+    def select(self, rows: BoolArray | IntArray | slice) -> Self:
         """Take some rows."""
         return replace(self, **{one.name: getattr(self, one.name)[rows] for one in fields(self)})
 

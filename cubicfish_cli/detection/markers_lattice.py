@@ -94,8 +94,7 @@ class BoardLattice(CornerMap):
     def inside(self, cells: IntArray) -> BoolArray:
         """Which of (N, 2) cells are corners of the board."""
         columns, rows = self.pixel.shape[:2]
-        inside: BoolArray = np.all((cells >= 0) & (cells < (columns, rows)), axis=-1)
-        return inside
+        return np.all((cells >= 0) & (cells < (columns, rows)), axis=-1)
 
     def sign(self, cells: IntArray) -> IntArray:
         """+1 where the quadrant to the right and below of a corner is bright, else -1."""
@@ -192,8 +191,7 @@ class BoardLattice(CornerMap):
         shown = (level[..., 0] - level[..., 1]) * sign[:, None, None]
         shown *= np.array([1, 1, -1, -1])[:, None]
         shown = shown.reshape(len(pixel), 4 * len(_ARM_PX))
-        seen: BoolArray = shown.min(axis=1) > _ARM_CONTRAST * np.median(shown, axis=1)
-        return seen
+        return shown.min(axis=1) > _ARM_CONTRAST * np.median(shown, axis=1)
 
 
 def _terms(u: FloatArray, v: FloatArray) -> FloatArray:

@@ -68,10 +68,9 @@ def through_square(corner: FloatArray, place: FloatArray) -> FloatArray:
     u, v = place[None, :, 0], place[None, :, 1]
     depth = 1 + g[:, None] * u + h[:, None] * v
     depth = np.where(np.abs(depth) > 1e-6, depth, 1e-6)
-    result: FloatArray = (
-        a[:, None] + along_u[:, None] * u[..., None] + along_v[:, None] * v[..., None]
-    ) / depth[..., None]
-    return result
+    return (a[:, None] + along_u[:, None] * u[..., None] + along_v[:, None] * v[..., None]) / depth[
+        ..., None
+    ]
 
 
 def module_places(family: Family, ratio: float) -> FloatArray:
@@ -93,8 +92,7 @@ def module_levels(
     """Grey levels (N, S, S) of all modules, frame and all; arguments as of :func:`read_modules`."""
     side = family.size + 2 * family.border
     level = pyramid.sample(points, side_px).astype(float)
-    mean: FloatArray = level.reshape(len(points), side, side, -1).mean(axis=-1)
-    return mean
+    return level.reshape(len(points), side, side, -1).mean(axis=-1)
 
 
 def read_modules(

@@ -52,14 +52,12 @@ class Ends:
         ends = (back[:, None] @ ends[..., None])[..., 0]
         before = np.clip(-ends.min(axis=1), 0, _LINES)
         after = np.clip(ends.max(axis=1) - self.last, 0, _LINES)
-        missing: IntArray = self.table[before[:, 0], after[:, 0], before[:, 1], after[:, 1]]
-        return missing
+        return self.table[before[:, 0], after[:, 0], before[:, 1], after[:, 1]]
 
 
 def clearly_more(rival: IntArray, own: int) -> BoolArray:
     """Whether so many missing corners speak against a place that misses only ``own``."""
-    more: BoolArray = np.asarray(rival) >= _FACTOR * own + _MORE
-    return more
+    return np.asarray(rival) >= _FACTOR * own + _MORE
 
 
 def farthest_radius(camera: RadialCamera, pixel: FloatArray) -> float:
@@ -122,10 +120,7 @@ def _near(found: BoolArray) -> BoolArray:
     near = np.pad(found, _LINES)
     width, height = found.shape
     reach = range(2 * _LINES + 1)
-    grown: BoolArray = np.any(
-        [near[i : i + width, j : j + height] for i in reach for j in reach], axis=0
-    )
-    return grown
+    return np.any([near[i : i + width, j : j + height] for i in reach for j in reach], axis=0)
 
 
 def _visible(
@@ -137,8 +132,7 @@ def _visible(
     with np.errstate(invalid="ignore"):
         inside = ((pixel >= margin) & (pixel <= size - 1 - margin)).all(axis=-1)
         inside &= np.hypot(offset[..., 0], offset[..., 1]) <= farthest
-    visible: BoolArray = inside
-    return visible
+    return inside
 
 
 def _table(missing: BoolArray) -> IntArray:

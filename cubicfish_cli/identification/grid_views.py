@@ -155,8 +155,7 @@ def view_of(camera: RadialCamera, grid: Grid, pose: GridPose, reach: Reach) -> G
 
 def _rms(residual: FloatArray, pairs: Observations) -> FloatArray:
     squares = np.bincount(pairs.image, weights=np.square(residual).sum(axis=1))
-    rms: FloatArray = np.sqrt(squares / np.bincount(pairs.image))
-    return rms
+    return np.sqrt(squares / np.bincount(pairs.image))
 
 
 def _mirrored(poses: Poses, middle: FloatArray) -> Poses:

@@ -41,8 +41,7 @@ def grid_moments(
 def form_cost(moments: FloatArray, form: FloatArray) -> FloatArray:
     """Squared error, px²: M (9, 9) and H (..., 3, 3), in squares -> (...,)."""
     flat = form.reshape(*form.shape[:-2], 9)
-    cost: FloatArray = np.einsum("...i,...i->...", flat @ moments, flat)
-    return cost
+    return np.einsum("...i,...i->...", flat @ moments, flat)
 
 
 def normal_equations(

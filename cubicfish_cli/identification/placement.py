@@ -50,8 +50,7 @@ class Placement:
     @property
     def sizes_seen(self) -> IntArray:
         """(S, 2) corners of the board along the grid's i and j."""
-        size: IntArray = np.abs(np.swapaxes(self.matrix, -1, -2) @ self.size[..., None])[..., 0]
-        return size
+        return np.abs(np.swapaxes(self.matrix, -1, -2) @ self.size[..., None])[..., 0]
 
     def world_from_grid(self, side: IntArray, offset: IntArray) -> FloatArray:
         """(K,) sides and (K, 2) offsets -> (K, 3, 3): (i, j, 1) to world points."""
@@ -115,8 +114,7 @@ class Reach:
     def allows(self, side: IntArray, offset: IntArray) -> BoolArray:
         """(K,) sides and (K, 2) offsets -> (K,) whether the grid can lie there."""
         inside = ((offset >= self.low[side]) & (offset <= self.high[side])).all(axis=-1)
-        allowed: BoolArray = inside & (offset.sum(axis=-1) % 2 == self.parity[side])
-        return allowed
+        return inside & (offset.sum(axis=-1) % 2 == self.parity[side])
 
     def places(self) -> tuple[IntArray, IntArray]:
         """Every allowed place: sides (H,) and offsets (H, 2)."""

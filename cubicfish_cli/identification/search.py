@@ -9,12 +9,13 @@ grids are enumerated in this way, then grown by the remaining grids, keeping the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.detection.grids import Rows
 from cubicfish_cli.geometry import nearest_rotation
 from cubicfish_cli.identification.moments import form_cost, gauss_newton, moved, normal_equations
 from cubicfish_cli.identification.placement import Placement, Reach
@@ -57,7 +58,7 @@ class GridView:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Labelings:
+class Labelings(Rows):
     """Hypotheses for the G grids of one photo, best first.
 
     Attributes:
@@ -80,14 +81,7 @@ class Labelings:
         return len(self.side)
 
     def __getitem__(self, rows: IntArray | BoolArray | slice) -> Labelings:
-        return Labelings(
-            side=self.side[rows],
-            offset=self.offset[rows],
-            rotation=self.rotation[rows],
-            translation=self.translation[rows],
-            pivot=self.pivot[rows],
-            grid_cost=self.grid_cost[rows],
-        )
+        return self.select(rows)
 
     @property
     def cost(self) -> FloatArray:
@@ -96,7 +90,7 @@ class Labelings:
 
 
 def _stacked(parts: Sequence[Labelings]) -> Labelings:
-    names = ("side", "offset", "rotation", "translation", "pivot", "grid_cost")
+    names = [one.name for one in fields(Labelings)]
     return Labelings(**{n: np.concatenate([getattr(part, n) for part in parts]) for n in names})
 
 
@@ -345,8 +339,7 @@ def _rotated_back(rotation: FloatArray, vector: FloatArray) -> FloatArray:
 def _within(first: FloatArray, second: FloatArray, degrees: float) -> BoolArray:
     """Rotations (A, 3, 3) and (B, 3, 3) -> (A, B) whether they differ by at most ``degrees``."""
     trace = first.reshape(-1, 9) @ second.reshape(-1, 9).T
-    close: BoolArray = trace >= 1 + 2 * np.cos(np.deg2rad(degrees))
-    return close
+    return trace >= 1 + 2 * np.cos(np.deg2rad(degrees))
 
 
 def _distinct(beam: Labelings) -> Labelings:
