@@ -81,7 +81,7 @@ def mirrored_object(pairs: Observations) -> list[Finding]:
     ]
 
 
-def in_mirror(pairs: Correspondences) -> Correspondences:
+def in_mirror(pairs: Observations) -> Observations:
     """The pairs of photos with left and right exchanged."""
     return replace(pairs, pixel=pairs.pixel * [-1, 1] + [pairs.image_size[0] - 1, 0])
 
