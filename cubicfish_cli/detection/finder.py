@@ -29,8 +29,7 @@ from cubicfish_cli.detection.pyramid import (
     enlarged,
     reduced,
 )
-from cubicfish_cli.detection.refine import refine_at_full_size, refine_pixels
-from cubicfish_cli.detection.verify import whole_corners
+from cubicfish_cli.detection.refine import refine_at_full_size, refine_pixels, whole_corners
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # A photo of more pixels is searched at half its size, or a quarter...

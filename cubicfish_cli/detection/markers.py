@@ -15,7 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.detection.grids import FoundGrids, Grid
+from cubicfish_cli.detection.grids import (
+    FoundGrids,
+    Grid,
+    grids_in_mirror,
+    negative_grids,
+    negative_photo,
+)
 from cubicfish_cli.detection.markers_detect import (
     Family,
     SeenMarkers,
@@ -25,18 +31,18 @@ from cubicfish_cli.detection.markers_detect import (
 )
 from cubicfish_cli.detection.markers_lattice import BoardLattice, clean, grow, snap, verify
 from cubicfish_cli.detection.markers_read import (
+    NamedGrid,
     marker_ratio,
     module_places,
     read_grid,
     read_modules,
     read_outlines,
+    read_together,
     shortest_side,
     squares,
     wrong_modules,
 )
-from cubicfish_cli.detection.markers_together import NamedGrid, read_together
 from cubicfish_cli.detection.nearby import nearest
-from cubicfish_cli.detection.photo_as import grids_in_mirror, negative_grids, negative_photo
 from cubicfish_cli.detection.pyramid import Pyramid, build_pyramid
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray

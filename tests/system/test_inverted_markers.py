@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from cubicfish_cli.detection.finder import find_grids
-from cubicfish_cli.detection.photo_as import negative_grids, negative_photo
+from cubicfish_cli.detection.grids import negative_grids, negative_photo
 from cubicfish_cli.errors import DetectionError
 from cubicfish_cli.formats.target_yaml import target_text
 from cubicfish_cli.library.detect_corners import detect_corners
