@@ -10,8 +10,7 @@ from cubicfish_cli.diagnosis.corner_count import squares_counted
 from cubicfish_cli.diagnosis.count import grid_boards
 from cubicfish_cli.diagnosis.evidence import GridEvidence
 from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.identified import FEWEST_CORNERS, GridReport, Identified
-from cubicfish_cli.identification.remarks import CODES
+from cubicfish_cli.identification.identified import CODES, FEWEST_CORNERS, GridReport, Identified
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding

@@ -10,9 +10,8 @@ import numpy as np
 
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.geometry import similarity
-from cubicfish_cli.identification.congruence import SAME, is_symmetry
 from cubicfish_cli.identification.ends import Ends, clearly_more
-from cubicfish_cli.identification.placement import Placement, Reach, reach_of
+from cubicfish_cli.identification.placement import SAME, Placement, Reach, is_symmetry, reach_of
 from cubicfish_cli.identification.search import Labelings
 from cubicfish_cli.identification.strays import doubtful_rims
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray

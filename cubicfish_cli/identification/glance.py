@@ -25,7 +25,7 @@ from cubicfish_cli.detection.markers import MarkedCorners, outlined_corners
 from cubicfish_cli.detection.pyramid import SMALLEST_SIDE, build_pyramid, enlarged, reduced
 from cubicfish_cli.errors import PhotoError
 from cubicfish_cli.executors.pool import map_photos, workers_for
-from cubicfish_cli.identification.marked import marked_corners
+from cubicfish_cli.identification.identified import marked_corners
 from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import Picture

@@ -12,9 +12,8 @@ from cubicfish_cli.identification.as_built import decided_as_built
 from cubicfish_cli.identification.decide import Decided, Decision, rim_in_doubt
 from cubicfish_cli.identification.grid_views import grid_poses
 from cubicfish_cli.identification.identified import GridReport, Identified, Place
-from cubicfish_cli.identification.lens_of_grids import named_lens, nameless_lens
 from cubicfish_cli.identification.placement import Placement, reach_of
-from cubicfish_cli.identification.scene import Decisions, Scene, spread
+from cubicfish_cli.identification.scene import Decisions, Scene, named_lens, nameless_lens, spread
 from cubicfish_cli.identification.strays import solid, solid_size
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations

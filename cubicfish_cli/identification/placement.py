@@ -12,12 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from cubicfish_cli.detection.grids import Grid
+from cubicfish_cli.geometry import Similarity
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 TURNS = np.array(
     [[[1, 0], [0, 1]], [[0, -1], [1, 0]], [[-1, 0], [0, -1]], [[0, 1], [-1, 0]]], np.intp
 )
+# Places that agree this well, in squares, are the same place.
+SAME = 0.01
+_SAME_SCALE = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -157,3 +161,43 @@ def reach_of(grid: Grid, sides: Placement) -> Reach:
         high=sides.size - 1 - ends.max(axis=1),
         parity=flipped.astype(np.intp),
     )
+
+
+def is_symmetry(motion: Similarity, sides: Placement) -> bool:
+    """Whether ``motion`` carries the target onto itself, colours included."""
+    if abs(motion.scale - 1) > _SAME_SCALE:
+        return False
+    upright = np.flatnonzero(sides.turn == 0)
+    for one in upright:
+        ends = np.array([[0, 0], sides.size[one] - 1])
+        world = sides.origin[one] + sides.square[one] * ends @ sides.axes[one].T
+        frame = motion.rotation @ sides.frame[one]
+        world = world @ motion.rotation.T + motion.shift
+        if not any(_lands_on(frame, world, int(one), other, sides) for other in upright):
+            return False
+    return True
+
+
+def _lands_on(
+    frame: FloatArray, world: FloatArray, one: int, other: np.intp, sides: Placement
+) -> bool:
+    """Whether board ``one``, moved to ``frame`` and end corners ``world``, covers ``other``."""
+    square = sides.square[other]
+    if abs(sides.square[one] - square) > 1e-3 * square:
+        return False
+    turned = sides.frame[other : other + 4]
+    same = np.abs(turned - frame).max(axis=(1, 2)) < SAME / max(sides.size[other])
+    if not same.any():
+        return False
+    turn = int(np.argmax(same))
+    arm = (world - sides.origin[other]) / square
+    cells = arm @ sides.axes[other]
+    off_plane = np.abs(arm @ sides.frame[other][:, 2]).max()
+    if np.abs(cells - np.rint(cells)).max() > SAME or off_plane > SAME:
+        return False
+    corners = np.rint(cells).astype(np.intp)
+    if (corners.min(axis=0) != 0).any() or (corners.max(axis=0) != sides.size[other] - 1).any():
+        return False
+    # A quarter turn, and each odd step of the first corner, swap the two colours.
+    flips = turn + int(corners[0].sum())
+    return bool(sides.colour[one] == sides.colour[other] * (-1) ** flips)

@@ -19,11 +19,14 @@ from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence
 from cubicfish_cli.errors import DetectionError, PhotoError
 from cubicfish_cli.executors.executor import Executor
 from cubicfish_cli.executors.pool import photos_done
-from cubicfish_cli.identification.identified import GridReport
-from cubicfish_cli.identification.marked import marked_corners
+from cubicfish_cli.identification.identified import (
+    Detection,
+    GridReport,
+    PhotoReport,
+    marked_corners,
+    remark_of,
+)
 from cubicfish_cli.identification.name_grids import name_grids
-from cubicfish_cli.identification.photo_report import Detection, PhotoReport
-from cubicfish_cli.identification.remarks import remark_of
 from cubicfish_cli.photos import Photo, Picture
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.catalogue import catalogue

@@ -37,7 +37,7 @@ from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera, rig_text
 from cubicfish_cli.formats.target_yaml import target_text
 from cubicfish_cli.frame_names import time_of
 from cubicfish_cli.geometry import camera_centre, total_sigma
-from cubicfish_cli.identification.photo_report import Detection
+from cubicfish_cli.identification.identified import Detection
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.calibration import observed
 from cubicfish_cli.observations import Observations
