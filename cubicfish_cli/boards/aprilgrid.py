@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.boards.board import AROUND_SQUARE, Board
-from cubicfish_cli.boards.face import Face
+from cubicfish_cli.boards.board import AROUND_SQUARE, Board, Face
 from cubicfish_cli.boards.markers import (
     TAG_FAMILIES,
     marker_ink,

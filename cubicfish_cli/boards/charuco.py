@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.boards.board import Board, FirstSquare
+from cubicfish_cli.boards.board import Board, Face, FirstSquare
 from cubicfish_cli.boards.checkerboard import Checkerboard, squares_of
-from cubicfish_cli.boards.face import Face
 from cubicfish_cli.boards.markers import (
     MARKER_DICTIONARIES,
     marker_ink,

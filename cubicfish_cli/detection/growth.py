@@ -1,4 +1,7 @@
-"""Growth: predict the neighbours of a grid's corners and look for them in the photo."""
+"""Growth: predict the neighbours of a grid's corners and look for them in the photo.
+
+What is there is judged by the brightness of the four squares, seen through the grid's local shape.
+"""
 
 from __future__ import annotations
 

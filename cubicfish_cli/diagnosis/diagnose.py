@@ -13,8 +13,13 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from cubicfish_cli.diagnosis.another_target import another_target, nothing_named
-from cubicfish_cli.diagnosis.corner_count import miscounted, squares_of_corners, squares_of_grids
+from cubicfish_cli.diagnosis.corner_count import (
+    another_target,
+    miscounted,
+    nothing_named,
+    squares_of_corners,
+    squares_of_grids,
+)
 from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence, PhotoEvidence
 from cubicfish_cli.diagnosis.failed_lens import failed_lens
 from cubicfish_cli.diagnosis.left_out import left_out

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from cubicfish_cli.diagnosis.count import grid_boards
 from cubicfish_cli.diagnosis.evidence import GridEvidence
+from cubicfish_cli.diagnosis.more_corners import grid_boards
 from cubicfish_cli.fitting.evidence import FailedFit
 from cubicfish_cli.fitting.local_noise import neighbours
 from cubicfish_cli.fitting.radial_reference import fit_radial

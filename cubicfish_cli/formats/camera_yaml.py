@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.calibrated import Calibrated
-from cubicfish_cli.formats.camera_writer import FORMAT_VERSION, RADIAL_KEYS, unit_norm
+from cubicfish_cli.formats.calibrated import FORMAT_VERSION, RADIAL_KEYS, Calibrated, unit_norm
 from cubicfish_cli.formats.fields import mapping, refuse_unknown, refuse_version
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.lift import SIZE

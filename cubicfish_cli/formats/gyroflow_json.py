@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cubicfish_cli.formats.camera_format import CameraFormat
-from cubicfish_cli.formats.plain_json import json_text
+from cubicfish_cli.formats.fields import json_text
 from cubicfish_cli.lenses.radial import RadialCamera
 
 

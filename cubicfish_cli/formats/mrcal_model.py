@@ -23,10 +23,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.bounded import read_bounded
-from cubicfish_cli.formats.camera_format import CameraFormat
-from cubicfish_cli.formats.fields import numbers, size
-from cubicfish_cli.formats.lens_rig import LensRig
+from cubicfish_cli.formats.camera_format import CameraFormat, LensRig
+from cubicfish_cli.formats.fields import numbers, read_bounded, size
 from cubicfish_cli.lenses.mrcal_splined import SplinedLens
 from cubicfish_cli.lenses.pinhole import PinholeLens
 from cubicfish_cli.types import FloatArray

@@ -15,11 +15,16 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.bounded import read_bounded
-from cubicfish_cli.formats.camera_format import CameraFormat, Poses
-from cubicfish_cli.formats.fields import focal, mapping, number, size
-from cubicfish_cli.formats.lens_rig import LensRig
-from cubicfish_cli.formats.plain_json import json_text, parse_plain_json
+from cubicfish_cli.formats.camera_format import CameraFormat, LensRig, Poses
+from cubicfish_cli.formats.fields import (
+    focal,
+    json_text,
+    mapping,
+    number,
+    parse_plain_json,
+    read_bounded,
+    size,
+)
 from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.lenses.pinhole import PinholeLens
 from cubicfish_cli.lenses.radial import RadialCamera

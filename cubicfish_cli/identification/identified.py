@@ -1,6 +1,8 @@
 """What became of grids and photos: places on the target, named corners, and what is told of them.
 
-What many photos share is said once.
+What many photos share is said once. Of objects with markers ids name the corners photo by photo;
+boards without markers on the same object are named afterwards, in the second pass: by then the
+marked boards have told the lens and where each photo was taken from.
 """
 
 from __future__ import annotations

@@ -3,6 +3,12 @@
 A grid counts its corners (i, j) from its own first cell. On the board the same corner is
 (column, row) = turn · (i, j) + offset, with one of four quarter turns: photos are not mirrored.
 A board in one of its four turns is called a *side* here; a place is a side and an offset.
+
+Two labelings of the same grids are congruent when a similarity of space (turn, shift, scale)
+carries every named corner's place under the one onto its place under the other: the same photo
+is then explained equally well from another camera position. Some come from a symmetry of the
+whole target, such as half a turn of a board with even sides, and are harmless: the turned object
+is the same object. The others are slides along something that shows no end.
 """
 
 from __future__ import annotations

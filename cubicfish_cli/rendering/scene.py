@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cubicfish_cli.boards.face import Face
+from cubicfish_cli.boards.board import Face
 from cubicfish_cli.rendering.pose import Pose, rotation_matrix
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray

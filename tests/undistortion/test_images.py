@@ -19,7 +19,7 @@ from cubicfish_cli.undistortion.images import (
 )
 from cubicfish_cli.undistortion.jpeg import jpeg_nature, with_segments
 from cubicfish_cli.undistortion.maps import build_map, save_map
-from cubicfish_cli.undistortion.views import PerspectiveView
+from cubicfish_cli.undistortion.projections import PerspectiveView
 
 LENS = lens_of_size(0.125)
 WIDTH, HEIGHT = LENS.image_size
