@@ -24,8 +24,14 @@ from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence, Photo
 from cubicfish_cli.diagnosis.failed_lens import failed_lens
 from cubicfish_cli.diagnosis.left_out import left_out
 from cubicfish_cli.diagnosis.lens_faults import lens_findings
-from cubicfish_cli.diagnosis.markers import no_markers, otherwise_printed
-from cubicfish_cli.diagnosis.mirrored import handed, mirrored_object, mirrored_photos, other_colours
+from cubicfish_cli.diagnosis.mirrored import (
+    handed,
+    mirrored_object,
+    mirrored_photos,
+    no_markers,
+    other_colours,
+    otherwise_printed,
+)
 from cubicfish_cli.diagnosis.misdrawn import misdrawn
 from cubicfish_cli.diagnosis.repeats import copies, repeats
 from cubicfish_cli.diagnosis.rig import (

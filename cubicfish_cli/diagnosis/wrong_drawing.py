@@ -14,9 +14,9 @@ from functools import partial
 import numpy as np
 
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.diagnosis.few_photos import enough_photos, fit_of_few, spread_out
 from cubicfish_cli.diagnosis.mirrored import in_mirror
 from cubicfish_cli.diagnosis.object_faults import EXCHANGED, Fault, object_fault
+from cubicfish_cli.diagnosis.photo_lenses import enough_photos, fit_of_few, spread_out
 from cubicfish_cli.fitting.evidence import FailedFit, FitEvidence
 from cubicfish_cli.fitting.local_noise import local_noise_px, times_noise
 from cubicfish_cli.fitting.poses import Poses

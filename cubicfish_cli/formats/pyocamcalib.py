@@ -25,12 +25,12 @@ from cubicfish_cli.types import FloatArray
 MAX_BYTES = 16_000_000
 
 
-def pyocamcalib_text(lens: ScaramuzzaLens, *, name: str = "camera") -> str:
+def pyocamcalib_text(lens: ScaramuzzaLens) -> str:
     """A lens as the text of py-OCamCalib's JSON, numbers at full precision."""
     lens = scaled(lens, float(lens.stretch[1, 1]))
     inverse = _shifted(lens.inverse, -math.pi / 2)
     data = {
-        "camera_name": name,
+        "camera_name": "camera",
         "taylor_coefficient": lens.a.tolist(),
         "distortion_center": [lens.cx, lens.cy],
         "stretch_matrix": lens.stretch.tolist(),

@@ -10,10 +10,9 @@ import numpy as np
 
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.geometry import similarity
-from cubicfish_cli.identification.ends import Ends, clearly_more
+from cubicfish_cli.identification.ends import Ends, clearly_more, doubtful_rims
 from cubicfish_cli.identification.placement import SAME, Placement, Reach, is_symmetry, reach_of
 from cubicfish_cli.identification.search import Labelings
-from cubicfish_cli.identification.strays import doubtful_rims
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # Below this ratio of the runner-up's RMS to the winner's a name is not settled.

@@ -12,7 +12,7 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial, refit_radial
 from cubicfish_cli.identification.decide import Decided, Decision, decide, decide_alone
-from cubicfish_cli.identification.ends import Ends, ends_of, farthest_radius
+from cubicfish_cli.identification.ends import Ends, ends_of, farthest_radius, without_strays
 from cubicfish_cli.identification.grid_views import (
     GridPose,
     anonymous_pairs,
@@ -23,7 +23,6 @@ from cubicfish_cli.identification.grid_views import (
 )
 from cubicfish_cli.identification.placement import Placement, Reach, placement_of, reach_of
 from cubicfish_cli.identification.search import search
-from cubicfish_cli.identification.strays import without_strays
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray

@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.detection.grid_cache import GridCache
 from cubicfish_cli.detection.grids import FoundGrids
-from cubicfish_cli.detection.look import Look, look_at, refused
+from cubicfish_cli.detection.look import GridCache, Look, look_at, refused
 from cubicfish_cli.detection.markers import MarkedCorners
 from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.arrays import Refusal
-from cubicfish_cli.detection.grid_cache import GridCache
+from cubicfish_cli.detection.look import GridCache
 from cubicfish_cli.errors import DetectionError
 from cubicfish_cli.executors.executor import Executor
 from cubicfish_cli.identification.identified import Detection

@@ -21,9 +21,8 @@ from cubicfish_cli.rendering.hand import HandPath
 from cubicfish_cli.rendering.outside import OutsideLens
 from cubicfish_cli.rendering.pose import Pose
 from cubicfish_cli.rendering.render import AMBIENT, INK, PAPER, room_background, sensed, vignette
-from cubicfish_cli.rendering.scene import MARGIN_SQUARES
 from cubicfish_cli.rendering.simulate import LAMP, Look, RayGrid, chosen_poses
-from cubicfish_cli.rendering.truth import corners_text, project_corners
+from cubicfish_cli.rendering.truth import MARGIN_SQUARES, corners_text, project_corners
 from cubicfish_cli.rendering.views import WholeLens
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.rendering.pose import Pose, rotation_matrix
-from cubicfish_cli.rendering.scene import MARGIN_SQUARES, Plate, nearest, plates
+from cubicfish_cli.rendering.truth import MARGIN_SQUARES, Plate, nearest, plates
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray
 

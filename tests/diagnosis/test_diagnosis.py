@@ -15,7 +15,6 @@ from cubicfish_cli.diagnosis import diagnose, lens_faults, photo_lenses, wrong_d
 from cubicfish_cli.diagnosis import failed_lens as failed_lens_module
 from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.diagnosis.failed_lens import failed_lens
-from cubicfish_cli.diagnosis.few_photos import enough_photos, spread_out
 from cubicfish_cli.diagnosis.left_out import board_fault, board_findings
 from cubicfish_cli.diagnosis.lens_faults import LensChange, left_out_lens, lens_change
 from cubicfish_cli.diagnosis.mirrored import handed, mirrored_object, seen_sides
@@ -23,8 +22,10 @@ from cubicfish_cli.diagnosis.object_faults import object_fault
 from cubicfish_cli.diagnosis.photo_lenses import (
     BY_CHANCE,
     PhotoLenses,
+    enough_photos,
     left_out_share,
     sheared_photos,
+    spread_out,
     two_lenses,
     zoomed_photos,
 )
