@@ -8,10 +8,12 @@ of other markers in none.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cubicfish_cli.boards.board import AROUND_SQUARE, Board
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.detection.markers_detect import Family, SeenMarkers, join, straightened
 from cubicfish_cli.detection.markers_lattice import BoardLattice
@@ -165,6 +167,20 @@ def read_grid(
     return join(found)
 
 
+def cell_corners(board: Board, cell: IntArray) -> IntArray:
+    """Corners (N, 4, 2) around cells (N, 2) of a board: columns and rows, in order around each."""
+    first = 2 * cell if board.per_cell == 2 else cell - 1
+    return np.asarray(first[:, None] + AROUND_SQUARE)
+
+
+def quarter_turns(grid: Grid) -> Iterator[tuple[IntArray, IntArray]]:
+    """Cells (N, 2) of a grid in its four turns, and (N,) +1 where the quadrant (+, +) is bright."""
+    for turn in range(4):
+        # Every other one swaps which quadrant lies right and below.
+        sign = grid.parity * (-1) ** (grid.cells.sum(axis=1) + turn)
+        yield grid.cells @ np.linalg.matrix_power(_QUARTER, turn), sign
+
+
 def _ratios(target: Target, family: Family) -> list[float]:
     """Side of a marker in squares, each that boards of the family have."""
     return sorted({marker_ratio(target, int(board)) for board in np.unique(family.board)})
@@ -260,11 +276,8 @@ def _places(lattice: BoardLattice, grid: Grid) -> list[IntArray]:
     """All names (N, 2) that a grid's corners may have, by the board's size and colours."""
     places = []
     columns, rows = lattice.known.shape
-    for turn in range(4):
-        cells = grid.cells @ np.linalg.matrix_power(_QUARTER, turn)
-        cells = cells - cells.min(axis=0)
-        # Quarter turns; every other one swaps which quadrant lies right and below.
-        sign = grid.parity * (-1) ** (grid.cells.sum(axis=1) + turn)
+    for turned, sign in quarter_turns(grid):
+        cells = turned - turned.min(axis=0)
         width, height = cells.max(axis=0)
         for column in range(columns - int(width)):
             for row in range(rows - int(height)):
@@ -285,7 +298,7 @@ def _likeness(
     lattice = BoardLattice(board=target.boards[index])
     lattice.put(cells, grid.pixel)
     own = np.nonzero(family.board == index)[0]
-    corner = (family.cell[own] - 1)[:, None] + np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    corner = cell_corners(target.boards[index], family.cell[own])
     whole = np.asarray(lattice.inside(corner).all(axis=1))
     corner, own = corner[whole], own[whole]
     pixel = lattice.at(corner.reshape(-1, 2)).reshape(-1, 4, 2)

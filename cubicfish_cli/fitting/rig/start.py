@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -23,10 +23,12 @@ from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px, noise_px
-from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.words.phrases import listed, plural
+
+if TYPE_CHECKING:
+    from cubicfish_cli.fitting.rig.calibrate import RigCamera
 
 # Photos fit another lens so many times better before they are said to be its.
 _TIMES = 2.0
@@ -42,23 +44,7 @@ _GROSS_SHARE = 0.01
 _LOST_SHARE = 0.03
 
 
-class Known(Protocol):
-    """A camera of a rig, calibrated or not."""
-
-    @property
-    def name(self) -> str:
-        """Of the camera."""
-
-    @property
-    def pairs(self) -> Observations:
-        """Of its photos."""
-
-    @property
-    def camera(self) -> CubicCamera | None:
-        """Its lens, where that is known."""
-
-
-def refuse_exchanged(cameras: Sequence[Known]) -> None:
+def refuse_exchanged(cameras: Sequence[RigCamera]) -> None:
     """Refuse photos that are of another size than their lens, or fit another one far better.
 
     Raises:
@@ -91,7 +77,7 @@ def refuse_exchanged(cameras: Sequence[Known]) -> None:
                 )
 
 
-def _error(photos: Known, lens: Known) -> float:
+def _error(photos: RigCamera, lens: RigCamera) -> float:
     """Noise of the photos' corners under a lens, their poses fitted, pixels."""
     camera, pairs = lens.camera, photos.pairs
     if camera is None or camera.image_size != pairs.image_size:
