@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc
 
-from cubicfish_cli.fitting.rig.evidence import RigEvidence
+from cubicfish_cli.fitting.rig.gather import RigEvidence
 from cubicfish_cli.fitting.rig.start import common_shots
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.types import FloatArray, IntArray

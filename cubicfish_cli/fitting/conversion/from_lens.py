@@ -16,13 +16,12 @@ from cubicfish_cli.fitting.conversion.to_lens import ConversionError, conversion
 from cubicfish_cli.fitting.lenses import CubicFit, RayPrior
 from cubicfish_cli.fitting.linear import linear_coefficients
 from cubicfish_cli.geometry import inside_polygon
-from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera, check_validity
 from cubicfish_cli.lenses.lens import UNPROJECT_TOLERANCE_PX, Lens
 from cubicfish_cli.lenses.lift import lift, sphere_basis
 from cubicfish_cli.lenses.nearest import nearest_lens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.sphere import cone_rays, ray_at, rays_of_pixels
-from cubicfish_cli.lenses.validity import check_validity
 from cubicfish_cli.types import FloatArray
 
 _RAYS = 4000

@@ -35,8 +35,7 @@ from cubicfish_cli.fitting.rig.evaluate import (
     camera_pairs,
     shot_records,
 )
-from cubicfish_cli.fitting.rig.evidence import RigEvidence
-from cubicfish_cli.fitting.rig.gather import Seen, gathered, without_strays
+from cubicfish_cli.fitting.rig.gather import RigEvidence, Seen, gathered, without_strays
 from cubicfish_cli.fitting.rig.shots import Shots
 from cubicfish_cli.fitting.rig.spread import place_covariances
 from cubicfish_cli.fitting.rig.start import RigStart, refuse_exchanged, start_rig
@@ -52,9 +51,8 @@ from cubicfish_cli.fitting.statistics import (
 from cubicfish_cli.fitting.subset import with_mean_weight_one, world_scale
 from cubicfish_cli.fitting.world import DrawnWorld, World
 from cubicfish_cli.geometry import camera_centre, total_sigma
-from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera, check_validity
 from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.lenses.validity import check_validity
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray

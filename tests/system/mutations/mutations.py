@@ -77,7 +77,7 @@ MUTATIONS = tuple(
             "lenses/test_cameras",
         ),
         (
-            "lenses/validity.py",
+            "lenses/cubic.py",
             "good = (denominator > 0) & (determinant > 0)",
             "good = denominator > 0",
             "lenses/test_validity",
