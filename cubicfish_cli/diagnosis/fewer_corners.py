@@ -195,8 +195,11 @@ def fewer_corners(
 ) -> list[Count]:
     """Boards of which photos show an end before the drawing's.
 
-    The arguments are those of
-    :func:`~cubicfish_cli.diagnosis.miscounted.counted`.
+    Args:
+        identified: what became of the photos' grids.
+        target: the drawing.
+        picture: the brightness (H, W) of the photo of this number; None where it cannot be read.
+
     """
     camera = identified.lens
     doubtful = _doubtful(identified, target)

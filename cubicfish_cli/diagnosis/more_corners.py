@@ -60,8 +60,10 @@ def grid_boards(target: Target) -> list[Board]:
 def more_corners(identified: Identified, target: Target) -> list[Count]:
     """Boards of which photos show more corners than are drawn.
 
-    The arguments are those of
-    :func:`~cubicfish_cli.diagnosis.miscounted.counted`.
+    Args:
+        identified: what became of the photos' grids.
+        target: the drawing.
+
     """
     lost = [
         (photo, number, report)

@@ -162,7 +162,7 @@ class PhotoReport:
         corners: how many corners were named.
         added: how many of them a second pass added.
         exact: whether these are surely the corners that they are named as; see
-            :class:`cubicfish_cli.identification.name_grids.Identified`.
+            :class:`cubicfish_cli.identification.identified.Identified`.
         found: everything that was found in it, named or not; None when it could not be used.
         grids: what became of each of ``found.grids``.
 
