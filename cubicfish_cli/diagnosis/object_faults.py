@@ -34,7 +34,7 @@ ORDERS: Mapping[str, _Order] = {
     "a_quarter_turn_back": lambda c, r, C, R: (r, C - 1 - c),
     "exchanged_backwards": lambda c, r, C, R: (R - 1 - r, C - 1 - c),
 }
-"""The eight ways to count a board's corners, by their keys in what is told (words/catalogue.toml)."""
+"""The eight ways to count a board's corners, by their keys in words/catalogue.toml."""
 COUNTED = tuple(ORDERS)[1:7]
 """Those of them that one photo's corners may be in, where others are in none."""
 EXCHANGED = ("exchanged", "a_quarter_turn", "a_quarter_turn_back", "exchanged_backwards")
