@@ -18,7 +18,7 @@ from cubicfish_cli.types import FloatArray, IntArray
 _SMALLEST_MODULE_PX = 1.6
 # Photos smaller than this are not halved, larger ones not doubled.
 _LEAST_PX, _MOST_DOUBLED_PX = 200, 5_000_000
-# Placement in strong distortion are curved: how far a contour may leave its quadrangle, as a share
+# Sides in strong distortion are curved: how far a contour may leave its quadrangle, as a share
 # of its length.
 _BENT_SIDES = 0.05
 
