@@ -39,7 +39,7 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select_photos
-from cubicfish_cli.lenses.free_lens import FreeLens
+from cubicfish_cli.lenses.nearest import FreeLens
 from cubicfish_cli.lenses.unified import UnifiedLens
 from cubicfish_cli.library.calibration import calibrate
 from cubicfish_cli.observations import Observations

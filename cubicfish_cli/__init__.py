@@ -49,7 +49,7 @@ _PLACES = {
     "library.target_check": ("check_target",),
     "library.rigs": ("calibrate_rig", "compare_rigs", "evaluate_rig", "save_rig"),
     "lenses.cubic": ("CubicCamera",),
-    "identification.photo_report": ("Detection",),
+    "identification.identified": ("Detection",),
     "photos": ("read_picture",),
     "target": ("Target",),
     "undistortion.choose": ("build_view",),

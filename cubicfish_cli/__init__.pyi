@@ -13,7 +13,7 @@ from cubicfish_cli.formats.camera_yaml import CameraFile as CameraFile
 from cubicfish_cli.formats.camera_yaml import load_camera as load_camera
 from cubicfish_cli.formats.rig_yaml import RigFile as RigFile
 from cubicfish_cli.formats.rig_yaml import load_rig as load_rig
-from cubicfish_cli.identification.photo_report import Detection as Detection
+from cubicfish_cli.identification.identified import Detection as Detection
 from cubicfish_cli.lenses.cubic import CubicCamera as CubicCamera
 from cubicfish_cli.library.calibration import calibrate as calibrate
 from cubicfish_cli.library.calibration import evaluate as evaluate

@@ -16,8 +16,7 @@ from cubicfish_cli.types import FloatArray
 
 def columns(points: npt.ArrayLike) -> FloatArray:
     """The coordinates of points (..., K), each in memory of its own -> (K, ...)."""
-    apart: FloatArray = np.moveaxis(np.asarray(points, float), -1, 0).copy()
-    return apart
+    return np.moveaxis(np.asarray(points, float), -1, 0).copy()
 
 
 def unit_rays(points: npt.ArrayLike) -> FloatArray:
@@ -36,12 +35,10 @@ def unit_rays(points: npt.ArrayLike) -> FloatArray:
 def angle_from_axis(points: npt.ArrayLike) -> FloatArray:
     """Angle from the camera's axis of points or rays (..., 3), any length -> (...), radians."""
     x, y, z = columns(points)
-    angle: FloatArray = np.arctan2(np.hypot(x, y), z)
-    return angle
+    return np.arctan2(np.hypot(x, y), z)
 
 
 def azimuth(offset: npt.ArrayLike) -> FloatArray:
     """Direction in the picture of offsets (..., 2): 0 to the right, π/2 down; (...), radians."""
     x, y = columns(offset)
-    angle: FloatArray = np.arctan2(y, x)
-    return angle
+    return np.arctan2(y, x)

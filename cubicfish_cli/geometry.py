@@ -34,8 +34,7 @@ class Similarity:
 
     def __call__(self, points: FloatArray) -> FloatArray:
         """Points (N, 3) where the map takes them (N, 3)."""
-        moved: FloatArray = self.scale * points @ self.rotation.T + self.shift
-        return moved
+        return self.scale * points @ self.rotation.T + self.shift
 
 
 def similarity(source: FloatArray, goal: FloatArray, *, scaled: bool = True) -> Similarity:
@@ -67,8 +66,7 @@ def nearest_rotation(matrix: FloatArray) -> FloatArray:
     left, _, right = np.linalg.svd(matrix)
     sign = np.ones(matrix.shape[:-1])
     sign[..., 2] = np.where(np.linalg.det(left @ right) < 0, -1.0, 1.0)
-    rotation: FloatArray = (left * sign[..., None, :]) @ right
-    return rotation
+    return (left * sign[..., None, :]) @ right
 
 
 def mean_rotation(rotations: FloatArray, weight: FloatArray) -> FloatArray:
@@ -100,16 +98,14 @@ def kannala_brandt(theta: FloatArray, k: npt.ArrayLike) -> FloatArray:
     """
     s = theta * theta
     k1, k2, k3, k4 = np.asarray(k, float)
-    radius: FloatArray = theta * (1 + s * (k1 + s * (k2 + s * (k3 + s * k4))))
-    return radius
+    return theta * (1 + s * (k1 + s * (k2 + s * (k3 + s * k4))))
 
 
 def kannala_brandt_slope(theta: FloatArray, k: npt.ArrayLike) -> FloatArray:
     """dr/dθ of :func:`kannala_brandt`: radians (...,) -> (...,)."""
     s = theta * theta
     k1, k2, k3, k4 = np.asarray(k, float)
-    slope: FloatArray = 1 + s * (3 * k1 + s * (5 * k2 + s * (7 * k3 + s * 9 * k4)))
-    return slope
+    return 1 + s * (3 * k1 + s * (5 * k2 + s * (7 * k3 + s * 9 * k4)))
 
 
 def inverse_of_growing(

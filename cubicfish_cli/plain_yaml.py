@@ -164,7 +164,6 @@ for _tag, _pattern, _first in _SCALARS:
 
 def plain_yaml_text(record: Any) -> str:
     """YAML of plain data, keys in their order, numbers at full precision, inner lists on a line."""
-    text: str = yaml.dump(
+    return yaml.dump(
         record, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=2**31 - 1
     )
-    return text

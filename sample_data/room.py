@@ -13,8 +13,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.boards.board import Board
-from cubicfish_cli.boards.face import Face
+from cubicfish_cli.boards.board import Board, Face
 from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]

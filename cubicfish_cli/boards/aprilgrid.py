@@ -15,9 +15,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.boards.board import AROUND_SQUARE, Board
-from cubicfish_cli.boards.face import Face
-from cubicfish_cli.boards.markers import TAG_FAMILIES, marker_ink, marker_modules, read_markers
+from cubicfish_cli.boards.board import AROUND_SQUARE, Board, Face
+from cubicfish_cli.boards.markers import (
+    TAG_FAMILIES,
+    marker_ink,
+    marker_modules,
+    read_markers,
+    table_ink,
+)
 from cubicfish_cli.boards.section import Section
 from cubicfish_cli.boards.shape import PLACE_KEYS, SHAPE_KEYS, read_place, read_shape
 from cubicfish_cli.errors import TargetError
@@ -111,12 +116,7 @@ class AprilGrid(Board):
             square: BoolArray = in_gap.all(axis=-1) & printed
             tag: BoolArray = printed & ~in_gap.any(axis=-1) & (cell < (columns, rows)).all(axis=-1)
             module = np.floor(within / self.square * size).astype(np.int32)
-            x, y = np.where(tag[..., None], cell, 0).astype(np.intp).reshape(-1, 2).T
-            u, v = np.where(tag[..., None], module, 0).astype(np.intp).reshape(-1, 2).T
-            # Rounding may put a position on the last edge one module too far.
-            u, v = np.minimum(u, size - 1), np.minimum(v, size - 1)
-            inked: BoolArray = square | (tag & table[y, x, v, u].reshape(tag.shape))
-            return inked
+            return square | table_ink(table, cell, module, tag)
 
         modules = np.arange(size + 1) / size * self.square
         x, y = (

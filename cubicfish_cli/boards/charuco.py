@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.boards.board import Board, FirstSquare
+from cubicfish_cli.boards.board import Board, Face, FirstSquare
 from cubicfish_cli.boards.checkerboard import Checkerboard, squares_of
-from cubicfish_cli.boards.face import Face
 from cubicfish_cli.boards.markers import (
     MARKER_DICTIONARIES,
     marker_ink,
     marker_modules,
     read_markers,
+    table_ink,
 )
 from cubicfish_cli.boards.section import Section
 from cubicfish_cli.boards.shape import PLACE_KEYS, SHAPE_KEYS
@@ -109,9 +109,7 @@ class Charuco(Checkerboard):
             cell = square.astype(np.int32) + 1
             inside = ((module >= 0) & (module < size) & (cell >= 0)).all(axis=-1)
             inside &= (cell[..., 0] <= self.columns) & (cell[..., 1] <= self.rows)
-            x, y = np.where(inside[..., None], cell, 0).astype(np.intp).reshape(-1, 2).T
-            u, v = np.where(inside[..., None], module, 0).astype(np.intp).reshape(-1, 2).T
-            printed: BoolArray = inside & table[y, x, v, u].reshape(inside.shape)
+            printed = table_ink(table, cell, module, inside)
             dark = self.square_is_dark(plane)
             return dark & ~printed if markers.inverted else dark | printed
 
@@ -127,5 +125,4 @@ def _carriers(columns: int, rows: int, first_square: FirstSquare, *, inverted: b
     """(rows + 1, columns + 1): which squares of a board of inner corners carry markers."""
     row, column = np.indices((rows + 1, columns + 1))
     first = (first_square == "light") != inverted
-    carries: BoolArray = (row + column) % 2 == (0 if first else 1)
-    return carries
+    return (row + column) % 2 == (0 if first else 1)

@@ -7,8 +7,7 @@ from typing import Any, ClassVar, get_args
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.boards.board import AROUND_SQUARE, Board, FirstSquare
-from cubicfish_cli.boards.face import Face
+from cubicfish_cli.boards.board import AROUND_SQUARE, Board, Face, FirstSquare
 from cubicfish_cli.boards.section import Section
 from cubicfish_cli.boards.shape import PLACE_KEYS, SHAPE_KEYS, read_place, read_shape
 from cubicfish_cli.types import BoolArray, FloatArray

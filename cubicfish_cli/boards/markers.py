@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from cubicfish_cli.types import BoolArray, IntArray
 
@@ -84,6 +85,21 @@ def marker_ink(markers: Markers, ids: IntArray, border: int) -> BoolArray:
             for one in ids
         ]
     ).reshape(-1, side, side)
+
+
+def table_ink(
+    table: BoolArray, cell: npt.NDArray[Any], module: npt.NDArray[Any], inside: BoolArray
+) -> BoolArray:
+    """Whether there is ink in modules of cells (..., 2): in a table (rows, columns, S, S) of all.
+
+    False where ``inside`` (...) is; cells and modules may be anything there.
+    """
+    x, y = np.where(inside[..., None], cell, 0).astype(np.intp).reshape(-1, 2).T
+    u, v = np.where(inside[..., None], module, 0).astype(np.intp).reshape(-1, 2).T
+    # Rounding may put a position on the last edge one module too far.
+    last = table.shape[-1] - 1
+    ink = table[y, x, np.minimum(v, last), np.minimum(u, last)]
+    return np.asarray(inside & ink.reshape(inside.shape))
 
 
 def marker_modules(markers: Markers, border: int) -> int:

@@ -8,8 +8,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.boards.board import Board
-from cubicfish_cli.boards.face import Face
+from cubicfish_cli.boards.board import Board, Face
 from cubicfish_cli.boards.section import Section, is_point
 from cubicfish_cli.boards.shape import BoardShape, read_shape
 from cubicfish_cli.errors import TargetError

@@ -85,7 +85,7 @@ def command(
     from cubicfish_cli.errors import CubicfishError, OutputError
     from cubicfish_cli.files import refuse_existing, write_files
     from cubicfish_cli.lenses.cubic import CubicCamera
-    from cubicfish_cli.rendering.pose_table import pose_table_text
+    from cubicfish_cli.rendering.pose import pose_table_text
     from cubicfish_cli.report.from_files import facts_of_files
 
     if output is not None and output.suffix.lower() != ".svg":

@@ -152,9 +152,9 @@ def command(
     from cubicfish_cli.assess.verdict import verdict
     from cubicfish_cli.fitting.calibrate import Calibration
     from cubicfish_cli.fitting.point_fit import PointCalibration, calibrate_points
-    from cubicfish_cli.formats.target_yaml import target_text
     from cubicfish_cli.library.calibration import calibrate
     from cubicfish_cli.library.calibration_folder import CalibrationFolder, contents_of
+    from cubicfish_cli.target import target_text
 
     made_at()  # said before the work if it cannot be
     if title is not None:

@@ -15,7 +15,7 @@ from cubicfish_cli.cli.target_choice import TargetChoice, say_default, target_op
 from cubicfish_cli.cli.terminal import print_json, progress, result, say
 
 if TYPE_CHECKING:
-    from cubicfish_cli.identification.photo_report import Detection
+    from cubicfish_cli.identification.identified import Detection
 
 _FEW_CORNERS = 20
 

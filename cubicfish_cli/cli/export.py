@@ -15,7 +15,7 @@ from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say, wor
 from cubicfish_cli.formats.registry import WRITTEN
 
 if TYPE_CHECKING:
-    from cubicfish_cli.formats.lens_rig import Pose
+    from cubicfish_cli.formats.camera_format import Pose
     from cubicfish_cli.lenses.cubic import CubicCamera
     from cubicfish_cli.library.exporting import Exported
 

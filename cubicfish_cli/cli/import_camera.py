@@ -73,7 +73,7 @@ def command(
     """See ``_HELP``."""
     from cubicfish_cli.files import fingerprint, refuse_existing
     from cubicfish_cli.fitting.conversion.from_lens import LARGEST_FIELD_DEG, from_lens
-    from cubicfish_cli.formats.camera_writer import save_camera
+    from cubicfish_cli.formats.calibrated import save_camera
     from cubicfish_cli.formats.foreign import own_field_deg, read_foreign
 
     made_at()  # said before the work if it cannot be

@@ -22,7 +22,7 @@ from cubicfish_cli.wording import quoted
 if TYPE_CHECKING:
     from cubicfish_cli.executors.executor import Executor
     from cubicfish_cli.files import Fingerprint
-    from cubicfish_cli.identification.photo_report import Detection, PhotoReport
+    from cubicfish_cli.identification.identified import Detection, PhotoReport
     from cubicfish_cli.observations import Observations
     from cubicfish_cli.photos import Photo
     from cubicfish_cli.target import Target
@@ -244,7 +244,7 @@ def refuse_other_sizes(inputs: Sequence[Path], size: tuple[int, int]) -> None:
 
 def photo_problems(detection: Detection) -> list[str]:
     """One line for every photo that gave nothing, and for every grid that was left out."""
-    from cubicfish_cli.identification.remarks import line_of
+    from cubicfish_cli.identification.identified import line_of
 
     return [line_of(one) for photo in detection.photos for one in photo.findings]
 
@@ -265,7 +265,7 @@ def mark_of(finding: Finding) -> str:
 
 def say_photo_problems(detection: Detection) -> None:
     """Say them, and once what several photos share, unless all is wanted (``--verbose``)."""
-    from cubicfish_cli.identification.remarks import remark_lines
+    from cubicfish_cli.identification.identified import remark_lines
 
     if verbosity() > 0:
         lines = photo_problems(detection)

@@ -95,7 +95,6 @@ def command(
     from cubicfish_cli.formats.camera_yaml import load_camera
     from cubicfish_cli.undistortion.frames import camera_for_photos
     from cubicfish_cli.undistortion.map_formats import (
-        PixelMap,
         build_redistort_map,
         ffmpeg_command,
         map_writer,
@@ -146,7 +145,7 @@ def command(
     masked = None if trusted is None else partial(trusted.mask, size=size)
     chosen = view.chosen(camera)
     maps = {
-        part: build_redistort_map(camera, one) if redistort else PixelMap.of(build_map(camera, one))
+        part: build_redistort_map(camera, one) if redistort else build_map(camera, one)
         for part, one in chosen.views.items()
     }
     files: dict[Path, Content] = {

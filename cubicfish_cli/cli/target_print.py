@@ -214,7 +214,7 @@ def _made(
 
 def _target_text(target: Target, kind: str, paper: Paper) -> str:
     from cubicfish_cli import __version__
-    from cubicfish_cli.formats.target_yaml import target_text
+    from cubicfish_cli.target import target_text
 
     join = "" if len(target.boards) == 1 else " Join them as assembly.pdf says, and measure."
     return (

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from cubicfish_cli.library.undistorting import DryRun, Plan
     from cubicfish_cli.library.views import Views
     from cubicfish_cli.undistortion.batch import FailedPhoto
-    from cubicfish_cli.undistortion.chosen import ChosenView
+    from cubicfish_cli.undistortion.choose import ChosenView
     from cubicfish_cli.undistortion.frames import Crop
 
 

@@ -22,10 +22,9 @@ if TYPE_CHECKING:
     from cubicfish_cli.cli.rig_options import RigOptions
     from cubicfish_cli.formats.rig_yaml import RigFile
     from cubicfish_cli.library.rig_shots import Done, Shot
-    from cubicfish_cli.undistortion.chosen import ChosenView
-    from cubicfish_cli.undistortion.ground import Ground
+    from cubicfish_cli.undistortion.choose import ChosenView
     from cubicfish_cli.undistortion.images import Rendering
-    from cubicfish_cli.undistortion.mosaic import Body
+    from cubicfish_cli.undistortion.mosaic import Body, Ground
 
 
 def undistort_rig(
@@ -60,7 +59,7 @@ def undistort_rig(
     from cubicfish_cli.formats.rig_yaml import load_rig
     from cubicfish_cli.library.rig_pictures import body_of_rig
     from cubicfish_cli.library.rig_shots import Faces, ShotViews, body_for_photos, write_pictures
-    from cubicfish_cli.undistortion.chosen import ChosenView
+    from cubicfish_cli.undistortion.choose import ChosenView
     from cubicfish_cli.undistortion.images import check_outputs
     from cubicfish_cli.undistortion.view_files import view_files
 
@@ -150,8 +149,8 @@ def _ground_views(
 ) -> dict[str, ChosenView]:
     """The ground from above, in each shot."""
     from cubicfish_cli.library.rig_shots import ground_of_board
-    from cubicfish_cli.undistortion.chosen import ChosenView
-    from cubicfish_cli.undistortion.ground import Ground
+    from cubicfish_cli.undistortion.choose import ChosenView
+    from cubicfish_cli.undistortion.mosaic import Ground
 
     if any(view.rotate) or view.hfov_deg or view.vfov_deg or view.focal or view.fit is not None:
         raise click.UsageError(

@@ -14,7 +14,7 @@ from cubicfish_cli.cli.terminal import say
 from cubicfish_cli.wording import either
 
 if TYPE_CHECKING:
-    from cubicfish_cli.undistortion.chosen import ChosenView, SeenField
+    from cubicfish_cli.undistortion.choose import ChosenView, SeenField
     from cubicfish_cli.undistortion.view import Camera
 
 KINDS = (
@@ -132,7 +132,7 @@ class ViewOptions:
             ViewError: the view is not one that can be rendered.
 
         """
-        from cubicfish_cli.undistortion.chosen import chosen_view
+        from cubicfish_cli.undistortion.choose import chosen_view
 
         return chosen_view(
             camera,

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from cubicfish_cli.detection.crossing import Crossings
-from cubicfish_cli.detection.lattice import Lattice
+from cubicfish_cli.detection.lattice import Lattice, neighbours
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # Chance closes single squares now and then: random black and white cells make four whole squares
@@ -73,8 +73,7 @@ def median_miss(lattice: Lattice, cells: IntArray) -> float:
     The median over the corners ``cells`` (N, 2), cells; NaN where nothing can be predicted.
     """
     fit = lattice.fit(cells, without_itself=True)
-    pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
-    miss = fit.cells_away(pixel)[fit.sound] / (1 + np.sqrt(fit.leverage[fit.sound]))
+    miss = fit.cells_away(lattice.at(cells))[fit.sound] / (1 + np.sqrt(fit.leverage[fit.sound]))
     return float(np.median(miss)) if len(miss) else np.nan
 
 
@@ -91,13 +90,11 @@ def hang_together(known: BoolArray) -> BoolArray:
     behind the board's margin: the grid says nothing for it. A chain that two parts of the grid
     hold at either end, as along a reflection, is where both say that it is.
     """
-    held = np.pad(known, 1)
     while True:
-        count = held[2:, 1:-1].astype(int) + held[:-2, 1:-1] + held[1:-1, 2:] + held[1:-1, :-2]
-        loose = held[1:-1, 1:-1] & (count < 2)
+        loose = known & (neighbours(known) < 2)
         if not loose.any():
-            return np.asarray(held[1:-1, 1:-1])
-        held[1:-1, 1:-1] &= ~loose
+            return known
+        known = known & ~loose
 
 
 def _squares(known: BoolArray) -> BoolArray:

@@ -11,12 +11,12 @@ its image centre, move by as much, and none of the shape of the lens is lost.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.detection.grids import Float32Array
+from cubicfish_cli.detection.grids import Float32Array, Rows
 from cubicfish_cli.detection.lattice import LocalFit
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
@@ -41,11 +41,9 @@ _STEEPEST = 40.0  # logistic functions of more are 0 or 1
 _WITHIN, _FADE = 0.45, 0.1
 _MOST_PULL = 0.1  # of the blur: how far blur draws a corner along a bent grid at most
 
-_FIELDS = ("pixel", "ok", "level", "blur", "turn", "gap", "misfit", "spread")
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Crossings:
+class Crossings(Rows):
     """Result of :func:`fit_crossings`, one row a corner.
 
     Attributes:
@@ -70,14 +68,10 @@ class Crossings:
     misfit: FloatArray
     spread: FloatArray
 
-    def select(self, rows: BoolArray | IntArray) -> Crossings:
-        """Take some rows."""
-        return Crossings(**{name: getattr(self, name)[rows] for name in _FIELDS})
-
     def replace(self, rows: IntArray, other: Crossings) -> None:
         """Put other results in the place of some rows."""
-        for name in _FIELDS:
-            getattr(self, name)[rows] = getattr(other, name)
+        for one in fields(self):
+            getattr(self, one.name)[rows] = getattr(other, one.name)
 
     def bright(self, sign: IntArray) -> FloatArray:
         """Levels (N, 2) of the squares that should be bright: (+,+), (-,-) where sign is +1."""
@@ -93,19 +87,15 @@ class Crossings:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Gaps:
+class Gaps(Rows):
     """What is known of N gaps: mean and standard deviation (N,), pixels."""
 
     mean: FloatArray
     spread: FloatArray
 
-    def select(self, rows: BoolArray | IntArray) -> Gaps:
-        """Take some rows."""
-        return Gaps(mean=self.mean[rows], spread=self.spread[rows])
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Quiet:
+class Quiet(Rows):
     """How far the bright squares at N corners are clean: markers stand inside.
 
     Attributes:
@@ -116,10 +106,6 @@ class Quiet:
 
     sign: IntArray
     steps: FloatArray
-
-    def select(self, rows: BoolArray | IntArray) -> Quiet:
-        """Take some rows."""
-        return Quiet(sign=self.sign[rows], steps=self.steps[rows])
 
 
 def fit_crossings(
@@ -217,21 +203,13 @@ def _fit(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Frame:
+class _Frame(Rows):
     """The windows of n corners, K pixels each, in the grid's own bent coordinates."""
 
     value: Float32Array  # (n, K) grey levels, times the weight
     across: Float32Array  # (n, 2, K) distance from the edge along j and from the edge along i, px
     along: Float32Array  # (n, 2, K) place along those edges, px
     weight: Float32Array  # (n, K) root of the weight
-
-    def select(self, rows: BoolArray) -> _Frame:
-        return _Frame(
-            value=self.value[rows],
-            across=self.across[rows],
-            along=self.along[rows],
-            weight=self.weight[rows],
-        )
 
 
 def _frame(

@@ -11,10 +11,8 @@ from cubicfish_cli.detection.corners import find_corners
 from cubicfish_cli.detection.finder import MOST_PIXELS
 from cubicfish_cli.detection.grids import Float32Array, FoundGrids
 from cubicfish_cli.detection.growth import clean
-from cubicfish_cli.detection.lattice import Lattice
-from cubicfish_cli.detection.links import find_links, keep_squares
+from cubicfish_cli.detection.links import find_patches
 from cubicfish_cli.detection.nearby import nearest
-from cubicfish_cli.detection.patches import find_patches
 from cubicfish_cli.detection.pyramid import (
     SMALLEST_SIDE,
     Pyramid,
@@ -84,16 +82,13 @@ def explain_no_grids(image: npt.NDArray[np.generic], found: FoundGrids) -> Findi
 def _unbelieved(pyramid: Pyramid) -> tuple[float, float]:
     """Side and blur, px, of the squares of the largest regular patch; (inf, 0) without any."""
     corners = find_corners(pyramid)
-    links = keep_squares(find_links(pyramid, corners))
-    for patch in find_patches(links, corners.contrast * corners.radius)[:1]:
-        lattice = Lattice.from_cells(
-            patch.cells, corners.pixel[patch.corner], corners.contrast[patch.corner], patch.parity
-        )
+    for patch in find_patches(pyramid, corners)[:1]:
+        lattice = patch.lattice(corners)
         clean(lattice)
         cells = lattice.cells()
         if is_regular(lattice, cells):
             fit = lattice.fit(cells)
-            found = refine_pixels(pyramid, lattice.pixel[cells[:, 0], cells[:, 1]], fit)
+            found = refine_pixels(pyramid, lattice.at(cells), fit)
             return float(np.median(fit.side)), float(np.median(found.blur.max(1)))
     return np.inf, 0.0
 

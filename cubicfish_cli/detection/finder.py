@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -19,9 +20,8 @@ from cubicfish_cli.detection.crossing import Crossings
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.growth import clean, grow, measure_contrast
 from cubicfish_cli.detection.lattice import Lattice
-from cubicfish_cli.detection.links import find_links, keep_squares
+from cubicfish_cli.detection.links import Patch, find_patches
 from cubicfish_cli.detection.nearby import nearest
-from cubicfish_cli.detection.patches import Patch, find_patches
 from cubicfish_cli.detection.pyramid import (
     SMALLEST_SIDE,
     Pyramid,
@@ -29,8 +29,7 @@ from cubicfish_cli.detection.pyramid import (
     enlarged,
     reduced,
 )
-from cubicfish_cli.detection.refine import refine_at_full_size, refine_pixels
-from cubicfish_cli.detection.verify import whole_corners
+from cubicfish_cli.detection.refine import refine_at_full_size, refine_pixels, whole_corners
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # A photo of more pixels is searched at half its size, or a quarter...
@@ -77,12 +76,11 @@ def find_grids(image: npt.NDArray[np.generic]) -> FoundGrids:
 def _search(pyramid: Pyramid) -> tuple[list[Lattice], FloatArray]:
     """All grids in the pyramid, and the corners that belong to none."""
     corners = find_corners(pyramid)
-    links = keep_squares(find_links(pyramid, corners))
     grid = np.full(len(corners.pixel), -1)  # which each corner is part of
     candidates = cKDTree(corners.pixel)
     lattices: list[Lattice] = []
     failures = 0
-    for patch in find_patches(links, corners.contrast * corners.radius):
+    for patch in find_patches(pyramid, corners):
         if len(patch.corner) < 4 or (grid[patch.corner] >= 0).any():
             continue
         lattice = _raise(pyramid, corners, patch, candidates)
@@ -92,8 +90,7 @@ def _search(pyramid: Pyramid) -> tuple[list[Lattice], FloatArray]:
                 break
             continue
         cells = lattice.cells()
-        pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
-        taken = _taken(corners.pixel, pixel, lattice.fit(cells).side)
+        taken = _taken(corners.pixel, lattice.at(cells), lattice.fit(cells).side)
         grid[taken & (grid < 0)] = len(lattices)
         candidates = cKDTree(corners.pixel[grid < 0])
         lattices.append(lattice)
@@ -114,9 +111,7 @@ def _raise(
     pyramid: Pyramid, corners: XCorners, patch: Patch, candidates: cKDTree
 ) -> Lattice | None:
     """Grow a patch into a grid; None when it turns out not to be a board."""
-    lattice = Lattice.from_cells(
-        patch.cells, corners.pixel[patch.corner], corners.contrast[patch.corner], patch.parity
-    )
+    lattice = patch.lattice(corners)
     measure_contrast(pyramid, lattice)
     for _ in range(_PASSES):
         clean(lattice)
@@ -166,7 +161,7 @@ def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> tuple[Crossings, in
     lattice.make_room()
     cells = lattice.cells()
     fit = lattice.fit(cells)
-    pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
+    pixel = lattice.at(cells)
     found = refine_pixels(pyramid, pixel, fit)
     sign = lattice.sign(cells)
     contrast = found.contrast(sign)
@@ -210,21 +205,12 @@ def _taken(points: FloatArray, pixel: FloatArray, side: FloatArray) -> BoolArray
 
 def _grid(lattice: Lattice, image: npt.NDArray[np.generic], pyramid: Pyramid, zoom: int) -> Grid:
     lattice.make_room()
-    cells = lattice.cells()
-    origin = cells.min(0)
-    contrast = lattice.contrast[cells[:, 0], cells[:, 1]]
     if zoom > 1:
+        cells = lattice.cells()
         lattice.pixel = enlarged(lattice.pixel, zoom)
-        fit = lattice.fit(cells)
         found = refine_at_full_size(
-            image, lattice.pixel[cells[:, 0], cells[:, 1]], fit, zoom, pyramid.noise / pyramid.gain
+            image, lattice.at(cells), lattice.fit(cells), zoom, pyramid.noise / pyramid.gain
         )
-        lattice.put(cells, found, contrast)
-    steps = np.concatenate([np.diff(lattice.pixel, axis=axis).reshape(-1, 2) for axis in (0, 1)])
-    return Grid(
-        cells=cells - origin,
-        pixel=lattice.pixel[cells[:, 0], cells[:, 1]],
-        parity=int(lattice.sign(origin[None])[0]),
-        step=float(np.nanmedian(np.hypot(steps[:, 0], steps[:, 1]))),
-        contrast=contrast / pyramid.gain,
-    )
+        lattice.put(cells, found, lattice.contrast[cells[:, 0], cells[:, 1]])
+    grid = lattice.as_grid()
+    return replace(grid, contrast=grid.contrast / pyramid.gain)

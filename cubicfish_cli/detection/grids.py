@@ -1,15 +1,28 @@
-"""What the corner finder hands on: grids of sub-pixel checkerboard corners."""
+"""What the corner finder hands on: grids of sub-pixel checkerboard corners.
+
+Also as they would be in a photo's mirror image, or in its negative.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.types import FloatArray, IntArray
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 Float32Array = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rows:
+    """A record whose fields are arrays with one row for each thing that it is about."""
+
+    def select(self, rows: BoolArray | IntArray | slice) -> Self:
+        """Take some rows."""
+        return replace(self, **{one.name: getattr(self, one.name)[rows] for one in fields(self)})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,3 +67,39 @@ class FoundGrids:
     grids: tuple[Grid, ...]
     refused: FloatArray
     image_size: tuple[int, int]
+
+
+def negative_photo(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """A grey photo (H, W) with light and dark exchanged."""
+    integer = np.issubdtype(image.dtype, np.integer)
+    top = image.dtype.type(np.iinfo(image.dtype).max if integer else 255)
+    return np.asarray(top - image)
+
+
+def negative_grids(found: FoundGrids) -> FoundGrids:
+    """Grids of the negative photo."""
+    return replace(found, grids=tuple(replace(grid, parity=-grid.parity) for grid in found.grids))
+
+
+def grids_in_mirror(found: FoundGrids) -> FoundGrids:
+    """Grids of the photo with left and right exchanged."""
+    width = found.image_size[0]
+    return replace(
+        found,
+        grids=tuple(grid_in_mirror(grid, width) for grid in found.grids),
+        refused=_pixels_in_mirror(found.refused, width),
+    )
+
+
+def grid_in_mirror(grid: Grid, width: int) -> Grid:
+    """One grid in the mirror image of a photo that is so many pixels wide."""
+    return replace(
+        grid,
+        # Exchanging i and j keeps the grid right-handed, and the square at (0, 0) where it is.
+        cells=grid.cells[:, ::-1].copy(),
+        pixel=_pixels_in_mirror(grid.pixel, width),
+    )
+
+
+def _pixels_in_mirror(pixel: FloatArray, width: int) -> FloatArray:
+    return np.stack([width - 1 - pixel[:, 0], pixel[:, 1]], axis=-1)

@@ -1,24 +1,41 @@
-"""Growth: predict the neighbours of a grid's corners and look for them in the photo."""
+"""Growth: predict the neighbours of a grid's corners and look for them in the photo.
+
+What is there is judged by the brightness of the four squares, seen through the grid's local shape.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from cubicfish_cli.detection.lattice import Lattice, LocalFit
+from cubicfish_cli.detection.links import (
+    ALONG_EDGE,
+    ASIDE,
+    LEAST_ASIDE,
+    edge_difference,
+    edge_is_seen,
+)
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import Pyramid
 from cubicfish_cli.detection.saddle import fit_saddles
-from cubicfish_cli.detection.squares import (
-    LEAST_CONTRAST,
-    NEIGHBOUR_STEPS,
-    SEPARATION,
-    edges_seen,
-    measure_half_gap,
-    quadrants,
-)
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
+# Along the diagonal of each square, in sides: within the white margin that ChArUco boards leave
+# around a marker (0.1 to 0.15 of a square), but beyond the blur where squares are small.
+_DIAGONAL, _LEAST_DIAGONAL_PX, _LONGEST_DIAGONAL = 0.09, 1.2, 0.25
+_INMOST_DIAGONAL = 0.35
+_ALONG_DIAGONAL = np.array([0.7, 1.0, 1.3])
+# Where the profile of a dark square is taken, and which of it is its inside.
+_PROFILE = np.linspace(0.02, 0.42, 17)
+_DEEP = slice(11, None)
+# Quadrants (+,+), (-,+), (-,-), (+,-): clockwise; the first and third share their colour.
+_QUADRANTS = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
+SEPARATION = 0.30  # darker bright minus brighter dark quadrant, of the corner's contrast
+LEAST_CONTRAST = 0.15  # of the contrast around
+NEIGHBOUR_STEPS = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
 _MOST_ROUNDS = 60
 # A prediction extrapolates by one cell. From two rows it is linear, and near a board held close
 # to the lens one square can be 1.6 times as long as the last; the next corner is a cell away.
@@ -26,6 +43,125 @@ _SEARCH = 0.5
 # Leave-one-out: a corner that many cells from what its neighbours say is not a corner; more where
 # the neighbours lie on one side only.
 _OUTLIER = 0.15
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Quadrants:
+    """Brightness of the squares around N corners, grey levels.
+
+    Attributes:
+        bright: (N, 2, K) the two squares that should be bright, at K distances.
+        dark: (N, 2, K) the two that should be dark.
+
+    """
+
+    bright: FloatArray
+    dark: FloatArray
+
+    @property
+    def contrast(self) -> FloatArray:
+        """(N,) mean bright minus mean dark."""
+        return self.bright.mean((1, 2)) - self.dark.mean((1, 2))
+
+    @property
+    def separation(self) -> FloatArray:
+        """(N,) the darker bright square minus the brighter dark one."""
+        return self.bright.mean(2).min(1) - self.dark.mean(2).max(1)
+
+
+def quadrants(
+    pyramid: Pyramid, pixel: FloatArray, fit: LocalFit, sign: IntArray, half_gap: float = 0.0
+) -> Quadrants:
+    """Sample the four squares at (N, 2) pixels.
+
+    Args:
+        pyramid: the photo.
+        pixel: (N, 2) the corners.
+        fit: local fit around each.
+        sign: (N,) +1 where quadrant (+, +) is bright.
+        half_gap: how far dark squares draw back from their edges, pixels.
+
+    """
+    side = np.maximum(fit.side, 1e-6)  # 0 where corners that chance put together lie in a line
+    away = np.clip(_LEAST_DIAGONAL_PX / side, _DIAGONAL, _LONGEST_DIAGONAL)
+    away = np.minimum(away + half_gap / side, _INMOST_DIAGONAL)
+    return _along_diagonals(pyramid, pixel, fit, sign, away, _ALONG_DIAGONAL)
+
+
+def measure_half_gap(pyramid: Pyramid, pixel: FloatArray, fit: LocalFit, sign: IntArray) -> float:
+    """How far the dark squares draw back from their edges, pixels: the median over the corners.
+
+    Along each diagonal brightness falls through the middle between the levels of the bright
+    squares and of the dark ones where the dark square begins: at the corner itself unless white
+    bleeds. The arguments are those of :func:`quadrants`.
+    """
+    square = _along_diagonals(pyramid, pixel, fit, sign, np.full(len(pixel), 1.0), _PROFILE)
+    level = 0.5 * (np.median(square.bright, axis=(1, 2)) + square.dark[..., _DEEP].mean((1, 2)))
+    begins = _PROFILE[np.argmax(square.dark < level[:, None, None], axis=2)]
+    return float(np.median((begins - _PROFILE[0]) * fit.side[:, None]))
+
+
+def _along_diagonals(
+    pyramid: Pyramid,
+    pixel: FloatArray,
+    fit: LocalFit,
+    sign: IntArray,
+    away: FloatArray,
+    along: FloatArray,
+) -> Quadrants:
+    offset = (_QUADRANTS[:, None, :] * along[None, :, None]).reshape(-1, 2)
+    points = fit.at(away[:, None, None] * offset) + (pixel - fit.pixel)[:, None]
+    level = pyramid.sample(points, fit.side).reshape(len(pixel), 4, -1).astype(float)
+    plus = (sign > 0)[:, None, None]
+    return Quadrants(
+        bright=np.where(plus, level[:, 0::2], level[:, 1::2]),
+        dark=np.where(plus, level[:, 1::2], level[:, 0::2]),
+    )
+
+
+def edges_seen(
+    pyramid: Pyramid,
+    pixel: FloatArray,
+    fit: LocalFit,
+    sign: IntArray,
+    contrast: FloatArray,
+    neighbour: FloatArray,
+    half_gap: float = 0.0,
+) -> BoolArray:
+    """Which of the four edges to known neighbours can be seen: (N, 4).
+
+    Args:
+        pyramid: the photo.
+        pixel: (N, 2) the corners.
+        fit: local fit around each.
+        sign: (N,) parity.
+        contrast: (N,) grey levels.
+        neighbour: (N, 4, 2) positions of the neighbours along NEIGHBOUR_STEPS, NaN if unknown.
+        half_gap: how far dark squares draw back from their edges, pixels.
+
+    """
+    row, arm = np.nonzero(~np.isnan(neighbour[..., 0]))
+    seen = np.zeros(neighbour.shape[:2], bool)
+    if not len(row):
+        return seen
+    direction = NEIGHBOUR_STEPS[arm].astype(float)
+    offset = direction[:, None] * ALONG_EDGE[:, None]
+    part = replace(fit.select(row), pixel=pixel[row])
+    # The fit's curve, moved so that it ends at the neighbour.
+    end = part.at(direction[:, None])[:, 0]
+    points = part.at(offset) + ALONG_EDGE[:, None] * (neighbour[row, arm] - end)[:, None]
+    length = np.hypot(*(neighbour[row, arm] - pixel[row]).T)
+    # To the clockwise side along the grid's other axis: it does not leave the two squares, however
+    # flat they are seen. There lies quadrant (+, +) for +i, quadrant (-, +) for +j, and so on.
+    across = (part.step @ np.stack([-direction[:, 1], direction[:, 0]], -1)[..., None])[..., 0]
+    area = np.abs(np.linalg.det(part.step))
+    height = area / np.hypot(*(part.step @ direction[..., None])[..., 0].T)
+    share = np.minimum(np.clip(LEAST_ASIDE / height, ASIDE, 0.4) + half_gap / height, 0.4)
+    difference = edge_difference(pyramid, points, (share[:, None] * across)[:, None], length)
+    difference *= (sign[row] * np.where(arm % 2 == 0, 1, -1))[:, None]
+    difference /= np.maximum(contrast[row], 1e-6)[:, None]
+    seen[row, arm] = edge_is_seen(difference)
+    return seen
 
 
 def grow(pyramid: Pyramid, lattice: Lattice, free: cKDTree, most: int) -> bool:
@@ -45,24 +181,10 @@ def grow(pyramid: Pyramid, lattice: Lattice, free: cKDTree, most: int) -> bool:
         if lattice.known.sum() > most:
             return True
         lattice.make_room()
-        cells = _frontier(lattice)
+        cells = lattice.frontier()
         if not len(cells) or not _grow_once(pyramid, lattice, free, cells):
             return False
     return False
-
-
-def _frontier(lattice: Lattice) -> IntArray:
-    """Empty cells beside a corner whose neighbourhood changed since they were tried."""
-    known = lattice.known
-    beside = np.zeros_like(known)
-    beside[1:] |= known[:-1]
-    beside[:-1] |= known[1:]
-    beside[:, 1:] |= known[:, :-1]
-    beside[:, :-1] |= known[:, 1:]
-    count = lattice.neighbour_sum(known.astype(float))
-    fresh = beside & ~known & (count != lattice.tried)
-    lattice.tried[fresh] = count[fresh]
-    return np.argwhere(fresh)
 
 
 def _grow_once(pyramid: Pyramid, lattice: Lattice, free: cKDTree, cells: IntArray) -> bool:
@@ -124,7 +246,7 @@ def looks_like_corner(
     square = quadrants(pyramid, pixel, fit, sign, lattice.half_gap)
     around = cells[:, None] + NEIGHBOUR_STEPS
     neighbour = lattice.pixel[around[..., 0], around[..., 1]]
-    expected = _contrast_around(lattice, cells)
+    expected = np.maximum(lattice.contrast_around(cells), 1e-6)
     # Light falls off steeply towards the rim, and shadows take part of it: only a corner's own
     # contrast says what its edges must show.
     own = np.maximum(square.contrast, 1e-6)
@@ -138,48 +260,18 @@ def looks_like_corner(
     return good, square.contrast
 
 
-def _contrast_around(lattice: Lattice, cells: IntArray) -> FloatArray:
-    total = lattice.neighbour_sum(lattice.contrast)
-    count = lattice.neighbour_sum(lattice.known.astype(float))
-    row, column = cells.T
-    return np.maximum(total[row, column] / np.maximum(count[row, column], 1), 1e-6)
-
-
 def measure_contrast(pyramid: Pyramid, lattice: Lattice) -> None:
     """Set the gap of the lattice, and the contrast of all corners from the squares around them."""
     cells = lattice.cells()
     fit = lattice.fit(cells)
-    pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
+    pixel = lattice.at(cells)
     sign = lattice.sign(cells)
     lattice.half_gap = measure_half_gap(pyramid, pixel, fit, sign)
     contrast = quadrants(pyramid, pixel, fit, sign, lattice.half_gap).contrast
     lattice.put(cells, pixel, np.maximum(contrast, 0))
 
 
-def clean(lattice: Lattice) -> int:
-    """Drop corners that contradict their neighbours or have none; returns how many."""
-    dropped = 0
-    for _ in range(10):
-        lattice.make_room()
-        cells = lattice.cells()
-        if not len(cells):
-            return dropped
-        known = lattice.known
-        around = cells[:, None] + NEIGHBOUR_STEPS
-        beside = known[around[..., 0], around[..., 1]]
-        lonely = ~beside.any(1)
-        fit = lattice.fit(cells, without_itself=True)
-        pixel = lattice.pixel[cells[:, 0], cells[:, 1]]
-        miss = fit.cells_away(pixel) / (1 + np.sqrt(fit.leverage))
-        miss[~fit.sound] = 0
-        # One wrong corner spoils the prediction of all its neighbours: only the worst one of a
-        # neighbourhood goes.
-        spread = np.zeros(known.shape)
-        spread[cells[:, 0], cells[:, 1]] = miss
-        window = np.lib.stride_tricks.sliding_window_view(np.pad(spread, 1), (3, 3)).max((2, 3))
-        bad = lonely | ((miss > _OUTLIER) & (miss >= window[cells[:, 0], cells[:, 1]]))
-        if not bad.any():
-            return dropped
-        lattice.drop(cells[bad])
-        dropped += int(bad.sum())
-    return dropped
+def clean(lattice: Lattice) -> None:
+    """Drop corners that contradict their neighbours or have none."""
+    lattice.make_room()
+    lattice.clean(_OUTLIER)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
+from cubicfish_cli.detection.grids import Grid, Rows
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # The local fit looks at the 7x7 cells around: three in a row are needed to see how the steps
@@ -31,10 +34,11 @@ _PRODUCTS = (_TERMS[:, :, None] * _TERMS[:, None, :]).reshape(len(_WINDOW), 36)
 _RIDGE = np.diag([1e-9, 1e-6, 1e-6, 0.005, 0.005, 0.005])
 _CENTRE = len(_WINDOW) // 2
 _MARGIN = _REACH + 1
+_MOST_CLEANINGS = 10
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LocalFit:
+class LocalFit(Rows):
     """Position as a quadratic function of the cell, around each of N cells.
 
     ``p(di, dj) = pixel + step @ (di, dj) + bend @ (di^2/2, di dj, dj^2/2)``
@@ -43,7 +47,6 @@ class LocalFit:
         pixel: (N, 2) the cell's own position as its neighbours predict it.
         step: (N, 2, 2) columns dp/di, dp/dj, pixels.
         bend: (N, 2, 3) second derivatives ii, ij, jj, pixels.
-        neighbours: (N,) how many cells the fit rests on.
         leverage: (N,) variance of the prediction when each neighbour beside the cell has 1: small
             in the middle of a grid, large where the fit extrapolates.
         side: (N,) the shorter of the two steps, pixels.
@@ -54,7 +57,6 @@ class LocalFit:
     pixel: FloatArray
     step: FloatArray
     bend: FloatArray
-    neighbours: IntArray
     leverage: FloatArray
     side: FloatArray
     sound: BoolArray
@@ -84,21 +86,92 @@ class LocalFit:
         sound = self.sound if pixel.ndim == 2 else self.sound[:, None]
         return np.where(sound, distance, np.inf)
 
-    def select(self, rows: BoolArray | IntArray) -> LocalFit:
-        """Take some of the cells."""
-        return LocalFit(
-            pixel=self.pixel[rows],
-            step=self.step[rows],
-            bend=self.bend[rows],
-            neighbours=self.neighbours[rows],
-            leverage=self.leverage[rows],
-            side=self.side[rows],
-            sound=self.sound[rows],
+
+class CornerMap(ABC):
+    """Corners by their cells, in maps of all cells.
+
+    Attributes:
+        pixel: (I, J, 2) position of each cell, NaN where there is none.
+        tried: (I, J) what was known about an empty cell when it was last tried.
+
+    """
+
+    pixel: FloatArray
+    tried: IntArray
+    reach: ClassVar[int]
+    """A cell is tried again when so many cells to each side have changed."""
+
+    @property
+    def known(self) -> BoolArray:
+        """(I, J) which cells have a corner."""
+        return ~np.isnan(self.pixel[..., 0])
+
+    def cells(self) -> IntArray:
+        """(N, 2) cells that have a corner, in the order of the arrays."""
+        return np.argwhere(self.known)
+
+    def at(self, cells: IntArray) -> FloatArray:
+        """Pixels (N, 2) of (N, 2) cells, NaN where there is none."""
+        return self.pixel[cells[:, 0], cells[:, 1]]
+
+    def drop(self, cells: IntArray) -> None:
+        """Remove corners."""
+        self.pixel[cells[:, 0], cells[:, 1]] = np.nan
+
+    @abstractmethod
+    def fit(self, cells: IntArray, *, without_itself: bool = False) -> LocalFit:
+        """Position as a function of the cell around (N, 2) cells."""
+
+    def neighbour_sum(self, values: FloatArray) -> FloatArray:
+        """Sum of a map over the cells within :attr:`reach` of each cell."""
+        reach = self.reach
+        around = 2 * reach + 1
+        total = np.cumsum(np.cumsum(np.pad(values, ((reach + 1, reach),) * 2), 0), 1)
+        return (
+            total[around:, around:]
+            - total[:-around, around:]
+            - total[around:, :-around]
+            + total[:-around, :-around]
         )
+
+    def frontier(self) -> IntArray:
+        """Empty cells (N, 2) beside a corner whose neighbourhood changed since they were tried."""
+        known = self.known
+        count = self.neighbour_sum(known.astype(float))
+        fresh = (neighbours(known) > 0) & ~known & (count != self.tried)
+        self.tried[fresh] = count[fresh]
+        return np.argwhere(fresh)
+
+    def clean(self, most_miss: float) -> None:
+        """Drop corners that have no neighbours, or are so many cells from what these say."""
+        for _ in range(_MOST_CLEANINGS):
+            cells = self.cells()
+            if not len(cells):
+                return
+            known = self.known
+            fit = self.fit(cells, without_itself=True)
+            miss = fit.cells_away(self.at(cells)) / (1 + np.sqrt(fit.leverage))
+            miss[~fit.sound] = 0
+            # One wrong corner spoils the prediction of all its neighbours: only the worst one of a
+            # neighbourhood goes.
+            spread = np.zeros(known.shape)
+            spread[cells[:, 0], cells[:, 1]] = miss
+            worst = np.lib.stride_tricks.sliding_window_view(np.pad(spread, 1), (3, 3)).max((2, 3))
+            bad = (miss > most_miss) & (miss >= worst[cells[:, 0], cells[:, 1]])
+            bad |= neighbours(known)[cells[:, 0], cells[:, 1]] == 0
+            if not bad.any():
+                return
+            self.drop(cells[bad])
+
+
+def neighbours(known: BoolArray) -> IntArray:
+    """How many of the four cells beside each cell (I, J) are known."""
+    held = np.pad(known, 1).astype(int)
+    return held[2:, 1:-1] + held[:-2, 1:-1] + held[1:-1, 2:] + held[1:-1, :-2]
 
 
 @dataclass(kw_only=True, eq=False)
-class Lattice:
+class Lattice(CornerMap):
     """Cells with their pixels while a grid grows.
 
     Attributes:
@@ -110,6 +183,7 @@ class Lattice:
 
     """
 
+    reach: ClassVar[int] = 2
     pixel: FloatArray
     contrast: FloatArray
     tried: IntArray = field(init=False)
@@ -135,15 +209,6 @@ class Lattice:
         lattice.put(cells - low, pixel, contrast)
         return lattice
 
-    @property
-    def known(self) -> BoolArray:
-        """(I, J) which cells have a corner."""
-        return ~np.isnan(self.pixel[..., 0])
-
-    def cells(self) -> IntArray:
-        """(N, 2) cells that have a corner, in the order of the arrays."""
-        return np.argwhere(self.known)
-
     def sign(self, cells: IntArray) -> IntArray:
         """Parity at (N, 2) cells: +1 where the quadrant (+, +) is bright."""
         return np.where(cells.sum(-1) % 2 == 0, self.parity, -self.parity)
@@ -155,7 +220,7 @@ class Lattice:
 
     def drop(self, cells: IntArray) -> None:
         """Remove corners."""
-        self.pixel[cells[:, 0], cells[:, 1]] = np.nan
+        super().drop(cells)
         self.contrast[cells[:, 0], cells[:, 1]] = 0
 
     def make_room(self) -> None:
@@ -177,10 +242,24 @@ class Lattice:
         self.contrast = np.pad(self.contrast, pad)
         self.tried = np.pad(self.tried, pad)
 
-    def neighbour_sum(self, values: FloatArray) -> FloatArray:
-        """Sum of a map over the 5x5 cells around each cell."""
-        total = np.cumsum(np.cumsum(np.pad(values, ((3, 2), (3, 2))), 0), 1)
-        return total[5:, 5:] - total[:-5, 5:] - total[5:, :-5] + total[:-5, :-5]
+    def contrast_around(self, cells: IntArray) -> FloatArray:
+        """Mean contrast (N,) of the corners about (N, 2) cells."""
+        row, column = cells.T
+        count = self.neighbour_sum(self.known.astype(float))[row, column]
+        return np.asarray(self.neighbour_sum(self.contrast)[row, column] / np.maximum(count, 1))
+
+    def as_grid(self) -> Grid:
+        """The grid, its contrast in the levels of the maps."""
+        cells = self.cells()
+        origin = cells.min(0)
+        steps = np.concatenate([np.diff(self.pixel, axis=axis).reshape(-1, 2) for axis in (0, 1)])
+        return Grid(
+            cells=cells - origin,
+            pixel=self.at(cells),
+            parity=int(self.sign(origin[None])[0]),
+            step=float(np.nanmedian(np.hypot(steps[:, 0], steps[:, 1]))),
+            contrast=self.contrast[cells[:, 0], cells[:, 1]],
+        )
 
     def fit(self, cells: IntArray, *, without_itself: bool = False) -> LocalFit:
         """Fit position against cell around (N, 2) cells at least 3 from the maps' border."""
@@ -206,15 +285,13 @@ class Lattice:
         step = solution[:, :, 1:3]
         length = np.hypot(step[:, 0], step[:, 1])
         area = step[:, 0, 0] * step[:, 1, 1] - step[:, 0, 1] * step[:, 1, 0]
-        neighbours = known.sum(1)
         side = length.min(1)
         # Squares seen so flat that their angles fall under about 9 degrees cannot be measured.
-        sound = (neighbours >= 3) & (side > 2) & (area > 0.15 * length.prod(1))
+        sound = (known.sum(1) >= 3) & (side > 2) & (area > 0.15 * length.prod(1))
         return LocalFit(
             pixel=solution[:, :, 0] + mean,
             step=step,
             bend=solution[:, :, 3:],
-            neighbours=neighbours,
             leverage=answer[:, 0, 2] * _WEIGHT[_CENTRE + 1],
             side=side,
             sound=sound,

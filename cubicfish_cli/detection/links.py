@@ -1,13 +1,15 @@
-"""Links between corners: which corner is the next one along an edge of a square."""
+"""Links between corners along the edges of squares, and the pieces that they make: grids' seeds."""
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
 from cubicfish_cli.angles import azimuth
 from cubicfish_cli.detection.corners import XCorners
+from cubicfish_cli.detection.lattice import Lattice
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import Pyramid
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
@@ -31,10 +33,12 @@ ASIDE, LEAST_ASIDE = 0.1, 1.2  # of the length, px
 _FAR_ASIDE, _BLEEDING = 0.22, 1e3
 # Of the corner's contrast: what an edge shows, in the middle of its samples and at worst.
 EDGE_MEDIAN, EDGE_LEAST = 0.30, 0.10
+# Step of arm 0, 1, 2, 3 of a corner that is not rotated: clockwise on screen.
+_DIRECTIONS = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Links:
+class _Links:
     """Mutual links between corners.
 
     Attributes:
@@ -47,7 +51,7 @@ class Links:
     arm: IntArray
 
 
-def find_links(pyramid: Pyramid, corners: XCorners) -> Links:
+def _find_links(pyramid: Pyramid, corners: XCorners) -> _Links:
     """Link corners whose arms point at each other along a visible edge.
 
     Brightness left and right of an edge swaps at every X-corner, so an arm with its bright
@@ -57,7 +61,7 @@ def find_links(pyramid: Pyramid, corners: XCorners) -> Links:
     count = len(corners.pixel)
     none = np.full((count, 4), -1)
     if count < 4:
-        return Links(corner=none, arm=none.copy())
+        return _Links(corner=none, arm=none.copy())
     p, q, length = _neighbours(corners)
     towards = corners.pixel[q] - corners.pixel[p]
     direction = azimuth(towards)
@@ -192,7 +196,7 @@ def _edge(
 
 def _mutual(
     count: int, p: IntArray, q: IntArray, arm_p: IntArray, arm_q: IntArray, cost: FloatArray
-) -> Links:
+) -> _Links:
     """Keep the cheapest link of each arm where it is the cheapest for the other end too."""
     order = np.lexsort((q, cost))
     start, end = (4 * p + arm_p)[order], (4 * q + arm_q)[order]
@@ -203,10 +207,10 @@ def _mutual(
     best[~linked] = -1
     corner = np.where(linked, best // 4, -1).reshape(count, 4)
     arm = np.where(linked, best % 4, -1).reshape(count, 4)
-    return Links(corner=corner, arm=arm)
+    return _Links(corner=corner, arm=arm)
 
 
-def keep_squares(links: Links) -> Links:
+def _keep_squares(links: _Links) -> _Links:
     """Keep the links that are a side of a closed square: texture rarely closes any."""
     count = len(links.corner)
     # One table with a sentinel row, so that broken walks end there.
@@ -227,4 +231,77 @@ def keep_squares(links: Links) -> Links:
     linked = links.corner >= 0
     back[linked] = side[links.corner[linked], links.arm[linked]]
     kept = side | back
-    return Links(corner=np.where(kept, links.corner, -1), arm=np.where(kept, links.arm, -1))
+    return _Links(corner=np.where(kept, links.corner, -1), arm=np.where(kept, links.arm, -1))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Patch:
+    """One connected piece.
+
+    Attributes:
+        corner: (N,) indices of the corners.
+        cells: (N, 2) their integer coordinates.
+        parity: +1 when the square (0, 0)..(1, 1) is bright, else -1.
+
+    """
+
+    corner: IntArray
+    cells: IntArray
+    parity: int
+
+    def lattice(self, corners: XCorners) -> Lattice:
+        """The grid that it is the beginning of."""
+        pixel, contrast = corners.pixel[self.corner], corners.contrast[self.corner]
+        return Lattice.from_cells(self.cells, pixel, contrast, self.parity)
+
+
+def find_patches(pyramid: Pyramid, corners: XCorners) -> list[Patch]:
+    """Pieces of corners that links in closed squares connect, the seeds of grids; largest first.
+
+    Pieces of the same size come in the order of their corners' summed strengths.
+
+    A corner that is reached with two different coordinates stays where it was first put, a
+    second corner in the same cell is left out; growing repairs either.
+    """
+    links = _keep_squares(_find_links(pyramid, corners))
+    strength = corners.contrast * corners.radius
+    corner, arm = links.corner.tolist(), links.arm.tolist()
+    steps = [tuple(step) for step in _DIRECTIONS.tolist()]
+    visited = [False] * len(corner)
+    patches = []
+    for first in np.nonzero((links.corner >= 0).any(1))[0].tolist():
+        if visited[first]:
+            continue
+        # Arm a of a corner with rotation r points along _DIRECTIONS[(r + a) % 4].
+        place: dict[tuple[int, int], int] = {(0, 0): first}
+        state = {first: (0, 0, 0)}
+        visited[first] = True
+        queue = deque([first])
+        while queue:
+            here = queue.popleft()
+            i, j, rotation = state[here]
+            for a in range(4):
+                there = corner[here][a]
+                if there < 0 or visited[there]:
+                    continue
+                direction = (rotation + a) % 4
+                cell = (i + steps[direction][0], j + steps[direction][1])
+                if cell in place:
+                    continue
+                visited[there] = True
+                place[cell] = there
+                state[there] = (*cell, (direction + 2 - arm[here][a]) % 4)
+                queue.append(there)
+        members = np.fromiter(state, int, len(state))
+        coordinates = np.array([state[member] for member in state])
+        # Arms are counted from one with its bright side clockwise: even arms lead along a
+        # bright sector, so an even rotation means that the quadrant (+i, +j) is bright.
+        bright = (coordinates[:, 2] % 2 == 0) == (coordinates[:, :2].sum(1) % 2 == 0)
+        patches.append(
+            Patch(
+                corner=members,
+                cells=coordinates[:, :2],
+                parity=1 if 2 * bright.sum() >= len(bright) else -1,
+            )
+        )
+    return sorted(patches, key=lambda p: (-len(p.corner), -float(strength[p.corner].sum())))

@@ -8,14 +8,20 @@ that agree with each other about where the board is; what they contradict is lef
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.detection.grids import FoundGrids, Grid
+from cubicfish_cli.detection.grids import (
+    FoundGrids,
+    Grid,
+    grids_in_mirror,
+    negative_grids,
+    negative_photo,
+)
 from cubicfish_cli.detection.markers_detect import (
     Family,
     SeenMarkers,
@@ -25,18 +31,20 @@ from cubicfish_cli.detection.markers_detect import (
 )
 from cubicfish_cli.detection.markers_lattice import BoardLattice, clean, grow, snap, verify
 from cubicfish_cli.detection.markers_read import (
+    NamedGrid,
+    cell_corners,
     marker_ratio,
     module_places,
+    quarter_turns,
     read_grid,
     read_modules,
     read_outlines,
+    read_together,
     shortest_side,
     squares,
     wrong_modules,
 )
-from cubicfish_cli.detection.markers_together import NamedGrid, read_together
 from cubicfish_cli.detection.nearby import nearest
-from cubicfish_cli.detection.photo_as import grids_in_mirror, negative_grids, negative_photo
 from cubicfish_cli.detection.pyramid import Pyramid, build_pyramid
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
@@ -60,7 +68,6 @@ _OWN_FOR_ANOTHER = 4
 _BLURRED = 0.25
 # So many markers, at least two side by side, are no misreadings even where others refute them.
 _NO_ACCIDENT = 3
-_QUARTER = np.array([(0, 1), (-1, 0)])
 _SAME_CORNER = 0.3  # of the distance to the next corner
 
 
@@ -110,9 +117,13 @@ class _Piece:
 
     board: int
     lattice: BoardLattice
-    how: IntArray  # (columns, rows)
+    how: IntArray = field(init=False)  # (columns, rows)
     markers: int  # how many agree
-    grids: set[int]
+    grids: set[int] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        """Take what is known for what markers name, the rest for what will have grown."""
+        self.how = np.where(self.lattice.known, int(How.MARKER), int(How.GROWN))
 
 
 def find_marked_corners(
@@ -258,9 +269,7 @@ def _outlined(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids)
         if agreeing[place] < _AGREEING:
             continue
         lattice = _placed(pyramid, target, index, own, label == place, np.zeros((0, 2)))
-        how = np.full(lattice.known.shape, int(How.MARKER))
-        agree = agreeing[place]
-        pieces.append(_Piece(board=index, lattice=lattice, how=how, markers=agree, grids=set()))
+        pieces.append(_Piece(board=index, lattice=lattice, markers=agreeing[place]))
     return _marked(pieces, len(grids.grids), ())
 
 
@@ -302,9 +311,7 @@ def _piece(
     agreeing = len(np.unique(markers.cell[chosen], axis=0))
     if lattice.known.sum() < (_ALONE if agreeing == 1 else 4):
         return None
-    how = np.full(lattice.known.shape, int(How.GROWN))
-    how[lattice.known] = How.MARKER
-    piece = _Piece(board=index, lattice=lattice, how=how, markers=agreeing, grids=set())
+    piece = _Piece(board=index, lattice=lattice, markers=agreeing)
     _extend(pyramid, piece, grids, free)
     return piece if lattice.known.sum() >= 4 else None
 
@@ -352,10 +359,7 @@ def _blurred(
     """The board of a grid that is named by all of its markers together."""
     lattice = BoardLattice(board=target.boards[one.board])
     lattice.put(one.cells, grids[number].pixel)
-    how = np.full(lattice.known.shape, int(How.GROWN))
-    how[lattice.known] = How.MARKER
-    markers, own = one.markers, {number}
-    piece = _Piece(board=one.board, lattice=lattice, how=how, markers=markers, grids=own)
+    piece = _Piece(board=one.board, lattice=lattice, markers=one.markers, grids={number})
     _extend(pyramid, piece, grids, free)
     return piece
 
@@ -365,8 +369,7 @@ def _seeds(
 ) -> tuple[IntArray, FloatArray]:
     """Where markers put the corners around them: cells (K, 2), pixels (K, 2)."""
     square = squares(outline, marker_ratio(target, index))
-    first = 2 * cell if board.kind == "aprilgrid" else cell - 1
-    corner = (first[:, None] + np.array([(0, 0), (1, 0), (1, 1), (0, 1)])).reshape(-1, 2)
+    corner = cell_corners(board, cell).reshape(-1, 2)
     pixel = square.reshape(-1, 2)
     inside = ((corner >= 0) & (corner < (board.columns, board.rows))).all(axis=1)
     cells, same = np.unique(corner[inside], axis=0, return_inverse=True)
@@ -402,13 +405,11 @@ def _name_grid(lattice: BoardLattice, grid: Grid) -> IntArray | None:
         return None
     names = known[index[shared, 0]]
     most, named = 0, None
-    for turn in range(4):
-        # Quarter turns; every other one swaps which quadrant lies right and below.
-        cells = grid.cells @ np.linalg.matrix_power(_QUARTER, turn)
+    for cells, turned in quarter_turns(grid):
         offsets, votes = np.unique(names - cells[shared], axis=0, return_counts=True)
         if votes.max() > most:
             most, named = int(votes.max()), cells + offsets[votes.argmax()]
-            sign = grid.parity * (-1) ** (grid.cells.sum(axis=1) + turn)
+            sign = turned
     if named is None or most < max(_LEAST_VOTES, _LEAST_SHARE * shared.sum()):
         return None
     fits = lattice.inside(named).all() and (lattice.sign(named) == sign).all()
@@ -418,9 +419,7 @@ def _name_grid(lattice: BoardLattice, grid: Grid) -> IntArray | None:
 def _agrees(pyramid: Pyramid, target: Target, all_families: list[Family], piece: _Piece) -> bool:
     """Whether the markers that can be read through the piece's corners are the board's own."""
     board = target.boards[piece.board]
-    cell = board.marker_cells()[:, 1:]
-    first = 2 * cell if board.kind == "aprilgrid" else cell - 1
-    corner = first[:, None] + np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    corner = cell_corners(board, board.marker_cells()[:, 1:])
     whole = np.asarray(piece.lattice.inside(corner).all(axis=1))
     whole[whole] = ~np.isnan(piece.lattice.at(corner[whole].reshape(-1, 2))[:, 0]).reshape(
         -1, 4

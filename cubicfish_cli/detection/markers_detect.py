@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.detection.grids import Rows
 from cubicfish_cli.detection.pyramid import Pyramid
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray
@@ -17,13 +18,13 @@ from cubicfish_cli.types import FloatArray, IntArray
 _SMALLEST_MODULE_PX = 1.6
 # Photos smaller than this are not halved, larger ones not doubled.
 _LEAST_PX, _MOST_DOUBLED_PX = 200, 5_000_000
-# Placement in strong distortion are curved: how far a contour may leave its quadrangle, as a share
+# Sides in strong distortion are curved: how far a contour may leave its quadrangle, as a share
 # of its length.
 _BENT_SIDES = 0.05
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SeenMarkers:
+class SeenMarkers(Rows):
     """Markers of the target in one photo, one row a marker.
 
     Attributes:
@@ -44,8 +45,7 @@ class SeenMarkers:
 
     def of(self, board: int) -> SeenMarkers:
         """Those of one board."""
-        rows = self.board == board
-        return SeenMarkers(board=self.board[rows], cell=self.cell[rows], pixel=self.pixel[rows])
+        return self.select(self.board == board)
 
 
 def join(parts: list[SeenMarkers]) -> SeenMarkers:

@@ -7,11 +7,12 @@ distances (tags and the gaps between them), and markers come close to the corner
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.detection.lattice import LocalFit
+from cubicfish_cli.detection.lattice import CornerMap, LocalFit
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import Pyramid
 from cubicfish_cli.detection.refine import refine_corners
@@ -34,7 +35,6 @@ _SEARCH, _SEARCH_SQUARES = 0.5, 0.3
 # Leave-one-out: a corner that many such distances from what its neighbours say is not one.
 _OUTLIER = 0.2
 _MOST_ROUNDS = 80
-_STEPS = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
 # Sub-pixel windows end at 0.45 cells, fading from 0.35 on.
 _WINDOW_CELLS = 0.4
 _SMALLEST_CELL_PX = 8.0
@@ -45,7 +45,7 @@ _ARM_CONTRAST = 0.3
 
 
 @dataclass(kw_only=True, eq=False)
-class BoardLattice:
+class BoardLattice(CornerMap):
     """The corners of a board that are known in a photo.
 
     Attributes:
@@ -58,6 +58,7 @@ class BoardLattice:
 
     """
 
+    reach: ClassVar[int] = 3
     board: Board
     pixel: FloatArray = field(init=False)
     x: FloatArray = field(init=False)
@@ -82,22 +83,9 @@ class BoardLattice:
         self.tried = np.zeros(self.pixel.shape[:2], np.intp)
 
     @property
-    def known(self) -> BoolArray:
-        """(columns, rows) which corners are known."""
-        return ~np.isnan(self.pixel[..., 0])
-
-    @property
     def search(self) -> float:
         """How far from its prediction a corner may be, squares (tags)."""
         return min(_SEARCH * self.closest, _SEARCH_SQUARES)
-
-    def cells(self) -> IntArray:
-        """(N, 2) columns and rows of the known corners."""
-        return np.argwhere(self.known)
-
-    def at(self, cells: IntArray) -> FloatArray:
-        """Pixels (N, 2) of (N, 2) cells, NaN where unknown."""
-        return self.pixel[cells[:, 0], cells[:, 1]]
 
     def put(self, cells: IntArray, pixel: FloatArray) -> None:
         """Set corners; NaN removes them."""
@@ -106,8 +94,7 @@ class BoardLattice:
     def inside(self, cells: IntArray) -> BoolArray:
         """Which of (N, 2) cells are corners of the board."""
         columns, rows = self.pixel.shape[:2]
-        inside: BoolArray = np.all((cells >= 0) & (cells < (columns, rows)), axis=-1)
-        return inside
+        return np.all((cells >= 0) & (cells < (columns, rows)), axis=-1)
 
     def sign(self, cells: IntArray) -> IntArray:
         """+1 where the quadrant to the right and below of a corner is bright, else -1."""
@@ -136,16 +123,14 @@ class BoardLattice:
         step = solution[:, :, 1:3]
         length = np.hypot(step[:, 0], step[:, 1])
         area = step[:, 0, 0] * step[:, 1, 1] - step[:, 0, 1] * step[:, 1, 0]
-        neighbours = known.sum(axis=1)
         side = length.min(axis=1)
         return LocalFit(
             pixel=solution[:, :, 0] + mean,
             step=step,
             bend=solution[:, :, 3:6],
-            neighbours=neighbours,
             leverage=np.asarray(inverse[:, 0, 0] * _WEIGHT_BESIDE, float),
             side=side,
-            sound=(neighbours >= 3)
+            sound=(known.sum(axis=1) >= 3)
             & (side * self.closest > 2)
             & (area > 0.15 * length.prod(axis=1)),
         )
@@ -206,8 +191,7 @@ class BoardLattice:
         shown = (level[..., 0] - level[..., 1]) * sign[:, None, None]
         shown *= np.array([1, 1, -1, -1])[:, None]
         shown = shown.reshape(len(pixel), 4 * len(_ARM_PX))
-        seen: BoolArray = shown.min(axis=1) > _ARM_CONTRAST * np.median(shown, axis=1)
-        return seen
+        return shown.min(axis=1) > _ARM_CONTRAST * np.median(shown, axis=1)
 
 
 def _terms(u: FloatArray, v: FloatArray) -> FloatArray:
@@ -221,7 +205,7 @@ def _terms(u: FloatArray, v: FloatArray) -> FloatArray:
 def grow(pyramid: Pyramid, lattice: BoardLattice, free: FloatArray) -> None:
     """Add the corners beside the known ones until nothing changes; ``free`` (N, 2): candidates."""
     for _ in range(_MOST_ROUNDS):
-        cells = _frontier(lattice)
+        cells = lattice.frontier()
         if not len(cells) or not try_cells(pyramid, lattice, cells, free):
             return
 
@@ -271,27 +255,7 @@ def snap(
 
 def clean(lattice: BoardLattice) -> None:
     """Drop corners that contradict their neighbours or have none."""
-    for _ in range(10):
-        cells = lattice.cells()
-        if not len(cells):
-            return
-        around = cells[:, None] + _STEPS
-        inside = lattice.inside(around)
-        i, j = np.where(inside, around[..., 0], 0), np.where(inside, around[..., 1], 0)
-        lonely = ~(inside & lattice.known[i, j]).any(axis=1)
-        fit = lattice.fit(cells, without_itself=True)
-        miss = np.where(fit.sound, fit.cells_away(lattice.at(cells)), 0.0)
-        miss /= 1 + np.sqrt(fit.leverage)
-        # One wrong corner spoils its neighbours' predictions: only the worst around goes.
-        spread = np.zeros(lattice.known.shape)
-        spread[cells[:, 0], cells[:, 1]] = miss
-        worst = np.lib.stride_tricks.sliding_window_view(np.pad(spread, 1), (3, 3)).max((2, 3))
-        bad = miss > _OUTLIER * lattice.closest
-        bad &= miss >= worst[cells[:, 0], cells[:, 1]]
-        bad |= lonely
-        if not bad.any():
-            return
-        lattice.put(cells[bad], np.full((int(bad.sum()), 2), np.nan))
+    lattice.clean(_OUTLIER * lattice.closest)
 
 
 def verify(pyramid: Pyramid, lattice: BoardLattice) -> None:
@@ -301,17 +265,6 @@ def verify(pyramid: Pyramid, lattice: BoardLattice) -> None:
         return
     pixel, good = lattice.refined(pyramid, cells, lattice.at(cells), lattice.fit(cells))
     lattice.put(cells, np.where(good[:, None], pixel, np.nan))
-
-
-def _frontier(lattice: BoardLattice) -> IntArray:
-    """Unknown cells beside a known one whose surroundings changed since they were tried."""
-    known = lattice.known
-    padded = np.pad(known, 1)
-    beside = padded[2:, 1:-1] | padded[:-2, 1:-1] | padded[1:-1, 2:] | padded[1:-1, :-2]
-    count = np.lib.stride_tricks.sliding_window_view(np.pad(known, 3), (7, 7)).sum((2, 3))
-    fresh = beside & ~known & (count != lattice.tried)
-    lattice.tried[fresh] = count[fresh]
-    return np.argwhere(fresh)
 
 
 def _alone(lattice: BoardLattice, pixel: FloatArray, fit: LocalFit) -> BoolArray:

@@ -13,6 +13,7 @@ from cubicfish_cli.types import FloatArray
 
 # Side of the smallest level: below it there is no room for a ring test.
 SMALLEST_SIDE = 24
+_MOST_HALVINGS = 6
 # Standard deviation, pixels, at full size: just enough that a photo sharpened by its camera is not
 # undersampled for the sub-pixel fit.
 SMOOTHING = 0.5
@@ -110,10 +111,10 @@ def estimate_noise(image: Float32Array) -> float:
     return float(np.median(counted)) / (0.6745 * 6.0)
 
 
-def build_pyramid(grey: npt.NDArray[np.generic], deepest: int = 6) -> Pyramid:
+def build_pyramid(grey: npt.NDArray[np.generic]) -> Pyramid:
     """Build the pyramid of a 2-D uint8, uint16 or float image.
 
-    Levels stop at ``deepest`` halvings or when a side would fall under 24 px. The photo's
+    Levels stop at six halvings or when a side would fall under 24 px. The photo's
     brightest value becomes 255; what is not finite becomes 0.
     """
     image = np.asarray(grey, np.float32)
@@ -130,7 +131,7 @@ def build_pyramid(grey: npt.NDArray[np.generic], deepest: int = 6) -> Pyramid:
     noise = max(estimate_noise(image), 0.5 * quantum)
     levels = [np.asarray(cv2.GaussianBlur(image, (5, 5), SMOOTHING), np.float32)]
     half = image
-    while len(levels) <= deepest and min(half.shape) >= 2 * SMALLEST_SIDE:
+    while len(levels) <= _MOST_HALVINGS and min(half.shape) >= 2 * SMALLEST_SIDE:
         half = np.asarray(cv2.pyrDown(half), np.float32)
         levels.append(half)
     return Pyramid(levels=tuple(levels), noise=noise, gain=gain)

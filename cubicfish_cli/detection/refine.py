@@ -1,4 +1,7 @@
-"""Sub-pixel refinement of corners whose place and local shape are known."""
+"""Sub-pixel refinement of corners whose place and local shape are known, and the last word on each.
+
+That is whether it is whole, sharp, and like its neighbours.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +15,29 @@ from cubicfish_cli.detection.lattice import LocalFit
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import Pyramid, build_pyramid
 from cubicfish_cli.detection.saddle import fit_saddles
-from cubicfish_cli.detection.verify import MOST_TURN, MOST_TURN_MARKED, whole_corners
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
+# Each bound is relative to the corner's own surroundings, so that dim and blurred boards count
+# as much as bright and sharp ones.
+_SEPARATION = 0.30  # darker bright minus brighter dark square, of the corner's contrast
+_CONTRAST = 0.15  # of the median contrast around: a shadow may take that much
+# Times the noise: with less contrast a corner could not be placed to better than a third of a
+# pixel, and the rim of the image circle begins to look like one.
+_LEAST_SIGNAL = 5.0
+_MISFIT = 0.18  # of the contrast
+_MOST_BLUR = 2.5  # times the median around
+# Edges follow the grid, within what its local fit may be wrong by. A lattice of knight's moves, the
+# likeliest wrong one, is off by 0.46.
+MOST_TURN = 0.25  # radians
+# Beside markers blur mixes their ink into the edges, and the markers vouch for the lattice.
+MOST_TURN_MARKED = 0.4
+_TRAVEL = 0.15  # of the side
+_MOST_SPREAD = 0.05  # predicted standard deviation, of the side
+# Times the median around: the edge of a shadow or of the paper within the window shows as a model
+# that fits worse than it does next door. Next door may fit to hundredths of a pixel, though, and
+# prints and paper are not true to more than an eightieth of a square: on rendered photos corners of
+# a spread under a tenth of a pixel are as good as it says, whatever is next to them.
+_SPREAD, _HARMLESS, _TRUE_TO = 3.5, 0.1, 0.0125  # times that around, px, of the side
 # Half-size of the window, pixels.
 _SMALLEST_HALF, _USUAL_HALF, _LARGEST_HALF = 3.0, 5.0, 12.0
 _OF_SIDE, _OF_BLUR, _OF_GAP = 0.4, 3.5, 1.0
@@ -24,6 +47,32 @@ _ODD_GAP = 3.0  # a corner whose gap stays that far away, in such spreads, is no
 _BURNT = 3.0  # times the noise
 # How far a crossing moves towards the saddle point, and from what distance on it does not.
 _SADDLE_SHARE, _SADDLE_TRAVEL = 1 / 3, 0.5
+
+
+def whole_corners(
+    found: Crossings,
+    sign: IntArray,
+    side: FloatArray,
+    moved: FloatArray,
+    contrast_around: FloatArray,
+    blur_around: FloatArray,
+    spread_around: FloatArray,
+    noise: float,
+    most_turn: float = MOST_TURN,
+) -> BoolArray:
+    """Tell which of N corners pass every test; ``most_turn`` is in radians."""
+    bright, dark = found.bright(sign), found.dark(sign)
+    contrast = found.contrast(sign)
+    good = found.ok & (bright.min(1) - dark.max(1) > _SEPARATION * contrast)
+    good &= contrast > np.maximum(_CONTRAST * contrast_around, _LEAST_SIGNAL * noise)
+    good &= found.misfit < np.maximum(_MISFIT * contrast, 1.5 * noise)
+    good &= found.blur.max(1) < _MOST_BLUR * blur_around + 0.5
+    good &= found.turn < most_turn
+    good &= moved < np.maximum(_TRAVEL * side, 0.5)
+    harmless = np.maximum(_HARMLESS, _TRUE_TO * side)
+    most_spread = np.hypot(_SPREAD * spread_around, harmless)
+    good &= found.spread < np.minimum(_MOST_SPREAD * side, most_spread)
+    return good
 
 
 def refine_pixels(
@@ -183,7 +232,6 @@ def refine_corners(
         pixel=pixel[rows],
         step=jacobians[rows],
         bend=np.zeros((len(rows), 2, 3)) if bends is None else bends[rows],
-        neighbours=np.full(len(rows), 4),
         leverage=np.zeros(len(rows)),
         side=side[rows],
         sound=np.ones(len(rows), bool),

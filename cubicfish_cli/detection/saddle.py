@@ -20,14 +20,11 @@ class SaddleFit:
     Attributes:
         pixel: (N, 2) the saddle point.
         ok: (N,) it converged on a saddle within the allowed travel.
-        curvature: (N,) sqrt(-det Hessian) of the fit times half-size squared: grey levels that
-            the saddle rises within the window, a measure of sharpness times contrast.
 
     """
 
     pixel: FloatArray
     ok: BoolArray
-    curvature: FloatArray
 
 
 def fit_saddles(
@@ -51,16 +48,13 @@ def fit_saddles(
     count = len(pixel)
     result = np.array(pixel, float).reshape(count, 2)
     ok = np.zeros(count, bool)
-    curvature = np.zeros(count)
     half = np.broadcast_to(np.asarray(half, float), (count,))
     limit = np.maximum(1.5, half) if travel is None else np.broadcast_to(travel, (count,))
     reach = np.ceil(half + 0.5).astype(int)
     for radius in np.unique(reach):
         rows = np.nonzero(reach == radius)[0]
-        result[rows], ok[rows], curvature[rows] = _fit(
-            image, result[rows], half[rows], limit[rows], int(radius)
-        )
-    return SaddleFit(pixel=result, ok=ok, curvature=curvature)
+        result[rows], ok[rows] = _fit(image, result[rows], half[rows], limit[rows], int(radius))
+    return SaddleFit(pixel=result, ok=ok)
 
 
 def _fit(
@@ -69,16 +63,15 @@ def _fit(
     half: FloatArray,
     travel: FloatArray,
     radius: int,
-) -> tuple[FloatArray, BoolArray, FloatArray]:
+) -> tuple[FloatArray, BoolArray]:
     size = 2 * radius + 1
     height, width = image.shape
     offsets = np.arange(-radius, radius + 1)
     pixel = start.copy()
-    curvature = np.zeros(len(start))
     ok = np.zeros(len(start), bool)
     active = np.arange(len(start))
     if min(height, width) < size:
-        return pixel, ok, curvature
+        return pixel, ok
     windows = np.lib.stride_tricks.sliding_window_view(image, (size, size))
     for _ in range(_ITERATIONS):
         centre = np.rint(pixel[active]).astype(int)
@@ -94,22 +87,20 @@ def _fit(
             break
         patch = windows[centre[:, 1] - radius, centre[:, 0] - radius].astype(float)
         away = offsets + (centre - pixel[active])[..., None]
-        move, bend = _newton(patch, away, half[active])
-        saddle = bend > 0
+        move, saddle = _newton(patch, away, half[active])
         length = np.hypot(move[:, 0], move[:, 1])
         # A long step means that the quadratic does not describe the window: damp it.
         move *= np.minimum(1.0, 0.75 * half[active] / np.maximum(length, 1e-9))[:, None]
         pixel[active[saddle]] += move[saddle]
-        curvature[active] = bend
         done = saddle & (length < _CONVERGED)
         ok[active[done]] = True
         active = active[saddle & ~done]
     ok &= np.hypot(*(pixel - start).T) <= travel
-    return pixel, ok, curvature
+    return pixel, ok
 
 
-def _newton(patch: FloatArray, away: FloatArray, half: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """One weighted fit: patches (N, n, n), offsets along x, y (N, 2, n) -> step (N, 2), rise (N,).
+def _newton(patch: FloatArray, away: FloatArray, half: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """One weighted fit: patches (N, n, n), offsets (N, 2, n) -> steps (N, 2), saddles (N,).
 
     The weight is a product, so products of polynomials that are orthogonal along x and along y
     are orthogonal in the plane, and each coefficient is a mean of its own.
@@ -135,5 +126,4 @@ def _newton(patch: FloatArray, away: FloatArray, half: FloatArray) -> tuple[Floa
     determinant = 4 * a * c - b * b
     safe = np.where(determinant < 0, determinant, -1.0)
     step = np.stack([(b * e - 2 * c * d) / safe, (b * d - 2 * a * e) / safe], -1)
-    rise = np.where(determinant < 0, np.sqrt(np.maximum(-determinant, 0)), 0.0)
-    return step * half[:, None], rise
+    return step * half[:, None], determinant < 0

@@ -13,14 +13,25 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from cubicfish_cli.diagnosis.another_target import another_target, nothing_named
-from cubicfish_cli.diagnosis.corner_count import miscounted, squares_of_corners, squares_of_grids
+from cubicfish_cli.diagnosis.corner_count import (
+    another_target,
+    miscounted,
+    nothing_named,
+    squares_of_corners,
+    squares_of_grids,
+)
 from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence, PhotoEvidence
 from cubicfish_cli.diagnosis.failed_lens import failed_lens
 from cubicfish_cli.diagnosis.left_out import left_out
 from cubicfish_cli.diagnosis.lens_faults import lens_findings
-from cubicfish_cli.diagnosis.markers import no_markers, otherwise_printed
-from cubicfish_cli.diagnosis.mirrored import handed, mirrored_object, mirrored_photos, other_colours
+from cubicfish_cli.diagnosis.mirrored import (
+    handed,
+    mirrored_object,
+    mirrored_photos,
+    no_markers,
+    other_colours,
+    otherwise_printed,
+)
 from cubicfish_cli.diagnosis.misdrawn import misdrawn
 from cubicfish_cli.diagnosis.repeats import copies, repeats
 from cubicfish_cli.diagnosis.rig import (
@@ -34,7 +45,7 @@ from cubicfish_cli.diagnosis.unsteady import unsteady
 from cubicfish_cli.diagnosis.wrong_drawing import wrong_drawing, wrong_drawing_of_failure
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.evidence import CornerEvidence, Evidence, FailedFit, FitEvidence
-from cubicfish_cli.fitting.rig.evidence import RigEvidence
+from cubicfish_cli.fitting.rig.gather import RigEvidence
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from cubicfish_cli.detection.grids import FoundGrids
-from cubicfish_cli.diagnosis.count import Count
 from cubicfish_cli.diagnosis.fewer_corners import fewer_corners
-from cubicfish_cli.diagnosis.more_corners import more_corners
+from cubicfish_cli.diagnosis.more_corners import Count, more_corners
 from cubicfish_cli.fitting.evidence import Evidence
 from cubicfish_cli.identification.identified import Identified
 from cubicfish_cli.observations import Observations

@@ -7,16 +7,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cubicfish_cli.diagnosis.few_photos import enough_photos, fit_of_few, spread_out
 from cubicfish_cli.diagnosis.photo_lenses import (
     BY_CHANCE,
     WORTH,
     PhotoLenses,
     TwoLenses,
     Unlike,
+    enough_photos,
+    fit_of_few,
     left_out_share,
     photo_lenses,
     sheared_photos,
+    spread_out,
     two_lenses,
     zoomed_photos,
 )

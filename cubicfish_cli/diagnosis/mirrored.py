@@ -1,4 +1,4 @@
-"""Photos or objects that are the other way round, as in a mirror.
+"""Photos, objects or markers that are the other way round, as in a mirror or in a negative.
 
 No lens turns a picture inside out: on every photo of a printed face the row grows to the right of
 the direction in which the column grows, or corners are in another order, or the photo is mirrored.
@@ -6,18 +6,24 @@ the direction in which the column grows, or corners are in another order, or the
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
-from cubicfish_cli.diagnosis.count import grid_boards
-from cubicfish_cli.diagnosis.evidence import GridEvidence
+from cubicfish_cli.detection.grids import FoundGrids
+from cubicfish_cli.detection.markers import find_marked_corners
+from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence
+from cubicfish_cli.diagnosis.more_corners import grid_boards
 from cubicfish_cli.fitting.evidence import FailedFit
 from cubicfish_cli.fitting.local_noise import neighbours
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import flatness
 from cubicfish_cli.observations import Observations
+from cubicfish_cli.photos import Picture
+from cubicfish_cli.target import Target
 from cubicfish_cli.types import IntArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
@@ -28,6 +34,9 @@ _MAJORITY = 0.9
 _SURE_FOCAL = 0.03
 # An object that leaves a plane by less looks the same in a mirror, from behind.
 _FLAT = 1e-4
+# Photos in which unseen markers are looked for once more, and how many corners tell.
+_PHOTOS = 3
+_TELLING_CORNERS = 4
 
 
 def handed(pairs: Observations) -> list[Finding]:
@@ -67,8 +76,7 @@ def mirrored_object(pairs: Observations) -> list[Finding]:
     """
     if flatness(pairs.world) < _FLAT:
         return []
-    pixel = pairs.pixel * [-1, 1] + [pairs.image_size[0] - 1, 0]
-    fit = fit_radial(replace(pairs, pixel=pixel), thorough=False)
+    fit = fit_radial(in_mirror(pairs), thorough=False)
     if fit.focal_uncertainty > _SURE_FOCAL:
         return []
     return [
@@ -80,6 +88,11 @@ def mirrored_object(pairs: Observations) -> list[Finding]:
             figures={"after_px": noise_px(fit.residual)},
         )
     ]
+
+
+def in_mirror(pairs: Observations) -> Observations:
+    """The pairs of photos with left and right exchanged."""
+    return replace(pairs, pixel=pairs.pixel * [-1, 1] + [pairs.image_size[0] - 1, 0])
 
 
 def other_colours(evidence: GridEvidence) -> list[Finding]:
@@ -121,3 +134,83 @@ def seen_sides(pairs: Observations) -> IntArray:
     total = np.bincount(view, weights=sign, minlength=photos * boards)
     known = (count >= _FEWEST) & (np.abs(total) >= (2 * _MAJORITY - 1) * count)
     return np.where(known, np.sign(total), 0).astype(np.intp).reshape(photos, boards)
+
+
+def otherwise_printed(evidence: MarkerEvidence) -> list[Finding]:
+    """That markers of some boards are inverted, or photos are mirrored, where they are unseen."""
+    target, unseen = evidence.target, _unseen(evidence)
+    if not unseen:
+        return []
+    changed = {index: target.boards[index].with_negative_markers() for index in unseen}
+    kinds = {target.boards[index].kind for index in unseen}
+    others = [target.with_boards(changed)] if "charuco" in kinds else []
+    # Where some boards are read as they are, the photos are not mirrored.
+    marked = sum(board.markers is not None for board in target.boards)
+    if len(unseen) == marked:
+        others += [one.in_mirror() for one in (target, *others)]
+    if not others:
+        return []
+    for picture, grids in islice(_richest(evidence), _PHOTOS):
+        for other in others:
+            found = find_marked_corners(picture, other, grids)
+            boards = [index for index in unseen if (found.board == index).any()]
+            if np.isin(found.board, unseen).sum() >= _TELLING_CORNERS:
+                return [_printed_so(target, other, boards, len(found))]
+    return []
+
+
+def no_markers(evidence: MarkerEvidence) -> list[Finding]:
+    """That no photo shows any."""
+    markers = [board.markers for board in evidence.target.boards]
+    families = sorted({one.dictionary for one in markers if one is not None})
+    figures = {"photos": evidence.photos, "families": ", ".join(families)}
+    return [Finding(code=Code.NO_MARKERS, case="all", severity=Severity.BAD, figures=figures)]
+
+
+def _unseen(evidence: MarkerEvidence) -> list[int]:
+    """Boards with markers of which no photo shows a corner."""
+    seen = set(np.unique(evidence.corners.board).tolist())
+    return [
+        index
+        for index, board in enumerate(evidence.target.boards)
+        if board.markers is not None and index not in seen
+    ]
+
+
+def _richest(evidence: MarkerEvidence) -> Iterator[tuple[Picture, FoundGrids]]:
+    """Brightness of photos and their grids, those that show most first."""
+    order = sorted(
+        range(len(evidence.grids)),
+        key=lambda number: -sum(map(len, evidence.grids[number].grids)),
+    )
+    for number in order:
+        picture = evidence.picture(number)
+        if picture is not None:
+            yield picture, evidence.grids[number]
+
+
+def _printed_so(target: Target, other: Target, boards: list[int], corners: int) -> Finding:
+    names = tuple(target.boards[index].name for index in boards)
+    first, now = target.boards[boards[0]], other.boards[boards[0]]
+    inverted = (
+        first.markers is not None
+        and now.markers is not None
+        and first.markers.inverted != now.markers.inverted
+    )
+    mirrored = target.mirrored != other.mirrored
+    how = ["inverted"] * inverted
+    how += ["mirrored" if other.mirrored else "not_mirrored"] * mirrored
+    printed = "_".join(how)
+    return Finding(
+        code=Code.MIRRORED if mirrored else Code.INVERTED,
+        case="markers" if mirrored else "",
+        severity=Severity.BAD if mirrored else Severity.CARE,
+        boards=names,
+        figures={
+            "printed": printed,
+            "print_help": printed,
+            "light": first.markers is not None and not first.markers.inverted,
+            "first_square": other.as_printed().boards[boards[0]].first_square,
+            "corners": corners,
+        },
+    )

@@ -16,10 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cubicfish_cli.boards.board import Board, FirstSquare
-from cubicfish_cli.detection.grids import Grid
-from cubicfish_cli.detection.photo_as import grid_in_mirror
+from cubicfish_cli.detection.grids import Grid, grid_in_mirror
 from cubicfish_cli.diagnosis.evidence import GridEvidence
-from cubicfish_cli.diagnosis.orders import AXES
+from cubicfish_cli.diagnosis.object_faults import AXES
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.identified import FEWEST_CORNERS, GridReport
 from cubicfish_cli.identification.name_grids import name_again

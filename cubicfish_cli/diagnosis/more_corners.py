@@ -1,34 +1,69 @@
-"""Boards that have more corners than drawn: grids in photos are larger than they are."""
+"""How many corners boards have, as photos show it: more than drawn, by grids larger than they."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.diagnosis.count import (
-    FEWEST_PHOTOS,
-    Count,
-    boards_with_squares,
-    is_full,
-)
+from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.identification.identified import FEWEST_CORNERS, GridReport, Identified
 from cubicfish_cli.identification.name_grids import name_again
 from cubicfish_cli.identification.placement import TURNS
 from cubicfish_cli.target import Target
 
+FEWEST_PHOTOS = 2
+"""So many photos must show it: in one, anything may cover a line of corners."""
+# A grid fills its box when it has so much of it.
+_FILLED = 0.9
 # Grids that are larger than drawn must have a place on the enlarged board, so many of them.
 _PLACED = 0.9
 _TRIAL_PHOTOS = 6
 
 
+@dataclass(frozen=True, kw_only=True)
+class Count:
+    """How many corners a board has, as photos show it.
+
+    Attributes:
+        board: index into the target's boards.
+        size: columns and rows that are seen.
+        photos: in how many photos.
+        sure: whether the columns are surely so many, and the rows; else they are as drawn, and
+            photos do not tell.
+
+    """
+
+    board: int
+    size: tuple[int, int]
+    photos: int
+    sure: tuple[bool, bool] = (True, True)
+
+
+def is_full(grid: Grid) -> bool:
+    """Whether a grid has nearly all corners of its box."""
+    return bool(len(grid) >= _FILLED * (grid.cells.max(axis=0) + 1).prod())
+
+
+def boards_with_squares(target: Target) -> list[int]:
+    """Indices of the boards whose corners are where squares meet."""
+    return [index for index, board in enumerate(target.boards) if board.has_squares]
+
+
+def grid_boards(target: Target) -> list[Board]:
+    """The boards that show as a grid of squares."""
+    return [target.boards[index] for index in boards_with_squares(target)]
+
+
 def more_corners(identified: Identified, target: Target) -> list[Count]:
     """Boards of which photos show more corners than are drawn.
 
-    The arguments are those of
-    :func:`~cubicfish_cli.diagnosis.miscounted.counted`.
+    Args:
+        identified: what became of the photos' grids.
+        target: the drawing.
+
     """
     lost = [
         (photo, number, report)

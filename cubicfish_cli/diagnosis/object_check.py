@@ -20,6 +20,7 @@ from cubicfish_cli.fitting.point_fit import RANK_TOLERANCE
 from cubicfish_cli.fitting.subset import flatness
 from cubicfish_cli.identification.look_alikes import PlainBoards, Turn, look_alikes, symmetries
 from cubicfish_cli.lenses.lift import lift
+from cubicfish_cli.lenses.sphere import all_around
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray
 
@@ -145,19 +146,14 @@ def _middles(boards: Sequence[Board]) -> FloatArray:
 
 def _faced(boards: Sequence[Board], world: FloatArray) -> BoolArray:
     """(E, B) which boards turn their faces to each of many eyes around and in the object."""
-    k = np.arange(_EYE_DIRECTIONS)
-    z = 1 - (2 * k + 1) / _EYE_DIRECTIONS
-    around = k * np.pi * (3 - np.sqrt(5))  # the golden angle spreads directions evenly
-    across = np.sqrt(1 - z * z)
-    way = np.stack([across * np.cos(around), across * np.sin(around), z], axis=-1)
+    way = all_around(_EYE_DIRECTIONS)
     middle = (world.min(axis=0) + world.max(axis=0)) / 2
     diagonal = float(np.linalg.norm(np.ptp(world, axis=0)))
     eyes = middle + diagonal * (np.array(_EYE_DISTANCES)[:, None, None] * way).reshape(-1, 3)
     eyes = np.concatenate([middle[None], eyes])
     to_eye = eyes[:, None] - _middles(boards)
     height = (to_eye * _normals(boards)).sum(axis=-1)
-    faced: BoolArray = height > _FLATTEST * np.linalg.norm(to_eye, axis=-1)
-    return faced
+    return height > _FLATTEST * np.linalg.norm(to_eye, axis=-1)
 
 
 def _heights(boards: Sequence[Board]) -> FloatArray:

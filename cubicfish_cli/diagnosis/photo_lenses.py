@@ -8,7 +8,7 @@ it is linear where the fit stopped, so it costs one pass over the corners.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import comb
 from typing import Literal
 
@@ -19,10 +19,14 @@ from cubicfish_cli.fitting.adjustment import huber_weight
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.normal_equations import runs_of_photos
 from cubicfish_cli.fitting.poses import Poses, cross_matrix
+from cubicfish_cli.fitting.refinement import ObjectFit
 from cubicfish_cli.fitting.robust import huber_px
+from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
+_FEWEST = 30
+_SHARE = 0.05
 # What a photo may have of its own: scale, shift x, shift y; and a shift x, y that grows by rows.
 TERMS = 5
 _EACH = ("own", "information", "squares", "numbers")
@@ -38,6 +42,37 @@ WORTH = 0.05
 _CLEARLY = 1.2
 _FEWEST_IN_GROUP = 2
 _LEAST_FOR_GROUPS = 5
+
+
+def enough_photos(count: int) -> int:
+    """So many of ``count`` photos are looked at first: all of few, a small share of many."""
+    return min(count, max(_FEWEST, round(_SHARE * count)))
+
+
+def spread_out(photos: IntArray, most: int) -> IntArray:
+    """At most so many of some photos, from all parts of their order."""
+    if len(photos) <= most:
+        return photos
+    return photos[np.linspace(0, len(photos) - 1, most).round().astype(np.intp)]
+
+
+def fit_of_few(fit: ObjectFit, photos: IntArray) -> ObjectFit:
+    """The same fit with the poses, pairs and residuals of some photos only.
+
+    Args:
+        fit: of all photos, of any level; the object keeps the points that it has.
+        photos: increasing indices of photos.
+
+    """
+    own = np.isin(fit.reference.pairs.image, photos)
+    reference = replace(
+        fit.reference,
+        pairs=select_photos(fit.reference.pairs, photos),
+        poses=fit.reference.poses[photos],
+        residual=fit.reference.residual[own],
+    )
+    cubic = replace(fit.cubic, poses=fit.cubic.poses[photos], residual=fit.cubic.residual[own])
+    return replace(fit, reference=reference, cubic=cubic)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

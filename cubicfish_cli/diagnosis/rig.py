@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc
 
-from cubicfish_cli.fitting.rig.evidence import RigEvidence
+from cubicfish_cli.fitting.rig.gather import RigEvidence
 from cubicfish_cli.fitting.rig.start import common_shots
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.types import FloatArray, IntArray
@@ -103,9 +103,7 @@ def _split(
     count = len(shots)
     if count < 2 * _LEAST_SHOTS:
         return None
-    explained = np.array(
-        [g @ np.linalg.lstsq(h, g, rcond=_RCOND)[0] for h, g in zip(hessian, gradient, strict=True)]
-    )
+    explained = _explained(hessian, gradient)
     best: Moved | None = None
     for first in range(_LEAST_SHOTS, count - _LEAST_SHOTS + 1):
         sides = slice(0, first), slice(first, count)
@@ -130,6 +128,12 @@ def _split(
                 chance=chance,
             )
     return best
+
+
+def _explained(hessian: FloatArray, gradient: FloatArray) -> FloatArray:
+    """(S,) the squared error that a step of its own takes away in each shot."""
+    both = zip(hessian, gradient, strict=True)
+    return np.array([g @ np.linalg.lstsq(h, g, rcond=_RCOND)[0] for h, g in both])
 
 
 def _said(evidence: RigEvidence, moved: Moved) -> RigFinding:
@@ -158,12 +162,8 @@ def not_at_once(evidence: RigEvidence) -> list[Finding]:
     off = np.zeros((len(lens.lenses), len(shots)))
     for camera in range(len(lens.lenses)):
         shot, hessian, gradient, corners = _says(evidence, camera)
-        gain = [
-            g @ np.linalg.lstsq(h, g, rcond=_RCOND)[0]
-            for h, g in zip(hessian, gradient, strict=True)
-        ]
         # Six unknowns take so much of the noise, whatever is wrong.
-        more = np.maximum(np.array(gain) - 6 * noise**2, 0) / np.maximum(corners, 1)
+        more = np.maximum(_explained(hessian, gradient) - 6 * noise**2, 0) / np.maximum(corners, 1)
         off[camera, shot] = np.sqrt(more)
     shared = np.bincount(lens.shot, minlength=len(shots)) > 1
     if int(shared.sum()) < _LEAST_SHOTS:

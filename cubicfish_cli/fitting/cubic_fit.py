@@ -21,10 +21,10 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import MARGIN_DEG, RadialReference
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.world import World
+from cubicfish_cli.lenses.cubic import Validity, check_validity
 from cubicfish_cli.lenses.lift import lift, sphere_basis
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.lenses.validity import Validity, check_validity
 from cubicfish_cli.types import FloatArray
 
 _PRIOR_RAYS = 300

@@ -8,10 +8,9 @@ import numpy as np
 
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera, check_validity
 from cubicfish_cli.lenses.lift import lift_rotation
 from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.lenses.validity import check_validity
 
 _RAYS = 2000
 

@@ -23,9 +23,8 @@ from cubicfish_cli.fitting.radial_reference import RadialReference, radial_near,
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
-from cubicfish_cli.lenses.free_lens import FreeLens
 from cubicfish_cli.lenses.lens import Lens
-from cubicfish_cli.lenses.nearest import nearest_lens
+from cubicfish_cli.lenses.nearest import FreeLens, nearest_lens
 from cubicfish_cli.lenses.registry import LENSES
 from cubicfish_cli.lenses.sphere import cone_rays, usable_angle_deg
 from cubicfish_cli.observations import Observations

@@ -1,4 +1,4 @@
-"""What a camera format of another tool offers: the ``FORMAT`` of its module."""
+"""What a camera format of another tool offers, the ``FORMAT`` of its module; rigs for it."""
 
 from __future__ import annotations
 
@@ -6,12 +6,114 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from cubicfish_cli.formats.lens_rig import LensRig
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.types import FloatArray
+from cubicfish_cli.wording import quoted
 
+Pose = tuple[FloatArray, FloatArray]
+
+METRES = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "in": 0.0254, "inch": 0.0254, "ft": 0.3048}
+"""Unit of length -> metres."""
 Poses = Mapping[str, tuple[FloatArray, FloatArray]]
 """camera_from_world, rotation (3, 3) and translation (3,), by the photo's name."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlacedLens:
+    """A lens and where it stands.
+
+    Attributes:
+        name: of the camera.
+        lens: the :class:`~cubicfish_cli.lenses.lens.Lens`, of the model that the format holds.
+        note: how it was made, a line each.
+        rotation: (3, 3) of lens_from_rig.
+        translation: (3,) of lens_from_rig, in the rig's units.
+        max_angle_deg: how far from the axis the camera is trusted.
+        poses: camera_from_world of its photos, in the lens's frame, by the photo's name.
+
+    """
+
+    name: str
+    lens: Any
+    note: Sequence[str]
+    rotation: FloatArray
+    translation: FloatArray
+    max_angle_deg: float
+    poses: Mapping[str, Pose]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlatPair:
+    """How two lenses' pictures become flat ones with common rows, as cv2.stereoRectify has it.
+
+    Attributes:
+        size: (width, height) of the flat pictures.
+        rotations: of the two: (3, 3) rectified_from_lens.
+        projections: of the two: (3, 4), of points in the first's rectified frame.
+        Q: (4, 4) takes (column, row, disparity, 1) to a point of the first's rectified frame.
+
+    """
+
+    size: tuple[int, int]
+    rotations: tuple[FloatArray, FloatArray]
+    projections: tuple[FloatArray, FloatArray]
+    Q: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LensRig:
+    """All that is written of a rig.
+
+    Attributes:
+        lenses: of the cameras; the first camera's frame is the rig's.
+        units: of lengths; None where not known.
+        overlaps: (N, N) whether two lenses see some direction in common.
+        flat: of two lenses, where flat pictures of both exist.
+
+    """
+
+    lenses: tuple[PlacedLens, ...]
+    units: str | None
+    overlaps: npt.NDArray[np.bool_]
+    flat: FlatPair | None = None
+
+    @property
+    def metres(self) -> float:
+        """Metres in one unit of length.
+
+        Raises:
+            CameraFileError: it is not known which unit that is.
+
+        """
+        if self.units not in METRES:
+            what = "says no unit of length" if self.units is None else f"is in {quoted(self.units)}"
+            raise CameraFileError(
+                f"the rig {what}, and this format is in metres: write units: mm (or cm, m, in, ft) "
+                "into rig.yaml"
+            )
+        return METRES[self.units]
+
+    def between(self, second: int, first: int) -> Pose:
+        """second_from_first, (3, 3) and (3,), in the rig's units."""
+        a, b = self.lenses[first], self.lenses[second]
+        turn = b.rotation @ a.rotation.T
+        return turn, b.translation - turn @ a.translation
+
+    def rig_from_lens(self, number: int) -> Pose:
+        """Where a lens stands in the rig: (3, 3) and (3,), in the rig's units."""
+        one = self.lenses[number]
+        return one.rotation.T, -one.rotation.T @ one.translation
+
+
+def matrix_rows(rotation: FloatArray, translation: FloatArray) -> list[list[float]]:
+    """The four rows of a 4x4 transform."""
+    whole = np.eye(4)
+    whole[:3, :3], whole[:3, 3] = rotation, translation
+    return (whole + 0.0).tolist()  # no -0.0
 
 
 @dataclass(frozen=True, kw_only=True)

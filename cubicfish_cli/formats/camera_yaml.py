@@ -10,16 +10,14 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.calibrated import Calibrated
-from cubicfish_cli.formats.camera_writer import FORMAT_VERSION, RADIAL_KEYS, unit_norm
-from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.formats.calibrated import FORMAT_VERSION, RADIAL_KEYS, Calibrated, unit_norm
+from cubicfish_cli.formats.fields import mapping, refuse_unknown, refuse_version
+from cubicfish_cli.lenses.cubic import CubicCamera, check_validity
 from cubicfish_cli.lenses.lift import SIZE
 from cubicfish_cli.lenses.point_cubic import Frame, PointCamera
 from cubicfish_cli.lenses.radial import RadialCamera
-from cubicfish_cli.lenses.validity import check_validity
 from cubicfish_cli.plain_yaml import load_plain_yaml
 from cubicfish_cli.types import FloatArray
-from cubicfish_cli.wording import did_you_mean, quoted
 
 # A calibration of some ten thousand photos; nobody's camera file is larger.
 MAX_BYTES = 64 * 1024 * 1024
@@ -130,16 +128,8 @@ def load_any_camera(path: Path) -> CameraFile | PointCameraFile:
             f"{path} is not a camera file (it has no key 'cubicfish'): {_NO_CAMERA} wrote, or read "
             "another tool's with 'cubicfish import'"
         )
-    if record["cubicfish"] != FORMAT_VERSION or isinstance(record["cubicfish"], bool):
-        raise CameraFileError(
-            f"{path}: format version {record['cubicfish']!r} is not {FORMAT_VERSION}: "
-            "read it with the version of cubicfish that wrote it, or calibrate again"
-        )
-    unknown = [key for key in record if key not in _KEYS]
-    if unknown:
-        raise CameraFileError(
-            f"{path}: unknown key {quoted(str(unknown[0]))}: {did_you_mean(str(unknown[0]), _KEYS)}"
-        )
+    refuse_version(path, record["cubicfish"], FORMAT_VERSION)
+    refuse_unknown(path, record, _KEYS)
     kind = (record.get("lift"), record.get("frame"))
     if kind not in (("ray", "camera"), ("point", "world"), ("point", "camera")):
         raise CameraFileError(
@@ -150,7 +140,7 @@ def load_any_camera(path: Path) -> CameraFile | PointCameraFile:
     P = _numbers(path, record, "P", (3, SIZE))
     if not P.any():
         raise CameraFileError(f"{path}: P is all zeros: calibrate again")
-    fit, made_by = _mapping(path, record, "fit"), _mapping(path, record, "made_by")
+    fit, made_by = (mapping(path, record.get(key, {}), key) for key in ("fit", "made_by"))
     if kind[0] == "point":
         frame: Frame = "world" if kind[1] == "world" else "camera"
         point = _point_camera(path, record, image_size, P, frame)
@@ -215,7 +205,7 @@ def _ray_camera(
 
 
 def _radial(path: Path, record: dict[str, Any], image_size: tuple[int, int]) -> RadialCamera:
-    reference = _mapping(path, record, "radial")
+    reference = mapping(path, record.get("radial", {}), "radial")
     missing = [key for key in RADIAL_KEYS if key not in reference]
     if missing:
         raise CameraFileError(f"{path}: radial has no key {missing[0]!r}: calibrate again")
@@ -225,13 +215,6 @@ def _radial(path: Path, record: dict[str, Any], image_size: tuple[int, int]) -> 
     if values[0] <= 0 or values[1] <= 0:
         raise CameraFileError(f"{path}: radial.fx and radial.fy must be above 0")
     return RadialCamera.from_parameters(values, image_size)
-
-
-def _mapping(path: Path, record: dict[str, Any], key: str) -> dict[str, Any]:
-    value = record.get(key, {})
-    if not isinstance(value, dict):
-        raise CameraFileError(f"{path}: {key} must hold keys and values")
-    return value
 
 
 def _numbers(

@@ -12,9 +12,7 @@ from typing import Any, NoReturn
 from xml.parsers import expat
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.bounded import read_bounded
-from cubicfish_cli.formats.fields import mapping
-from cubicfish_cli.formats.plain_json import parse_plain_json
+from cubicfish_cli.formats.fields import mapping, parse_plain_json, read_bounded
 from cubicfish_cli.plain_yaml import MAX_DEPTH, parse_plain_yaml
 from cubicfish_cli.wording import quoted
 

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.bounded import read_bounded, read_bounded_bytes
-from cubicfish_cli.formats.camera_format import CameraFormat, Poses
-from cubicfish_cli.formats.lens_rig import LensRig
+from cubicfish_cli.formats.camera_format import CameraFormat, LensRig, Poses
+from cubicfish_cli.formats.fields import read_bounded, read_bounded_bytes
 from cubicfish_cli.formats.registry import ENTRIES, READABLE
 from cubicfish_cli.lenses.lens import Lens
 

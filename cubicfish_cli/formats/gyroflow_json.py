@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 
 from cubicfish_cli.formats.camera_format import CameraFormat
+from cubicfish_cli.formats.fields import json_text
 from cubicfish_cli.lenses.radial import RadialCamera
 
 
@@ -35,7 +35,7 @@ def gyroflow_text(lens: RadialCamera, note: Sequence[str]) -> str:
         },
         "use_opencv_standard": False,
     }
-    return json.dumps(profile, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json_text(profile)
 
 
 FORMAT = CameraFormat(

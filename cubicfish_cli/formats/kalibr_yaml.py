@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.camera_format import CameraFormat
+from cubicfish_cli.formats.camera_format import CameraFormat, LensRig, matrix_rows
 from cubicfish_cli.formats.fields import focal, mapping, numbers, size
-from cubicfish_cli.formats.lens_rig import LensRig, matrix_rows
 from cubicfish_cli.lenses.double_sphere import DoubleSphereLens
 from cubicfish_cli.lenses.enhanced_unified import EnhancedUnifiedLens
 from cubicfish_cli.lenses.field_of_view import FieldOfViewLens

@@ -23,10 +23,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.bounded import read_bounded
-from cubicfish_cli.formats.camera_format import CameraFormat
-from cubicfish_cli.formats.fields import numbers
-from cubicfish_cli.formats.lens_rig import LensRig
+from cubicfish_cli.formats.camera_format import CameraFormat, LensRig
+from cubicfish_cli.formats.fields import numbers, read_bounded, size
 from cubicfish_cli.lenses.mrcal_splined import SplinedLens
 from cubicfish_cli.lenses.pinhole import PinholeLens
 from cubicfish_cli.types import FloatArray
@@ -39,7 +37,6 @@ MAX_VALUES = 400_000
 MAX_DEPTH = 4
 MAX_CONTROL_POINTS = 40_000
 MAX_REGION = 100_000
-MAX_SIDE = 100_000
 # A stereographic lens sees everything but the direction straight behind it.
 _STEREOGRAPHIC_FOV_DEG = 350
 _SPLINED = re.compile(
@@ -139,20 +136,18 @@ def read_mrcal(path: Path) -> SplinedLens | PinholeLens:
     if not isinstance(lens, str):
         raise CameraFileError(f"{path}: it has no key lensmodel: is it a .cameramodel of mrcal?")
     lens = lens.replace("DISTORTION_", "LENSMODEL_", 1)
-    size = _numbers(path, data, "imagersize", 2)
-    if not all(side == int(side) and 0 < side <= MAX_SIDE for side in size):
-        raise CameraFileError(f"{path}: imagersize must be two whole numbers above 0")
-    width, height = int(size[0]), int(size[1])
+    width, height = _numbers(path, data, "imagersize", 2).tolist()
+    image_size = size(path, width, height, "imagersize")
     region = _region(path, data)
     if lens in _OPENCV_SIZES:
         values = _numbers(path, data, "intrinsics", 4 + _OPENCV_SIZES[lens])
-        return PinholeLens(image_size=(width, height), **_core(path, values), d=values[4:])
+        return PinholeLens(image_size=image_size, **_core(path, values), d=values[4:])
     order, nx, ny, fov_x_deg = _configuration(path, lens)
     count = 2 * nx * ny if lens != "LENSMODEL_STEREOGRAPHIC" else 0
     values = _numbers(path, data, "intrinsics", 4 + count)
     control = values[4:] if count else np.zeros(2 * nx * ny)
     return SplinedLens(
-        image_size=(width, height),
+        image_size=image_size,
         **_core(path, values),
         order=order,
         fov_x_deg=fov_x_deg,

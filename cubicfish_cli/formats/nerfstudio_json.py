@@ -7,7 +7,6 @@ cameras look through ``image_coords``, a grid that starts there (nerfstudio's is
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,11 +15,16 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.bounded import read_bounded
-from cubicfish_cli.formats.camera_format import CameraFormat, Poses
-from cubicfish_cli.formats.fields import focal, mapping, number, size
-from cubicfish_cli.formats.lens_rig import LensRig
-from cubicfish_cli.formats.plain_json import parse_plain_json
+from cubicfish_cli.formats.camera_format import CameraFormat, LensRig, Poses
+from cubicfish_cli.formats.fields import (
+    focal,
+    json_text,
+    mapping,
+    number,
+    parse_plain_json,
+    read_bounded,
+    size,
+)
 from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.lenses.pinhole import PinholeLens
 from cubicfish_cli.lenses.radial import RadialCamera
@@ -100,13 +104,12 @@ def _matrix(
     world_from_camera = np.eye(4)
     world_from_camera[:3, :3] = rotation.T
     world_from_camera[:3, 3] = -rotation.T @ translation
-    rows: list[list[float]] = (world_from_camera @ _FLIP).tolist()
-    return rows
+    return (world_from_camera @ _FLIP).tolist()
 
 
 def _text(data: Mapping[str, Any], frames: Sequence[Mapping[str, Any]]) -> str:
     whole = {**data, "frames": list(frames)}
-    return json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json_text(whole)
 
 
 def read_nerfstudio(path: Path) -> RadialCamera | PinholeLens:

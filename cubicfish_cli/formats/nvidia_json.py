@@ -6,15 +6,14 @@ Frames are FLU: x forward, y to the left, z up; angles are degrees about fixed x
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.formats.camera_format import CameraFormat
-from cubicfish_cli.formats.lens_rig import LensRig
+from cubicfish_cli.formats.camera_format import CameraFormat, LensRig
+from cubicfish_cli.formats.fields import json_text
 from cubicfish_cli.lenses.ftheta import FThetaLens
 from cubicfish_cli.types import FloatArray
 
@@ -75,7 +74,7 @@ def _sensor(
 
 def _text(sensors: Sequence[dict[str, Any]]) -> str:
     data = {"rig": {"properties": {}, "sensors": list(sensors), "vehicle": {}}, "version": _VERSION}
-    return json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json_text(data)
 
 
 FORMAT = CameraFormat(

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.bounded import read_bounded
 from cubicfish_cli.formats.camera_format import CameraFormat
+from cubicfish_cli.formats.fields import read_bounded, size
 from cubicfish_cli.lenses.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import quoted
@@ -30,7 +30,6 @@ from cubicfish_cli.wording import quoted
 MAX_BYTES = 1_000_000
 # The toolbox's own C reader holds no more coefficients.
 MAX_COEFFICIENTS = 64
-MAX_SIDE = 100_000
 _REMARKS = (
     "#polynomial coefficients for the DIRECT mapping function (ocam_model.ss in MATLAB). "
     "These are used by cam2world",
@@ -99,14 +98,14 @@ def read_ocamcalib(path: Path) -> ScaramuzzaLens:
     row, column = values[2]
     c, d, e = values[3]
     height, width = values[4]
-    size = _size(f"{path}, line {rows[4][0]}", width, height)
+    image_size = size(Path(f"{path}, line {rows[4][0]}"), width, height, "the image size")
     return ocam_lens(
         f"{path}, line {rows[0][0]}",
         centre=(float(column), float(row)),
         stretch=_SWAP @ np.array([[c, d], [e, 1.0]]) @ _SWAP,
         polynomial=-polynomial,
         inverse=inverse,
-        size=size,
+        image_size=image_size,
     )
 
 
@@ -117,7 +116,7 @@ def ocam_lens(
     stretch: FloatArray,
     polynomial: FloatArray,
     inverse: FloatArray,
-    size: tuple[int, int],
+    image_size: tuple[int, int],
 ) -> ScaramuzzaLens:
     """A lens of a file's values.
 
@@ -135,7 +134,7 @@ def ocam_lens(
     if not 0.1 < np.linalg.det(stretch) < 10:
         raise CameraFileError(f"{where}: c, d and e are not those of a camera: c must be near 1")
     return ScaramuzzaLens(
-        image_size=size,
+        image_size=image_size,
         cx=centre[0],
         cy=centre[1],
         stretch=stretch,
@@ -177,12 +176,6 @@ def _counted(path: Path, number: int, values: FloatArray, part: str) -> FloatArr
             f"many coefficients, not {values[0]:g} and {len(values) - 1}"
         )
     return values[1:]
-
-
-def _size(where: str, width: float, height: float) -> tuple[int, int]:
-    if not all(side == int(side) and 0 < side <= MAX_SIDE for side in (width, height)):
-        raise CameraFileError(f"{where}: the image size must be two whole numbers above 0")
-    return int(width), int(height)
 
 
 FORMAT = CameraFormat(

@@ -20,10 +20,9 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.camera_format import CameraFormat
+from cubicfish_cli.formats.camera_format import CameraFormat, LensRig
 from cubicfish_cli.formats.fields import focal, numbers, size
 from cubicfish_cli.formats.file_storage import read_file_storage
-from cubicfish_cli.formats.lens_rig import LensRig
 from cubicfish_cli.lenses.pinhole import PinholeLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.unified import UnifiedLens
@@ -74,7 +73,7 @@ def opencv_stereo_text(rig: LensRig) -> str:
     """Two radial lenses as FileStorage YAML, for cv2.fisheye's stereo functions.
 
     M1, D1, M2, D2, and R, T with X2 = R X1 + T in the rig's units; where flat pictures with common
-    rows exist, R1, R2, P1, P2 and Q of :class:`~cubicfish_cli.formats.lens_rig.FlatPair`.
+    rows exist, R1, R2, P1, P2 and Q of :class:`~cubicfish_cli.formats.camera_format.FlatPair`.
 
     Raises:
         CameraFileError: the rig has more cameras than two.

@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.bounded import read_bounded
 from cubicfish_cli.formats.camera_format import CameraFormat
+from cubicfish_cli.formats.fields import parse_plain_json, read_bounded
 from cubicfish_cli.formats.ocamcalib import MAX_COEFFICIENTS, ocam_lens, scaled
-from cubicfish_cli.formats.plain_json import parse_plain_json
 from cubicfish_cli.lenses.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.types import FloatArray
 
@@ -26,12 +25,12 @@ from cubicfish_cli.types import FloatArray
 MAX_BYTES = 16_000_000
 
 
-def pyocamcalib_text(lens: ScaramuzzaLens, *, name: str = "camera") -> str:
+def pyocamcalib_text(lens: ScaramuzzaLens) -> str:
     """A lens as the text of py-OCamCalib's JSON, numbers at full precision."""
     lens = scaled(lens, float(lens.stretch[1, 1]))
     inverse = _shifted(lens.inverse, -math.pi / 2)
     data = {
-        "camera_name": name,
+        "camera_name": "camera",
         "taylor_coefficient": lens.a.tolist(),
         "distortion_center": [lens.cx, lens.cy],
         "stretch_matrix": lens.stretch.tolist(),
@@ -77,7 +76,7 @@ def read_pyocamcalib(path: Path, *, image_size: tuple[int, int] | None) -> Scara
         stretch=np.array(stretch),
         polynomial=polynomial,
         inverse=_shifted(inverse[::-1], math.pi / 2),
-        size=image_size,
+        image_size=image_size,
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.camera_yaml import CameraFile, load_camera
-from cubicfish_cli.formats.fields import mapping, numbers
+from cubicfish_cli.formats.fields import mapping, numbers, refuse_unknown, refuse_version
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.plain_yaml import load_plain_yaml, plain_yaml_text
 from cubicfish_cli.types import FloatArray
@@ -138,12 +138,8 @@ def load_rig(path: Path | str) -> RigFile:
             f"{path} is not a rig file (it has no key {KEY!r}): name the rig.yaml that 'cubicfish "
             "rig' wrote"
         )
-    if record[KEY] != FORMAT_VERSION or isinstance(record[KEY], bool):
-        raise CameraFileError(
-            f"{path}: format version {record[KEY]!r} is not {FORMAT_VERSION}: read it with the "
-            "version of cubicfish that wrote it, or calibrate again"
-        )
-    _refuse_unknown(path, record, _KEYS)
+    refuse_version(path, record[KEY], FORMAT_VERSION)
+    refuse_unknown(path, record, _KEYS)
     units, cameras = record.get("units"), record.get("cameras")
     if not (units is None or isinstance(units, str)):
         raise CameraFileError(f"{path}: units must be text, such as mm")
@@ -167,7 +163,7 @@ def load_rig(path: Path | str) -> RigFile:
 
 def _camera(path: Path, record: Any, where: str) -> RigFileCamera:
     record = mapping(path, record, where)
-    _refuse_unknown(path, record, _CAMERA_KEYS)
+    refuse_unknown(path, record, _CAMERA_KEYS)
     for key in ("name", "camera", "camera_from_rig"):
         if key not in record:
             raise CameraFileError(f"{path}: {where} has no key {key!r}: calibrate again")
@@ -208,11 +204,3 @@ def _rows(path: Path, value: Any, key: str, count: int) -> FloatArray:
     if not isinstance(value, list) or len(value) != count:
         raise CameraFileError(f"{path}: {key} must hold {count} rows of {count} numbers")
     return np.array([numbers(path, row, key, (count,)) for row in value])
-
-
-def _refuse_unknown(path: Path, record: Mapping[str, Any], keys: Sequence[str]) -> None:
-    unknown = [str(key) for key in record if key not in keys]
-    if unknown:
-        raise CameraFileError(
-            f"{path}: unknown key {quoted(unknown[0])}: {did_you_mean(unknown[0], keys)}"
-        )

@@ -10,11 +10,9 @@ import numpy as np
 
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.geometry import similarity
-from cubicfish_cli.identification.congruence import SAME, is_symmetry
-from cubicfish_cli.identification.ends import Ends, clearly_more
-from cubicfish_cli.identification.placement import Placement, Reach, reach_of
+from cubicfish_cli.identification.ends import Ends, clearly_more, doubtful_rims
+from cubicfish_cli.identification.placement import SAME, Placement, Reach, is_symmetry, reach_of
 from cubicfish_cli.identification.search import Labelings
-from cubicfish_cli.identification.strays import doubtful_rims
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # Below this ratio of the runner-up's RMS to the winner's a name is not settled.
@@ -83,8 +81,7 @@ class _Photo:
         low, high = self.grids[grid].cells.min(axis=0), self.grids[grid].cells.max(axis=0)
         ends = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
         form = self.sides.world_from_grid(np.array([side]), offset[None])[0]
-        world: FloatArray = np.column_stack([ends, np.ones(4)]) @ form.T
-        return world
+        return np.column_stack([ends, np.ones(4)]) @ form.T
 
     def worlds(self, side: IntArray, offset: IntArray) -> FloatArray:
         return np.concatenate([self.world(g, int(side[g]), offset[g]) for g in _named(side)])
@@ -382,10 +379,7 @@ def _place(labelings: Labelings, k: int) -> tuple[IntArray, IntArray]:
 def _differs(labelings: Labelings, own: int, other: int) -> BoolArray:
     """(G,) the grids that labeling ``own`` names otherwise than ``other``."""
     moved = (labelings.offset[own] != labelings.offset[other]).any(axis=1)
-    differs: BoolArray = (labelings.side[own] >= 0) & (
-        (labelings.side[own] != labelings.side[other]) | moved
-    )
-    return differs
+    return (labelings.side[own] >= 0) & ((labelings.side[own] != labelings.side[other]) | moved)
 
 
 def _congruent_to_best(photo: _Photo, labelings: Labelings) -> list[int]:

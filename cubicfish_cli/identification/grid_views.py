@@ -18,9 +18,8 @@ from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px
-from cubicfish_cli.identification.moments import grid_moments
 from cubicfish_cli.identification.placement import Reach
-from cubicfish_cli.identification.search import GridView
+from cubicfish_cli.identification.search import GridView, grid_moments
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
@@ -155,8 +154,7 @@ def view_of(camera: RadialCamera, grid: Grid, pose: GridPose, reach: Reach) -> G
 
 def _rms(residual: FloatArray, pairs: Observations) -> FloatArray:
     squares = np.bincount(pairs.image, weights=np.square(residual).sum(axis=1))
-    rms: FloatArray = np.sqrt(squares / np.bincount(pairs.image))
-    return rms
+    return np.sqrt(squares / np.bincount(pairs.image))
 
 
 def _mirrored(poses: Poses, middle: FloatArray) -> Poses:

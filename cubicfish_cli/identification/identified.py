@@ -1,17 +1,44 @@
-"""What became of grids: their places on the target, and the corners that follow."""
+"""What became of grids and photos: places on the target, named corners, and what is told of them.
+
+What many photos share is said once. Of objects with markers ids name the corners photo by photo;
+boards without markers on the same object are named afterwards, in the second pass: by then the
+marked boards have told the lens and where each photo was taken from.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
-from cubicfish_cli.detection.grids import Grid
+import numpy as np
+
+from cubicfish_cli.detection.grids import FoundGrids, Grid
+from cubicfish_cli.detection.markers import MarkedCorners
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
+from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
+from cubicfish_cli.words.phrases import listed
 
 FEWEST_CORNERS = 12
 """A grid of fewer corners may be anything: it says nothing of why others have no place."""
+CODES = {
+    Decided.CONVENTION: Code.BY_CONVENTION,
+    Decided.AMBIGUOUS: Code.AMBIGUOUS,
+    Decided.SLIDE: Code.SLIDES,
+    Decided.TWIN: Code.LOOKS_LIKE_ANOTHER,
+    Decided.NO_FIT: Code.FITS_NOWHERE,
+    Decided.TOO_LARGE: Code.TOO_LARGE,
+    Decided.COLOURS: Code.OTHER_COLOURS,
+    Decided.NOT_PLANE: Code.NO_PLANE,
+}
+"""What is told of a grid, by what became of it."""
+# Figures of a grid, in which those that share the rest may differ.
+_OF_GRID = frozenset(("grids", "columns", "rows", "corners"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,3 +111,153 @@ class Identified:
     lens: RadialCamera | None
     exact: BoolArray
     other_colours: bool = False
+
+
+def marked_corners(
+    marked: Sequence[MarkedCorners],
+    target: Target,
+    image_size: tuple[int, int],
+    images: Sequence[str],
+) -> Observations:
+    """What markers named in each of the photos, as one table sorted by photo.
+
+    Args:
+        marked: one for each photo.
+        target: the object.
+        image_size: (width, height) of all photos, pixels.
+        images: the photos' names.
+
+    """
+    image = np.repeat(np.arange(len(marked)), [len(one) for one in marked])
+    board, column, row = (
+        np.concatenate([getattr(one, name) for one in marked]).astype(np.intp)
+        for name in ("board", "column", "row")
+    )
+    pixel = np.concatenate([one.pixel for one in marked])
+    return (
+        Observations(
+            image_size=image_size,
+            images=tuple(images),
+            boards=target.board_names,
+            image=image,
+            board=board,
+            column=column,
+            row=row,
+            pixel=pixel,
+        )
+        .with_target(target)
+        .in_order()
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PhotoReport:
+    """What became of one photo.
+
+    Attributes:
+        name: the photo's name.
+        refusal: why nothing was looked for, or found, in it; None where something was.
+        remarks: what is told of its grids and boards: left out, or named by convention.
+        boards: names of the boards that were found in it, in the target's order.
+        corners: how many corners were named.
+        added: how many of them a second pass added.
+        exact: whether these are surely the corners that they are named as; see
+            :class:`cubicfish_cli.identification.identified.Identified`.
+        found: everything that was found in it, named or not; None when it could not be used.
+        grids: what became of each of ``found.grids``.
+
+    """
+
+    name: str
+    refusal: Finding | None = None
+    remarks: tuple[Finding, ...] = ()
+    boards: tuple[str, ...] = ()
+    corners: int = 0
+    added: int = 0
+    exact: bool = True
+    found: FoundGrids | None = None
+    grids: tuple[GridReport, ...] = ()
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What is told of it, thing by thing."""
+        return self.remarks if self.refusal is None else (self.refusal,)
+
+    @property
+    def lost(self) -> bool:
+        """Whether it gave no corners, for a reason that is known."""
+        none_named = bool(self.grids) and not any(grid.named for grid in self.grids)
+        return self.refusal is not None or (none_named and bool(self.remarks))
+
+    @property
+    def problem(self) -> str | None:
+        """One line that says why it gave no corners; None when it did."""
+        return "; ".join(finding.line for finding in self.findings) if self.lost else None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """One line for each grid that was left out, or named by convention."""
+        return tuple(remark.line for remark in self.remarks)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Detection:
+    """The corners found in a set of photos.
+
+    Attributes:
+        corners: the named corners; ``images`` are the photos that have some.
+        photos: a report on every photo, in the order given.
+        findings: what is likely wrong with photos or target, where many grids fit nowhere.
+        other_colours: whether the only board is light where the target says that it is dark.
+
+    """
+
+    corners: Observations
+    photos: tuple[PhotoReport, ...]
+    findings: tuple[Finding, ...] = ()
+    other_colours: bool = False
+
+
+def remark_of(photo: str, grid: GridReport) -> Finding | None:
+    """What is to be said of a grid; None where it is simply named."""
+    if grid.verdict is Decided.NAMED:
+        return None
+    columns, rows = grid.size
+    return Finding(
+        code=CODES[grid.verdict],
+        severity=Severity.NOTE if grid.named else Severity.CARE,
+        images=(photo,),
+        figures={"grids": 1, "columns": columns, "rows": rows, "corners": grid.corners},
+    )
+
+
+def remark_lines(findings: Sequence[Finding]) -> list[str]:
+    """One line for what several photos share, with their count and first names.
+
+    The lines come in the order in which something of the kind is first said.
+    """
+    groups: defaultdict[object, list[Finding]] = defaultdict(list)
+    for one in findings:
+        rest = tuple((key, one.figures[key]) for key in one.figures if key not in _OF_GRID)
+        groups[one.code, one.case, one.boards, rest].append(one)
+    return [line for own in groups.values() for line in _lines(own)]
+
+
+def line_of(finding: Finding) -> str:
+    """A line about one photo, with its name."""
+    if finding.code is Code.CANNOT_BE_READ:  # the photo's error names the file
+        return finding.line
+    return f"{finding.images[0]}: {finding.line}"
+
+
+def _lines(own: Sequence[Finding]) -> list[str]:
+    photos = tuple(dict.fromkeys(name for one in own for name in one.images))
+    if len(photos) == 1:
+        return [line_of(one) for one in own]
+    together = own[0]
+    if "grids" in together.figures:
+        sizes = [(one.figures["columns"], one.figures["rows"]) for one in own]
+        columns, rows = max((max(size), min(size)) for size in sizes)
+        size = {"grids": len(own), "columns": columns, "rows": rows}
+        together = replace(together, figures={**together.figures, **size})
+    return [f"{len(photos)} photos ({listed(photos, 'photos')}): {together.line}"]

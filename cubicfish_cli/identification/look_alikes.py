@@ -13,8 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.geometry import Similarity, similarity
-from cubicfish_cli.identification.congruence import is_symmetry
-from cubicfish_cli.identification.placement import Placement, placement_of, reach_of
+from cubicfish_cli.identification.placement import Placement, is_symmetry, placement_of, reach_of
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,12 +10,11 @@ import numpy as np
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.identification.as_built import decided_as_built
 from cubicfish_cli.identification.decide import Decided, Decision, rim_in_doubt
+from cubicfish_cli.identification.ends import solid, solid_size
 from cubicfish_cli.identification.grid_views import grid_poses
 from cubicfish_cli.identification.identified import GridReport, Identified, Place
-from cubicfish_cli.identification.lens_of_grids import named_lens, nameless_lens
 from cubicfish_cli.identification.placement import Placement, reach_of
-from cubicfish_cli.identification.scene import Decisions, Scene, spread
-from cubicfish_cli.identification.strays import solid, solid_size
+from cubicfish_cli.identification.scene import Decisions, Scene, named_lens, nameless_lens, spread
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
@@ -35,8 +34,6 @@ def name_grids(
     target: Target,
     image_size: tuple[int, int],
     images: Sequence[str],
-    *,
-    progress: Callable[[int, int], None] | None = None,
 ) -> Identified:
     """Name every grid that can be named beyond doubt; the others are left out and reported.
 
@@ -49,11 +46,10 @@ def name_grids(
         target: the object.
         image_size: (width, height) of all photos, pixels.
         images: the photos' names.
-        progress: called with photos done and all photos while the search runs.
 
     """
     scene = Scene.of(grids, target, image_size)
-    decisions = _decided(scene, progress)
+    decisions = _decided(scene)
     if scene.camera is not None:
         sides, decisions = decided_as_built(scene, decisions)
         _cut_unnamed(scene, scene.camera, sides, decisions)
@@ -81,18 +77,15 @@ def name_again(
     return name_grids(own, target, corners.image_size, [corners.images[i] for i in photos])
 
 
-def _decided(scene: Scene, progress: Callable[[int, int], None] | None) -> Decisions:
+def _decided(scene: Scene) -> Decisions:
     """The names as the boards are drawn, under the best lens that they give."""
     reference = nameless_lens(scene)
-    decisions: Decisions = [None] * len(scene.photos)
+    decisions: Decisions = []
     before: list[tuple[object, ...]] = []
     for _ in range(_ROUNDS):
         scene.see_through(reference.camera if reference else None)
         scene.place_grids()
-        for photo, own in enumerate(scene.photos):
-            decisions[photo] = scene.decide(scene.sides, own)
-            if progress is not None:
-                progress(photo + 1, len(scene.photos))
+        decisions = scene.decide_all(scene.sides)
         names = [_names(decision) for decision in decisions]
         unsettled = any(
             Decided.AMBIGUOUS in decision.verdict or Decided.NO_FIT in decision.verdict

@@ -4,20 +4,28 @@ A hypothesis gives some of the grids a place on the target. Every grid has a pos
 (from its squares alone, which needs no name), so a place for one grid puts the whole target in
 front of the camera and says within a square or two where every other grid must lie: pairs of
 grids are enumerated in this way, then grown by the remaining grids, keeping the best.
+
+To first order the reprojection error of a point X (camera frame) seen along the unit ray d is
+J X / |X|, with J = d pixel / d ray, since J d = 0. With the distance taken from the grid's own
+pose, the sum of its squares over a grid is a quadratic form in the 3x3 matrix H that takes
+(i, j, 1) to the camera frame: vec(H)ᵀ M vec(H). M is computed once a grid, so that a
+hypothesis costs a few small matrix products however many corners the grid has.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.detection.grids import Rows
+from cubicfish_cli.fitting.poses import rotation_from_vector
 from cubicfish_cli.geometry import nearest_rotation
-from cubicfish_cli.identification.moments import form_cost, gauss_newton, moved, normal_equations
 from cubicfish_cli.identification.placement import Placement, Reach
+from cubicfish_cli.lenses.radial import RadialCamera, project_jacobian
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # How far a grid's own orientation may be off: a few corners with noise give no better.
@@ -32,6 +40,81 @@ _BEAM = 200
 _START_GRIDS = 4
 
 
+def grid_moments(
+    lens: RadialCamera, cells: IntArray, pixel: FloatArray, camera_from_grid: FloatArray
+) -> FloatArray:
+    """M (9, 9) of a grid, in px² for H in squares; index = 3 · camera axis + grid axis.
+
+    Args:
+        lens: the lens.
+        cells: (N, 2) i, j.
+        pixel: (N, 2).
+        camera_from_grid: (3, 3) the grid's own pose: (i, j, 1) to the camera frame, in squares.
+
+    """
+    rays = lens.unproject(pixel)
+    seen = np.isfinite(rays).all(axis=-1)
+    rays = rays[seen]
+    grid = np.column_stack([cells[seen], np.ones(len(rays))])
+    distance = np.linalg.norm(grid @ camera_from_grid.T, axis=-1)
+    slope = project_jacobian(lens.parameters, rays)[1] / distance[:, None, None]
+    rows = (slope[:, :, :, None] * grid[:, None, None, :]).reshape(-1, 9)
+    return rows.T @ rows
+
+
+def form_cost(moments: FloatArray, form: FloatArray) -> FloatArray:
+    """Squared error, px²: M (9, 9) and H (..., 3, 3), in squares -> (...,)."""
+    flat = form.reshape(*form.shape[:-2], 9)
+    return np.einsum("...i,...i->...", flat @ moments, flat)
+
+
+def normal_equations(
+    moments: FloatArray, form: FloatArray, pivot: FloatArray, square: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Cost, half its gradient and its Gauss-Newton Hessian by small moves of the object.
+
+    Args:
+        moments: (9, 9) M of a grid.
+        form: (K, 3, 3) H in world units.
+        pivot: (K, 3) the point of the camera frame that rotations leave in place.
+        square: (K,) the board's square, world units.
+
+    Returns:
+        (K,), (K, 6), (K, 6, 6); a move is a rotation vector about the pivot, then a shift.
+
+    """
+    arm = form.copy()
+    arm[:, :, 2] -= pivot
+    jacobian = np.zeros((len(form), 6, 3, 3))
+    jacobian[:, 0, 1], jacobian[:, 0, 2] = -arm[:, 2], arm[:, 1]
+    jacobian[:, 1, 0], jacobian[:, 1, 2] = arm[:, 2], -arm[:, 0]
+    jacobian[:, 2, 0], jacobian[:, 2, 1] = -arm[:, 1], arm[:, 0]
+    for axis in range(3):
+        jacobian[:, 3 + axis, axis, 2] = 1
+    flat = jacobian.reshape(-1, 6, 9) / square[:, None, None]
+    value = form.reshape(-1, 9) / square[:, None]
+    weighted = (flat.reshape(-1, 9) @ moments).reshape(-1, 6, 9)
+    cost = np.einsum("ki,ki->k", value @ moments, value)
+    return cost, np.einsum("kmi,ki->km", weighted, value), weighted @ np.swapaxes(flat, 1, 2)
+
+
+def gauss_newton(gradient: FloatArray, hessian: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Steps (K, 6) and the decrease of the cost that each promises (K,)."""
+    scale = np.sqrt(np.maximum(np.diagonal(hessian, axis1=1, axis2=2), 1e-300))
+    scaled = hessian / (scale[:, :, None] * scale[:, None, :]) + 1e-9 * np.eye(6)
+    step = -np.linalg.solve(scaled, (gradient / scale)[:, :, None])[:, :, 0] / scale
+    return step, -np.einsum("km,km->k", step, gradient)
+
+
+def moved(
+    rotation: FloatArray, translation: FloatArray, pivot: FloatArray, step: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Poses (K, 3, 3) and (K, 3) after steps (K, 6) about their pivots (K, 3)."""
+    turn = rotation_from_vector(step[:, :3])
+    arm = (turn @ (translation - pivot)[:, :, None])[:, :, 0]
+    return turn @ rotation, arm + pivot + step[:, 3:]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridView:
     """One grid of a photo as the known lens sees it.
@@ -41,7 +124,7 @@ class GridView:
         middle: (3,) mean cell as (i, j, 1).
         rotation: (C, 3, 3) camera_from_grid, best first; two where the lens cannot tell.
         camera_middle: (C, 3) the mean cell in the camera frame, squares.
-        moments: (9, 9), see :mod:`cubicfish_cli.identification.moments`.
+        moments: (9, 9), see :mod:`cubicfish_cli.identification.search`.
         corners: how many corners it has.
         gate_px: RMS from which it does not fit a place.
 
@@ -57,7 +140,7 @@ class GridView:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Labelings:
+class Labelings(Rows):
     """Hypotheses for the G grids of one photo, best first.
 
     Attributes:
@@ -80,14 +163,7 @@ class Labelings:
         return len(self.side)
 
     def __getitem__(self, rows: IntArray | BoolArray | slice) -> Labelings:
-        return Labelings(
-            side=self.side[rows],
-            offset=self.offset[rows],
-            rotation=self.rotation[rows],
-            translation=self.translation[rows],
-            pivot=self.pivot[rows],
-            grid_cost=self.grid_cost[rows],
-        )
+        return self.select(rows)
 
     @property
     def cost(self) -> FloatArray:
@@ -96,7 +172,7 @@ class Labelings:
 
 
 def _stacked(parts: Sequence[Labelings]) -> Labelings:
-    names = ("side", "offset", "rotation", "translation", "pivot", "grid_cost")
+    names = [one.name for one in fields(Labelings)]
     return Labelings(**{n: np.concatenate([getattr(part, n) for part in parts]) for n in names})
 
 
@@ -345,8 +421,7 @@ def _rotated_back(rotation: FloatArray, vector: FloatArray) -> FloatArray:
 def _within(first: FloatArray, second: FloatArray, degrees: float) -> BoolArray:
     """Rotations (A, 3, 3) and (B, 3, 3) -> (A, B) whether they differ by at most ``degrees``."""
     trace = first.reshape(-1, 9) @ second.reshape(-1, 9).T
-    close: BoolArray = trace >= 1 + 2 * np.cos(np.deg2rad(degrees))
-    return close
+    return trace >= 1 + 2 * np.cos(np.deg2rad(degrees))
 
 
 def _distinct(beam: Labelings) -> Labelings:

@@ -19,7 +19,7 @@ from cubicfish_cli.executors.executor import Executor
 from cubicfish_cli.executors.pool import photos_done, settled
 from cubicfish_cli.fitting.calibrate import Calibration, calibrate
 from cubicfish_cli.fitting.robust import gross_px
-from cubicfish_cli.identification.photo_report import Detection, PhotoReport
+from cubicfish_cli.identification.identified import Detection, PhotoReport
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import Photo

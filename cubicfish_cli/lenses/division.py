@@ -10,8 +10,8 @@ from typing import Self
 
 import numpy as np
 
+from cubicfish_cli.lenses.lens import Scale, SymmetricLens
 from cubicfish_cli.lenses.radial import RadialCamera
-from cubicfish_cli.lenses.symmetric import Scale, SymmetricLens
 from cubicfish_cli.types import FloatArray
 
 

@@ -7,8 +7,8 @@ from typing import Self
 
 import numpy as np
 
+from cubicfish_cli.lenses.lens import ALPHA, Scale, SymmetricLens
 from cubicfish_cli.lenses.radial import RadialCamera
-from cubicfish_cli.lenses.symmetric import ALPHA, Scale, SymmetricLens
 from cubicfish_cli.types import FloatArray
 
 

@@ -11,8 +11,8 @@ from typing import Self
 import numpy as np
 
 from cubicfish_cli.angles import columns
+from cubicfish_cli.lenses.lens import Scale, SymmetricLens
 from cubicfish_cli.lenses.radial import RadialCamera
-from cubicfish_cli.lenses.symmetric import Scale, SymmetricLens
 from cubicfish_cli.types import FloatArray
 
 # Below this share of ρ in |X| the series replaces quotients that are 0/0 on the axis.

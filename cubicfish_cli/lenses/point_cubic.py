@@ -94,5 +94,4 @@ class PointCamera:
         return (np.asarray(points, float) - self.offset) / self.scale
 
     def _on_boards(self, values: FloatArray) -> BoolArray:
-        on: BoolArray = np.abs(values @ self.null.T).max(axis=-1, initial=0) <= _ON_BOARD
-        return on
+        return np.abs(values @ self.null.T).max(axis=-1, initial=0) <= _ON_BOARD

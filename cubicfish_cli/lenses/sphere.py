@@ -35,6 +35,15 @@ def cone_rays(angle: float, count: int) -> FloatArray:
     return np.stack([rho * np.cos(azimuth), rho * np.sin(azimuth), z], axis=-1)
 
 
+def all_around(count: int) -> FloatArray:
+    """``count`` unit vectors spread evenly over the whole sphere (count, 3), from z downwards."""
+    k = np.arange(count)
+    z = 1 - (2 * k + 1) / count
+    turn = k * np.pi * (3 - np.sqrt(5))  # the golden angle
+    across = np.sqrt(1 - z * z)
+    return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=-1)
+
+
 def tangent_basis(rays: FloatArray) -> FloatArray:
     """Two unit vectors orthogonal to each unit ray, as columns: (N, 3) -> (N, 3, 2)."""
     helper = np.where(np.abs(rays[:, :1]) < 0.6, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])

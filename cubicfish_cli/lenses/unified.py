@@ -7,9 +7,8 @@ from typing import Self
 
 import numpy as np
 
-from cubicfish_cli.lenses.lens import FocalLens
+from cubicfish_cli.lenses.lens import FocalLens, Scale
 from cubicfish_cli.lenses.radial import RadialCamera
-from cubicfish_cli.lenses.symmetric import Scale
 from cubicfish_cli.types import FloatArray
 
 

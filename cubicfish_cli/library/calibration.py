@@ -16,7 +16,7 @@ from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
 from cubicfish_cli.fitting.evaluate import Evaluation
 from cubicfish_cli.fitting.stages import Progress
 from cubicfish_cli.formats.calibrated import Calibrated
-from cubicfish_cli.identification.photo_report import Detection
+from cubicfish_cli.identification.identified import Detection
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target

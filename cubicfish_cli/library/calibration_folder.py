@@ -15,11 +15,11 @@ from cubicfish_cli.errors import OutputError
 from cubicfish_cli.files import Content, refuse_existing, write_files
 from cubicfish_cli.fitting.calibrate import Calibration
 from cubicfish_cli.fitting.point_fit import PointCalibration
-from cubicfish_cli.formats.camera_writer import camera_text
-from cubicfish_cli.formats.target_yaml import target_text
+from cubicfish_cli.formats.calibrated import camera_text
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import MAX_PIXELS
+from cubicfish_cli.target import target_text
 from cubicfish_cli.undistortion.maps import build_map, save_map
 from cubicfish_cli.undistortion.views import default_view
 

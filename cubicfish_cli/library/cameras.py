@@ -11,9 +11,8 @@ from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.files import write_text
 from cubicfish_cli.formats.calibrated import Calibrated
 from cubicfish_cli.formats.camera_yaml import CameraFile
-from cubicfish_cli.formats.target_yaml import target_text
 from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.target import Target
+from cubicfish_cli.target import Target, target_text
 
 
 def save_camera(

@@ -10,20 +10,22 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.detection.grid_cache import GridCache
 from cubicfish_cli.detection.grids import FoundGrids
-from cubicfish_cli.detection.look import Look, look_at, refused
+from cubicfish_cli.detection.look import GridCache, Look, look_at, refused
 from cubicfish_cli.detection.markers import MarkedCorners
 from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence
 from cubicfish_cli.errors import DetectionError, PhotoError
 from cubicfish_cli.executors.executor import Executor
 from cubicfish_cli.executors.pool import photos_done
-from cubicfish_cli.identification.identified import GridReport
-from cubicfish_cli.identification.marked import marked_corners
+from cubicfish_cli.identification.identified import (
+    Detection,
+    GridReport,
+    PhotoReport,
+    marked_corners,
+    remark_of,
+)
 from cubicfish_cli.identification.name_grids import name_grids
-from cubicfish_cli.identification.photo_report import Detection, PhotoReport
-from cubicfish_cli.identification.remarks import remark_of
 from cubicfish_cli.photos import Photo, Picture
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.catalogue import catalogue

@@ -14,10 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.arrays import Refusal
-from cubicfish_cli.detection.grid_cache import GridCache
+from cubicfish_cli.detection.look import GridCache
 from cubicfish_cli.errors import DetectionError
 from cubicfish_cli.executors.executor import Executor
-from cubicfish_cli.identification.photo_report import Detection
+from cubicfish_cli.identification.identified import Detection
 from cubicfish_cli.identification.second_pass import second_pass
 from cubicfish_cli.library.detect_corners import detect_corners
 from cubicfish_cli.photos import MAX_PIXELS, Photo, find_photos

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path, PurePath
 
 from cubicfish_cli.errors import OutputError
-from cubicfish_cli.identification.photo_report import Detection
+from cubicfish_cli.identification.identified import Detection
 from cubicfish_cli.overlay.draw import draw_found
 from cubicfish_cli.photos import Photo, read_grey
 from cubicfish_cli.undistortion.images import write_picture

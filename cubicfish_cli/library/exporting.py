@@ -15,7 +15,7 @@ from cubicfish_cli.errors import FitError, ViewError
 from cubicfish_cli.fitting.conversion.to_lens import Conversion, to_lens
 from cubicfish_cli.fitting.statistics import poses_on_record
 from cubicfish_cli.formats.calibrated import Calibrated
-from cubicfish_cli.formats.camera_format import Poses
+from cubicfish_cli.formats.camera_format import FlatPair, LensRig, PlacedLens, Poses
 from cubicfish_cli.formats.foreign import (
     FRONT_ONLY,
     LENS_OF,
@@ -23,7 +23,6 @@ from cubicfish_cli.formats.foreign import (
     foreign_text,
     rig_texts,
 )
-from cubicfish_cli.formats.lens_rig import FlatPair, LensRig, PlacedLens
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.library.rig_pictures import rectify

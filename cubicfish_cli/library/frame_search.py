@@ -14,9 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from cubicfish_cli.advice.worth import Worth
-from cubicfish_cli.detection.grid_cache import GridCache
 from cubicfish_cli.detection.grids import FoundGrids
-from cubicfish_cli.detection.look import nameless_grids
+from cubicfish_cli.detection.look import GridCache, nameless_grids
 from cubicfish_cli.errors import DetectionError, FitError
 from cubicfish_cli.films.choose import Choice, Patch, Seen, choose
 from cubicfish_cli.films.scan import still_px

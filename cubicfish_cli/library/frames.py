@@ -24,10 +24,9 @@ from cubicfish_cli.films.raw import load_frame
 from cubicfish_cli.films.scan import Measured, scan
 from cubicfish_cli.films.write import write_frame
 from cubicfish_cli.films.written import Chosen, listed, write_chosen
-from cubicfish_cli.formats.target_yaml import target_text
 from cubicfish_cli.library.frame_search import Found, Search, found_at_a_glance, found_in
 from cubicfish_cli.photos import Photo, photo_size
-from cubicfish_cli.target import Target
+from cubicfish_cli.target import Target, target_text
 
 StrPath = str | os.PathLike[str]
 Progress = Callable[[str, int, int], None]

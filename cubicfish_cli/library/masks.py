@@ -12,7 +12,6 @@ from cubicfish_cli.assess.field_uncertainty import sigma_at
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
 from cubicfish_cli.undistortion.frames import Crop, calibrated_pixels
-from cubicfish_cli.undistortion.map_formats import PixelMap
 from cubicfish_cli.undistortion.maps import UndistortMap
 
 _PIXELS_A_BLOCK = 262_144  # bounds the memory that a large picture takes
@@ -39,7 +38,7 @@ class TrustedWithin:
         self._limit, self._record, self._crop = limit, _uncertainty_of(loaded, path), crop
         self._size = loaded.camera.image_size
 
-    def mask(self, made: UndistortMap | PixelMap, size: tuple[int, int]) -> npt.NDArray[np.bool_]:
+    def mask(self, made: UndistortMap, size: tuple[int, int]) -> npt.NDArray[np.bool_]:
         """Where the map is valid and the uncertainty is known and within, (H, W).
 
         Args:

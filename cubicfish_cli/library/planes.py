@@ -21,7 +21,7 @@ from cubicfish_cli.library.detect_corners import detect_corners
 from cubicfish_cli.library.views import Size, Views
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
-from cubicfish_cli.undistortion.chosen import ChosenView
+from cubicfish_cli.undistortion.choose import ChosenView
 from cubicfish_cli.undistortion.frames import Crop, camera_for_photos
 from cubicfish_cli.undistortion.plane import PlaneView, PointProjector, plane_view
 from cubicfish_cli.undistortion.view import matrix_of_rotation

@@ -10,18 +10,16 @@ import numpy as np
 
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.fitting.rig.calibrate import PlacedCamera, RigCalibration
+from cubicfish_cli.formats.camera_format import LensRig, PlacedLens, Pose
 from cubicfish_cli.formats.colmap_cameras import colmap_rig_text
-from cubicfish_cli.formats.lens_rig import LensRig, PlacedLens, Pose
 from cubicfish_cli.formats.nerfstudio_json import nerfstudio_rig_text
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
 from cubicfish_cli.lenses.pinhole import PinholeLens
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.rendering.pose import rotation_matrix
-from cubicfish_cli.undistortion.choose import build_view
-from cubicfish_cli.undistortion.chosen import ChosenView
+from cubicfish_cli.undistortion.choose import ChosenView, build_view
 from cubicfish_cli.undistortion.fit import sees
 from cubicfish_cli.undistortion.frames import camera_for_photos
-from cubicfish_cli.undistortion.map_formats import PixelMap
 from cubicfish_cli.undistortion.maps import UndistortMap, build_map
 from cubicfish_cli.undistortion.mosaic import Body, BodyCamera, mosaic_of
 from cubicfish_cli.undistortion.projections import PerspectiveView
@@ -87,7 +85,7 @@ class PairMaps:
 
     pair: RectifiedPair
     chosen: ChosenView
-    maps: dict[str, PixelMap]
+    maps: dict[str, UndistortMap]
     record: dict[str, Any]
 
 
@@ -132,7 +130,7 @@ def pair_maps(
         common = pair.field_view(common)
         chosen = ChosenView(views={"": common})
     maps = {
-        name: PixelMap.of(build_map(camera, own))
+        name: build_map(camera, own)
         for name, camera, own in zip((first, second), pair.cameras, pair.views(common), strict=True)
     }
     record = {

@@ -16,16 +16,15 @@ from cubicfish_cli.library.planes import board_with_plane
 from cubicfish_cli.library.rig_pictures import Face, faces_of, faces_texts
 from cubicfish_cli.photos import decode_picture, photo_size, read_file
 from cubicfish_cli.target import Target
-from cubicfish_cli.undistortion.chosen import ChosenView
+from cubicfish_cli.undistortion.choose import ChosenView
 from cubicfish_cli.undistortion.frames import camera_for_photos
-from cubicfish_cli.undistortion.ground import Ground
 from cubicfish_cli.undistortion.images import (
     Rendering,
     check_outputs,
     encode_picture,
     remap_picture,
 )
-from cubicfish_cli.undistortion.mosaic import Body, Mosaic, mosaic_of
+from cubicfish_cli.undistortion.mosaic import Body, Ground, Mosaic, mosaic_of
 from cubicfish_cli.undistortion.view import View, matrix_of_rotation
 from cubicfish_cli.undistortion.view_files import mask_picture
 from cubicfish_cli.wording import did_you_mean, quoted

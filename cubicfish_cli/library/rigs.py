@@ -31,18 +31,17 @@ from cubicfish_cli.fitting.rig.shots import (
     shots_of_table,
 )
 from cubicfish_cli.fitting.stages import Progress
-from cubicfish_cli.formats.camera_writer import camera_text
+from cubicfish_cli.formats.calibrated import camera_text
 from cubicfish_cli.formats.camera_yaml import CameraFile
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera, rig_text
-from cubicfish_cli.formats.target_yaml import target_text
 from cubicfish_cli.frame_names import time_of
 from cubicfish_cli.geometry import camera_centre, total_sigma
-from cubicfish_cli.identification.photo_report import Detection
+from cubicfish_cli.identification.identified import Detection
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.calibration import observed
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.tables import read_table
-from cubicfish_cli.target import Target
+from cubicfish_cli.target import Target, target_text
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import quoted
 

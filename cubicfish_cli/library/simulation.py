@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.errors import CorrespondenceError, OutputError
 from cubicfish_cli.files import Content
-from cubicfish_cli.formats.camera_writer import camera_text
+from cubicfish_cli.formats.calibrated import camera_text
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.frame_names import frame_name
 from cubicfish_cli.lenses.cubic import CubicCamera
@@ -24,8 +24,7 @@ from cubicfish_cli.rendering.outside import (
     RaysAtDistance,
     outside_lens,
 )
-from cubicfish_cli.rendering.pose import Pose
-from cubicfish_cli.rendering.pose_table import load_poses, pose_table_text
+from cubicfish_cli.rendering.pose import Pose, load_poses, pose_table_text
 from cubicfish_cli.rendering.simulate import Look, chosen_poses, photo_bytes, simulated_photos
 from cubicfish_cli.rendering.truth import true_corners_text, visible_points
 from cubicfish_cli.rendering.views import WholeLens

@@ -16,7 +16,7 @@ from cubicfish_cli.files import refuse_existing
 from cubicfish_cli.library.views import Size, Views
 from cubicfish_cli.photos import photo_size, shown
 from cubicfish_cli.undistortion.batch import FailedPhoto, PhotoJob, undistort_photos
-from cubicfish_cli.undistortion.chosen import ChosenView, SeenField
+from cubicfish_cli.undistortion.choose import ChosenView, SeenField
 from cubicfish_cli.undistortion.images import Rendering, check_suffix
 from cubicfish_cli.undistortion.video import Encoding, undistort_video, video_size
 from cubicfish_cli.undistortion.view_files import part_name

@@ -12,7 +12,7 @@ import numpy as np
 from cubicfish_cli import __version__
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.files import Content
-from cubicfish_cli.formats.lens_rig import METRES, Pose
+from cubicfish_cli.formats.camera_format import METRES, Pose
 from cubicfish_cli.formats.usd_text import TableCamera, prim_name, usd_text
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.undistortion.lens_tables import LensTables, lens_tables

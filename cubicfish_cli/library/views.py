@@ -9,7 +9,7 @@ from threading import Lock
 from typing import Any
 
 from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.undistortion.chosen import ChosenView, SeenField
+from cubicfish_cli.undistortion.choose import ChosenView, SeenField
 from cubicfish_cli.undistortion.frames import Crop, camera_for_photos
 from cubicfish_cli.undistortion.maps import UndistortMap, build_map
 from cubicfish_cli.undistortion.view import Camera

@@ -9,8 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.photo_report import PhotoReport
-from cubicfish_cli.identification.remarks import CODES
+from cubicfish_cli.identification.identified import CODES, PhotoReport
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.overlay.canvas import (
     BLACK,

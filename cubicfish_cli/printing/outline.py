@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cubicfish_cli.boards.face import Face
+from cubicfish_cli.boards.board import Face
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 Corner = tuple[int, int]

@@ -9,8 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from cubicfish_cli.boards.board import Board
-from cubicfish_cli.boards.face import Face
+from cubicfish_cli.boards.board import Board, Face
 from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.printing.paper import millimetres_per

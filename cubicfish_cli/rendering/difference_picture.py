@@ -1,7 +1,10 @@
-"""A picture of magnitudes over a photo, with a scale, in colours that everyone can tell apart."""
+"""Pictures for pages: small copies of photos, and magnitudes in colours that all can tell apart."""
 
 from __future__ import annotations
 
+from typing import Any
+
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -93,3 +96,29 @@ def _letters(text: str, dot: int) -> BoolArray:
         for i in range(5)
     ]
     return np.kron(np.array(rows, bool), np.ones((dot, dot), bool))
+
+
+def thumbnail(picture: npt.NDArray[Any], longest: int) -> Picture:
+    """A copy whose longer side has at most so many pixels: 8 bits, grey or BGR.
+
+    Args:
+        picture: (H, W) or (H, W, 1 to 4), 8 or 16 bits; transparency is dropped.
+        longest: pixels.
+
+    """
+    if picture.ndim == 3:
+        picture = picture[..., 0] if picture.shape[2] < 3 else picture[..., :3]
+    height, width = picture.shape[:2]
+    scale = min(1.0, longest / max(width, height))
+    if scale < 1:
+        size = (max(1, round(scale * width)), max(1, round(scale * height)))
+        picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    if picture.dtype == np.uint16:
+        picture = picture // 257
+    return np.ascontiguousarray(picture, np.uint8)
+
+
+def jpeg_bytes(picture: Picture, quality: int) -> bytes:
+    """A picture, grey or BGR, as a JPEG file."""
+    _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return data.tobytes()

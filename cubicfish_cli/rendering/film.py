@@ -20,14 +20,10 @@ from cubicfish_cli.boards.board import Board
 from cubicfish_cli.rendering.hand import HandPath
 from cubicfish_cli.rendering.outside import OutsideLens
 from cubicfish_cli.rendering.pose import Pose
-from cubicfish_cli.rendering.ray_grid import RayGrid
-from cubicfish_cli.rendering.render import AMBIENT, INK, PAPER, room_background, vignette
-from cubicfish_cli.rendering.scene import MARGIN_SQUARES
-from cubicfish_cli.rendering.sensor import sensed
-from cubicfish_cli.rendering.simulate import LAMP, Look, chosen_poses
-from cubicfish_cli.rendering.truth import project_corners
+from cubicfish_cli.rendering.render import AMBIENT, INK, PAPER, room_background, sensed, vignette
+from cubicfish_cli.rendering.simulate import LAMP, Look, RayGrid, chosen_poses
+from cubicfish_cli.rendering.truth import MARGIN_SQUARES, corners_text, project_corners
 from cubicfish_cli.rendering.views import WholeLens
-from cubicfish_cli.tables import csv_text
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
@@ -176,17 +172,12 @@ def film_truth(
         TargetError: a board of a kind that cannot be drawn.
 
     """
-    width, height = image_size
-    board, column, row, _ = target.corners()
-    poses: dict[str, Pose] = {}
-    rows: list[tuple[object, ...]] = [("image", "board", "column", "row", "x", "y")]
-    for frame, name in enumerate(names):
-        poses[name] = frame_pose(path, shutter, frame)
-        shown, pixel = frame_corners(target, lens, image_size, path, shutter, frame)
-        for one, (x, y) in zip(shown, pixel, strict=True):
-            own = target.boards[board[one]].name
-            rows.append((name, own, column[one], row[one], f"{x:.4f}", f"{y:.4f}"))
-    return poses, f"# cubicfish corners 1, image_size {width}x{height}\n" + csv_text(rows)
+    poses = {name: frame_pose(path, shutter, frame) for frame, name in enumerate(names)}
+    found = {
+        name: frame_corners(target, lens, image_size, path, shutter, frame)
+        for frame, name in enumerate(names)
+    }
+    return poses, corners_text(target, found, image_size, digits=4)
 
 
 def _nodes(shutter: Shutter, frame: int) -> tuple[float, float]:
@@ -308,7 +299,7 @@ class _Plate:
             own = y[row * fine : (row + 1) * fine]
             dark = print_.is_dark(np.stack(np.broadcast_arrays(x, own[:, None]), axis=-1))
             ink[row] = dark.reshape(fine, size[0], fine).mean(axis=(0, 2))
-        self._axes = np.stack([board.x_axis, board.y_axis, np.cross(board.x_axis, board.y_axis)])
+        self._axes = board.axes
         self._origin = np.asarray(board.origin, float)
         levels: list[npt.NDArray[Any]] = [PAPER + (INK - PAPER) * ink]
         while min(levels[-1].shape) > 2 * _LEAST_TEXTURE:

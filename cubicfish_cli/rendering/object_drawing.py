@@ -8,6 +8,7 @@ from html import escape
 import numpy as np
 
 from cubicfish_cli.boards.board import Board
+from cubicfish_cli.lenses.sphere import all_around
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
 
@@ -131,17 +132,12 @@ def _up(boards: list[Board]) -> FloatArray:
     """The world axis along which rows run down most; z where none does more."""
     down = sum((board.y_axis for board in boards), np.zeros(3))
     axes = np.concatenate([np.eye(3)[::-1], -np.eye(3)[::-1]])
-    best: FloatArray = axes[np.argmax(np.round(-axes @ down, 6))]
-    return best
+    return axes[np.argmax(np.round(-axes @ down, 6))]
 
 
 def _way(boards: list[Board], up: FloatArray) -> FloatArray:
     """The direction towards a viewer who sees most faces well, a little from above and aside."""
-    k = np.arange(_DIRECTIONS)
-    z = 1 - (2 * k + 1) / _DIRECTIONS
-    across = np.sqrt(1 - z * z)
-    turn = k * np.pi * (3 - np.sqrt(5))
-    ways = np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=-1)
+    ways = all_around(_DIRECTIONS)
     ways = ways[np.abs(ways @ up) < 0.9]
     normals = -np.array([board.axes[2] for board in boards]).reshape(-1, 3)
     cosine = ways @ normals.T
@@ -151,8 +147,7 @@ def _way(boards: list[Board], up: FloatArray) -> FloatArray:
     if np.linalg.norm(aside) < 1e-6:
         aside = np.ones(3) - up
     score += 0.05 * ways @ up + 0.02 * ways @ (aside / np.linalg.norm(aside))
-    best: FloatArray = ways[np.argmax(score)]
-    return best
+    return ways[np.argmax(score)]
 
 
 def _drawn(board: Board, plate: FloatArray, picture: Picture) -> list[str]:

@@ -1,4 +1,7 @@
-"""Where a lens sees a target's corners, exactly, and which of them can be seen at all."""
+"""Where a lens sees a target's corners, exactly, and which of them can be seen at all.
+
+The target's boards are plates that rays hit: who is in front, and what is seen of it.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +12,97 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.rendering.pose import Pose, camera_points
-from cubicfish_cli.rendering.scene import MARGIN_SQUARES, nearest, plates
+from cubicfish_cli.boards.board import Face
+from cubicfish_cli.rendering.pose import Pose, camera_points, rotation_matrix
 from cubicfish_cli.tables import csv_text
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
+
+MARGIN_SQUARES = 0.4
+"""White paper around the print, in squares."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plate:
+    """A board as one camera sees it.
+
+    Attributes:
+        face: what is printed on it.
+        board_from_camera: (3, 3) rotation into the board's x, y and its inward normal.
+        eye: (3,) the camera's centre in the board's frame; its third coordinate is negative
+            where the printed face is seen.
+
+    """
+
+    face: Face
+    board_from_camera: FloatArray
+    eye: FloatArray
+
+    @property
+    def faces_camera(self) -> bool:
+        """Whether the camera is on the printed side."""
+        return bool(self.eye[2] < 0)
+
+    def hit(
+        self, rays: FloatArray, starts: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Where rays (N, 3) of the camera meet the plate; ``starts`` as in :func:`nearest`.
+
+        Returns the distance in ray lengths (N,), infinite where the plate is missed, and the
+        position in the board's plane (N, 2).
+        """
+        along = rays @ self.board_from_camera.T
+        eye = self.eye[:, None]
+        if starts is not None:
+            eye = eye + self.board_from_camera[:, 2:] * starts
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = -eye[2] / along[:, 2]
+            plane = eye[:2].T + distance[:, None] * along[:, :2]
+        met = (distance > 0) & np.isfinite(distance) & self.face.covers(plane)
+        return np.where(met, distance, np.inf), plane
+
+
+def plates(target: Target, camera_from_world: Pose, *, margin: float) -> list[Plate]:
+    """The boards of a target as the camera at ``camera_from_world`` sees them.
+
+    Raises:
+        TargetError: a board of a kind that cannot be drawn.
+
+    """
+    rotation = rotation_matrix(camera_from_world[0])
+    eye = -rotation.T @ np.asarray(camera_from_world[1], float)
+    seen = []
+    for board in target.boards:
+        seen.append(
+            Plate(
+                face=board.face(margin=margin),
+                board_from_camera=board.axes @ rotation.T,
+                eye=board.axes @ (eye - board.origin),
+            )
+        )
+    return seen
+
+
+def nearest(
+    plates: list[Plate], rays: FloatArray, starts: FloatArray | None = None
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """The first plate that each ray (N, 3) meets.
+
+    Rays start at the camera's centre, or at ``starts`` (N,) along its axis.
+
+    Returns its index (N,), -1 where the ray meets none, the distance (N,) in ray lengths and
+    the position (N, 2) in that board's plane.
+    """
+    index = np.full(len(rays), -1, np.intp)
+    distance = np.full(len(rays), np.inf)
+    position = np.zeros((len(rays), 2))
+    for i, plate in enumerate(plates):
+        reached, plane = plate.hit(rays, starts)
+        nearer = reached < distance
+        index[nearer] = i
+        distance[nearer] = reached[nearer]
+        position[nearer] = plane[nearer]
+    return index, distance, position
 
 
 class Lens(Protocol):
@@ -47,11 +136,6 @@ class TrueCorners:
     visible: BoolArray
 
 
-def target_corners(target: Target) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-    """All corners of a target: board, column, row (N,) each and world points (N, 3)."""
-    return target.corners()
-
-
 def project_corners(
     target: Target,
     lens: Lens,
@@ -71,7 +155,7 @@ def project_corners(
         TargetError: a board of a kind that cannot be drawn.
 
     """
-    board, column, row, world = target_corners(target)
+    board, column, row, world = target.corners()
     camera = camera_points(camera_from_world, world)
     x_axis = np.stack([b.x_axis for b in target.boards])[board]
     y_axis = np.stack([b.y_axis for b in target.boards])[board]
@@ -110,14 +194,36 @@ def true_corners_text(
         TargetError: a board of a kind that cannot be drawn.
 
     """
-    width, height = image_size
-    rows: list[tuple[object, ...]] = [("image", "board", "column", "row", "x", "y")]
+    found = {}
     for name, pose in poses.items():
         seen = project_corners(target, lens, pose, image_size)
-        for i in seen.visible.nonzero()[0]:
-            board = target.boards[seen.board[i]].name
-            x, y = seen.pixel[i]
-            rows.append((name, board, seen.column[i], seen.row[i], f"{x:.6f}", f"{y:.6f}"))
+        found[name] = np.flatnonzero(seen.visible), seen.pixel[seen.visible]
+    return corners_text(target, found, image_size, digits=6)
+
+
+def corners_text(
+    target: Target,
+    found: Mapping[str, tuple[IntArray, FloatArray]],
+    image_size: tuple[int, int],
+    *,
+    digits: int,
+) -> str:
+    """The text of a corners.csv.
+
+    Args:
+        target: the object.
+        found: by the photo's name, which of the target's corners (N,), and their pixels (N, 2).
+        image_size: (width, height) of the photos.
+        digits: of a pixel, behind the point.
+
+    """
+    board, column, row, _ = target.corners()
+    rows: list[tuple[object, ...]] = [("image", "board", "column", "row", "x", "y")]
+    for name, (which, pixel) in found.items():
+        for one, (x, y) in zip(which, pixel, strict=True):
+            own = target.boards[board[one]].name
+            rows.append((name, own, column[one], row[one], f"{x:.{digits}f}", f"{y:.{digits}f}"))
+    width, height = image_size
     return f"# cubicfish corners 1, image_size {width}x{height}\n" + csv_text(rows)
 
 

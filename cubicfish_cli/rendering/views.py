@@ -18,7 +18,7 @@ from cubicfish_cli.boards.board import Board
 from cubicfish_cli.boards.markers import marker_modules
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
-from cubicfish_cli.rendering.truth import Lens, TrueCorners, project_corners, target_corners
+from cubicfish_cli.rendering.truth import Lens, TrueCorners, project_corners
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
@@ -70,22 +70,19 @@ class Viewpoint:
     @property
     def middle(self) -> FloatArray:
         """(3,) middle of the visible corners in the camera frame."""
-        middle: FloatArray = self.seen.camera[self.seen.visible].mean(axis=0)
-        return middle
+        return self.seen.camera[self.seen.visible].mean(axis=0)
 
     @property
     def away(self) -> FloatArray:
         """(N,) how far each visible corner is from the camera, in the target's units."""
-        away: FloatArray = np.linalg.norm(self.seen.camera[self.seen.visible], axis=1)
-        return away
+        return np.linalg.norm(self.seen.camera[self.seen.visible], axis=1)
 
     @property
     def direction(self) -> FloatArray:
         """(3,) unit ray to where the object is in the picture: the mean of its corners' rays."""
         points = self.seen.camera[self.seen.visible]
         mean = (points / np.linalg.norm(points, axis=1, keepdims=True)).mean(axis=0)
-        ray: FloatArray = mean / np.linalg.norm(mean)
-        return ray
+        return mean / np.linalg.norm(mean)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -252,7 +249,7 @@ class _Thing:
                     f"board {board.name!r} is a list of points: nobody knows from which side it is "
                     "seen; poses can be sampled for boards of other types"
                 )
-        world = target_corners(target)[3]
+        world = target.corners()[3]
         ends = [
             board.world_points(
                 [0, board.columns - 1, board.columns - 1, 0], [0, 0, board.rows - 1, board.rows - 1]
@@ -395,5 +392,4 @@ def _sequence(count: int, dimensions: int, seed: int) -> FloatArray:
         ratio = (1 + ratio) ** (1 / (dimensions + 1))
     step = ratio ** -np.arange(1.0, dimensions + 1)
     shift = np.random.default_rng(seed).uniform(size=dimensions)
-    points: FloatArray = (shift + np.arange(1, count + 1)[:, None] * step) % 1.0
-    return points
+    return (shift + np.arange(1, count + 1)[:, None] * step) % 1.0

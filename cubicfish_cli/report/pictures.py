@@ -15,7 +15,7 @@ import numpy.typing as npt
 from cubicfish_cli.errors import PhotoError, ViewError
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.photos import Picture, decode_picture, read_file
-from cubicfish_cli.rendering.thumbnail import jpeg_bytes, thumbnail
+from cubicfish_cli.rendering.difference_picture import jpeg_bytes, thumbnail
 from cubicfish_cli.report.facts import Facts, PhotoFacts
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.undistortion.images import remap_picture

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,6 @@ from cubicfish_cli.undistortion.view import (
     Rotation,
     View,
     is_numbers,
-    only_keys,
     rotation_from_angles,
     rotation_vector,
 )
@@ -108,15 +107,3 @@ class CrossView(View):
     def describe(self) -> str:
         """What it is, and the faces' side."""
         return f"cube as a cross, faces of {self.side} px"
-
-    def parameters(self) -> dict[str, Any]:
-        """The rotation."""
-        return {"rotation": list(self.rotation)}
-
-    @classmethod
-    def from_parameters(cls, size: tuple[int, int], data: Mapping[str, Any]) -> CrossView:
-        """The view of a record."""
-        only_keys(data, ("rotation",))
-        if not isinstance(data["rotation"], list):
-            raise ViewError("the view's size and rotation must be lists of numbers")
-        return cls(size=size, rotation=tuple(data["rotation"]))  # type: ignore[arg-type]

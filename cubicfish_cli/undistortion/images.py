@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +16,6 @@ from cubicfish_cli.files import refuse_existing, write_files
 from cubicfish_cli.photos import Picture, quiet_stderr, shown
 from cubicfish_cli.undistortion.jpeg import DEFAULT_QUALITY, jpeg_nature, with_segments
 from cubicfish_cli.undistortion.maps import UndistortMap
-from cubicfish_cli.undistortion.png import encode_grey_with_alpha, is_grey_with_alpha
 
 INTERPOLATIONS = {
     "nearest": cv2.INTER_NEAREST,
@@ -57,6 +58,10 @@ class Rendering:
 
 PLAIN = Rendering()
 _TIFF_LZW = 5
+_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_GREY_WITH_ALPHA = 4
+_PNG_UP = 2  # each row less the one above it, which suits photos
+_PNG_LEVEL = 4
 
 
 def remap_picture(
@@ -217,3 +222,36 @@ def encode_picture(
     if not done:
         raise OutputError(f"{shown(path)}: this picture cannot be encoded: write .png or .tif")
     return with_segments(data.tobytes(), segments)
+
+
+def is_grey_with_alpha(data: bytes) -> bool:
+    """Whether a file is a PNG of grey and transparency."""
+    return data.startswith(_PNG_SIGNATURE) and data[25:26] == bytes([_GREY_WITH_ALPHA])
+
+
+def encode_grey_with_alpha(picture: Picture) -> bytes:
+    """A picture (H, W, 4) of uint8 or uint16 whose colours are grey -> a PNG of two channels.
+
+    OpenCV reads such files as four channels and cannot write them.
+    The format is that of the PNG specification, sections 9 to 11 (filters, compression, chunks).
+    """
+    height, width = picture.shape[:2]
+    bits = 8 * picture.dtype.itemsize
+    two = np.ascontiguousarray(picture[:, :, [0, 3]]).astype(f">u{bits // 8}")
+    rows = two.reshape(height, -1).view(np.uint8)
+    filtered = np.empty((height, rows.shape[1] + 1), np.uint8)
+    filtered[:, 0] = _PNG_UP
+    filtered[0, 1:] = rows[0]
+    filtered[1:, 1:] = rows[1:] - rows[:-1]  # in bytes, modulo 256
+    header = struct.pack(">IIBBBBB", width, height, bits, _GREY_WITH_ALPHA, 0, 0, 0)
+    chunks = (
+        (b"IHDR", header),
+        (b"IDAT", zlib.compress(filtered.tobytes(), _PNG_LEVEL)),
+        (b"IEND", b""),
+    )
+    return _PNG_SIGNATURE + b"".join(_chunk(kind, content) for kind, content in chunks)
+
+
+def _chunk(kind: bytes, content: bytes) -> bytes:
+    check = zlib.crc32(kind + content)
+    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", check)

@@ -14,9 +14,11 @@ from functools import cache
 import cv2
 import numpy as np
 
+from cubicfish_cli.picture_headers import jpeg_segments
+
 DEFAULT_QUALITY = 95
 
-_SOI, _APP0, _APP1, _APP2, _DQT, _SOS = 0xD8, 0xE0, 0xE1, 0xE2, 0xDB, 0xDA
+_APP0, _APP1, _APP2, _DQT, _SOS = 0xE0, 0xE1, 0xE2, 0xDB, 0xDA
 _FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
 _PROGRESSIVE = 0xC2
 _EXIF, _PROFILE = b"Exif\0\0", b"ICC_PROFILE\0"
@@ -91,17 +93,10 @@ def _segment(marker: int, body: bytes) -> bytes:
 
 def _segments(data: bytes) -> Iterator[tuple[int, bytes]]:
     """(marker, body) of the segments before the first scan."""
-    at = 2
-    while at + 4 <= len(data) and data[at] == 0xFF:
-        marker = data[at + 1]
-        if marker == 0xFF:  # fill bytes may stand before a marker
-            at += 1
-            continue
-        if marker == _SOS:
-            return
-        length = int(struct.unpack_from(">H", data, at + 2)[0])
-        yield marker, data[at + 4 : at + 2 + length]
-        at += 2 + max(2, length)
+    for marker, at in jpeg_segments(data):
+        if marker != _SOS:
+            length = int(struct.unpack_from(">H", data, at)[0])
+            yield marker, data[at + 2 : at + length]
 
 
 def _tables(body: bytes) -> Iterator[tuple[int, tuple[int, ...]]]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,52 +17,18 @@ import numpy.typing as npt
 
 from cubicfish_cli.errors import OutputError, ViewError
 from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.undistortion.maps import FORMAT, OUTSIDE, UndistortMap
+from cubicfish_cli.undistortion.maps import OUTSIDE, UndistortMap, write_npz
 from cubicfish_cli.undistortion.view import MAX_SIDE, View
 
 Floats = npt.NDArray[np.float32]
 Origin = Literal["bottom-left", "top-left"]
 
-REDISTORT_FORMAT = "cubicfish redistort_map 1"
 FIXED_POINT_FORMAT = "cubicfish fixed_point_map 1"
 _BEYOND = 65_535
 _ROWS_A_BLOCK = 32
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PixelMap:
-    """Where each pixel of a result comes from.
-
-    Attributes:
-        map_x, map_y: (H, W) float32 pixels of the source; −1 where ``valid`` is false.
-        valid: (H, W).
-        source_size: (width, height) of the source.
-        view: the undistorted picture that is the result, or the source.
-        redistorts: whether the result is the camera's photo and the source the view.
-
-    """
-
-    map_x: npt.NDArray[np.float32]
-    map_y: npt.NDArray[np.float32]
-    valid: npt.NDArray[np.bool_]
-    source_size: tuple[int, int]
-    view: View
-    redistorts: bool
-
-    @classmethod
-    def of(cls, undistort_map: UndistortMap) -> PixelMap:
-        """The map that undistorts."""
-        return cls(
-            map_x=undistort_map.map_x,
-            map_y=undistort_map.map_y,
-            valid=undistort_map.valid,
-            source_size=undistort_map.image_size,
-            view=undistort_map.view,
-            redistorts=False,
-        )
-
-
-def build_redistort_map(camera: CubicCamera, view: View) -> PixelMap:
+def build_redistort_map(camera: CubicCamera, view: View) -> UndistortMap:
     """The map that makes the camera's photo again from a picture of the view.
 
     Raises:
@@ -86,26 +51,12 @@ def build_redistort_map(camera: CubicCamera, view: View) -> PixelMap:
             inside = ((source >= 0) & (source <= limit)).all(axis=-1)
         valid[rows] = inside
         x[rows][inside], y[rows][inside] = source[inside].T
-    return PixelMap(
-        map_x=x, map_y=y, valid=valid, source_size=view.size, view=view, redistorts=True
+    return UndistortMap(
+        map_x=x, map_y=y, valid=valid, view=view, image_size=view.size, redistorts=True
     )
 
 
-def write_npz(path: Path, pixel_map: PixelMap) -> None:
-    """float32 maps as in undistort_map.npz; ``format`` says which way they go."""
-    with path.open("wb") as file:
-        np.savez(
-            file,
-            map_x=pixel_map.map_x,
-            map_y=pixel_map.map_y,
-            valid=pixel_map.valid,
-            view=np.array(pixel_map.view.to_json()),
-            format=np.array(REDISTORT_FORMAT if pixel_map.redistorts else FORMAT),
-            image_size=np.array(pixel_map.source_size),
-        )
-
-
-def write_fixed_point(path: Path, pixel_map: PixelMap) -> None:
+def write_fixed_point(path: Path, pixel_map: UndistortMap) -> None:
     """``map_1`` (H, W, 2) int16 and ``map_2`` (H, W) uint16: ``cv2.remap(photo, map_1, map_2, …)``.
 
     Whole pixels and 1/32 pixels, as ``cv2.convertMaps`` makes them.
@@ -119,17 +70,17 @@ def write_fixed_point(path: Path, pixel_map: PixelMap) -> None:
             valid=pixel_map.valid,
             view=np.array(pixel_map.view.to_json()),
             format=np.array(FIXED_POINT_FORMAT),
-            image_size=np.array(pixel_map.source_size),
+            image_size=np.array(pixel_map.image_size),
         )
 
 
-def stmap(pixel_map: PixelMap, origin: Origin) -> tuple[Floats, Floats]:
+def stmap(pixel_map: UndistortMap, origin: Origin) -> tuple[Floats, Floats]:
     """The map as shares of the source's frame, 0 to 1 from edge to edge: two of (H, W) float32.
 
     Pixel centres are at half pixels; −1 marks what comes from nowhere. From ``bottom-left``
     the second counts upwards, as Nuke and Flame have it.
     """
-    width, height = pixel_map.source_size
+    width, height = pixel_map.image_size
     u = (pixel_map.map_x.astype(float) + 0.5) / width
     v = (pixel_map.map_y.astype(float) + 0.5) / height
     if origin == "bottom-left":
@@ -138,7 +89,7 @@ def stmap(pixel_map: PixelMap, origin: Origin) -> tuple[Floats, Floats]:
     return u.astype(np.float32), v.astype(np.float32)
 
 
-def write_exr(path: Path, pixel_map: PixelMap, origin: Origin) -> None:
+def write_exr(path: Path, pixel_map: UndistortMap, origin: Origin) -> None:
     """STMap: R and G hold x and y as 32-bit floats, B is 0.
 
     Raises:
@@ -183,7 +134,7 @@ def require_exr(path: Path) -> Any:
     return OpenEXR
 
 
-def png_values(pixel_map: PixelMap, origin: Origin, axis: int) -> npt.NDArray[np.uint16]:
+def png_values(pixel_map: UndistortMap, origin: Origin, axis: int) -> npt.NDArray[np.uint16]:
     """STMap in 16 bits (H, W), x (axis 0) or y (1): value / 65535 is the share of the frame.
 
     The half pixel at the frame's edge is never 0, so 0 marks what comes from nowhere.
@@ -192,7 +143,7 @@ def png_values(pixel_map: PixelMap, origin: Origin, axis: int) -> npt.NDArray[np
     return np.where(pixel_map.valid, np.round(part * 65_535.0), 0).astype(np.uint16)
 
 
-def pgm_values(pixel_map: PixelMap, axis: int) -> npt.NDArray[np.uint16]:
+def pgm_values(pixel_map: UndistortMap, axis: int) -> npt.NDArray[np.uint16]:
     """For ffmpeg's remap filter (H, W): whole source pixels, 65535 for what comes from nowhere."""
     part = (pixel_map.map_x, pixel_map.map_y)[axis]
     return np.where(pixel_map.valid, np.rint(part), _BEYOND).astype(np.uint16)
@@ -211,7 +162,7 @@ def _write(path: Path, values: npt.NDArray[np.uint16]) -> None:
     path.write_bytes(data.tobytes())
 
 
-Writer = Callable[[int, PixelMap, Path], None]
+Writer = Callable[[int, UndistortMap, Path], None]
 """(index of the file, map, where to write it)."""
 
 

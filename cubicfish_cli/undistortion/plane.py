@@ -6,7 +6,6 @@ the photo was taken, as long as the plane's place in the camera's frame is known
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
@@ -16,7 +15,7 @@ import numpy.typing as npt
 from cubicfish_cli.angles import unit_rays
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.types import FloatArray
-from cubicfish_cli.undistortion.view import View, is_numbers, only_keys
+from cubicfish_cli.undistortion.view import View, is_numbers
 
 Vector = tuple[float, float, float]
 
@@ -97,28 +96,6 @@ class PlaneView(View):
     def scale_in(self, unit: str) -> str:
         """The scale in words, where it is known which unit of length it is of."""
         return f"the plane at {self.pixels_a_unit:.4g} pixels per {unit}"
-
-    def parameters(self) -> dict[str, Any]:
-        """Place and scale."""
-        return {
-            "origin": list(self.origin),
-            "x_axis": list(self.x_axis),
-            "y_axis": list(self.y_axis),
-            "pixels_a_unit": self.pixels_a_unit,
-        }
-
-    @classmethod
-    def from_parameters(cls, size: tuple[int, int], data: Mapping[str, Any]) -> PlaneView:
-        """The view of a record."""
-        only_keys(data, ("origin", "x_axis", "y_axis", "pixels_a_unit"))
-        vectors = {key: data[key] for key in ("origin", "x_axis", "y_axis")}
-        if not all(isinstance(vector, list) for vector in vectors.values()):
-            raise ViewError("a plane's origin and axes must be lists of numbers")
-        return cls(
-            size=size,
-            pixels_a_unit=data["pixels_a_unit"],
-            **{key: tuple(vector) for key, vector in vectors.items()},
-        )
 
 
 def plane_view(

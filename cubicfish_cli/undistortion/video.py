@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -321,27 +321,18 @@ class _Writer:
         except self._av.FFmpegError:  # an unfinished file that is thrown away
             return
 
-    def _errors(self) -> _Errors:
-        return _Errors(self._av.FFmpegError, self._destination, self.codec)
-
-
-class _Errors:
-    """Turns what the video library raises into one line."""
-
-    def __init__(self, kind: type[Exception], path: Path, codec: str) -> None:
-        self._kinds = (kind, ValueError)
-        self._path, self._codec = path, codec
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, _: object, problem: BaseException | None, __: object) -> None:
-        if isinstance(problem, self._kinds) and not isinstance(problem, CubicfishError):
-            what = getattr(problem, "strerror", None) or problem
+    @contextmanager
+    def _errors(self) -> Iterator[None]:
+        """Turn what the video library raises into one line."""
+        try:
+            yield
+        except CubicfishError:
+            raise
+        except (self._av.FFmpegError, ValueError) as problem:
+            path, what = self._destination, getattr(problem, "strerror", None) or problem
             raise OutputError(
-                f"{shown(self._path)}: a {self._path.suffix} file cannot be written with codec "
-                f"{self._codec} and this audio ({what}): choose another --codec, or .mkv, which "
-                "takes all"
+                f"{shown(path)}: a {path.suffix} file cannot be written with codec {self.codec} "
+                f"and this audio ({what}): choose another --codec, or .mkv, which takes all"
             ) from problem
 
 

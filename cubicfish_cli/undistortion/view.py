@@ -6,8 +6,8 @@ import json
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, Protocol, Self
 
 import cv2
 import numpy as np
@@ -81,19 +81,28 @@ class View(ABC):
         NaN where the view does not show the direction.
         """
 
-    @abstractmethod
     def parameters(self) -> dict[str, Any]:
         """What a kind of view adds to the record, as plain data."""
+        values = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "size"}
+        return {key: list(one) if isinstance(one, tuple) else one for key, one in values.items()}
 
     @classmethod
-    @abstractmethod
-    def from_parameters(cls, size: tuple[int, int], data: Mapping[str, Any]) -> View:
+    def from_parameters(cls, size: tuple[int, int], data: Mapping[str, Any]) -> Self:
         """The inverse of :meth:`parameters`.
 
         Raises:
             ViewError: a key is missing or unknown, or a value is not usable.
 
         """
+        names = [one.name for one in fields(cls) if one.name != "size"]
+        for key in names:
+            if key not in data:
+                raise ViewError(f"the view has no {quoted(key)}")
+        for key in data:
+            if key not in names:
+                raise ViewError(f"the view has an unknown key {quoted(key)}")
+        values = {key: tuple(one) if isinstance(one, list) else one for key, one in data.items()}
+        return cls(size=size, **values)
 
     @abstractmethod
     def describe(self) -> str:
@@ -251,19 +260,6 @@ class CentralView(View):
         kind = "" if self.kind == "perspective" else f"{self.kind}, "
         return f"{kind}{self.hfov_deg:.1f}° across, focal length {self.focal:.2f} px"
 
-    def parameters(self) -> dict[str, Any]:
-        """Focal length and rotation."""
-        return {"focal": self.focal, "rotation": list(self.rotation)}
-
-    @classmethod
-    def from_parameters(cls, size: tuple[int, int], data: Mapping[str, Any]) -> CentralView:
-        """The view of a record."""
-        only_keys(data, ("focal", "rotation"))
-        rotation = data["rotation"]
-        if not isinstance(rotation, list):
-            raise ViewError("the view's size and rotation must be lists of numbers")
-        return cls(size=size, rotation=tuple(rotation), focal=data["focal"])  # type: ignore[arg-type]
-
 
 def rotation_from_angles(
     *, yaw_deg: float = 0.0, pitch_deg: float = 0.0, roll_deg: float = 0.0
@@ -312,13 +308,3 @@ def _finite(value: float) -> bool:
         return math.isfinite(value)
     except OverflowError:  # a whole number beyond every float
         return False
-
-
-def only_keys(data: Mapping[str, Any], keys: tuple[str, ...]) -> None:
-    """Raise :class:`ViewError` when a record lacks a key or has an unknown one."""
-    for key in keys:
-        if key not in data:
-            raise ViewError(f"the view has no {quoted(key)}")
-    for key in data:
-        if key not in keys:
-            raise ViewError(f"the view has an unknown key {quoted(key)}")

@@ -12,7 +12,6 @@ import numpy.typing as npt
 
 from cubicfish_cli.files import Content
 from cubicfish_cli.undistortion.images import check_suffix, encode_picture
-from cubicfish_cli.undistortion.map_formats import PixelMap
 from cubicfish_cli.undistortion.maps import UndistortMap
 from cubicfish_cli.undistortion.plane import PlaneView
 from cubicfish_cli.undistortion.projections import EquidistantView, PerspectiveView
@@ -20,7 +19,7 @@ from cubicfish_cli.undistortion.view import CentralView, View
 
 FORMAT_VERSION = 1
 
-Masked = Callable[[UndistortMap | PixelMap], npt.NDArray[np.bool_]]
+Masked = Callable[[UndistortMap], npt.NDArray[np.bool_]]
 """Map -> where its picture may be trusted, (H, W)."""
 
 
@@ -30,7 +29,7 @@ def part_name(path: Path, part: str) -> Path:
 
 
 def view_files(
-    maps: Mapping[str, UndistortMap] | Mapping[str, PixelMap],
+    maps: Mapping[str, UndistortMap],
     *,
     mask: Path | None,
     beside: Path | None,

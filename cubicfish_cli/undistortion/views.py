@@ -1,4 +1,4 @@
-"""All kinds of views: the table of them, their records, and the one that nobody asked for."""
+"""All kinds of views: their registry, their records, and the default view."""
 
 from __future__ import annotations
 
@@ -21,26 +21,11 @@ from cubicfish_cli.undistortion.projections import (
     StereographicView,
 )
 from cubicfish_cli.undistortion.view import (
-    MAX_SIDE,
     Camera,
     CentralView,
     View,
-    rotation_from_angles,
 )
 from cubicfish_cli.wording import did_you_mean, quoted
-
-__all__ = [
-    "CENTRAL_KINDS",
-    "MAX_SIDE",
-    "Camera",
-    "CentralView",
-    "PerspectiveView",
-    "View",
-    "axis_focal",
-    "default_view",
-    "rotation_from_angles",
-    "view_from_json",
-]
 
 MAX_DEFAULT_FIELD_DEG = 120.0
 """A flat picture of a wider field spends nearly all its pixels on the rim."""

@@ -12,8 +12,8 @@ import pytest
 import yaml
 from running import SAMPLE, Run
 
-from cubicfish_cli.detection.grid_cache import GridCache
 from cubicfish_cli.detection.grids import FoundGrids
+from cubicfish_cli.detection.look import GridCache
 from cubicfish_cli.library import undistorting
 
 CORNERS, TARGET = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
@@ -161,7 +161,7 @@ def test_a_pipe_in_the_cache_is_not_waited_for(tmp_path: Path) -> None:
     key = cache.key(b"photo")
     os.mkfifo(tmp_path / f"{key}.npz")
     program = (
-        "from pathlib import Path; from cubicfish_cli.detection.grid_cache import GridCache; "
+        "from pathlib import Path; from cubicfish_cli.detection.look import GridCache; "
         f"print(GridCache(folder=Path({str(tmp_path)!r})).load({key!r}))"
     )
     done = subprocess.run(

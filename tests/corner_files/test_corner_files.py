@@ -16,9 +16,8 @@ from cubicfish_cli.corner_files.detections import NUMBERINGS, _place
 from cubicfish_cli.corner_files.observations_csv import load_corners, save_corners
 from cubicfish_cli.corner_files.read import CORNER_FORMATS, read_corner_files
 from cubicfish_cli.errors import CorrespondenceError
-from cubicfish_cli.formats.target_yaml import target_text
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.target import Target, load_target
+from cubicfish_cli.target import Target, load_target, target_text
 
 SIZE = TRUE_LENS.image_size
 THREE, FLAT = corner_of_three(), flat_board()

@@ -6,7 +6,7 @@ import pytest
 from running import SAMPLE
 
 from cubicfish_cli.detection.finder import find_grids
-from cubicfish_cli.detection.glance import glance_at_grids
+from cubicfish_cli.identification.glance import glance_at_grids
 from cubicfish_cli.photos import read_grey
 
 

@@ -8,13 +8,13 @@ import pytest
 from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.boards.types import BOARD_TYPES
 from cubicfish_cli.detection.finder import find_grids
-from cubicfish_cli.detection.glance import glance_at_markers
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.markers import How, find_marked_corners
 from cubicfish_cli.detection.markers_detect import families
 from cubicfish_cli.detection.markers_lattice import BoardLattice
 from cubicfish_cli.detection.markers_read import read_grid
 from cubicfish_cli.detection.pyramid import build_pyramid
+from cubicfish_cli.identification.glance import glance_at_markers
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.rendering.pose import camera_points, look_at
 from cubicfish_cli.rendering.render import plain_background, render

@@ -9,8 +9,7 @@ import pytest
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.detection.markers import find_marked_corners
 from cubicfish_cli.detection.markers_detect import families
-from cubicfish_cli.detection.markers_read import read_grid
-from cubicfish_cli.detection.markers_together import read_together
+from cubicfish_cli.detection.markers_read import read_grid, read_together
 from cubicfish_cli.detection.pyramid import build_pyramid
 from cubicfish_cli.rendering.truth import project_corners
 from cubicfish_cli.target import Target

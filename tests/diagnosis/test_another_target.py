@@ -5,8 +5,8 @@ import pytest
 from seen import grid_evidence
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
 
-from cubicfish_cli.diagnosis.another_target import another_target, nothing_named
-from cubicfish_cli.diagnosis.count import Count
+from cubicfish_cli.diagnosis.corner_count import another_target, nothing_named
+from cubicfish_cli.diagnosis.more_corners import Count
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.identified import GridReport, Identified, Place
 from cubicfish_cli.observations import Observations

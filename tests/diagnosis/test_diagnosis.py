@@ -13,22 +13,23 @@ from scipy.spatial.transform import Rotation
 from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.diagnosis import diagnose, lens_faults, photo_lenses, wrong_drawing
 from cubicfish_cli.diagnosis import failed_lens as failed_lens_module
-from cubicfish_cli.diagnosis.board_faults import board_fault, board_findings
 from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.diagnosis.failed_lens import failed_lens
-from cubicfish_cli.diagnosis.few_photos import enough_photos, spread_out
+from cubicfish_cli.diagnosis.left_out import board_fault, board_findings
 from cubicfish_cli.diagnosis.lens_faults import LensChange, left_out_lens, lens_change
-from cubicfish_cli.diagnosis.measured_object import measured_object, plane_in_squares
 from cubicfish_cli.diagnosis.mirrored import handed, mirrored_object, seen_sides
 from cubicfish_cli.diagnosis.object_faults import object_fault
 from cubicfish_cli.diagnosis.photo_lenses import (
     BY_CHANCE,
     PhotoLenses,
+    enough_photos,
     left_out_share,
     sheared_photos,
+    spread_out,
     two_lenses,
     zoomed_photos,
 )
+from cubicfish_cli.diagnosis.wrong_drawing import measured_object, plane_in_squares
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting import radial_reference
 from cubicfish_cli.fitting.evidence import FailedFit

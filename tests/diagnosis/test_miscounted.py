@@ -20,7 +20,7 @@ from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.diagnosis import fewer_corners as module
 from cubicfish_cli.diagnosis import more_corners
 from cubicfish_cli.diagnosis.corner_count import miscounted
-from cubicfish_cli.diagnosis.count import Count
+from cubicfish_cli.diagnosis.more_corners import Count
 from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.rendering.pose import camera_points
 from cubicfish_cli.rendering.simulate import Look, simulated_photos

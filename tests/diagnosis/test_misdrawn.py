@@ -8,7 +8,7 @@ from anonymous_grids import anonymous_photos
 from seen import grid_evidence
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three, poses_around, synthetic_corners
 
-from cubicfish_cli.detection.photo_as import grid_in_mirror
+from cubicfish_cli.detection.grids import grid_in_mirror
 from cubicfish_cli.diagnosis import misdrawn as module
 from cubicfish_cli.diagnosis.misdrawn import misdrawn
 from cubicfish_cli.identification.name_grids import name_grids

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from cubicfish_cli.detection.grids import Grid
-from cubicfish_cli.diagnosis.pattern_end import pattern_end
+from cubicfish_cli.diagnosis.fewer_corners import pattern_end
 from cubicfish_cli.lenses.radial import RadialCamera
 
 SIDE, FIRST = 20, 60  # pixels a square, and the first corner's place

@@ -15,9 +15,9 @@ from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
+from cubicfish_cli.lenses.cubic import check_validity
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.lenses.validity import check_validity
 from cubicfish_cli.rendering.outside import outside_lens
 
 pytestmark = pytest.mark.slow

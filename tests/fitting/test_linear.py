@@ -4,9 +4,9 @@ import numpy as np
 from lenses import cubic_camera, radial_camera, random_rays
 
 from cubicfish_cli.fitting.linear import linear_coefficients
+from cubicfish_cli.lenses.cubic import check_validity
 from cubicfish_cli.lenses.lift import lift, sphere_basis
 from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.lenses.validity import check_validity
 
 SCALE, CENTRE = 220.0, np.array([488.0, 351.0])
 

@@ -12,8 +12,7 @@ from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.fitting.refined_world import RefinedWorld
-from cubicfish_cli.formats.target_yaml import target_text
-from cubicfish_cli.target import Target, load_target
+from cubicfish_cli.target import Target, load_target, target_text
 
 DRAWN = synthetic.box_of_four()
 NOISE = 0.05

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from lenses import cubic_camera, random_rays
 
 from cubicfish_cli.errors import CameraFileError, OutputError
-from cubicfish_cli.formats.camera_writer import camera_text, save_camera
+from cubicfish_cli.formats.calibrated import camera_text, save_camera
 from cubicfish_cli.formats.camera_yaml import (
     CameraFile,
     PointCameraFile,

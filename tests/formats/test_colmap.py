@@ -11,8 +11,7 @@ from lenses import cubic_camera, radial_camera
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.fitting.conversion.from_lens import from_lens
 from cubicfish_cli.fitting.conversion.to_lens import to_lens
-from cubicfish_cli.formats.colmap_cameras import colmap_text, read_colmap
-from cubicfish_cli.formats.colmap_models import MODELS, WRITTEN
+from cubicfish_cli.formats.colmap_cameras import MODELS, WRITTEN, colmap_text, read_colmap
 from cubicfish_cli.formats.foreign import sniffed
 from cubicfish_cli.lenses.enhanced_unified import EnhancedUnifiedLens
 from cubicfish_cli.lenses.radial import RadialCamera

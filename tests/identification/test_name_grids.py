@@ -18,11 +18,10 @@ from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.fitting.poses import rotation_from_vector
 from cubicfish_cli.geometry import similarity
-from cubicfish_cli.identification.congruence import is_symmetry
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.identified import Identified, Place
 from cubicfish_cli.identification.name_grids import name_grids
-from cubicfish_cli.identification.placement import placement_of
+from cubicfish_cli.identification.placement import is_symmetry, placement_of
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.target import Target, load_target
 

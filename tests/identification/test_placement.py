@@ -6,8 +6,7 @@ from synthetic import checkerboard, corner_of_three
 
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.geometry import similarity
-from cubicfish_cli.identification.congruence import is_symmetry
-from cubicfish_cli.identification.placement import TURNS, placement_of, reach_of
+from cubicfish_cli.identification.placement import TURNS, is_symmetry, placement_of, reach_of
 from cubicfish_cli.target import Target
 
 

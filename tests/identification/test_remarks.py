@@ -3,8 +3,7 @@
 import pytest
 
 from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.identified import GridReport, Place
-from cubicfish_cli.identification.remarks import remark_lines, remark_of
+from cubicfish_cli.identification.identified import GridReport, Place, remark_lines, remark_of
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
 

@@ -18,14 +18,14 @@ from cubicfish_cli.identification.decide import CLEAR_RATIO, Decided, decide, de
 from cubicfish_cli.identification.ends import Ends, ends_of
 from cubicfish_cli.identification.grid_views import grid_poses, view_of
 from cubicfish_cli.identification.identified import Place
-from cubicfish_cli.identification.moments import (
+from cubicfish_cli.identification.placement import placement_of, reach_of
+from cubicfish_cli.identification.search import (
     form_cost,
     gauss_newton,
     grid_moments,
     normal_equations,
+    search,
 )
-from cubicfish_cli.identification.placement import placement_of, reach_of
-from cubicfish_cli.identification.search import search
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.rendering.pose import look_at
 from cubicfish_cli.target import Target

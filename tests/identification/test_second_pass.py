@@ -8,7 +8,7 @@ import pytest
 from synthetic import as_type
 
 from cubicfish_cli.corner_files.observations_csv import load_corners
-from cubicfish_cli.identification.photo_report import Detection, PhotoReport
+from cubicfish_cli.identification.identified import Detection, PhotoReport
 from cubicfish_cli.identification.second_pass import second_pass
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import find_photos

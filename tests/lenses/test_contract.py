@@ -9,10 +9,9 @@ from lenses import cubic_camera, radial_camera, random_rays
 from cubicfish_cli.angles import angle_from_axis, unit_rays
 from cubicfish_cli.lenses.division import DivisionLens
 from cubicfish_cli.lenses.double_sphere import DoubleSphereLens
-from cubicfish_cli.lenses.free_lens import FreeLens
 from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.lenses.mrcal_splined import SplinedLens
-from cubicfish_cli.lenses.nearest import nearest_accepted, nearest_lens
+from cubicfish_cli.lenses.nearest import FreeLens, nearest_accepted, nearest_lens
 from cubicfish_cli.lenses.pinhole import PinholeLens
 from cubicfish_cli.lenses.rational import RationalLens
 from cubicfish_cli.lenses.registry import LENSES

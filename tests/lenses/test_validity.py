@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from lenses import cubic_camera
 
+from cubicfish_cli.lenses.cubic import check_validity
 from cubicfish_cli.lenses.lift import MONOMIALS
 from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.lenses.validity import check_validity
 
 
 def test_rays_fill_the_cone_evenly():

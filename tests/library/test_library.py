@@ -268,7 +268,7 @@ def test_what_a_photo_was_placed_by_says_nothing_of_the_object(
     monkeypatch: pytest.MonkeyPatch, corners: Observations, target: Target, fitted: Calibration
 ) -> None:
     from cubicfish_cli.fitting import calibrate as fitting
-    from cubicfish_cli.identification.photo_report import Detection, PhotoReport
+    from cubicfish_cli.identification.identified import Detection, PhotoReport
     from cubicfish_cli.words.finding import Finding
 
     asked: list[dict[str, Any]] = []

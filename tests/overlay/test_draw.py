@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.identified import GridReport, Place
-from cubicfish_cli.identification.photo_report import PhotoReport
+from cubicfish_cli.identification.identified import GridReport, PhotoReport, Place
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.overlay.canvas import PhotoCanvas
 from cubicfish_cli.overlay.draw import BOARD_COLOURS, LEFT_OUT, REFUSED, draw_found

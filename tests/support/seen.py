@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 
 import pytest
 
-from cubicfish_cli.diagnosis.count import Count
 from cubicfish_cli.diagnosis.evidence import GridEvidence
+from cubicfish_cli.diagnosis.more_corners import Count
 from cubicfish_cli.identification.identified import Identified
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.target import Target

@@ -14,7 +14,7 @@ from cubicfish_cli.boards.types import BOARD_TYPES
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.pose import Pose, camera_points, look_at
-from cubicfish_cli.rendering.truth import Lens, TrueCorners, project_corners, target_corners
+from cubicfish_cli.rendering.truth import Lens, TrueCorners, project_corners
 from cubicfish_cli.target import Target
 
 IMAGE_SIZE = (960, 720)
@@ -114,7 +114,7 @@ def flat_board() -> Target:
 
 def object_middle(target: Target) -> npt.NDArray[np.float64]:
     """The middle of the object's corners (3,)."""
-    world = target_corners(target)[3]
+    world = target.corners()[3]
     return (world.min(axis=0) + world.max(axis=0)) / 2
 
 
@@ -139,7 +139,7 @@ def poses_around(
 
     """
     rng = np.random.default_rng(seed)
-    world = target_corners(target)[3]
+    world = target.corners()[3]
     diagonal = float(np.linalg.norm(np.ptp(world, axis=0)))
     middle = object_middle(target)
     outward = np.sum([np.cross(b.y_axis, b.x_axis) for b in target.boards], axis=0)

@@ -119,6 +119,7 @@ ALLOWED: dict[str, set[str]] = {
         "executors",
         "files",
         "photos",
+        "picture_headers",
         "films",
         "lenses",
         "wording",

@@ -13,18 +13,17 @@ from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
 
 from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.detection.finder import find_grids
+from cubicfish_cli.detection.grids import grid_in_mirror
 from cubicfish_cli.detection.markers import find_marked_corners
-from cubicfish_cli.detection.photo_as import grid_in_mirror
 from cubicfish_cli.diagnosis.misdrawn import misdrawn
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.statistics import rms_px
-from cubicfish_cli.formats.target_yaml import target_text
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.library.detect_corners import detect_corners
 from cubicfish_cli.photos import find_photos
-from cubicfish_cli.target import Target
+from cubicfish_cli.target import Target, target_text
 from tests.detection.test_markers import MIXED, POSE, errors, mixed_photo, photo_of
 from tests.identification.test_name_grids import names, seen
 

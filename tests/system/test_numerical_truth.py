@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import Calibration, calibrate
 from cubicfish_cli.fitting.evaluate import evaluate
-from cubicfish_cli.formats.camera_writer import save_camera
+from cubicfish_cli.formats.calibrated import save_camera
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.lenses.sphere import cone_rays

@@ -11,14 +11,15 @@ from cubicfish_cli.undistortion.batch import PhotoJob, undistort_photo
 from cubicfish_cli.undistortion.images import (
     PLAIN,
     Rendering,
+    encode_grey_with_alpha,
     encode_picture,
+    is_grey_with_alpha,
     remap_picture,
     write_picture,
 )
 from cubicfish_cli.undistortion.jpeg import jpeg_nature, with_segments
 from cubicfish_cli.undistortion.maps import build_map, save_map
-from cubicfish_cli.undistortion.png import encode_grey_with_alpha, is_grey_with_alpha
-from cubicfish_cli.undistortion.views import PerspectiveView
+from cubicfish_cli.undistortion.projections import PerspectiveView
 
 LENS = lens_of_size(0.125)
 WIDTH, HEIGHT = LENS.image_size

@@ -12,24 +12,22 @@ from lenses import cubic_camera
 
 from cubicfish_cli.errors import OutputError
 from cubicfish_cli.undistortion.map_formats import (
-    PixelMap,
     build_redistort_map,
     ffmpeg_command,
     map_writer,
     stmap,
 )
-from cubicfish_cli.undistortion.maps import build_map, load_map
+from cubicfish_cli.undistortion.maps import UndistortMap, build_map, load_map
 from cubicfish_cli.undistortion.projections import EquidistantView, PerspectiveView
 from cubicfish_cli.undistortion.view import rotation_from_angles
 
 CAMERA = cubic_camera(100.0)  # 960x720
 VIEW = PerspectiveView.with_field(150, (192, 108), rotation_from_angles(yaw_deg=25))
 MAP = build_map(CAMERA, VIEW)
-PIXELS = PixelMap.of(MAP)
 VALID = MAP.valid
 
 
-def written(path: Path, pixel_map: PixelMap = PIXELS, **options) -> tuple[Path, ...]:
+def written(path: Path, pixel_map: UndistortMap = MAP, **options) -> tuple[Path, ...]:
     paths, write = map_writer(path, **options)
     for index, file in enumerate(paths):
         write(index, pixel_map, file)
@@ -85,7 +83,7 @@ def test_an_exr_stmap_is_read_by_openexr(tmp_path):
 
 
 def test_the_origin_turns_y_over():
-    up, down = (stmap(PIXELS, origin)[1] for origin in ("bottom-left", "top-left"))
+    up, down = (stmap(MAP, origin)[1] for origin in ("bottom-left", "top-left"))
     np.testing.assert_allclose((up + down)[VALID], 1, atol=1e-6)
     # The photo's top is near 1 where y grows upwards.
     row = np.argmin(np.where(VALID, MAP.map_y, np.inf))
@@ -142,7 +140,7 @@ def test_the_way_back_undoes_the_way_there(view):
     there = build_map(CAMERA, view)
     back = build_redistort_map(CAMERA, view)
     assert back.map_x.shape == (720, 960)
-    assert back.source_size == view.size
+    assert back.image_size == view.size
     # The undistort map, read where the way back points, says where we came from.
     grid = np.stack([there.map_x, there.map_y], axis=-1)
     found = cv2.remap(grid, back.map_x, back.map_y, cv2.INTER_CUBIC)

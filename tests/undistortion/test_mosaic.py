@@ -15,9 +15,8 @@ from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.rendering.pose import rotation_matrix
-from cubicfish_cli.undistortion.ground import Ground
 from cubicfish_cli.undistortion.images import Rendering
-from cubicfish_cli.undistortion.mosaic import Body, BodyCamera, edge_distance, mosaic_of
+from cubicfish_cli.undistortion.mosaic import Body, BodyCamera, Ground, edge_distance, mosaic_of
 from cubicfish_cli.undistortion.plane import PlaneView
 from cubicfish_cli.undistortion.projections import CylindricalView, EquirectangularView
 from tests.undistortion.test_stereo import calibrated as calibrated_pair

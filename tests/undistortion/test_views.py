@@ -9,12 +9,9 @@ from hypothesis import strategies as st
 from synthetic import TRUE_LENS
 
 from cubicfish_cli.errors import ViewError
-from cubicfish_cli.undistortion.views import (
-    PerspectiveView,
-    default_view,
-    rotation_from_angles,
-    view_from_json,
-)
+from cubicfish_cli.undistortion.projections import PerspectiveView
+from cubicfish_cli.undistortion.view import rotation_from_angles
+from cubicfish_cli.undistortion.views import default_view, view_from_json
 
 
 def angle_deg(a, b):
@@ -134,7 +131,7 @@ GOOD = {"kind": "perspective", "size": [4, 3], "focal": 2.0, "rotation": [0, 0, 
         ({"size": [True, 3]}, "size must be two whole numbers"),
         ({"size": [40_000, 3]}, "size must be two whole numbers"),
         ({"size": "43"}, "must be lists"),
-        ({"rotation": None}, "must be lists"),
+        ({"rotation": None}, "three finite numbers"),
         ({"rotation": [0, 0]}, "three finite numbers"),
         ({"rotation": [0, 0, float("nan")]}, "three finite numbers"),
         ({"rotation": [0, 0, "0"]}, "three finite numbers"),

@@ -16,13 +16,12 @@ from cubicfish_cli.fitting.conversion.to_lens import ConversionError, conversion
 from cubicfish_cli.fitting.lenses import CubicFit, RayPrior
 from cubicfish_cli.fitting.linear import linear_coefficients
 from cubicfish_cli.geometry import inside_polygon
-from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera, check_validity
 from cubicfish_cli.lenses.lens import UNPROJECT_TOLERANCE_PX, Lens
 from cubicfish_cli.lenses.lift import lift, sphere_basis
 from cubicfish_cli.lenses.nearest import nearest_lens
 from cubicfish_cli.lenses.radial import RadialCamera
-from cubicfish_cli.lenses.sphere import cone_rays, rays_of_pixels
-from cubicfish_cli.lenses.validity import check_validity
+from cubicfish_cli.lenses.sphere import cone_rays, ray_at, rays_of_pixels
 from cubicfish_cli.types import FloatArray
 
 _RAYS = 4000
@@ -178,14 +177,7 @@ def _field(lens: Lens) -> tuple[float, EndedBy, float | None]:
     fold_deg = None
     theta = np.deg2rad(np.arange(0, _LARGEST_DEG, _STEP_DEG))
     turn = np.linspace(0, 2 * np.pi, _AZIMUTHS, endpoint=False)
-    rays = np.stack(
-        [
-            np.sin(theta)[None, :] * np.cos(turn)[:, None],
-            np.sin(theta)[None, :] * np.sin(turn)[:, None],
-            np.broadcast_to(np.cos(theta), (_AZIMUTHS, len(theta))),
-        ],
-        axis=-1,
-    )
+    rays = ray_at(*np.broadcast_arrays(theta, turn[:, None]))
     pixel = lens.project(rays.reshape(-1, 3)).reshape(*rays.shape[:2], 2)
     middle = pixel[0, 0]
     width, height = lens.image_size

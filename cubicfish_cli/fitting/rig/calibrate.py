@@ -29,18 +29,16 @@ from cubicfish_cli.fitting.radial_reference import radial_near
 from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.refinement import LEVELS, Level, settled_spread
 from cubicfish_cli.fitting.rig.clocks import Clocks, Moving, fitted_clocks
-from cubicfish_cli.fitting.rig.evidence import RigEvidence
-from cubicfish_cli.fitting.rig.exchanged import refuse_exchanged
-from cubicfish_cli.fitting.rig.gather import Seen, gathered, without_strays
-from cubicfish_cli.fitting.rig.shots import Shots
-from cubicfish_cli.fitting.rig.spread import place_covariances
-from cubicfish_cli.fitting.rig.start import RigStart, start_rig
-from cubicfish_cli.fitting.rig.summary import (
+from cubicfish_cli.fitting.rig.evaluate import (
     CameraPair,
     alone_residual,
     camera_pairs,
     shot_records,
 )
+from cubicfish_cli.fitting.rig.gather import RigEvidence, Seen, gathered, without_strays
+from cubicfish_cli.fitting.rig.shots import Shots
+from cubicfish_cli.fitting.rig.spread import place_covariances
+from cubicfish_cli.fitting.rig.start import RigStart, refuse_exchanged, start_rig
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.stages import Progress
@@ -53,9 +51,8 @@ from cubicfish_cli.fitting.statistics import (
 from cubicfish_cli.fitting.subset import with_mean_weight_one, world_scale
 from cubicfish_cli.fitting.world import DrawnWorld, World
 from cubicfish_cli.geometry import camera_centre, total_sigma
-from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.cubic import CubicCamera, check_validity
 from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.lenses.validity import check_validity
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray

@@ -1,4 +1,7 @@
-"""How well a known rig explains other shots: where the rig was is fitted, nothing else."""
+"""How well a known rig explains other shots, and what errors say of cameras, pairs and shots.
+
+Where the rig was is fitted, nothing else.
+"""
 
 from __future__ import annotations
 
@@ -9,19 +12,15 @@ from typing import Any, Protocol
 import numpy as np
 
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.adjustment import adjust
+from cubicfish_cli.fitting.adjustment import Adjustment, adjust
+from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.rig.gather import gathered
 from cubicfish_cli.fitting.rig.shots import Shots
-from cubicfish_cli.fitting.rig.start import place_shots
-from cubicfish_cli.fitting.rig.summary import (
-    CameraPair,
-    alone_residual,
-    camera_pairs,
-    shot_records,
-)
+from cubicfish_cli.fitting.rig.start import common_shots, place_shots
+from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import ErrorStatistics, error_statistics, rms_px
 from cubicfish_cli.fitting.subset import select
@@ -31,6 +30,87 @@ from cubicfish_cli.types import FloatArray
 
 # While shots are placed by one camera's view, the loss must still feel every corner.
 _WIDE_HUBER_PX = 50.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraPair:
+    """Two cameras and what connects them.
+
+    Attributes:
+        first, second: names of the cameras.
+        shots: in how many shots both see the target.
+        rms_px: RMS of the corners of both in these shots, pixels; None without any.
+
+    """
+
+    first: str
+    second: str
+    shots: int
+    rms_px: float | None
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "cameras": [self.first, self.second],
+            "shots": self.shots,
+            "rms_px": self.rms_px,
+        }
+
+
+def alone_residual(
+    fit: Adjustment, lens: RigLens, pairs: Observations, held: Sequence[FitLens], limit: float
+) -> FloatArray:
+    """(N, 2) residuals with every view's pose free, each camera's lens held."""
+    views = lens.views(fit.poses)
+    found = np.empty_like(fit.residual)
+    for camera, own in enumerate(held):
+        mine = lens.camera[pairs.image] == camera
+        part, kept = select(pairs, mine)
+        if len(part.pixel):
+            found[mine] = adjust(own, views[kept], part, huber_px=limit).residual
+    return found
+
+
+def camera_pairs(
+    names: Sequence[str], lens: RigLens, pairs: Observations, residual: FloatArray
+) -> list[CameraPair]:
+    """Every two cameras."""
+    common = common_shots(lens, len(names))
+    camera, shot = lens.camera[pairs.image], lens.shot[pairs.image]
+    found = []
+    for a in range(len(names)):
+        for b in range(a + 1, len(names)):
+            both = np.intersect1d(lens.shot[lens.camera == a], lens.shot[lens.camera == b])
+            own = np.isin(shot, both) & ((camera == a) | (camera == b))
+            found.append(
+                CameraPair(
+                    first=names[a],
+                    second=names[b],
+                    shots=int(common[a, b]),
+                    rms_px=rms_px(residual[own]) if own.any() else None,
+                )
+            )
+    return found
+
+
+def shot_records(
+    shots: Sequence[str],
+    lens: RigLens,
+    pairs: Observations,
+    residual: FloatArray,
+    names: Sequence[str],
+) -> list[dict[str, Any]]:
+    """A plain record a shot: its RMS in pixels, its corners and cameras."""
+    shot = lens.shot[pairs.image]
+    return [
+        {
+            "shot": name,
+            "rms_px": rms_px(residual[shot == number]),
+            "corners": int(np.sum(shot == number)),
+            "cameras": [names[camera] for camera in lens.camera[lens.shot == number]],
+        }
+        for number, name in enumerate(shots)
+    ]
 
 
 class KnownCamera(Protocol):

@@ -1,21 +1,27 @@
-"""Photos of several cameras as the views of one body."""
+"""Photos of several cameras as the views of one body, and what its fit knows of the set-up."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 
+from cubicfish_cli.fitting.adjustment import Adjustment, huber_weight, linearised
+from cubicfish_cli.fitting.evidence import Evidence
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.rig.clocks import Moving
+from cubicfish_cli.fitting.rig.clocks import Clocks, Moving
 from cubicfish_cli.fitting.rig.shots import Shots
 from cubicfish_cli.fitting.rig.start import RigStart
 from cubicfish_cli.fitting.rig_lens import RigLens
+from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.observations import Observations
+from cubicfish_cli.types import FloatArray, IntArray
 
 
 class OneCamera(Protocol):
@@ -115,3 +121,47 @@ def without_strays(
     used, shot = np.unique(shot, return_inverse=True)
     lens = replace(lens, shot=shot.astype(np.intp))
     return lens, poses[used], replace(seen, shot=tuple(names[number] for number in used))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RigEvidence(Evidence):
+    """A fitted rig.
+
+    Attributes:
+        names: of the cameras.
+        fit: of the rig.
+        lens: the lenses and places of that.
+        pairs: its pairs.
+        clocks: by how much cameras were late, which was taken out; None where it is not known.
+        start: where it started from.
+        photos: of each view, its photo's name.
+        shots: the shots' names, in the order in which they were taken.
+        scale: the target's units in one unit of the pairs.
+
+    """
+
+    names: Sequence[str]
+    fit: Adjustment
+    lens: RigLens
+    pairs: Observations
+    clocks: Clocks | None
+    start: RigStart
+    photos: Sequence[str]
+    shots: Sequence[str]
+    scale: float
+
+    @cached_property
+    def of_views(self) -> tuple[FloatArray, FloatArray, IntArray]:
+        """Of each view's shot's pose: Hessian (V, 6, 6), gradient (V, 6), and (V,) its corners."""
+        limit = huber_px(self.fit.residual)
+        bounds = np.searchsorted(self.pairs.image, np.arange(len(self.lens.shot) + 1))
+        hessians, gradients = [], []
+        for start, stop in pairwise(bounds.tolist()):
+            run = slice(start, stop)
+            terms = linearised(self.fit.lens, self.fit.poses, self.fit.world, self.pairs, run)
+            length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
+            root = np.sqrt(self.pairs.weight[run] * huber_weight(length, limit))[:, None, None]
+            pose = (np.concatenate([terms.d_turn, terms.d_shift], axis=2) * root).reshape(-1, 6)
+            hessians.append(pose.T @ pose)
+            gradients.append(pose.T @ (terms.residual[:, :, None] * root).reshape(-1))
+        return np.array(hessians), np.array(gradients), np.diff(bounds)

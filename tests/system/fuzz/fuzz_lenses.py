@@ -12,7 +12,7 @@ from fuzz_cameras import camera
 from fuzz_foreign import RAYS
 
 from cubicfish_cli.fitting.conversion.to_lens import to_lens
-from cubicfish_cli.formats.colmap_models import MODELS as COLMAP_MODELS
+from cubicfish_cli.formats.colmap_cameras import MODELS as COLMAP_MODELS
 from cubicfish_cli.formats.foreign import LENS_OF, foreign_text, read_foreign
 
 SIZE = (640, 480)

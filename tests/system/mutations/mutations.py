@@ -66,8 +66,8 @@ MUTATIONS = tuple(
         ),
         (
             "geometry.py",
-            "= 1 + s * (3 * k1 + s * (5",
-            "= 1 + s * (3 * k1 + s * (4",
+            "return 1 + s * (3 * k1 + s * (5",
+            "return 1 + s * (3 * k1 + s * (4",
             "lenses/test_cameras",
         ),
         (
@@ -77,7 +77,7 @@ MUTATIONS = tuple(
             "lenses/test_cameras",
         ),
         (
-            "lenses/validity.py",
+            "lenses/cubic.py",
             "good = (denominator > 0) & (determinant > 0)",
             "good = denominator > 0",
             "lenses/test_validity",
