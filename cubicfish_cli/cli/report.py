@@ -52,10 +52,11 @@ def command(
     """
     from cubicfish_cli.errors import CubicfishError
     from cubicfish_cli.files import refuse_existing, write_text
-    from cubicfish_cli.report.extra import INSTALL, missing, quiet
+    from cubicfish_cli.printing.extra import INSTALL, REPORT, missing, quiet
 
-    if missing():
-        raise CubicfishError(f"a report needs {' and '.join(missing())}: {INSTALL}")
+    lacking = missing(REPORT)
+    if lacking:
+        raise CubicfishError(f"a report needs {' and '.join(lacking)}: {INSTALL}")
     rig = options.rig_path(calibration or model)
     camera = rig or options.model_path(calibration or model)
     page = output or camera.parent / "report.html"

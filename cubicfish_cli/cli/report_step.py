@@ -31,9 +31,9 @@ report_option = option(
 
 def is_possible() -> bool:
     """Whether the libraries that a report needs are there."""
-    from cubicfish_cli.report.extra import missing
+    from cubicfish_cli.printing.extra import REPORT, missing
 
-    return not missing()
+    return not missing(REPORT)
 
 
 def make_page(
@@ -58,7 +58,7 @@ def make_page(
     """
     from time import perf_counter
 
-    from cubicfish_cli.report.extra import quiet
+    from cubicfish_cli.printing.extra import quiet
 
     start = perf_counter()
     _keep_fonts()
@@ -93,7 +93,7 @@ def write_rig_page(rig: Path, page: Path, *, overwrite: bool) -> Verdict:
     from cubicfish_cli.files import write_text
     from cubicfish_cli.formats.rig_yaml import load_rig
     from cubicfish_cli.library.rigs import loaded_record
-    from cubicfish_cli.report.extra import quiet
+    from cubicfish_cli.printing.extra import quiet
 
     _keep_fonts()
     with quiet():
@@ -120,6 +120,6 @@ def say_if_missing(outputs: Mapping[str, Path], *, wanted: bool) -> None:
     if old.exists():
         say(f"note: {old} is of an earlier calibration")
     if wanted and not is_possible():
-        from cubicfish_cli.report.extra import INSTALL
+        from cubicfish_cli.printing.extra import INSTALL
 
         say(f"No {NAME} was written: {INSTALL}, then 'cubicfish report {old.parent}', makes it.")

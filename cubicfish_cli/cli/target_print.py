@@ -110,10 +110,11 @@ def command(
     _refuse_mixed(target, kind, (board_type, square, counts, dictionary), boards)
 
     from cubicfish_cli.errors import CubicfishError
-    from cubicfish_cli.printing.extra import INSTALL, missing
+    from cubicfish_cli.printing.extra import INSTALL, PRINTING, missing, quiet
 
-    if missing():
-        raise CubicfishError(f"printing needs {' and '.join(missing())}: {INSTALL}")
+    lacking = missing(PRINTING)
+    if lacking:
+        raise CubicfishError(f"printing needs {' and '.join(lacking)}: {INSTALL}")
     keep_fonts()
 
     from cubicfish_cli.files import Content, refuse_existing, write_files
@@ -134,8 +135,6 @@ def command(
     outputs = {kind: output / names[kind] for kind, there in wanted.items() if there}
     refuse_existing(*outputs.values(), overwrite=overwrite)
     date = _date()
-
-    from cubicfish_cli.report.extra import quiet
 
     with quiet():
         from cubicfish_cli.printing.documents import words_for, write_assembly, write_boards

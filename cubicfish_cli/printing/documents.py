@@ -7,7 +7,8 @@ from datetime import datetime
 from pathlib import Path
 
 from cubicfish_cli.printing.assembly import Words, assembly_page
-from cubicfish_cli.printing.canvas import quietly, write_pdf
+from cubicfish_cli.printing.canvas import STYLE, write_pdf
+from cubicfish_cli.printing.extra import drawing
 from cubicfish_cli.printing.layout import Page
 from cubicfish_cli.printing.page import draw_pages
 from cubicfish_cli.printing.sheet import Sheet
@@ -23,7 +24,7 @@ def write_boards(path: Path, pages: Sequence[Page], *, date: datetime | None) ->
 
     """
     names = dict.fromkeys(page.sheet.board.name for page in pages)
-    with quietly():
+    with drawing(STYLE):
         write_pdf(path, ", ".join(names), draw_pages(pages), date=date)
 
 
@@ -36,7 +37,7 @@ def write_assembly(
         OSError: the file cannot be written.
 
     """
-    with quietly():
+    with drawing(STYLE):
         page = assembly_page(sheets, words, letter=paper.startswith(_US_PAPER))
         write_pdf(path, words.title, [page], date=date)
 

@@ -18,6 +18,7 @@ from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.findings import field_cells
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.printing.extra import drawing
 from cubicfish_cli.rendering.difference_picture import COLOURS, round_up
 from cubicfish_cli.report.facts import ErrorFacts, Facts
 from cubicfish_cli.report.svg import (
@@ -28,13 +29,13 @@ from cubicfish_cli.report.svg import (
     ORANGE,
     PURPLE,
     RED,
+    STYLE,
     VARIABLES,
     WIDTH,
     Box,
     add_axes,
     areas,
     dots,
-    drawing,
     new_figure,
     rectangles,
     strokes,
@@ -124,7 +125,7 @@ def all_figures(facts: Facts) -> dict[str, Drawn]:
     camera = facts.camera
     if isinstance(camera, CubicCamera):
         makers += [lambda: profile_figure(facts, camera), lambda: uncertainty_figure(facts, camera)]
-    with drawing():
+    with drawing(STYLE):
         drawn = [make() for make in makers]
     return {figure.name: figure for figure in drawn if figure is not None}
 

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from cubicfish_cli.assess.records import recorded_mappings, recorded_number
+from cubicfish_cli.printing.extra import drawing
 from cubicfish_cli.report.figures import BOARD_COLOURS, Drawn, Key, key
 from cubicfish_cli.report.scene import at_one_scale, frusta, scale_bar
 from cubicfish_cli.report.svg import (
@@ -17,12 +18,12 @@ from cubicfish_cli.report.svg import (
     MUTED,
     RED,
     SKY,
+    STYLE,
     WIDTH,
     Box,
     add_axes,
     areas,
     dots,
-    drawing,
     new_figure,
     rectangles,
     strokes,
@@ -82,7 +83,7 @@ def rig_figures(
 
     """
     axes = _upright(cameras)
-    with drawing():
+    with drawing(STYLE):
         drawn = [
             _view(cameras, units, "rig-top", "The rig from above", axes.right, axes.ahead, "above"),
             _view(cameras, units, "rig-side", "The same from its right side", axes.ahead, axes.up,

@@ -12,7 +12,7 @@ from cubicfish_cli.assess.rig_verdict import rig_verdict
 from cubicfish_cli.assess.verdict import WORDS
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
 from cubicfish_cli.report.figures import key
-from cubicfish_cli.report.page import day_of, for_template, made_of, template
+from cubicfish_cli.report.page import day_of, made_of, template
 from cubicfish_cli.report.rig_figures import SeenCamera, colour_of, overlap_shares, rig_figures
 from cubicfish_cli.words.codes import Severity
 from cubicfish_cli.words.finding import of_record
@@ -48,7 +48,7 @@ def rig_html(rig: RigFile, record: Mapping[str, Any]) -> str:
             )
         ],
         pairs=_pairs(recorded_mappings(record["pairs"]), seen),
-        figures=for_template(rig_figures(seen, shots, rig.units or "", outlying)),
+        figures=rig_figures(seen, shots, rig.units or "", outlying),
         worst=_worst(shots),
         shots=len(shots),
         corners=recorded_number(fit.get("corners")) or 0,

@@ -26,6 +26,7 @@ import matplotlib as mpl
 from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.fitting.calibrate import Calibration
 from cubicfish_cli.observations import Observations
+from cubicfish_cli.printing.extra import drawing as plain_drawing
 from cubicfish_cli.report import figures, svg
 from cubicfish_cli.report.facts import Facts, gather
 from cubicfish_cli.report.page import report_html
@@ -333,7 +334,7 @@ def test_letters_have_room_on_small_pages_too(html: str) -> None:
     css = html[: html.index("</style>")]
     larger = float(re.findall(r"figure svg text \{ font-size: ([0-9.]+)px", css)[0])
     assert larger > 12
-    with svg.drawing():
+    with plain_drawing(svg.STYLE):
         figure = svg.new_figure(100)
         figures._scale_bar(figure, ["#123456"] * 7, [f"0.01{i}5" for i in range(8)], "px")
         long = svg.svg_text(figure, "long", "long labels")
