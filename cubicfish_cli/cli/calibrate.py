@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys, options, report_step
+from cubicfish_cli.cli import json_keys, options
 from cubicfish_cli.cli.calibrate_points import print_points
 from cubicfish_cli.cli.choosing import films_among, frames_to_calibrate, refuse_other_photos
 from cubicfish_cli.cli.figures import (
@@ -35,6 +35,7 @@ from cubicfish_cli.cli.numbers import IntRange
 from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table
 from cubicfish_cli.cli.provenance import check_title, made_at, made_by_record
+from cubicfish_cli.cli.report import can_make_pages, make_page, report_option, say_if_no_page
 from cubicfish_cli.cli.target_choice import (
     DEFAULT_TARGET,
     TargetChoice,
@@ -111,7 +112,7 @@ if TYPE_CHECKING:
     IntRange(min=1),
 )
 @option("--compare", "Also fit other lens models to the same corners, and print one table.")
-@report_step.report_option
+@report_option
 @options.max_rms_option
 @options.overwrite_option
 @options.json_option(json_keys.CALIBRATE)
@@ -147,7 +148,7 @@ def command(
     if lift == "point" and compare:
         raise click.UsageError("--compare is of cameras with rays: it goes with --lift ray")
     check_inputs(inputs, correspondences=correspondences, target=target)
-    from cubicfish_cli.advice.summary import summary
+    from cubicfish_cli.advice.advise import summary
     from cubicfish_cli.assess.camera_facts import camera_facts
     from cubicfish_cli.assess.verdict import verdict
     from cubicfish_cli.fitting.calibrate import Calibration
@@ -163,7 +164,7 @@ def command(
     folder = CalibrationFolder(path=output, inputs=given)
     # Corners that were read from this very file need not be written again.
     with_corners = bool(inputs) and not folder.has_input("corners")
-    with_page = report and report_step.is_possible()
+    with_page = report and can_make_pages()
     kinds = {"report": with_page, "corners": with_corners, "drawn": target.counts is not None}
     own = [kind for kind, wanted in kinds.items() if wanted]
     folder.refuse("camera", "map", "target", *own, overwrite=overwrite)
@@ -217,7 +218,7 @@ def command(
     else:
         judged, thing = verdict(record, camera.image_size, fitted.camera.valid), loaded.pairs.target
     if with_page:
-        contents["report"] = report_step.make_page(camera, record, made_by, loaded, thing)
+        contents["report"] = make_page(camera, record, made_by, loaded, thing)
     with working("Writing"):
         outputs, removed = folder.write(contents, overwrite=overwrite)
     advice, models = {}, []
@@ -255,7 +256,7 @@ def command(
             print_points(fitted, record, judged, outputs)
     for path in removed:
         say(f"removed {path}, which was of an earlier calibration")
-    report_step.say_if_missing(outputs, wanted=report)
+    say_if_no_page(outputs, wanted=report)
     hold_gate(fitted.errors.rms_px, max_rms)
 
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 from cubicfish_cli.cli.cache_folder import cache_folder
 from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.rendering_options import is_video_name
 from cubicfish_cli.cli.target_choice import TargetChoice
 from cubicfish_cli.cli.terminal import progress, say
-from cubicfish_cli.cli.video_options import is_video_name
 
 if TYPE_CHECKING:
     from cubicfish_cli.films.scan import Measured

@@ -203,7 +203,7 @@ def _write_usd(
 ) -> None:
     """Write cameras as tables, which hold any lens, into a folder."""
     from cubicfish_cli.files import refuse_existing, write_files
-    from cubicfish_cli.library.usd_files import usd_files, usd_paths
+    from cubicfish_cli.library.exporting import usd_files, usd_paths
     from cubicfish_cli.undistortion.map_formats import require_exr
 
     folder = output or Path("usd")

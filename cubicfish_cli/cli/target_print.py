@@ -137,7 +137,7 @@ def command(
     date = _date()
 
     with quiet():
-        from cubicfish_cli.printing.documents import words_for, write_assembly, write_boards
+        from cubicfish_cli.printing.assembly import words_for, write_assembly, write_boards
 
     contents: dict[str, Content] = {
         "boards": lambda path: write_boards(path, pages, date=date),

@@ -9,7 +9,7 @@ from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.photo_as import negative_grids, negative_photo
 from cubicfish_cli.errors import DetectionError
 from cubicfish_cli.formats.target_yaml import target_text
-from cubicfish_cli.library.detect_corners import detect_corners
+from cubicfish_cli.library.detection import detect_corners
 from cubicfish_cli.photos import find_photos
 from cubicfish_cli.target import Target
 from tests.detection.test_markers import errors, find, mixed_photo, photo_of, wall
