@@ -94,13 +94,6 @@ def best_photos(
     return best
 
 
-def refuse_other_photos(photos: Sequence[Photo], films: Sequence[Path]) -> None:
-    """Raise :class:`PhotoError` where photos beside films are of another size."""
-    from cubicfish_cli.library.frames import refuse_other_photos as refuse
-
-    refuse(photos, films)
-
-
 def say_of_film(measured: Measured) -> None:
     """Say what is odd about a film."""
     from cubicfish_cli.photos import shown

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.rendering_options import MaskOptions, crop_option, mask_options
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
@@ -73,7 +73,7 @@ P2 and Q.
 )
 @mask_options
 @options.overwrite_option
-@options.json_option(json_keys.MAP)
+@options.json_option("map")
 def command(
     output: Path,
     model: Path | None,

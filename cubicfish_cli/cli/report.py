@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.figures import print_verdict
 from cubicfish_cli.cli.inputs import Pairs
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 )
 @options.output_option("The page. [default: report.html beside the camera]")
 @options.overwrite_option
-@options.json_option(json_keys.REPORT)
+@options.json_option("report")
 def command(
     calibration: Path | None,
     model: Path | None,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.choosing import films_among
 from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_verdict, px
 from cubicfish_cli.cli.inputs import load_pairs, mark_of, say_photo_problems
@@ -97,7 +97,7 @@ if TYPE_CHECKING:
 @report_option
 @options.max_rms_option
 @options.overwrite_option
-@options.json_option(json_keys.RIG)
+@options.json_option("rig")
 @options.jobs_option
 @options.no_cache_option
 def command(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import as_command, option
@@ -86,7 +86,7 @@ _TYPES = ("checkerboard", "charuco", "aprilgrid")
     "Where boards.pdf, assembly.pdf and target.yaml go.", default="printed", folder=True
 )
 @options.overwrite_option
-@options.json_option(json_keys.TARGET_PRINT)
+@options.json_option("target-print")
 def command(
     target: Path | None,
     kind: str | None,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.rendering_options import (
@@ -92,7 +92,7 @@ if TYPE_CHECKING:
 @option("--skip-existing", "Leave out photos whose result exists.")
 @option("--dry-run", "Say what would be done, and write nothing.")
 @options.overwrite_option
-@options.json_option(json_keys.UNDISTORT)
+@options.json_option("undistort")
 @options.jobs_option
 @scheduler_options
 def command(
