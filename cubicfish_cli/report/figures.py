@@ -563,7 +563,8 @@ def _levels(low: float, high: float) -> list[float]:
 
 def round_down(value: float) -> float:
     """The next of 1, 2, 5 times a power of ten at or below a positive value."""
-    power = 10.0 ** np.floor(np.log10(max(value, 1e-12)) + 1e-9)
+    value = max(value, 1e-12)
+    power = 10.0 ** np.floor(np.log10(value) + 1e-9)
     return float(max(step * power for step in (1, 2, 5) if step * power <= value * 1.000001))
 
 
