@@ -39,7 +39,7 @@ from cubicfish_cli.fitting.calibrate import Calibration, calibrate
 from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.frame_names import frame_name
 from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.library.detect_corners import detect_corners
+from cubicfish_cli.library.detection import detect_corners
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import Photo, find_photos
 from cubicfish_cli.rendering.lens_file import load_lens

@@ -53,7 +53,7 @@ def corners_of(data: Path, corners: Path | None, target: Target) -> Observations
     """The pairs, from a file or from the photos."""
     if corners is not None:
         return load_corners(corners, target)
-    from cubicfish_cli.library.detect_corners import detect_corners
+    from cubicfish_cli.library.detection import detect_corners
     from cubicfish_cli.photos import find_photos
 
     return detect_corners(find_photos([data / "images"]), target).corners.with_target(target)

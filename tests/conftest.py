@@ -21,7 +21,7 @@ from running import MISSING, SAMPLE, Run, run_cli
 from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.fitting import calibrate
 from cubicfish_cli.fitting.calibrate import Calibration
-from cubicfish_cli.report import extra
+from cubicfish_cli.printing import extra
 from cubicfish_cli.target import load_target
 
 # Loaded executor are slow at times; no test judges by the clock.
@@ -46,14 +46,16 @@ def nothing_from_outside(
 def no_report() -> Iterator[None]:
     """As if the extra 'report' were absent: what writes pages takes its time, and says so."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(extra, "missing", lambda: ["matplotlib"])
+        patch.setattr(
+            extra, "missing", lambda of: ["matplotlib"] if of == extra.REPORT else MISSING(of)
+        )
         yield
 
 
 @pytest.fixture
 def with_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """The extra 'report' as it is here; without it the test is skipped."""
-    for library in extra.LIBRARIES:
+    for library in extra.REPORT:
         pytest.importorskip(library)
     monkeypatch.setattr(extra, "missing", MISSING)
 

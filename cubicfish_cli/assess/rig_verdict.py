@@ -11,8 +11,7 @@ import numpy as np
 from cubicfish_cli.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import Verdict
 from cubicfish_cli.words.codes import Code, Severity
-from cubicfish_cli.words.finding import Finding, level_of, of_record
-from cubicfish_cli.words.rig_finding import RigFinding
+from cubicfish_cli.words.finding import Finding, RigFinding, level_of, of_record
 
 # A camera's error in the rig over that of its photos alone, and the error from which that matters.
 _STRAINED, _STRAINED_PX = (1.5, 3.0), (0.25, 0.5)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange, IntRange
 from cubicfish_cli.cli.options import as_command, option
@@ -59,7 +59,7 @@ _MOST_PARTS = 4
     "--seed N", "Other poses are tried; the same seed gives the same proposals.", IntRange(0), 0
 )
 @options.overwrite_option
-@options.json_option(json_keys.ADVISE)
+@options.json_option("advise")
 def command(
     calibration: Path | None,
     model: Path | None,

@@ -2,39 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys, options, report_step
-from cubicfish_cli.cli.calibrate_points import print_points
-from cubicfish_cli.cli.choosing import films_among, frames_to_calibrate, refuse_other_photos
+from cubicfish_cli.cli import options
+from cubicfish_cli.cli.calibrate_results import (
+    print_calibration,
+    print_points,
+    say_findings,
+    say_next,
+)
+from cubicfish_cli.cli.choosing import films_among, frames_to_calibrate
 from cubicfish_cli.cli.figures import (
     count,
     hold_gate,
-    print_errors,
-    print_figure,
-    print_models,
     print_verdict,
-    px,
 )
 from cubicfish_cli.cli.inputs import (
     Pairs,
     check_inputs,
     load_pairs,
-    mark_of,
     photo_remarks,
     photos_of,
     say_photo_problems,
-    why_lost,
 )
-from cubicfish_cli.cli.next_step import say_next
 from cubicfish_cli.cli.numbers import IntRange
 from cubicfish_cli.cli.options import as_command, option
-from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table
 from cubicfish_cli.cli.provenance import check_title, made_at, made_by_record
+from cubicfish_cli.cli.report import can_make_pages, make_page, report_option, say_if_no_page
 from cubicfish_cli.cli.target_choice import (
     DEFAULT_TARGET,
     TargetChoice,
@@ -43,10 +41,7 @@ from cubicfish_cli.cli.target_choice import (
 )
 from cubicfish_cli.cli.terminal import (
     apart,
-    detail,
     print_json,
-    print_table,
-    print_wrote,
     result,
     say,
     stages,
@@ -111,10 +106,10 @@ if TYPE_CHECKING:
     IntRange(min=1),
 )
 @option("--compare", "Also fit other lens models to the same corners, and print one table.")
-@report_step.report_option
+@report_option
 @options.max_rms_option
 @options.overwrite_option
-@options.json_option(json_keys.CALIBRATE)
+@options.json_option("calibrate")
 @options.jobs_option
 @options.no_cache_option
 def command(
@@ -147,7 +142,7 @@ def command(
     if lift == "point" and compare:
         raise click.UsageError("--compare is of cameras with rays: it goes with --lift ray")
     check_inputs(inputs, correspondences=correspondences, target=target)
-    from cubicfish_cli.advice.summary import summary
+    from cubicfish_cli.advice.advise import summary
     from cubicfish_cli.assess.camera_facts import camera_facts
     from cubicfish_cli.assess.verdict import verdict
     from cubicfish_cli.fitting.calibrate import Calibration
@@ -163,7 +158,7 @@ def command(
     folder = CalibrationFolder(path=output, inputs=given)
     # Corners that were read from this very file need not be written again.
     with_corners = bool(inputs) and not folder.has_input("corners")
-    with_page = report and report_step.is_possible()
+    with_page = report and can_make_pages()
     kinds = {"report": with_page, "corners": with_corners, "drawn": target.counts is not None}
     own = [kind for kind, wanted in kinds.items() if wanted]
     folder.refuse("camera", "map", "target", *own, overwrite=overwrite)
@@ -217,7 +212,7 @@ def command(
     else:
         judged, thing = verdict(record, camera.image_size, fitted.camera.valid), loaded.pairs.target
     if with_page:
-        contents["report"] = report_step.make_page(camera, record, made_by, loaded, thing)
+        contents["report"] = make_page(camera, record, made_by, loaded, thing)
     with working("Writing"):
         outputs, removed = folder.write(contents, overwrite=overwrite)
     advice, models = {}, []
@@ -241,21 +236,21 @@ def command(
     for photo, reason in fitted.unfit.items():
         say(f"left out: {photo}: {reason}")
     if isinstance(fitted, Calibration):
-        _say_findings(fitted, record)
+        say_findings(fitted, record)
     if not as_json:
         apart()
         result(facts.line, mark=(judged.words, judged.level))
         if isinstance(fitted, Calibration):
             print_verdict(judged)
             result(f"advice: {advice['advice']}\n")
-            _print(fitted, record, models, outputs, loaded)
+            print_calibration(fitted, record, models, outputs, loaded)
             first = loaded.files[0].path if loaded.detection and loaded.files else None
             say_next(judged, outputs["camera"], first, outputs.get("report"))
         else:
             print_points(fitted, record, judged, outputs)
     for path in removed:
         say(f"removed {path}, which was of an earlier calibration")
-    report_step.say_if_missing(outputs, wanted=report)
+    say_if_no_page(outputs, wanted=report)
     hold_gate(fitted.errors.rms_px, max_rms)
 
 
@@ -275,6 +270,8 @@ def _photos(
         return inputs
     photos = tuple(path for path in inputs if path not in films)
     if photos:
+        from cubicfish_cli.library.frames import refuse_other_photos
+
         refuse_other_photos(photos_of(photos), films)
     return photos + frames_to_calibrate(
         films,
@@ -285,22 +282,6 @@ def _photos(
         no_cache=no_cache,
         overwrite=overwrite,
     )
-
-
-def _say_findings(calibration: Calibration, record: Mapping[str, Any]) -> None:
-    for corner in record["dropped_corners"]:
-        detail(
-            "dropped: {image} {board} column {column} row {row}: {error_px:.1f} px off".format(
-                **corner
-            )
-        )
-    for finding in calibration.findings:
-        say(f"{mark_of(finding)}: {finding.line}")
-    for note in calibration.notes:
-        say(f"note: {note}")
-    for departure in calibration.departures:
-        for doubt in departure.doubts:
-            say(f"warning: board {departure.board} seems {doubt.what}: {doubt.do}")
 
 
 def _compared(
@@ -322,88 +303,3 @@ def _made_by(
     if drawn is not None:
         record["target"] = recorded_as(drawn, folder / DEFAULT_TARGET)
     return {**({} if title is None else {"title": title}), **record}
-
-
-def _print(
-    calibration: Calibration,
-    record: Mapping[str, Any],
-    models: Sequence[Mapping[str, Any]],
-    outputs: Mapping[str, Path],
-    loaded: Pairs,
-) -> None:
-    """The figures that the verdict rests on, the photos, and what was written."""
-    camera, pairs = calibration.camera, calibration.pairs
-    _print_figures(calibration, record)
-    result()
-    lost = dict.fromkeys(calibration.unfit, "left out")  # lines on stderr say more
-    if loaded.detection is not None:
-        lost |= why_lost(loaded.detection)
-    rows = fitted_rows(record, camera.image_size, corners_by_board(pairs), lost)
-    print_photo_table(rows, pairs.boards, record, everything=str(outputs["camera"]))
-    result()
-    _print_object(calibration)
-    if models:
-        print_models(models)
-        result()
-    print_wrote(outputs.values())
-
-
-def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
-    from cubicfish_cli.assess.field_uncertainty import recorded
-    from cubicfish_cli.fitting.findings import COVERED
-    from cubicfish_cli.frame_names import counted
-
-    dropped = len(calibration.dropped)
-    result(
-        f"{counted(row['image'] for row in record['per_image'])}, "
-        f"{count(record['corners'], 'corner')} used, "
-        f"{count(dropped, 'outlier')}{' (-v lists them)' * bool(dropped)}\n"
-    )
-    held_out = calibration.held_out
-    more: list[tuple[str, float | None, str]] = [
-        ("  radial reference", calibration.companion_rms_px, "a Kannala–Brandt lens, same corners"),
-    ]
-    if held_out is None:
-        more += [("held-out RMS", None, "not measured")]
-    else:
-        more += [
-            ("held-out RMS", held_out.rms_px, "photos judged by cameras that never saw them"),
-            ("  radial reference", held_out.companion_rms_px, ""),
-        ]
-    print_errors(record, more)
-    reach = f"corners reach {calibration.covered_deg:.1f}°"
-    meaning = f"from the axis, where the camera may be trusted; {reach}"
-    print_figure("field", f"{calibration.camera.max_angle_deg:.1f}", "°", meaning)
-    print_figure("coverage", f"{100 * calibration.coverage:.0f}", "%", COVERED)
-    uncertainty = recorded(record)
-    if uncertainty is not None:
-        print_figure("uncertainty", px(uncertainty.median_px), meaning=uncertainty.meaning)
-
-
-def _print_object(calibration: Calibration) -> None:
-    """Say in one line a board what was found of the object, where any of it was fitted."""
-    if not calibration.departures or calibration.target is None:
-        return
-    units = calibration.target.units
-    what = {"shape": "boards' shapes and places", "points": "shapes, places and single corners"}
-    tried = ", ".join(f"{level} {px(rms)}" for level, rms in calibration.held_out_by_level.items())
-    result(
-        f"target fitted too: {what[calibration.refined]}" + f" (held-out: {tried})" * bool(tried)
-    )
-    print_table(
-        ("board", f"bend x {units}", f"bend y {units}", f"twist {units}", "stretch x %",
-         "stretch y %", f"moved {units}", "turned °", f"corners {units}"),
-        [
-            (
-                part.board,
-                *(f"{bend:.2g}" for bend in part.bend),
-                f"{part.twist:.2g}",
-                *(f"{100 * share:.2f}" for share in part.stretch),
-                f"{part.shift:.2g}",
-                f"{part.turn_deg:.2f}",
-                f"{part.offset_rms:.2g}",
-            )
-            for part in calibration.departures
-        ],
-    )  # fmt: skip
-    result()

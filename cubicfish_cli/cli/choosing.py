@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 from cubicfish_cli.cli.cache_folder import cache_folder
 from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.rendering_options import is_video_name
 from cubicfish_cli.cli.target_choice import TargetChoice
 from cubicfish_cli.cli.terminal import progress, say
-from cubicfish_cli.cli.video_options import is_video_name
 
 if TYPE_CHECKING:
     from cubicfish_cli.films.scan import Measured
@@ -92,13 +92,6 @@ def best_photos(
         )
     say(f"{count(len(best), 'photo')} of {len(photos):,} chosen, which add most.")
     return best
-
-
-def refuse_other_photos(photos: Sequence[Photo], films: Sequence[Path]) -> None:
-    """Raise :class:`PhotoError` where photos beside films are of another size."""
-    from cubicfish_cli.library.frames import refuse_other_photos as refuse
-
-    refuse(photos, films)
 
 
 def say_of_film(measured: Measured) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import hold_gate, print_figure, print_spread, px
 from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.terminal import print_json, print_table, result
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 @option("--picture FILE", "Also draw the difference at every pixel of camera A.", options.FILE)
 @options.max_rms_option
 @options.overwrite_option
-@options.json_option(json_keys.COMPARE)
+@options.json_option("compare")
 def command(
     first: Path,
     second: Path,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.target_choice import needed_target
@@ -80,7 +80,7 @@ seen from behind are refused.
 )
 @option("--only GLOB", "Only photos whose names match, such as 'cam0/*'.")
 @options.overwrite_option
-@options.json_option(json_keys.CORNERS)
+@options.json_option("corners")
 def command(
     files: tuple[Path, ...],
     target: Path | None,

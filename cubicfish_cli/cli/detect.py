@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.inputs import detect, lost_word, mark_of, photos_of, say_photo_problems
 from cubicfish_cli.cli.options import as_command, option
@@ -38,7 +38,7 @@ _FEW_CORNERS = 20
     options.FOLDER,
 )
 @options.overwrite_option
-@options.json_option(json_keys.DETECT)
+@options.json_option("detect")
 @options.jobs_option
 @scheduler_options
 @options.no_cache_option

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import (
     count,
     hold_gate,
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 @options.model_option
 @options.size_option
 @options.max_rms_option
-@options.json_option(json_keys.EVALUATE)
+@options.json_option("evaluate")
 @options.jobs_option
 @options.no_cache_option
 def command(

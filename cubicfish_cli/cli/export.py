@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.numbers import FloatRange
 from cubicfish_cli.cli.options import as_command, option, rig_path
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say, working
@@ -91,7 +91,7 @@ camera.yaml's frame is printed, and poses that go into the file are turned along
 )
 @options.pair_option
 @options.overwrite_option
-@options.json_option(json_keys.EXPORT)
+@options.json_option("export")
 def command(
     calibration: Path | None,
     name: str,
@@ -203,7 +203,7 @@ def _write_usd(
 ) -> None:
     """Write cameras as tables, which hold any lens, into a folder."""
     from cubicfish_cli.files import refuse_existing, write_files
-    from cubicfish_cli.library.usd_files import usd_files, usd_paths
+    from cubicfish_cli.library.exporting import usd_files, usd_paths
     from cubicfish_cli.undistortion.map_formats import require_exr
 
     folder = output or Path("usd")

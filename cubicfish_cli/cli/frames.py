@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from pathlib import Path
 
-from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.choosing import choose_frames
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import IntRange
@@ -32,7 +32,7 @@ from cubicfish_cli.films import MOST
 )
 @option("--most N", "Choose no more frames than these.", IntRange(min=1), MOST)
 @options.overwrite_option
-@options.json_option(json_keys.FRAMES)
+@options.json_option("frames")
 @options.jobs_option
 @options.no_cache_option
 def command(

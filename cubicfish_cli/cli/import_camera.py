@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.numbers import FloatRange
 from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.provenance import made_at, made_by_record
@@ -59,7 +59,7 @@ are printed. Corners of other detectors are read by 'cubicfish corners'.
 )
 @options.output_option("Where the camera goes.", default="calibration/camera.yaml")
 @options.overwrite_option
-@options.json_option(json_keys.IMPORT)
+@options.json_option("import")
 def command(
     file: Path,
     name: str | None,

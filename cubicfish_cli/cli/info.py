@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count, print_verdict, px
 from cubicfish_cli.cli.options import as_command
 from cubicfish_cli.cli.terminal import print_json, result
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 )
 @options.calibration_argument
 @options.model_option
-@options.json_option(json_keys.INFO)
+@options.json_option("info")
 def command(calibration: Path | None, model: Path | None, as_json: bool) -> None:
     """Say what the camera in FOLDER (by default: calibration) is.
 

@@ -19,9 +19,9 @@ from typing import Any, NoReturn
 import click
 
 from cubicfish_cli import __version__
-from cubicfish_cli.cli.characters import safe
 from cubicfish_cli.cli.ending import EXIT_SIGNAL, asked
 from cubicfish_cli.cli.options import DEBUG_KEY, common_options, examples
+from cubicfish_cli.cli.streams import safe
 from cubicfish_cli.cli.terminal import Failure, say_interrupted, tell
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.wording import did_you_mean
@@ -50,7 +50,12 @@ COMMANDS = (
 )
 
 
-_MODULES = {"import": "import_camera"}
+# Of commands that are not called ``command`` in a module of their own name.
+_PLACES = {
+    "import": ("import_camera", "command"),
+    "project": ("points", "project"),
+    "unproject": ("points", "unproject"),
+}
 
 
 # What newer releases of click raise where a command is missing: its message is the help.
@@ -83,7 +88,7 @@ def _show_usage_error(error: click.UsageError, file: Any = None) -> None:
 
 
 class LazyGroup(click.Group):
-    """Commands by name, each in the module of the same name, imported when it is asked for."""
+    """Commands by name, each in its module, which is imported when the command is asked for."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """The commands' names, in the order of the work."""
@@ -93,10 +98,9 @@ class LazyGroup(click.Group):
         """Import the command's module and return its ``command``."""
         if cmd_name not in COMMANDS:
             return None
-        # No module can be called as a word of the language is.
-        name = _MODULES.get(cmd_name, cmd_name)
+        name, function = _PLACES.get(cmd_name, (cmd_name, "command"))
         module = importlib.import_module(f"cubicfish_cli.cli.{name}")
-        command: click.Command = module.command
+        command: click.Command = getattr(module, function)
         return command
 
     def resolve_command(

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys, options
-from cubicfish_cli.cli.mask_options import MaskOptions, mask_options
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.options import as_command, option
-from cubicfish_cli.cli.rendering_options import crop_option
+from cubicfish_cli.cli.rendering_options import MaskOptions, crop_option, mask_options
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
 from cubicfish_cli.cli.view_options import ViewOptions, say_what_is_unseen, view_options
 
@@ -74,7 +73,7 @@ P2 and Q.
 )
 @mask_options
 @options.overwrite_option
-@options.json_option(json_keys.MAP)
+@options.json_option("map")
 def command(
     output: Path,
     model: Path | None,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from cubicfish_cli.cli.json_keys import keys_of
 from cubicfish_cli.cli.numbers import FloatRange, IntRange
 from cubicfish_cli.errors import CameraFileError
 
@@ -290,8 +291,9 @@ class JsonOption(click.Option):
         self.keys = dict(keys)
 
 
-def json_option(keys: Mapping[str, str]) -> Callable[[Decorated], Decorated]:
-    """``--json``, which tells the keys of the object it prints."""
+def json_option(command: str) -> Callable[[Decorated], Decorated]:
+    """``--json``, which tells the keys of the object that a command prints."""
+    keys = keys_of(command)
     return click.option(
         "--json",
         "as_json",

@@ -1,4 +1,4 @@
-"""Points as text, one a line: what ``project`` and ``unproject`` read and print."""
+"""``cubicfish project`` and ``unproject``: points to pixels, and back, as text, one a line."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cubicfish_cli.cli import options
+from cubicfish_cli.cli.options import as_command
 from cubicfish_cli.cli.terminal import say
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.reading import read_bytes
@@ -127,3 +129,64 @@ def print_points(points: npt.NDArray[np.float64], columns: Sequence[str] | None)
     lines += [",".join(map(repr, row)) for row in points.tolist()]
     if lines:
         click.echo("\n".join(lines))
+
+
+@as_command(
+    "project",
+    "Points in the camera frame to pixels.",
+    "cubicfish project 0.2,0.1,1",
+    "cubicfish project points.csv --model lens_a/",
+    "echo 0.5,0,1 | cubicfish project",
+    cls=PointsCommand,
+)
+@options.argument(
+    "points",
+    "A CSV file of points X,Y,Z, or one point such as 0.2,0.1,1. [default: stdin]",
+    default=Path("-"),
+)
+@options.model_option
+def project(points: Path, model: Path | None) -> None:
+    """Project POINTS to pixels: X,Y,Z a line (a CSV file or stdin) in, x,y a line out. One
+    point may stand on the command line: 0.2,0.1,1.
+
+    Points are in the camera's frame: X to the right, Y down, Z forward, any unit. Pixel (0, 0)
+    is the middle of the top-left pixel. Points outside the camera's valid field give nan,nan.
+    A header in gives a header out. With a camera of lift 'point' the points are in its own frame
+    (world or camera) and unit, and a point off the boards is refused where they did not
+    determine the camera.
+    """
+    from cubicfish_cli.formats.camera_yaml import PointCameraFile, load_any_camera
+
+    loaded = load_any_camera(options.model_path(model))
+    read = read_points(points, ("X", "Y", "Z"))
+    if isinstance(loaded, PointCameraFile):
+        loaded.camera.refuse_off_boards(read.values)
+    print_points(loaded.camera.project(read.values), ("x", "y") if read.has_header else None)
+
+
+@as_command(
+    "unproject",
+    "Pixels to unit viewing rays in the camera frame.",
+    "cubicfish unproject 640,400",
+    "echo 640,400 | cubicfish unproject --model lens_a/",
+    cls=PointsCommand,
+)
+@options.argument(
+    "pixels",
+    "A CSV file of pixels x,y, or one pixel such as 640,400. [default: stdin]",
+    default=Path("-"),
+)
+@options.model_option
+def unproject(pixels: Path, model: Path | None) -> None:
+    """Turn PIXELS into viewing rays: x,y a line (a CSV file or stdin) in, X,Y,Z a line out.
+    One pixel may stand on the command line: 640,400.
+
+    Rays are unit vectors in the camera's frame: X to the right, Y down, Z forward; Z is
+    negative for rays more than 90 degrees off the axis. Pixels outside the camera's valid
+    field give nan,nan,nan. A header in gives a header out.
+    """
+    from cubicfish_cli.formats.camera_yaml import load_camera
+
+    camera = load_camera(options.model_path(model)).camera
+    read = read_points(pixels, ("x", "y"))
+    print_points(camera.unproject(read.values), ("X", "Y", "Z") if read.has_header else None)

@@ -9,9 +9,8 @@ from contextlib import contextmanager
 from threading import Timer
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.cli.characters import ERRORS
 from cubicfish_cli.cli.options import verbosity
-from cubicfish_cli.cli.streams import can_redraw
+from cubicfish_cli.cli.streams import ERRORS, can_redraw
 
 if TYPE_CHECKING:
     from cubicfish_cli.cli.progress_line import ProgressLine

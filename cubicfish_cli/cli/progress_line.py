@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, Task, TextColumn
 from rich.text import Text
 
-from cubicfish_cli.cli.characters import as_shown, cells, cut_middle, safe
+from cubicfish_cli.cli.streams import as_shown, cells, cut_middle, safe
 
 _BAR = (8, 30)
 _LONGEST = 40  # cells of our own words, which are not cut to make room for a bar

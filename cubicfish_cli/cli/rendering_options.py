@@ -1,19 +1,25 @@
-"""Options that say how pixels are made, and what photos the maps are for."""
+"""Options that say how pictures, videos and masks are made, and what photos maps are for."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.cli.numbers import IntRange
-from cubicfish_cli.cli.options import Parsed, bundle, option
+from cubicfish_cli.cli.numbers import FloatRange, IntRange
+from cubicfish_cli.cli.options import FILE, Parsed, bundle, option
+from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
 
 if TYPE_CHECKING:
+    from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
+    from cubicfish_cli.library.masks import TrustedWithin
     from cubicfish_cli.undistortion.frames import Crop
     from cubicfish_cli.undistortion.images import Rendering
+    from cubicfish_cli.undistortion.video import Encoding
+
 
 COLOURS = {"black": (0.0, 0.0, 0.0), "white": (1.0, 1.0, 1.0), "grey": (0.5, 0.5, 0.5)}
 
@@ -76,4 +82,80 @@ rendering_options = bundle(
         "Of JPEG and lossy WebP files. [default: the photo's own]",
         IntRange(1, 100),
     ),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MaskOptions:
+    """What the user asked of a mask; None where nothing was asked."""
+
+    mask: Path | None
+    mask_limit: float | None
+
+    def check(self) -> None:
+        """Refuse a limit without a mask."""
+        if self.mask_limit is not None and self.mask is None:
+            raise click.UsageError("--mask-limit goes with --mask: name the mask's file")
+
+    def trusted(
+        self, loaded: CameraFile | PointCameraFile, path: Path, crop: Crop | None
+    ) -> TrustedWithin | None:
+        """What says where a camera may be trusted; None where no limit was asked for.
+
+        Raises:
+            CameraFileError: the camera's file does not say.
+
+        """
+        if self.mask_limit is None:
+            return None
+        from cubicfish_cli.library.masks import TrustedWithin
+
+        return TrustedWithin(self.mask_limit, loaded, path, crop)
+
+
+mask_options = bundle(
+    "mask",
+    MaskOptions,
+    option(
+        "--mask FILE", "Also write where the result may be trusted: 255, and 0 elsewhere.", FILE
+    ),
+    option(
+        "--mask-limit PX",
+        "With --mask: 0 also where the camera's own uncertainty is above this, in pixels of the "
+        "photo as calibrated.",
+        FloatRange(0, min_open=True),
+    ),
+)
+
+
+def is_video_name(path: Path) -> bool:
+    """Whether a file's name is that of a video."""
+    return path.suffix.lower() in VIDEO_SUFFIXES
+
+
+@dataclass(frozen=True, kw_only=True)
+class EncodingOptions:
+    """What the user asked of a video."""
+
+    codec: str | None
+    crf: int | None
+    preset: str | None
+
+    def encoding(self) -> Encoding:
+        """For the library."""
+        from cubicfish_cli.undistortion.video import DEFAULT_CRF, Encoding
+
+        crf = DEFAULT_CRF if self.crf is None else self.crf
+        return Encoding(codec=self.codec, crf=crf, preset=self.preset)
+
+
+encoding_options = bundle(
+    "encoding",
+    EncodingOptions,
+    option(
+        "--codec NAME",
+        "Of videos, as FFmpeg calls it: libx265, libvpx-vp9, ffv1. [default: libx264]",
+    ),
+    option("--crf 0-63", "Of videos: lower is better and larger. [default: 18]", IntRange(0, 63)),
+    option("--preset NAME", "Of the video encoder, such as fast or slow."),
 )

@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys, options, report_step
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.choosing import films_among
 from cubicfish_cli.cli.figures import count, hold_gate, print_errors, print_verdict, px
 from cubicfish_cli.cli.inputs import load_pairs, mark_of, say_photo_problems
 from cubicfish_cli.cli.numbers import IntRange, Seconds
 from cubicfish_cli.cli.options import FILE, as_command, option
 from cubicfish_cli.cli.provenance import made_at, made_by_record
+from cubicfish_cli.cli.rendering_options import is_video_name
+from cubicfish_cli.cli.report import PAGE, can_make_pages, report_option, write_rig_page
 from cubicfish_cli.cli.target_choice import TargetChoice, target_options
 from cubicfish_cli.cli.terminal import (
     apart,
@@ -29,7 +31,6 @@ from cubicfish_cli.cli.terminal import (
     stages,
     working,
 )
-from cubicfish_cli.cli.video_options import is_video_name
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.films import MOST
 from cubicfish_cli.wording import quoted
@@ -93,10 +94,10 @@ if TYPE_CHECKING:
     "--hold-lenses", "Leave the lenses as each camera alone has them, and fit their places only."
 )
 @options.refine_target_option("Fit the object too, as 'cubicfish calibrate' does.")
-@report_step.report_option
+@report_option
 @options.max_rms_option
 @options.overwrite_option
-@options.json_option(json_keys.RIG)
+@options.json_option("rig")
 @options.jobs_option
 @options.no_cache_option
 def command(
@@ -149,7 +150,7 @@ def command(
     from cubicfish_cli.library.rigs import calibrate_rig, rig_record, save_rig
 
     made_at()  # said before the work if it cannot be
-    pages = [output / report_step.NAME] if report and report_step.is_possible() else []
+    pages = [output / PAGE] if report and can_make_pages() else []
     cameras = [output / name / "camera.yaml" for name in called]
     refuse_existing(output / "rig.yaml", *pages, *cameras, overwrite=overwrite)
     loaded, known = {}, _lenses(lenses, called)
@@ -199,9 +200,9 @@ def command(
         frames.done()
     record = rig_record(rig)
     judged = rig_verdict(record)
-    if report and report_step.is_possible():
-        page = output / report_step.NAME
-        report_step.write_rig_page(written[0], page, overwrite=overwrite)
+    if report and can_make_pages():
+        page = output / PAGE
+        write_rig_page(written[0], page, overwrite=overwrite)
         written.append(page)
     if as_json:
         print_json({**record, "model": str(written[0]), "verdict": judged.as_record()})

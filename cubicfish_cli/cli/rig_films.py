@@ -126,8 +126,8 @@ def rig_frames(
 
     """
     from cubicfish_cli.files import refuse_existing
-    from cubicfish_cli.films.film import open_films
     from cubicfish_cli.films.scan import scan
+    from cubicfish_cli.films.source import open_films
 
     table = folder / "shots.csv"
     refuse_existing(table, overwrite=overwrite)

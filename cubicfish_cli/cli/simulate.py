@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange, IntRange
 from cubicfish_cli.cli.options import as_command, option
@@ -110,7 +110,7 @@ LENSES = ("moving-pupil", "mirror", "equisolid", "orthographic")
     to="form",
 )
 @options.overwrite_option
-@options.json_option(json_keys.SIMULATE)
+@options.json_option("simulate")
 def command(
     target: Path | None,
     model: Path | None,

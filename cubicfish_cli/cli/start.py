@@ -45,8 +45,8 @@ def main() -> None:
 
 def _settle() -> None:
     """Threads, bounds, streams and characters, before anything that asks for them is loaded."""
-    from cubicfish_cli.cli.characters import ERRORS, register
     from cubicfish_cli.cli.standard_streams import settle_streams
+    from cubicfish_cli.cli.streams import ERRORS, register
 
     # The matrices here are small: a second BLAS thread gains nothing, and where other processes
     # run it waits for its turn again and again. Work is shared out by processes instead.

@@ -12,8 +12,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, TextIO
 
-from cubicfish_cli.cli.characters import as_shown, cells, cut_end, cut_middle, safe
-from cubicfish_cli.cli.streams import Style, columns_of, echo, painted
+from cubicfish_cli.cli.streams import (
+    Style,
+    as_shown,
+    cells,
+    columns_of,
+    cut_end,
+    cut_middle,
+    echo,
+    painted,
+    safe,
+)
 
 _GAP = "  "
 _EMPTY = ("", "-")

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import as_command, option
 from cubicfish_cli.cli.streams import columns_of, text_width
@@ -36,7 +36,7 @@ _LABEL, _LINE = 12, 96
 )
 @option("--draw FILE.svg", "Also draw the target: does it look like yours?", options.FILE)
 @options.overwrite_option
-@options.json_option(json_keys.TARGET_CHECK)
+@options.json_option("target-check")
 def command(target: Path, draw: Path | None, overwrite: bool, as_json: bool) -> None:
     """Check TARGET, a target.yaml, before you take photos.
 

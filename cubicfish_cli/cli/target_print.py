@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import as_command, option
@@ -86,7 +86,7 @@ _TYPES = ("checkerboard", "charuco", "aprilgrid")
     "Where boards.pdf, assembly.pdf and target.yaml go.", default="printed", folder=True
 )
 @options.overwrite_option
-@options.json_option(json_keys.TARGET_PRINT)
+@options.json_option("target-print")
 def command(
     target: Path | None,
     kind: str | None,
@@ -110,10 +110,11 @@ def command(
     _refuse_mixed(target, kind, (board_type, square, counts, dictionary), boards)
 
     from cubicfish_cli.errors import CubicfishError
-    from cubicfish_cli.printing.extra import INSTALL, missing
+    from cubicfish_cli.printing.extra import INSTALL, PRINTING, missing, quiet
 
-    if missing():
-        raise CubicfishError(f"printing needs {' and '.join(missing())}: {INSTALL}")
+    lacking = missing(PRINTING)
+    if lacking:
+        raise CubicfishError(f"printing needs {' and '.join(lacking)}: {INSTALL}")
     keep_fonts()
 
     from cubicfish_cli.files import Content, refuse_existing, write_files
@@ -135,10 +136,8 @@ def command(
     refuse_existing(*outputs.values(), overwrite=overwrite)
     date = _date()
 
-    from cubicfish_cli.report.extra import quiet
-
     with quiet():
-        from cubicfish_cli.printing.documents import words_for, write_assembly, write_boards
+        from cubicfish_cli.printing.assembly import words_for, write_assembly, write_boards
 
     contents: dict[str, Content] = {
         "boards": lambda path: write_boards(path, pages, date=date),

@@ -16,10 +16,18 @@ from typing import Any, TextIO
 
 import click
 
-from cubicfish_cli.cli.characters import as_shown, safe
 from cubicfish_cli.cli.options import verbosity
 from cubicfish_cli.cli.progress import progress, stages, working
-from cubicfish_cli.cli.streams import Style, can_redraw, columns_of, echo, painted, wrapped
+from cubicfish_cli.cli.streams import (
+    Style,
+    as_shown,
+    can_redraw,
+    columns_of,
+    echo,
+    painted,
+    safe,
+    wrapped,
+)
 from cubicfish_cli.cli.table import print_table
 
 __all__ = [

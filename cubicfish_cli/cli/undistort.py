@@ -9,19 +9,31 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.cli import json_keys, options
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.mask_options import MaskOptions, mask_options
 from cubicfish_cli.cli.options import as_command, option
-from cubicfish_cli.cli.plane_options import PlaneOptions, plane_options
-from cubicfish_cli.cli.rendering_options import RenderingOptions, crop_option, rendering_options
-from cubicfish_cli.cli.rig_options import RigOptions, rig_options
+from cubicfish_cli.cli.rendering_options import (
+    EncodingOptions,
+    MaskOptions,
+    RenderingOptions,
+    crop_option,
+    encoding_options,
+    mask_options,
+    rendering_options,
+)
 from cubicfish_cli.cli.scheduler_options import SchedulerOptions, scheduler_options
 from cubicfish_cli.cli.terminal import print_json, print_wrote, progress, result, say, tell
 from cubicfish_cli.cli.undistort_failures import ending, failure_lines, share_a_reason
 from cubicfish_cli.cli.undistort_sources import plan_of
-from cubicfish_cli.cli.video_options import EncodingOptions, encoding_options
-from cubicfish_cli.cli.view_options import ViewOptions, say_what_is_unseen, view_options
+from cubicfish_cli.cli.view_options import (
+    PlaneOptions,
+    RigOptions,
+    ViewOptions,
+    plane_options,
+    rig_options,
+    say_what_is_unseen,
+    view_options,
+)
 
 if TYPE_CHECKING:
     from cubicfish_cli.executors.executor import Executor
@@ -80,7 +92,7 @@ if TYPE_CHECKING:
 @option("--skip-existing", "Leave out photos whose result exists.")
 @option("--dry-run", "Say what would be done, and write nothing.")
 @options.overwrite_option
-@options.json_option(json_keys.UNDISTORT)
+@options.json_option("undistort")
 @options.jobs_option
 @scheduler_options
 def command(

@@ -13,9 +13,8 @@ import click
 
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.inputs import photos_of
-from cubicfish_cli.cli.plane_options import PlaneOptions
-from cubicfish_cli.cli.video_options import is_video_name
-from cubicfish_cli.cli.view_options import ViewOptions
+from cubicfish_cli.cli.rendering_options import is_video_name
+from cubicfish_cli.cli.view_options import PlaneOptions, ViewOptions
 
 if TYPE_CHECKING:
     from cubicfish_cli.library.undistorting import Plan

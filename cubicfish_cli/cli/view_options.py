@@ -1,21 +1,28 @@
-"""Options that say what an undistorted picture shows."""
+"""Options that say what a picture shows: a view, the plane of a board, what a rig sees."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import SIZE, Parsed, bundle, option
+from cubicfish_cli.cli.options import FILE, SIZE, Parsed, bundle, option, rig_option
+from cubicfish_cli.cli.target_choice import target_path
 from cubicfish_cli.cli.terminal import say
 from cubicfish_cli.wording import either
 
 if TYPE_CHECKING:
+    from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
+    from cubicfish_cli.library.planes import PlanesOfPhotos
+    from cubicfish_cli.target import Target
     from cubicfish_cli.undistortion.choose import ChosenView, SeenField
+    from cubicfish_cli.undistortion.frames import Crop
     from cubicfish_cli.undistortion.view import Camera
+
 
 KINDS = (
     "perspective",
@@ -218,5 +225,159 @@ view_options = bundle(
         "--layout",
         "A cube as six pictures or as one. [default: files]",
         click.Choice(["files", "cross"]),
+    ),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaneOptions:
+    """What the user asked of a board's plane; ``board`` is None where nothing was asked."""
+
+    board: str | None
+    target: Path | None
+    pixels_a_unit: float | None
+    margin: float | None
+
+    def check(self, view: ViewOptions) -> None:
+        """Refuse what does not go together."""
+        if self.board is None:
+            if self.pixels_a_unit is not None or self.margin is not None:
+                raise click.UsageError("--pixels-per-unit and --margin go with --plane")
+            return
+        if target_path(self.target) is None:
+            raise click.UsageError("--plane needs the target: name it with --target target.yaml")
+        if view.is_asked:
+            raise click.UsageError(
+                "--plane sets size and direction by the board: leave out the view's options, "
+                "or choose --pixels-per-unit and --margin"
+            )
+
+    def loaded(self) -> Target:
+        """The target.
+
+        Raises:
+            click.UsageError: none was named, and none is there.
+            TargetError: its file cannot be used.
+
+        """
+        from cubicfish_cli.target import load_target
+
+        path = target_path(self.target)
+        if path is None:
+            raise click.UsageError("--plane needs the target: name it with --target target.yaml")
+        return load_target(path)
+
+    def views(self, loaded: CameraFile | PointCameraFile, crop: Crop | None) -> PlanesOfPhotos:
+        """The board's plane in each photo.
+
+        Raises:
+            TargetError: the target is not usable.
+            click.UsageError: it has no such board, or the board has no plane.
+
+        """
+        from cubicfish_cli.errors import ViewError
+        from cubicfish_cli.library.planes import PlanesOfPhotos
+
+        target = self.loaded()
+        try:
+            return PlanesOfPhotos(
+                loaded,
+                crop,
+                target,
+                str(self.board),
+                pixels_per_unit=self.pixels_a_unit,
+                margin=self.margin,
+            )
+        except ViewError as problem:
+            raise click.UsageError(str(problem)) from None
+
+
+plane_options = bundle(
+    "plane",
+    PlaneOptions,
+    option(
+        "--plane BOARD",
+        "The metric picture of a board's plane instead of a view; needs --target.",
+        to="board",
+    ),
+    option(
+        "-t --target FILE",
+        "The calibration target: a target.yaml, or one of Kalibr's target files. Where "
+        "one is needed, ./target.yaml stands for it; for --plane.",
+        FILE,
+    ),
+    option(
+        "--pixels-per-unit N",
+        "Scale of a plane: pixels per mm, or whatever the target's units are. [default: "
+        "the largest that the photo has there]",
+        FloatRange(1e-9, 1_000_000_000),
+        to="pixels_a_unit",
+    ),
+    option(
+        "--margin UNITS",
+        "Of a plane: how far it goes on beyond the outer corners. [default: a square]",
+        FloatRange(0, 1_000_000),
+    ),
+)
+
+
+def _ground(text: str) -> tuple[float, float, float]:
+    """Height, and pitch and roll in degrees; what is left out is 0."""
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if not 1 <= len(values) <= 3 or not 0 < values[0] < 1e9:
+        raise ValueError(f"{text!r} is not HEIGHT,PITCH,ROLL, such as 1200,-10,0")
+    height, pitch, roll = (*values, 0.0, 0.0)[:3]
+    if not (-90 <= pitch <= 90 and -180 <= roll <= 180):
+        raise ValueError(f"{text!r}: PITCH is from -90 to 90, and ROLL from -180 to 180 degrees")
+    return height, pitch, roll
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigOptions:
+    """What the user asked of a rig; None where nothing was asked."""
+
+    rig: Path | None
+    ground: tuple[float, float, float] | None
+    shot: str | None
+    distance: float | None
+
+    @property
+    def is_asked(self) -> bool:
+        """Whether a rig is meant at all, and options that need one without it are refused.
+
+        Raises:
+            click.UsageError: there is such an option and no ``--rig``.
+
+        """
+        given = {"--ground": self.ground, "--shot": self.shot, "--distance": self.distance}
+        names = [name for name, value in given.items() if value is not None]
+        if self.rig is None and names:
+            raise click.UsageError(f"{names[0]} goes with --rig: name the rig.yaml")
+        return self.rig is not None
+
+
+rig_options = bundle(
+    "rig",
+    RigOptions,
+    rig_option,
+    option(
+        "--ground HEIGHT[,PITCH[,ROLL]]",
+        "Of a rig: the ground from above. It is HEIGHT below the first camera, which looks "
+        "PITCH degrees up (below 0: down) and is rolled ROLL degrees clockwise. With --plane it is "
+        "where that board lies.",
+        Parsed("HEIGHT[,PITCH[,ROLL]]", _ground),
+    ),
+    option(
+        "--shot NAME",
+        "Of a rig, with --plane: the shot of rig.yaml that says where the board lies. "
+        "[default: the shot itself]",
+    ),
+    option(
+        "--distance UNITS",
+        "Of a rig: how far away things are that the cameras' pictures join at. [default: far away]",
+        FloatRange(0, min_open=True),
     ),
 )

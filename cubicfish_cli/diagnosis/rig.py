@@ -13,8 +13,7 @@ from cubicfish_cli.fitting.rig.start import common_shots
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.types import FloatArray, IntArray
 from cubicfish_cli.words.codes import Code, Severity
-from cubicfish_cli.words.finding import Finding
-from cubicfish_cli.words.rig_finding import RigFinding
+from cubicfish_cli.words.finding import Finding, RigFinding
 
 # Two cameras that fewer shots connect stand where one shot's errors put them.
 _FEW = 5

@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.films.choose import Scale, Seen
-from cubicfish_cli.films.film import Film
 from cubicfish_cli.films.measure import Grey, motion, small_picture
 from cubicfish_cli.films.raw import brightness, load_frame
 from cubicfish_cli.films.scan import Measured, still_px
+from cubicfish_cli.films.source import Film
 from cubicfish_cli.frame_names import frame_name
 
 # So many frames are kept for each that may be chosen, but one every so many seconds at least, up to

@@ -18,10 +18,9 @@ import numpy.typing as npt
 
 from cubicfish_cli.errors import OutputError, PhotoError
 from cubicfish_cli.files import whole_file, write_text
-from cubicfish_cli.films.film import Film
 from cubicfish_cli.films.measure import motion, sharpness, small_picture
 from cubicfish_cli.films.raw import SUFFIX, brightness, save_frame
-from cubicfish_cli.films.source import decode, opened
+from cubicfish_cli.films.source import Film, decode, opened
 from cubicfish_cli.photos import shown
 
 _VERSION = 2

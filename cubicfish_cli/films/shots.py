@@ -16,10 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.files import whole_file
-from cubicfish_cli.films.film import Film
 from cubicfish_cli.films.recordings import is_recording
 from cubicfish_cli.films.scan import Measured, quality
-from cubicfish_cli.films.source import decode, opened
+from cubicfish_cli.films.source import Film, decode, opened
 from cubicfish_cli.films.write import write_frame
 from cubicfish_cli.types import FloatArray, IntArray
 

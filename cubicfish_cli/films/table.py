@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish_cli import __version__
-from cubicfish_cli.films.film import Film
+from cubicfish_cli.films.source import Film
 
 NAME = "frames.csv"
 COLUMNS = ("film", "time", "sharpness", "motion", "corners", "gain", "chosen", "photo")

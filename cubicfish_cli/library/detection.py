@@ -1,10 +1,12 @@
-"""Pictures, in memory or on disk -> named corners."""
+"""Pictures, in memory or on disk -> named corners, with what became of each."""
 
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,14 +16,29 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.arrays import Refusal
-from cubicfish_cli.detection.look import GridCache
-from cubicfish_cli.errors import DetectionError
+from cubicfish_cli.detection.grids import FoundGrids
+from cubicfish_cli.detection.look import GridCache, Look, look_at, refused
+from cubicfish_cli.detection.markers import MarkedCorners
+from cubicfish_cli.diagnosis.diagnose import find_faults
+from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence
+from cubicfish_cli.errors import DetectionError, PhotoError
 from cubicfish_cli.executors.executor import Executor
-from cubicfish_cli.identification.identified import Detection
+from cubicfish_cli.executors.pool import photos_done
+from cubicfish_cli.identification.identified import (
+    Detection,
+    GridReport,
+    PhotoReport,
+    marked_corners,
+    remark_of,
+)
+from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.identification.second_pass import second_pass
-from cubicfish_cli.library.detect_corners import detect_corners
-from cubicfish_cli.photos import MAX_PIXELS, Photo, find_photos
+from cubicfish_cli.photos import MAX_PIXELS, Photo, Picture, find_photos
 from cubicfish_cli.target import Target
+from cubicfish_cli.words.catalogue import catalogue
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
+from cubicfish_cli.words.phrases import plural
 
 StrPath = str | os.PathLike[str]
 Image = npt.NDArray[Any]
@@ -156,3 +173,177 @@ def _picture(value: object, name: str) -> Image:
             f"{MAX_PIXELS / 1e6:g} million are allowed"
         )
     return np.ascontiguousarray(value)
+
+
+_NOT_NAMED = "no corner can be named"
+# With these, where they are bad, names would be those of other corners.
+_REFUSED = (Code.ANOTHER_TARGET, Code.CORNER_COUNT, Code.NOTHING_NAMED, Code.NO_MARKERS)
+
+
+def detect_corners(
+    photos: Sequence[Photo],
+    target: Target,
+    *,
+    jobs: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    cache: GridCache | None = None,
+    executor: Executor | None = None,
+) -> Detection:
+    """Find and name the corners of ``target`` in photos.
+
+    Photos that cannot be read, or are not of the size that most have, are reported and passed
+    over. The result does not depend on ``jobs``.
+
+    Args:
+        photos: where the photos are.
+        target: the object.
+        jobs: processes to use; None for one a processor.
+        progress: called with photos done and all photos.
+        cache: what was found in photos that were searched before; None searches them all.
+        executor: who looks at the photos instead of processes here.
+
+    Raises:
+        ClusterError: ``executor`` cannot do the work.
+        DetectionError: no corner could be named in any photo; the text says what to check.
+
+    """
+    look = partial(look_at, target=target, cache=cache)
+    seen = photos if executor is None else [photo.absolute() for photo in photos]
+    found = photos_done(look, seen, jobs=jobs, progress=progress, executor=executor)
+    size = _common_size(found)
+    if size is None:
+        raise _refused(_nothing_read(found))
+    found = [_of_size(one, photo.name, size) for one, photo in zip(found, photos, strict=True)]
+    usable = [index for index, one in enumerate(found) if one.grids is not None]
+    looks = [found[index] for index in usable]
+    names = [photos[index].name for index in usable]
+    about: dict[str, Any] = {
+        "photos": len(photos),
+        "names": names,
+        "digests": [look.digest for look in looks],
+        "picture": lambda number: _brightness(photos[usable[number]]),
+        "target": target,
+    }
+    evidence: MarkerEvidence | GridEvidence
+    if target.has_markers:
+        corners = marked_corners([_marked(look) for look in looks], target, size, names)
+        evidence = MarkerEvidence(**about, corners=corners, grids=list(map(_grids, looks)))
+        parts = [_by_markers(look, name, target) for look, name in zip(looks, names, strict=True)]
+        other_colours = False
+    else:
+        identified = name_grids([_grids(look).grids for look in looks], target, size, names)
+        corners, other_colours = identified.corners, identified.other_colours
+        evidence = GridEvidence(**about, identified=identified)
+        parts = [
+            _by_geometry(look, *of)
+            for look, *of in zip(looks, names, identified.grids, identified.exact, strict=True)
+        ]
+    findings = find_faults(evidence)
+    _refuse(findings, named=len(corners.pixel) > 0)
+    if not len(corners.pixel):
+        raise _no_checkerboard(found)
+    reports = [
+        PhotoReport(name=photo.name, refusal=look.refusal)
+        for photo, look in zip(photos, found, strict=True)
+    ]
+    for number, (index, part) in enumerate(zip(usable, parts, strict=True)):
+        board = corners.board[corners.image == number]
+        boards = tuple(corners.boards[one] for one in np.unique(board))
+        reports[index] = replace(part, boards=boards, corners=len(board))
+    return Detection(
+        corners=corners.only_seen()[0],
+        photos=tuple(reports),
+        findings=tuple(findings),
+        other_colours=other_colours,
+    )
+
+
+def _refuse(findings: Sequence[Finding], *, named: bool) -> None:
+    """Refuse corners that would have the names of others; or none, where that is explained."""
+    for finding in findings:
+        if finding.severity is Severity.BAD and finding.code in _REFUSED:
+            raise _refused(finding)
+        if finding.severity is not Severity.NOTE and not named:
+            raise DetectionError(_NOT_NAMED, do=finding.line)
+
+
+def _common_size(found: Sequence[Look]) -> tuple[int, int] | None:
+    """The size that most photos have; of equally frequent ones the first."""
+    sizes = Counter(one.grids.image_size for one in found if one.grids is not None)
+    return sizes.most_common(1)[0][0] if sizes else None
+
+
+def _of_size(one: Look, name: str, size: tuple[int, int]) -> Look:
+    if one.grids is None or one.grids.image_size == size:
+        return one
+    width, height = one.grids.image_size
+    figures = {"width": width, "height": height, "most_width": size[0], "most_height": size[1]}
+    case = "turned" if (height, width) == size else ""
+    return Look(grids=None, refusal=refused(name, Code.OTHER_SIZE, case, **figures))
+
+
+def _brightness(photo: Photo) -> Picture | None:
+    """What a photo shows, once more; None where it is there no longer."""
+    try:
+        return photo.read_grey()
+    except PhotoError:
+        return None
+
+
+def _grids(look: Look) -> FoundGrids:
+    if look.grids is None:
+        raise ValueError("a photo of no use has no grids")
+    return look.grids
+
+
+def _by_geometry(look: Look, name: str, grids: tuple[GridReport, ...], exact: bool) -> PhotoReport:
+    remarks = (remark_of(name, grid) for grid in grids)
+    return PhotoReport(
+        name=name,
+        refusal=look.refusal,
+        remarks=tuple(remark for remark in remarks if remark is not None),
+        exact=bool(exact),
+        found=look.grids,
+        grids=grids,
+    )
+
+
+def _marked(look: Look) -> MarkedCorners:
+    if look.marked is None:
+        raise ValueError("a photo of a target with markers was not searched for them")
+    return look.marked
+
+
+def _by_markers(look: Look, name: str, target: Target) -> PhotoReport:
+    twice = partial(Finding, code=Code.TWICE_IN_VIEW, severity=Severity.CARE, images=(name,))
+    boards = [target.boards[board].name for board in _marked(look).contradictory]
+    return PhotoReport(
+        name=name,
+        refusal=look.refusal,
+        remarks=tuple(twice(boards=(board,)) for board in boards),
+        found=replace(_grids(look), grids=()),
+    )
+
+
+def _refused(finding: Finding) -> DetectionError:
+    return DetectionError(finding.why, do=finding.do)
+
+
+def _nothing_read(found: Sequence[Look]) -> Finding:
+    if not found:
+        return Finding(code=Code.NO_PHOTO, severity=Severity.BAD)
+    first = next(one.refusal.line for one in found if one.refusal)
+    case = "none_usable" if len(found) == 1 else "several"
+    figures = {"first": first, "more": len(found) - 1}
+    return Finding(code=Code.NO_PHOTO, case=case, severity=Severity.BAD, figures=figures)
+
+
+def _no_checkerboard(found: Sequence[Look]) -> DetectionError:
+    """Why no photo shows anything: what most of them say."""
+    refusals = [one.refusal for one in found if one.refusal]
+    lines = Counter(refusal.line for refusal in refusals)
+    most = max(refusals, key=lambda refusal: lines[refusal.line])
+    if (most.code, "all") in catalogue().sayings:
+        figures = {**most.figures, "photos": len(found)}
+        return DetectionError(replace(most, case="all", figures=figures).line)
+    return DetectionError(f"{plural(len(found), 'photo')}, no checkerboard: {most.line}")

@@ -18,10 +18,10 @@ from cubicfish_cli.files import refuse_existing, whole_file
 from cubicfish_cli.films import MOST, sheet, table
 from cubicfish_cli.films.candidates import REPEATED, Candidate, candidates, kept_of, passed_over
 from cubicfish_cli.films.choose import Seen
-from cubicfish_cli.films.film import open_films
 from cubicfish_cli.films.measure import sharpness
 from cubicfish_cli.films.raw import load_frame
 from cubicfish_cli.films.scan import Measured, scan
+from cubicfish_cli.films.source import open_films
 from cubicfish_cli.films.write import write_frame
 from cubicfish_cli.films.written import Chosen, listed, write_chosen
 from cubicfish_cli.library.frame_search import Found, Search, found_at_a_glance, found_in

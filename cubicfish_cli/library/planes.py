@@ -17,7 +17,7 @@ from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.fitting.statistics import photos_on_record, poses_on_record
 from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
 from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.library.detect_corners import detect_corners
+from cubicfish_cli.library.detection import detect_corners
 from cubicfish_cli.library.views import Size, Views
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target

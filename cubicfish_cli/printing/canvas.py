@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import io
-import logging
-import warnings
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from datetime import datetime
 from functools import cache
 from pathlib import Path
@@ -25,6 +22,7 @@ from matplotlib.textpath import TextToPath
 from matplotlib.transforms import Affine2D
 
 from cubicfish_cli import __version__
+from cubicfish_cli.printing.extra import drawing
 from cubicfish_cli.types import FloatArray
 
 Along = Literal["left", "center", "right"]
@@ -34,19 +32,13 @@ INK, GREY, PALE = "#000000", "#808080", "#c8c8c8"
 _INCH = 25.4
 _POINT = _INCH / 72
 _SMALLEST_TEXT = 1.4
-_STYLE: dict[Any, Any] = {
+STYLE: dict[Any, Any] = {
     "font.family": ["DejaVu Sans"],
     # Letters stay letters, so that pages can be searched and print as sharp as the rest.
     "pdf.fonttype": 42,
     "pdf.compression": 6,
     "path.simplify": False,
 }
-# What concerns windows and files, and not drawing.
-_NOT_STYLE = (
-    "backend", "datapath", "docstring", "figure.max_open_warning", "figure.raise_window",
-    "interactive", "keymap", "savefig.directory", "tk.", "toolbar", "webagg", "timezone",
-    "animation", "examples",
-)  # fmt: skip
 
 
 class Canvas:
@@ -168,34 +160,10 @@ def length_of(words: str, size: float, *, bold: bool = False) -> float:
 @cache
 def _length(words: str, bold: bool) -> float:
     """How long words are, in their own size."""
-    with quietly():
+    with drawing(STYLE):
         font = FontProperties(family=["DejaVu Sans"], weight="bold" if bold else "normal", size=100)
         width, _, _ = TextToPath().get_text_width_height_descent(words, font, ismath=False)
     return float(width) / 100
-
-
-@contextmanager
-def quietly() -> Iterator[None]:
-    """Draw as this module says, whatever the user's matplotlibrc says, and without talk."""
-    defaults: dict[Any, Any] = {
-        key: value
-        for key, value in mpl.rcParamsDefault.items()
-        if not key.startswith(_NOT_STYLE) and not key.startswith("_")
-    }
-    loggers = [logging.getLogger(name) for name in ("matplotlib", "fontTools")]
-    levels = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.ERROR)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)
-            # A name in letters that the font lacks: boxes stand for them.
-            warnings.filterwarnings("ignore", message="Glyph .* missing")
-            with mpl.rc_context({**defaults, **_STYLE}):
-                yield
-    finally:
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.setLevel(level)
 
 
 def write_pdf(path: Path, title: str, pages: Iterable[Canvas], *, date: datetime | None) -> None:

@@ -1,13 +1,65 @@
-"""Whether the library that writes pages is there, found out without loading it."""
+"""The libraries of the extra ``report``: whether they are there, and drawing with matplotlib.
+
+Nothing of it is loaded before it is drawn with.
+"""
 
 from __future__ import annotations
 
+import logging
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
+from typing import Any
 
 INSTALL = "pip install 'cubicfish[report]'"
-LIBRARIES = ("matplotlib",)
+PRINTING = ("matplotlib",)
+REPORT = ("jinja2", "matplotlib")
+# Of matplotlib's settings, what concerns windows and files, and not drawing.
+_NOT_STYLE = (
+    "backend", "datapath", "docstring", "figure.max_open_warning", "figure.raise_window",
+    "interactive", "keymap", "savefig.directory", "tk.", "toolbar", "webagg", "timezone",
+    "animation", "examples",
+)  # fmt: skip
 
 
-def missing() -> list[str]:
-    """The libraries that printing needs and this Python lacks."""
-    return [name for name in LIBRARIES if find_spec(name) is None]
+def missing(libraries: tuple[str, ...]) -> list[str]:
+    """Those of the libraries that this Python lacks."""
+    return [name for name in libraries if find_spec(name) is None]
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep matplotlib to itself: what it thinks of its set-up, and of libraries newer than it.
+
+    Also while it is loaded, whatever Python was told to do with warnings: they are of matplotlib's
+    own calls, and nothing that its users can change.
+    """
+    loggers = [logging.getLogger(name) for name in ("matplotlib", "fontTools")]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)
+            # A name in letters that the font lacks: boxes stand for them.
+            warnings.filterwarnings("ignore", message="Glyph .* missing")
+            yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
+
+
+@contextmanager
+def drawing(style: dict[Any, Any]) -> Iterator[None]:
+    """Draw in a style, whatever the user's matplotlibrc says, and quietly."""
+    with quiet():
+        import matplotlib as mpl
+
+        defaults: dict[Any, Any] = {
+            key: value
+            for key, value in mpl.rcParamsDefault.items()
+            if not key.startswith(_NOT_STYLE) and not key.startswith("_")
+        }
+        with mpl.rc_context({**defaults, **style}):
+            yield

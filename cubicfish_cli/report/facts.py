@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.advice.summary import summary
+from cubicfish_cli.advice.advise import summary
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import Verdict, photo_verdicts, verdict

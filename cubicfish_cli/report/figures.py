@@ -18,6 +18,7 @@ from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.findings import field_cells
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.printing.extra import drawing
 from cubicfish_cli.rendering.difference_picture import COLOURS, round_up
 from cubicfish_cli.report.facts import ErrorFacts, Facts
 from cubicfish_cli.report.svg import (
@@ -28,13 +29,13 @@ from cubicfish_cli.report.svg import (
     ORANGE,
     PURPLE,
     RED,
+    STYLE,
     VARIABLES,
     WIDTH,
     Box,
     add_axes,
     areas,
     dots,
-    drawing,
     new_figure,
     rectangles,
     strokes,
@@ -124,7 +125,7 @@ def all_figures(facts: Facts) -> dict[str, Drawn]:
     camera = facts.camera
     if isinstance(camera, CubicCamera):
         makers += [lambda: profile_figure(facts, camera), lambda: uncertainty_figure(facts, camera)]
-    with drawing():
+    with drawing(STYLE):
         drawn = [make() for make in makers]
     return {figure.name: figure for figure in drawn if figure is not None}
 
@@ -562,7 +563,8 @@ def _levels(low: float, high: float) -> list[float]:
 
 def round_down(value: float) -> float:
     """The next of 1, 2, 5 times a power of ten at or below a positive value."""
-    power = 10.0 ** np.floor(np.log10(max(value, 1e-12)) + 1e-9)
+    value = max(value, 1e-12)
+    power = 10.0 ** np.floor(np.log10(value) + 1e-9)
     return float(max(step * power for step in (1, 2, 5) if step * power <= value * 1.000001))
 
 

@@ -21,7 +21,7 @@ from cubicfish_cli.fitting.findings import COVERED
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.report.facts import Facts
-from cubicfish_cli.report.figures import Drawn, all_figures, arrow_zoom
+from cubicfish_cli.report.figures import all_figures, arrow_zoom
 from cubicfish_cli.report.pictures import MOST_CARDS, all_pictures, matched
 from cubicfish_cli.report.scene import scene_figures
 
@@ -65,7 +65,7 @@ def report_html(facts: Facts) -> str:
         words=WORDS,
         camera=facts.camera,
         is_ray=isinstance(facts.camera, CubicCamera),
-        figures=for_template(figures),
+        figures=figures,
         tiles=_tiles(facts),
         pictures=pictures,
         number_of={name: index for index, name in enumerate(names, start=1)},
@@ -83,20 +83,6 @@ def report_html(facts: Facts) -> str:
         day=day_of(facts.made_by),
         absent=absent,
     )
-
-
-def for_template(figures: Mapping[str, Drawn]) -> dict[str, dict[str, Any]]:
-    """Figures as templates take them, by name."""
-    return {
-        name: {
-            "title": drawn.title,
-            "svg": drawn.svg,
-            "axes": drawn.axes,
-            "caption": drawn.caption,
-            "keys": drawn.keys,
-        }
-        for name, drawn in figures.items()
-    }
 
 
 def day_of(made_by: Mapping[str, Any]) -> str | None:

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cubicfish_cli.boards.board import Board
+from cubicfish_cli.printing.extra import drawing
 from cubicfish_cli.report.facts import Facts
 from cubicfish_cli.report.figures import (
     BOARD_COLOURS,
@@ -22,12 +23,12 @@ from cubicfish_cli.report.figures import (
 from cubicfish_cli.report.svg import (
     BLUE,
     INK,
+    STYLE,
     WIDTH,
     Box,
     add_axes,
     areas,
     dots,
-    drawing,
     new_figure,
     strokes,
     svg_text,
@@ -59,7 +60,7 @@ def scene_figures(facts: Facts) -> dict[str, Drawn]:
     away, up = _directions(centre - middle, -rotation[:, 1])
     right = np.cross(up, away)
     aside = 0.55 * away + 0.75 * right + 0.35 * up
-    with drawing():
+    with drawing(STYLE):
         views = {
             "scene-side": ("Where the photos were taken from", aside, up, "from aside"),
             "scene-top": ("The same from above", up + 0.15 * away, -away, "from above"),

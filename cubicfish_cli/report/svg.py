@@ -9,12 +9,10 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -22,7 +20,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
-from cubicfish_cli.report.extra import quiet
 from cubicfish_cli.types import FloatArray
 
 # Stand-ins for the page's colours, which no figure uses for anything else.
@@ -46,7 +43,7 @@ VARIABLES = {
 WIDTH = 360.0
 _TEXT = 10.0
 
-_STYLE: dict[Any, Any] = {
+STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "font.family": ["DejaVu Sans"],
     "font.size": _TEXT,
@@ -69,24 +66,6 @@ _STYLE: dict[Any, Any] = {
     "ytick.major.width": 0.6,
     "path.simplify": False,
 }
-# What concerns windows and files, and not drawing.
-_NOT_STYLE = (
-    "backend", "datapath", "docstring", "figure.max_open_warning", "figure.raise_window",
-    "interactive", "keymap", "savefig.directory", "tk.", "toolbar", "webagg", "timezone",
-    "animation", "examples",
-)  # fmt: skip
-
-
-@contextmanager
-def drawing() -> Iterator[None]:
-    """Draw as this module says, whatever the user's matplotlibrc says, and quietly."""
-    defaults: dict[Any, Any] = {
-        key: value
-        for key, value in mpl.rcParamsDefault.items()
-        if not key.startswith(_NOT_STYLE) and not key.startswith("_")
-    }
-    with quiet(), mpl.rc_context({**defaults, **_STYLE}):
-        yield
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +98,7 @@ def svg_text(figure: Figure, name: str, label: str) -> str:
     """A figure as an ``svg`` element for a page.
 
     Args:
-        figure: drawn within :func:`drawing`.
+        figure: drawn within :func:`cubicfish_cli.printing.extra.drawing` in :data:`STYLE`.
         name: letters that no other figure of the page has; they start every id.
         label: what it shows, for those who cannot see it; plain text.
 

@@ -14,8 +14,8 @@ from running import Run
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli import RigFile, load_rig
-from cubicfish_cli.cli import json_keys
 from cubicfish_cli.cli.export import FORMATS
+from cubicfish_cli.cli.json_keys import keys_of
 from cubicfish_cli.formats.foreign import RIG_FILE_NAMES
 from cubicfish_cli.formats.rig_yaml import rig_text
 from tests.cli.test_export import kannala_brandt, project_kalibr
@@ -55,7 +55,7 @@ def three(calibrated: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def exported(run: Run, rig: Path, path: Path, name: str) -> dict:
     said = run("export", rig, "--to", name, "-o", path, "--max-error", 3, "--json").stdout
     record: dict = json.loads(said)
-    assert set(record) <= set(json_keys.EXPORT)
+    assert set(record) <= set(keys_of("export"))
     return record
 
 

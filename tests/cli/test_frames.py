@@ -14,7 +14,7 @@ pytest.importorskip("av")
 from filming import RATE, SIZE, TARGET, photos, spoilt_film, write_film, write_sound
 from running import Run
 
-from cubicfish_cli.cli.json_keys import FRAMES
+from cubicfish_cli.cli.json_keys import keys_of
 from cubicfish_cli.films import scan
 from cubicfish_cli.films.written import PASSED_OVER
 from cubicfish_cli.library import frames as library_frames
@@ -89,7 +89,7 @@ def test_every_frame_says_why_it_was_not_chosen(
 def test_json_has_its_keys(run: Run, short: Path, tmp_path: Path) -> None:
     said = run("frames", short, "-o", tmp_path / "p", "--json", "-j", 1).stdout
     record = json.loads(said)
-    assert set(record) == set(FRAMES)
+    assert set(record) == set(keys_of("frames"))
     assert record["frames"] == 12
     assert [Path(one).exists() for one in record["photos"]] == [True] * 3
     (one,) = record["films"]

@@ -11,7 +11,7 @@ import yaml
 from running import Run
 
 from cubicfish_cli import load_map, load_rig
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli.json_keys import keys_of
 from tests.cli.test_export_rig import made_rig
 
 
@@ -25,7 +25,7 @@ def test_maps_show_one_point_in_one_row(run: Run, pair: Path, tmp_path: Path, ki
     out = tmp_path / "out.npz"
     args = ["--pair", "left,right", "--rig", pair, "--view", kind, "--focal", "150", "--json"]
     record = json.loads(run("map", out, *args).stdout)
-    assert set(record) <= set(json_keys.MAP)
+    assert set(record) <= set(keys_of("map"))
     assert [Path(file).name for file in record["files"]] == ["out_left.npz", "out_right.npz"]
     about = yaml.safe_load((tmp_path / "out.stereo.yaml").read_text())
     assert about == record["stereo"]

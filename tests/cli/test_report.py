@@ -15,7 +15,6 @@ import yaml
 from running import SAMPLE, Run
 
 from cubicfish_cli.corner_files.observations_csv import load_corners, save_correspondences
-from cubicfish_cli.report import extra
 from cubicfish_cli.target import load_target
 
 TARGET = SAMPLE / "target.yaml"
@@ -98,10 +97,9 @@ def test_without_the_extra_one_line_says_how_to_get_it(run: Run, tmp_path: Path)
 
 def test_what_is_missing_is_found_without_loading_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()
-    monkeypatch.setattr(extra, "LIBRARIES", ("json", "no_such_library"))
     from running import MISSING
 
-    assert MISSING() == ["no_such_library"]
+    assert MISSING(("json", "no_such_library")) == ["no_such_library"]
 
 
 @pytest.mark.usefixtures("with_report", "quick_fit")

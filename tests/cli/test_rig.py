@@ -14,7 +14,7 @@ from simulated_rig import simulated_rig
 
 from cubicfish_cli import load_rig, save_corners, save_target
 from cubicfish_cli.assess.rig_verdict import rig_verdict
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli.json_keys import keys_of
 from cubicfish_cli.cli.rig import named_by
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.camera_yaml import load_camera
@@ -73,7 +73,7 @@ def made(folder: Path) -> tuple[Path, dict[str, Any]]:
 @pytest.mark.slow
 def test_it_says_in_json_what_it_writes(made: tuple[Path, dict[str, Any]]) -> None:
     rig, record = made
-    assert set(record) == set(json_keys.RIG)
+    assert set(record) == set(keys_of("rig"))
     held = yaml.safe_load((rig / "rig.yaml").read_text())
     assert held["cubicfish_rig"] == 1
     assert held["cameras"] == record["cameras"]
@@ -100,7 +100,7 @@ def test_what_is_written_reads_back(made: tuple[Path, dict[str, Any]]) -> None:
 def test_info_knows_rigs(run: Run, made: tuple[Path, dict[str, Any]]) -> None:
     rig, record = made
     found = json.loads(run("info", rig / "rig.yaml", "--json").stdout)
-    assert set(found) <= set(json_keys.INFO)
+    assert set(found) <= set(keys_of("info"))
     assert found["rig"]["cameras"] == record["cameras"]
     said = run("info", rig).stdout
     assert "2 cameras, 8 shots" in said
@@ -194,7 +194,7 @@ def test_a_rig_is_evaluated_on_shots(
     rig, record = made
     args = [folder / "left.csv", folder / "right.csv", "-t", folder / "target.yaml"]
     found = json.loads(run("evaluate", rig / "rig.yaml", *args, "--json").stdout)
-    assert set(found) <= set(json_keys.EVALUATE)
+    assert set(found) <= set(keys_of("evaluate"))
     # The very shots that it was fitted to: no more error than then, and none less.
     assert found["rms_px"] == pytest.approx(record["fit"]["rms_px"], rel=0.02)
     assert found["alone_rms_px"] < found["rms_px"]
@@ -230,7 +230,7 @@ def test_two_rigs_are_compared(
         (tmp_path / name / "camera.yaml").write_text(text)
     (tmp_path / "rig.yaml").write_text(yaml.safe_dump(held, sort_keys=False))
     found = json.loads(run("compare", rig, tmp_path, "--json").stdout)
-    assert set(found) <= set(json_keys.COMPARE)
+    assert set(found) <= set(keys_of("compare"))
     left, right = found["cameras"]
     assert left["shift"] == [0, 0, 0]
     assert left["sigmas"] is None

@@ -358,7 +358,7 @@ def test_odd_names_print(run: Run, tmp_path: Path) -> None:
 def test_without_the_library_it_says_how_to_get_it(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(extra, "missing", lambda: ["matplotlib"])
+    monkeypatch.setattr(extra, "missing", lambda libraries: list(libraries))
     said = run("target", "print", "--object", "corner", "-o", tmp_path / "a", code=1).stderr
     assert said == "Error: printing needs matplotlib: pip install 'cubicfish[report]'\n"
 

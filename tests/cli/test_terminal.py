@@ -14,10 +14,9 @@ from hypothesis import strategies as st
 from running import SAMPLE, Run
 from terminals import Screen, on_terminal, unstyled, visible, widest
 
-from cubicfish_cli.cli import characters
-from cubicfish_cli.cli.characters import cells, cut_end, cut_middle, safe
+from cubicfish_cli.cli import streams
 from cubicfish_cli.cli.photo_table import PhotoRow, fitted_rows, print_photo_table
-from cubicfish_cli.cli.streams import wrapped
+from cubicfish_cli.cli.streams import cells, cut_end, cut_middle, safe, wrapped
 from cubicfish_cli.cli.table import Column, Row, print_columns, print_table
 from cubicfish_cli.cli.terminal import print_json, result
 
@@ -318,8 +317,8 @@ def test_json_is_json_in_any_encoding(capsysbinary: pytest.CaptureFixture[bytes]
 
     for encoding in ("utf-8", "ascii", "latin-1"):
         raw = io.BytesIO()
-        characters.register()
-        stream = io.TextIOWrapper(raw, encoding=encoding, errors=characters.ERRORS)
+        streams.register()
+        stream = io.TextIOWrapper(raw, encoding=encoding, errors=streams.ERRORS)
         monkeypatch.setattr(sys, "stdout", stream)
         print_json({"file": "é二\udcff²"})
         stream.flush()

@@ -12,7 +12,7 @@ from running import Run
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli import load_rig
-from cubicfish_cli.cli import json_keys
+from cubicfish_cli.cli.json_keys import keys_of
 from cubicfish_cli.geometry import camera_centre
 from tests.cli.test_export_rig import made_rig
 
@@ -56,7 +56,7 @@ def test_a_shot_becomes_a_panorama(run: Run, rig: Path, shots: Path, tmp_path: P
     photos = [shots / name / "0001.png" for name in ("right", "left")]
     args = ["--rig", rig, "--mask", tmp_path / "mask.png", "--camera", out, "--json"]
     record = json.loads(run("undistort", *photos, out, *args).stdout)
-    assert set(record) <= set(json_keys.UNDISTORT)
+    assert set(record) <= set(keys_of("undistort"))
     assert record["view"]["kind"] == "equirectangular"
     assert record["files"] == [str(out)]
     picture = cv2.imread(str(out)).astype(float)

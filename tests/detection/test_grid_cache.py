@@ -10,7 +10,7 @@ from cubicfish_cli.detection import look
 from cubicfish_cli.detection import look as cache_module
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.look import GridCache
-from cubicfish_cli.library.detect_corners import detect_corners
+from cubicfish_cli.library.detection import detect_corners
 from cubicfish_cli.photos import find_photos
 from cubicfish_cli.target import load_target
 

@@ -13,8 +13,8 @@ from filming import SIZE, photos
 from cubicfish_cli.errors import PhotoError
 from cubicfish_cli.films.candidates import REPEATED, Candidate, kept_of, passed_over
 from cubicfish_cli.films.choose import Seen
-from cubicfish_cli.films.film import Film
 from cubicfish_cli.films.raw import brightness, load_frame, save_frame
+from cubicfish_cli.films.source import Film
 
 
 def test_near_copies_are_told_before_corners_are_looked_for(tmp_path: Path) -> None:

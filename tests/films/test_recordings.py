@@ -18,9 +18,9 @@ from rosbags.typesys import Stores, get_typestore
 
 from cubicfish_cli.cli.main import cli
 from cubicfish_cli.errors import PhotoError
-from cubicfish_cli.films.film import open_films
 from cubicfish_cli.films.recordings import Recording, file_and_topic, is_recording
 from cubicfish_cli.films.scan import scan
+from cubicfish_cli.films.source import open_films
 
 RGB = np.random.default_rng(0).integers(0, 256, (24, 32, 3), np.uint8)
 GREY = RGB[:, :, 1]

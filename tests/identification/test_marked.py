@@ -11,7 +11,7 @@ from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.errors import DetectionError
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.identification.second_pass import second_pass
-from cubicfish_cli.library.detect_corners import detect_corners
+from cubicfish_cli.library.detection import detect_corners
 from cubicfish_cli.photos import find_photos
 from cubicfish_cli.rendering.render import render
 from cubicfish_cli.rendering.truth import project_corners

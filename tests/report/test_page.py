@@ -26,6 +26,7 @@ import matplotlib as mpl
 from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.fitting.calibrate import Calibration
 from cubicfish_cli.observations import Observations
+from cubicfish_cli.printing.extra import drawing as plain_drawing
 from cubicfish_cli.report import figures, svg
 from cubicfish_cli.report.facts import Facts, gather
 from cubicfish_cli.report.page import report_html
@@ -333,7 +334,7 @@ def test_letters_have_room_on_small_pages_too(html: str) -> None:
     css = html[: html.index("</style>")]
     larger = float(re.findall(r"figure svg text \{ font-size: ([0-9.]+)px", css)[0])
     assert larger > 12
-    with svg.drawing():
+    with plain_drawing(svg.STYLE):
         figure = svg.new_figure(100)
         figures._scale_bar(figure, ["#123456"] * 7, [f"0.01{i}5" for i in range(8)], "px")
         long = svg.svg_text(figure, "long", "long labels")
@@ -546,3 +547,13 @@ def test_levels_are_few_and_hold_all(low: float, ratio: float) -> None:
     assert levels == sorted(set(levels))
     assert levels[-1] >= low * ratio * 0.99
     assert levels[0] <= max(low, low * ratio / 1e4, 1e-9) * 1.01
+
+
+@pytest.mark.parametrize(
+    ("value", "round_length"),
+    [(7.0, 5.0), (1.9, 1.0), (0.02, 0.02), (1e-13, 1e-12), (0.0, 1e-12)],
+)
+def test_lengths_of_bars_are_round_also_where_cameras_stand_in_one_place(
+    value: float, round_length: float
+) -> None:
+    assert figures.round_down(value) == pytest.approx(round_length)

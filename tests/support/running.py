@@ -7,7 +7,7 @@ from pathlib import Path
 from click.testing import CliRunner, Result
 
 from cubicfish_cli.cli.main import cli
-from cubicfish_cli.report import extra
+from cubicfish_cli.printing import extra
 
 ROOT = Path(__file__).parents[2]
 SAMPLE = ROOT / "sample_data"

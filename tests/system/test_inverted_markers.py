@@ -8,7 +8,7 @@ import yaml
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.grids import negative_grids, negative_photo
 from cubicfish_cli.errors import DetectionError
-from cubicfish_cli.library.detect_corners import detect_corners
+from cubicfish_cli.library.detection import detect_corners
 from cubicfish_cli.photos import find_photos
 from cubicfish_cli.target import Target, target_text
 from tests.detection.test_markers import errors, find, mixed_photo, photo_of, wall

@@ -21,7 +21,7 @@ from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.name_grids import name_grids
-from cubicfish_cli.library.detect_corners import detect_corners
+from cubicfish_cli.library.detection import detect_corners
 from cubicfish_cli.photos import find_photos
 from cubicfish_cli.target import Target, target_text
 from tests.detection.test_markers import MIXED, POSE, errors, mixed_photo, photo_of

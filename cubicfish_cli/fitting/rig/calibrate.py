@@ -57,8 +57,7 @@ from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Severity
-from cubicfish_cli.words.finding import Finding
-from cubicfish_cli.words.rig_finding import RigFinding, of_camera
+from cubicfish_cli.words.finding import Finding, RigFinding, of_camera
 
 # While cameras and shots are far off, the loss must still feel every corner.
 _WIDE_HUBER_PX = 50.0

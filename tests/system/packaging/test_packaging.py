@@ -18,10 +18,10 @@ from packaging_content import PROJECT, load_project, lower_bounds, package_versi
 from packaging_programs import GUARD, SAMPLE
 from packaging_runs import CACHE, QUICK, Sandbox, Step, wrongly_written
 
-from cubicfish_cli.report.extra import LIBRARIES
+from cubicfish_cli.printing.extra import REPORT
 
 HERE = Path(__file__).parent
-REPORTS = all(find_spec(name) for name in LIBRARIES)
+REPORTS = all(find_spec(name) for name in REPORT)
 
 
 @dataclass(frozen=True, kw_only=True)
