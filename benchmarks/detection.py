@@ -2,7 +2,7 @@
 
     python benchmarks/detection.py                       # rendered photos, exact truth
     python benchmarks/detection.py DATA --board 14x14    # DATA/images, DATA/reference_corners.csv
-    python benchmarks/detection.py --times [DATA]        # CPU seconds a megapixel, by size
+    python benchmarks/detection.py --times [DATA]        # CPU seconds per megapixel, by size
 
 Each finder gets every photo once. OpenCV's are repeated on the photo with the found board painted
 over, until nothing more is found, since they return one board. A reference corner counts as found
@@ -223,7 +223,7 @@ def _send(end, name: str, image: np.ndarray, board: tuple[int, int]) -> None:
 
 
 def times(photos: list[Photo], board: tuple[int, int]) -> None:
-    print("CPU seconds a megapixel (corners found)")
+    print("CPU seconds per megapixel (corners found)")
     print(f"{'':34}" + "".join(f"{name:>18}" for name in TIMED))
     rows = [("photos", [photo[0] for photo in photos], board)]
     for width, height, square in TEXTURES:

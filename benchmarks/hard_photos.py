@@ -14,7 +14,7 @@ wrong    corners that ``detect`` named, farther than 3 px from the corner of tha
          of named ones stands before it. Names that it calls uncertain are in neither
 bias     largest mean error in px along the picture's x and y, the board's x and y, and the radius
 spread   RMS of the found corners' errors along x and y, px
-s        CPU seconds a photo
+s        CPU seconds per photo
 """
 
 import argparse

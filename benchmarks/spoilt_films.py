@@ -2,7 +2,7 @@
 
 DATA holds a folder a camera: images/ and target.yaml. Its photos become a film, each twice, with
 the same blurred, streaked as by motion, and shifted between; `cubicfish frames` chooses of it, and
-a row a camera says of how many photos a frame was chosen, and which spoilt ones were.
+a row per camera says of how many photos a frame was chosen, and which spoilt ones were.
 """
 
 import csv

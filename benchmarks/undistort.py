@@ -279,7 +279,7 @@ def measure_video(camera: CubicCamera, folder: Path) -> None:
 
     undistort()
     seconds = turn_by_turn({"copy": copy, "ours": undistort}, 3)
-    say("video 1920x1080, frames a second", 60 / seconds["ours"])
+    say("video 1920x1080, frames per second", 60 / seconds["ours"])
     say(
         "  times the speed of decoding and encoding alone",
         seconds["copy"] / seconds["ours"],

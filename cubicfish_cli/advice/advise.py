@@ -34,7 +34,7 @@ from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 
 GOAL_PX = 0.2
-"""Wanted over the field, for photos of up to :data:`GOAL_SIDE` pixels a side; larger ones in
+"""Wanted over the field, for photos of up to :data:`GOAL_SIDE` pixels per side; larger ones in
 proportion."""
 GOAL_SIDE = 2000.0
 PROPOSALS = 3

@@ -40,7 +40,7 @@ class CameraFacts:
     Attributes:
         title: what its owner calls it; empty without a name.
         image_size: (width, height), pixels.
-        focal_px: (x, y) pixels a radian on the axis.
+        focal_px: (x, y) pixels per radian on the axis.
         principal_point: (x, y) pixel of the axis.
         focal_sigma_px, principal_point_sigma_px: one standard deviation of each, from the
             corners' noise.

@@ -52,7 +52,7 @@ _MOST_PARTS = 4
 @option(
     "--goal PX",
     "The uncertainty wanted over the field. [default: 0.2, more for photos of more than 2000 "
-    "pixels a side]",
+    "pixels per side]",
     FloatRange(min=0, min_open=True),
 )
 @option(

@@ -55,7 +55,7 @@ def command(
 ) -> None:
     """Find the corners of the target in PHOTOS (files, folders or globs) and name them.
 
-    The result is a table, one corner a line: image, board, column, row, x, y.
+    The result is a table, one corner per line: image, board, column, row, x, y.
     """
     from cubicfish_cli.corner_files.observations_csv import save_corners
     from cubicfish_cli.files import refuse_existing

@@ -29,7 +29,7 @@ def command(calibration: Path | None, model: Path | None, as_json: bool) -> None
 
     Size, focal length and principal point with one standard deviation, the field of view that a
     photo shows, how far from the axis corners reach, the errors, the verdict, and when and from
-    what it was made. The focal length is in pixels a radian, on the axis.
+    what it was made. The focal length is in pixels per radian, on the axis.
     """
     from cubicfish_cli.assess.camera_facts import camera_facts
     from cubicfish_cli.formats.camera_yaml import load_any_camera

@@ -124,7 +124,7 @@ def print_photo_table(
     *,
     everything: str = "--json",
 ) -> None:
-    """Print one row a photo.
+    """Print one row per photo.
 
     Args:
         rows: the photos.

@@ -1,4 +1,4 @@
-"""``cubicfish project`` and ``unproject``: points to pixels, and back, as text, one a line."""
+"""``cubicfish project`` and ``unproject``: points to pixels, and back, as text, one per line."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ LENSES = ("moving-pupil", "mirror", "equisolid", "orthographic")
     FloatRange(0.1, 3600),
     to="seconds",
 )
-@option("--rate HZ", "With --film: frames a second.", FloatRange(1, 240), 30.0)
+@option("--rate HZ", "With --film: frames per second.", FloatRange(1, 240), 30.0)
 @option(
     "--shutter MS",
     "With --film: for how long each row gathers light, which blurs what moves.",

@@ -53,7 +53,7 @@ class Row:
     """A row of a table.
 
     Attributes:
-        cells: one a column.
+        cells: one per column.
         style: of the last cell.
         total: whether it sums up the others; only a terminal shows it.
 

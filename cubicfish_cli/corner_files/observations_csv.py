@@ -99,7 +99,7 @@ def load_corners(
 
 
 def save_corners(path: Path | str, corners: Observations, *, overwrite: bool = False) -> None:
-    """Write ``corners.csv``, pixels (N, 2) a corner a line; numbers read back exactly.
+    """Write ``corners.csv``, pixels (N, 2) a corner per line; numbers read back exactly.
 
     Where all names are certain, as nearly always, it is a file of version 1, which every reader
     understands; else of version 2, with the column ``certain``.

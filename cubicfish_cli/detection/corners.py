@@ -56,7 +56,7 @@ _Part = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rings:
-    """Result of :func:`check_rings`, one row a point.
+    """Result of :func:`check_rings`, one row per point.
 
     Attributes:
         ok: (N,) whether the second ring passed, and agrees with the smallest if that passed.

@@ -44,7 +44,7 @@ _MOST_PULL = 0.1  # of the blur: how far blur draws a corner along a bent grid a
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Crossings(Rows):
-    """Result of :func:`fit_crossings`, one row a corner.
+    """Result of :func:`fit_crossings`, one row per corner.
 
     Attributes:
         pixel: (N, 2) where the two edges cross.

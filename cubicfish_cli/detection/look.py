@@ -48,7 +48,7 @@ _DAMAGE = (
 
 @dataclass(frozen=True, kw_only=True)
 class GridCache:
-    """A folder with one file a photo.
+    """A folder with one file per photo.
 
     Attributes:
         folder: where the entries are; made when the first is written.

@@ -15,7 +15,7 @@ _CONVERGED = 0.02  # px: the crossing fit starts from here and does the rest
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SaddleFit:
-    """Result of :func:`fit_saddles`, one row a corner.
+    """Result of :func:`fit_saddles`, one row per corner.
 
     Attributes:
         pixel: (N, 2) the saddle point.

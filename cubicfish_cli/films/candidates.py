@@ -20,7 +20,7 @@ from cubicfish_cli.frame_names import frame_name
 # So many frames are kept for each that may be chosen, but one every so many seconds at least, up to
 # so many.
 _KEPT, _KEPT_SECONDS, _MOST_KEPT = 1.5, 2.0, 5.0
-_RATE = 30.0  # frames a second of films that do not say
+_RATE = 30.0  # frames per second of films that do not say
 # One frame of so many is kept where a film does not say how many it has.
 _EVERY = 15
 # A frame is compared with so many before it and after it.

@@ -18,7 +18,7 @@ from cubicfish_cli.photos import shown
 
 SUFFIX = ".frame"
 _FIRST_BYTES = 1000
-# Brightness can be read where it is stored in these, by bytes a number; all else is converted.
+# Brightness can be read where it is stored in these, by bytes per number; all else is converted.
 _PLAIN = {
     **dict.fromkeys(
         (

@@ -26,7 +26,7 @@ SUFFIXES = (".bag", ".mcap", ".db3")
 _WITH_TOPIC = re.compile(r"(?P<file>.+?):(?P<topic>/.*)")
 _PLAIN, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 _NANOSECOND = Fraction(1, 10**9)
-# Encoding -> bytes a number, numbers a pixel, and how OpenCV makes grey or BGR of it.
+# Encoding -> bytes per number, numbers per pixel, and how OpenCV makes grey or BGR of it.
 _ENCODINGS: dict[str, tuple[int, int, int | None]] = {
     "mono8": (1, 1, None),
     "8UC1": (1, 1, None),

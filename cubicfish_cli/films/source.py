@@ -143,7 +143,7 @@ class Film:
         label: what names of its frames begin with; unique among the films.
         size: (width, height) of its frames, as they are stored.
         frames: how many it claims to have; 0 where it does not say.
-        rate: frames a second, in the mean; 0 where it does not say.
+        rate: frames per second, in the mean; 0 where it does not say.
         counted: whether that is a count, not worked out from a length and a rate.
         stamp: its size and time of change: other ones mean another film.
 

@@ -31,7 +31,7 @@ def write_film(
         path: the file; its name need not say what it is.
         pictures: one by one, all of one size.
         size: (width, height), both even.
-        rate: frames a second.
+        rate: frames per second.
 
     Raises:
         OutputError: the extra ``video`` is not installed, a side is odd, or the file cannot be

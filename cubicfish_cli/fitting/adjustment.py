@@ -278,7 +278,7 @@ def linearised(
 
     Args:
         lens: the lens, or those of a rig.
-        poses: one a photo, or a shot of a rig.
+        poses: one per photo, or per shot of a rig.
         world: the object.
         pairs: all pairs.
         run: which of them.

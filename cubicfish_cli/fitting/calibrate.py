@@ -241,7 +241,7 @@ def calibrate(
             stretch and move a little), ``points`` (each corner has an offset of its own as
             well), or ``auto``: the richest of these that lowers the held-out error, and ``off``
             where it is not certain of any corner which it is.
-        hold_out: also measure the held-out error (five more fits a level); ``auto`` needs it.
+        hold_out: also measure the held-out error (five more fits per level); ``auto`` needs it.
         diagnose: tells what is likely wrong with the set-up; by default nobody does.
         progress: called with what is done now, in words, and the share done, 0 to 1.
 

@@ -31,7 +31,7 @@ def photo_folds(poses: Poses, pairs: Observations, focal: float) -> list[IntArra
     Args:
         poses: camera_from_world of each of ``pairs.images``.
         pairs: pairs of the photos.
-        focal: pixels a radian, roughly.
+        focal: pixels per radian, roughly.
 
     Returns:
         Empty where photos are from fewer than :data:`MIN_PHOTOS` places.

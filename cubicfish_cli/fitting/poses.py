@@ -1,4 +1,4 @@
-"""Poses of the camera, one a photo: rotation matrices and translations, ``camera_from_world``."""
+"""Poses of the camera, one per photo: rotation matrices and translations, ``camera_from_world``."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ def repeated_groups(
     Args:
         poses: camera_from_world of each of ``pairs.images``.
         pairs: pairs of the photos.
-        focal: pixels a radian.
+        focal: pixels per radian.
         share: of the longer side, by which the object may lie elsewhere.
 
     """

@@ -1,6 +1,6 @@
 """Several cameras on one body, as least squares sees them: a lens and a place for each.
 
-A photo of a rig is a view: what one camera saw of one shot. The adjustment knows one pose a shot
+A photo of a rig is a view: what one camera saw of one shot. The adjustment knows one pose per shot
 and looks at the views camera by camera; one camera alone is a rig of one, whose views are shots.
 """
 
@@ -71,7 +71,7 @@ class RigLens:
     Views are sorted by camera. The first camera's frame is the rig's.
 
     Attributes:
-        lenses: one a camera.
+        lenses: one per camera.
         places: camera_from_rig of each camera; the first is the identity.
         camera: (V,) camera of each view, non-decreasing.
         shot: (V,) shot of each view.

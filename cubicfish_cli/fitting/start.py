@@ -22,7 +22,7 @@ class Start:
 
     Attributes:
         centre: (2,) pixels.
-        focal: pixels a radian.
+        focal: pixels per radian.
         poses: camera_from_world of every photo; NaN where none was found.
         error: (M,) median error of each photo, pixels; inf where there is no pose.
 

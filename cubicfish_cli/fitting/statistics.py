@@ -70,7 +70,7 @@ def likely_positive(values: FloatArray) -> float:
 def photo_records(
     names: Sequence[str], image: IntArray, residual: FloatArray, poses: Poses
 ) -> list[dict[str, Any]]:
-    """One plain record a photo: its errors and its camera_from_world.
+    """One plain record per photo: its errors and its camera_from_world.
 
     Args:
         names: photos, in the order of ``poses``.

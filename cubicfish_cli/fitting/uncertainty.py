@@ -209,7 +209,7 @@ class Sigma(Protocol):
 
 
 def _focal_sigma_px(uncertainty: Sigma) -> FloatArray:
-    """One standard deviation of the focal lengths on the axis: (2,) pixels a radian."""
+    """One standard deviation of the focal lengths on the axis: (2,) pixels per radian."""
     variance = []
     for k in range(2):
         side = _STEP * np.eye(3)[k]

@@ -28,7 +28,7 @@ class RadialCamera(FocalLens):
 
     Attributes:
         image_size: (width, height), pixels.
-        fx, fy: focal lengths, pixels a radian.
+        fx, fy: focal lengths, pixels per radian.
         cx, cy: principal point, pixels.
         k: (4,) coefficients k1..k4 of the radial profile.
         alpha: skew over fx, as OpenCV's fisheye module has it; 0 in all that is fitted.

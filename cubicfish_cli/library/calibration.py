@@ -64,7 +64,7 @@ def calibrate(
             stretch and move a little), ``points`` (each corner has an offset of its own as
             well), or ``auto``: the richest of these that lowers the held-out error, and ``off``
             where it is not certain of any corner which it is.
-        hold_out: also measure the error on photos left out of the fit (five more fits a level);
+        hold_out: also measure the error on photos left out of the fit (five more fits per level);
             ``auto`` needs it.
         progress: called with what is done now, in words, and the share done, 0 to 1.
 

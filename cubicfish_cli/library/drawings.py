@@ -1,4 +1,4 @@
-"""What was found in photos, drawn over them, one picture a photo."""
+"""What was found in photos, drawn over them, one picture per photo."""
 
 from __future__ import annotations
 

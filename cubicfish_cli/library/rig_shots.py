@@ -1,4 +1,4 @@
-"""The photos of a rig's shots in files -> one picture a shot, or faces of cubes for splats."""
+"""The photos of a rig's shots in files -> one picture per shot, or faces of cubes for splats."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def write_pictures(
     *,
     overwrite: bool,
 ) -> Done:
-    """Write one picture a shot; one that fails does not stop the others.
+    """Write one picture per shot; one that fails does not stop the others.
 
     Args:
         work: what is rendered.

@@ -40,7 +40,7 @@ _BESIDE -= _BESIDE.mean(axis=0)
 _NODES = 5
 _TEXELS, _INK_SAMPLES = 1600, 2  # of a texture's longer side, and of a texel's
 _LEAST_TEXTURE = 64
-_OUTLINE = 24  # points a side of a board's outline
+_OUTLINE = 24  # points per side of a board's outline
 _FRAME_PX = 3
 _OUTSIDE = -1e4  # a texel that is not there
 _ROUNDS = 4
@@ -51,7 +51,7 @@ class Shutter:
     """When light is gathered.
 
     Attributes:
-        rate: frames a second.
+        rate: frames per second.
         open_s: how long each row is open, seconds.
         readout_s: how long after the first row the last one begins, seconds; 0 where all begin at
             once.

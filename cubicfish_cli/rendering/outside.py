@@ -43,7 +43,7 @@ class Profile(Protocol):
     """What a lens of perfect symmetry does to the angle from its axis, all (N,) -> (N,)."""
 
     def radius(self, angle: FloatArray) -> FloatArray:
-        """Angle in radians -> distance from the axis in the picture, 1 a radian at the axis."""
+        """Angle in radians -> distance from the axis in the picture, 1 per radian at the axis."""
 
     def angle(self, radius: FloatArray) -> FloatArray:
         """The angle of each radius; NaN where there is none."""
@@ -213,7 +213,7 @@ class OutsideLens:
 
     Attributes:
         image_size: (width, height) in pixels.
-        focal: (x, y), pixels a radian at the axis.
+        focal: (x, y), pixels per radian at the axis.
         centre: (x, y), where the rear group's axis meets the picture.
         profile: see :class:`Profile`.
         turn_deg: of the rear group about x and about y.
@@ -421,7 +421,7 @@ def _orthographic(size: tuple[int, int], focal: float) -> OutsideLens:
     )
 
 
-# Name -> how it is made, and its radius at the rim of its field, 1 a radian at the axis.
+# Name -> how it is made, and its radius at the rim of its field, 1 per radian at the axis.
 _MAKERS: dict[str, tuple[Callable[[tuple[int, int], float], OutsideLens], float]] = {
     "moving-pupil": (_moving_pupil, 1.6),
     "mirror": (_mirror, 2.8),

@@ -17,7 +17,7 @@ from cubicfish_cli.rendering.views import WholeLens, choose_views, sample_views
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
 
-# Rays to 1e-7: a thousandth of a pixel of a lens with 10,000 pixels a radian, in half the memory.
+# Rays to 1e-7: a thousandth of a pixel of a lens with 10,000 pixels per radian, in half the memory.
 FloatArray32 = npt.NDArray[np.float32]
 
 _PIXELS_A_BLOCK = 200_000

@@ -168,7 +168,7 @@ def _lens(known: CameraFacts) -> list[tuple[str, str]]:
     """Focal length, principal point and field of view in figures, as far as they are known."""
     rows = []
     for name, value, sigma in (
-        ("Focal length, px a radian", known.focal_px, known.focal_sigma_px),
+        ("Focal length, px per radian", known.focal_px, known.focal_sigma_px),
         ("Principal point, px", known.principal_point, known.principal_point_sigma_px),
     ):
         if value is not None:

@@ -72,7 +72,7 @@ def build_view(
         size: (width, height), pixels; by default the photo's.
         hfov_deg: field across the width, degrees; with ``vfov_deg`` it sets the height.
         vfov_deg: field down the height, degrees.
-        focal: scale in the middle, pixels a radian.
+        focal: scale in the middle, pixels per radian.
         fit: ``inner`` for the widest field without an empty pixel, ``outer`` for the narrowest
             that loses nothing, or a share from 0 (inner) to 1 (outer).
         rotate_deg: (yaw, pitch, roll): look right, then up, then turn clockwise, degrees.
@@ -126,7 +126,7 @@ def choose_view(
         size: (width, height), pixels; None for the photo's.
         hfov_deg: field across the width; with ``vfov_deg`` it sets the height.
         vfov_deg: field down the height.
-        focal: pixels a radian in the middle.
+        focal: pixels per radian in the middle.
         share: as in :func:`~.fit.fit_view`.
         rotation: where it looks, as in :class:`~.view.CentralView`.
 

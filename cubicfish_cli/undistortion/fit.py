@@ -91,7 +91,7 @@ def cropped_view(
     Args:
         camera: the camera.
         kind: the kind of view, one that shows every direction at a finite place.
-        focal: pixels a radian in its middle.
+        focal: pixels per radian in its middle.
         rotation: where it looks, as in :class:`CentralView`.
 
     Raises:

@@ -124,7 +124,7 @@ class CentralView(View):
     """A view from the camera's own place: its pixels depend on directions alone.
 
     Attributes:
-        focal: pixels; the scale of the picture at its middle, pixels a radian.
+        focal: pixels; the scale of the picture at its middle, pixels per radian.
         rotation: rotation vector (radians) of camera_from_view: it turns a ray of the view
             into the camera's frame. Zero looks along the camera's axis.
 

@@ -50,7 +50,7 @@ _KINDS: Mapping[str, type[View]] = {
 
 
 def axis_focal(camera: Camera) -> float:
-    """The camera's scale on its axis, pixels a radian.
+    """The camera's scale on its axis, pixels per radian.
 
     Raises:
         ViewError: the camera has no pixel about its axis.

@@ -59,7 +59,7 @@ def same(read: Observations, true: Observations) -> None:
 
 
 def write_orpc(folder: Path, corners: Observations, target: Target, ids: dict[int, int]) -> None:
-    """As deltille_detector: one file a photo, board,corner,ordered,x,y."""
+    """As deltille_detector: one file per photo, board,corner,ordered,x,y."""
     for index, name in enumerate(corners.images):
         here = np.flatnonzero(corners.image == index)
         rows = [
@@ -76,7 +76,7 @@ def write_orpc(folder: Path, corners: Observations, target: Target, ids: dict[in
 
 
 def vnl_rows(corners: Observations, target: Target, *, extra: str = " 0") -> list[str]:
-    """As mrgingham: one row a corner of the board, row by row; dashes where nothing was found."""
+    """As mrgingham: one row per corner of the board, row by row; dashes where nothing was found."""
     board = target.boards[0]
     rows = []
     for index, name in enumerate(corners.images):

@@ -14,7 +14,7 @@ CAMERA = radial_camera(90.0)
 
 
 def scaled(camera, scale):
-    """The same lens on photos with ``scale`` times as many pixels a side."""
+    """The same lens on photos with ``scale`` times as many pixels per side."""
     width, height = camera.image_size
     return replace(
         camera,

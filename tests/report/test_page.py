@@ -215,7 +215,7 @@ def test_before_and_after_stand_beside_the_verdict(page: Page, html: str) -> Non
     assert html.count("Before and after:") == 1
     known = re.findall(r"<dt>([^<]*)</dt><dd>([^<]*)</dd>", top)
     assert [name for name, _ in known] == [
-        "Focal length, px a radian", "Principal point, px", "Field of view",
+        "Focal length, px per radian", "Principal point, px", "Field of view",
     ]  # fmt: skip
     assert re.fullmatch(r"x 253\.\d\d ± \d\.\d\d, y 253\.\d\d ± \d\.\d\d", known[0][1])
 

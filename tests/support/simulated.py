@@ -1,6 +1,6 @@
 """Corners without pictures: what a finder would hand over, with errors like those of real photos.
 
-Rendering and finding corners takes a second a photo; this takes milliseconds::
+Rendering and finding corners takes a second per photo; this takes milliseconds::
 
     from cubicfish_cli.rendering.outside import OUTSIDE_LENSES, outside_lens
     from simulated import CornerErrors, simulated_corners

@@ -55,7 +55,7 @@ def simulated_rig(
     Shots are chosen so that all cameras get as many as can be, and two see the target at once.
 
     Args:
-        lenses: one a camera.
+        lenses: one per camera.
         camera_from_rig: of each camera.
         target: the object.
         n_shots: how many shots.

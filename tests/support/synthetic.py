@@ -32,7 +32,7 @@ TRUE_LENS = AsymmetricLens(
 
 
 def lens_of_size(scale: float) -> AsymmetricLens:
-    """The same lens on a sensor with ``scale`` times as many pixels a side."""
+    """The same lens on a sensor with ``scale`` times as many pixels per side."""
     width, height = (round(side * scale) for side in IMAGE_SIZE)
     return replace(
         TRUE_LENS,

@@ -209,7 +209,7 @@ def test_a_calibrated_rig_joins_what_its_true_lenses_see() -> None:
     _, turn = aligned_difference(own, first.camera, cone_rays(np.deg2rad(80), 2000))
     rays = rays @ turn.T
     true = 127 + 100 * np.sin(rays @ [20.0, 0, 0]) * np.sin(rays @ [0, 20.0, 0])
-    # 2,000 grey levels a radian at the steepest, 230 pixels of the photo a radian.
+    # 2,000 grey levels per radian at the steepest, 230 pixels of the photo per radian.
     assert np.sqrt(np.mean((picture - true) ** 2)) < 1.5
     with pytest.raises(ViewError, match="no camera 'rear'"):
         stitch(rig, {"rear": photos["left"]}, view)

@@ -1,4 +1,4 @@
-"""What runs in a worker's process: orders, unpacked once, and tasks, one a photo.
+"""What runs in a worker's process: orders, unpacked once, and tasks, one per photo.
 
 An order is pickled as (versions, proof, pickled work): those who cannot do the work find out
 before they unpickle it.

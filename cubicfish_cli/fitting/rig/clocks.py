@@ -32,8 +32,8 @@ class Moving:
 
     Attributes:
         late: (N,) by how much each corner's photo is later than its shot's moment, seconds.
-        velocity: (N, 2) pixels a second; NaN where not known.
-        acceleration: (N, 2) pixels a second squared; NaN where not known.
+        velocity: (N, 2) pixels per second; NaN where not known.
+        acceleration: (N, 2) pixels per second squared; NaN where not known.
 
     """
 

@@ -100,7 +100,7 @@ def shot_records(
     residual: FloatArray,
     names: Sequence[str],
 ) -> list[dict[str, Any]]:
-    """A plain record a shot: its RMS in pixels, its corners and cameras."""
+    """A plain record per shot: its RMS in pixels, its corners and cameras."""
     shot = lens.shot[pairs.image]
     return [
         {
@@ -176,7 +176,7 @@ class RigEvaluation:
             what is more than that is the rig's.
         cameras: camera by camera.
         pairs: every two cameras.
-        per_shot: a plain record a shot.
+        per_shot: a plain record per shot.
 
     """
 
