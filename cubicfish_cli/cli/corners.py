@@ -24,8 +24,8 @@ NUMBERINGS = ("rows", "rows-from-bottom", "columns", "tags")
 _HELP = """Write the corners in FILES of another detector as corners.csv, ready for calibrate.
 
 \b
-deltille  .orpc, one per photo, or folders of them: five lines with the photo's
-          name, its size and the count, then board,corner,ordered,x,y
+deltille  .orpc, one per photo, or folders of them: five lines with the
+          photo's name, its size and the count, then board,corner,ordered,x,y
 mrcal     corners.vnl: '# filename x y', maybe with level or weight; one row
           for each corner of one board, dashes where it was not found
 kalibr    a CSV table with the columns image (or filename, timestamp,
