@@ -145,19 +145,32 @@ class RayPrior:
             (2M + L,) and its derivatives by that lens's parameters (2M + L, K).
 
         """
-        return self._misses(pixel, self.nearest_lens(pixel))
+        return self._nearest(pixel)[1:]
 
     def nearest_lens(self, pixel: FloatArray) -> BentFit:
-        """The bent lens nearest to pixels (M, 2) at the rays."""
+        """The bent lens nearest to pixels (M, 2) at the rays.
+
+        It sees all of them: where steps lead to one that does not, ``lens`` is as near as any.
+        """
+        return self._nearest(pixel)[0]
+
+    def _nearest(self, pixel: FloatArray) -> tuple[BentFit, FloatArray, FloatArray]:
+        """The nearest lens and what :meth:`_misses` says of it."""
         seen, own, to_step = self._first_step
         miss = (self.weights[:, None] * (pixel - seen)).reshape(-1)
         lens = self.lens
         lens = lens.with_parameters(lens.parameters + to_step @ np.concatenate([miss, own]))
+        miss, by_lens = self._misses(pixel, lens)
         for _ in range(_NEAREST_ROUNDS - 1):
-            miss, by_lens = self._misses(pixel, lens)
+            if not np.isfinite(miss).all():
+                break
             step = _follow(by_lens.T @ by_lens, by_lens.T @ miss[:, None])[:, 0]
             lens = lens.with_parameters(lens.parameters - step)
-        return lens
+            miss, by_lens = self._misses(pixel, lens)
+        if not np.isfinite(miss).all():
+            lens = self.lens
+            miss, by_lens = self._misses(pixel, lens)
+        return lens, miss, by_lens
 
     @cached_property
     def _first_step(self) -> tuple[FloatArray, FloatArray, FloatArray]:

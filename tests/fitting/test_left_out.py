@@ -115,6 +115,19 @@ def test_all_holds_at_once_are_as_one_by_one(reference, target, level):
                 assert rms_px(left[..., 0]) == pytest.approx(rms_px(residual[..., 0]), rel=2e-3)
 
 
+@pytest.mark.parametrize("turned", [0.0, 1.0, 3.0])
+@pytest.mark.parametrize("times", [1e2, 1e5])
+def test_a_lens_that_no_bent_one_is_near_to_is_told_by_one_that_sees_all(reference, times, turned):
+    """A few photos in the middle of a narrow lens may ask for any."""
+    prior = fit_cubic(reference, Hold(spread=1e-2, weight=0.01), relative_decrease=1e-4)
+    prior = prior.lens.ray_prior
+    seen, _ = prior.lens.seen(prior.still)
+    bent = np.stack([np.cos(turned * prior.still.theta**2), np.sin(7 * prior.still.theta)], -1)
+    nearest = prior.nearest_lens(seen + times * bent)
+    assert np.isfinite(nearest.values).all()
+    assert np.isfinite(nearest.seen(prior.still)[0]).all()
+
+
 def test_another_prior_steps_as_the_equations_with_it_do(reference):
     result = fit_cubic(reference, HOLD, relative_decrease=1e-4)
     normal = result.fit.normal
