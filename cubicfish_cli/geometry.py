@@ -108,6 +108,19 @@ def kannala_brandt_slope(theta: FloatArray, k: npt.ArrayLike) -> FloatArray:
     return 1 + s * (3 * k1 + s * (5 * k2 + s * (7 * k3 + s * 9 * k4)))
 
 
+def decentring(x: FloatArray, y: FloatArray, p1: float, p2: float) -> tuple[FloatArray, FloatArray]:
+    """What Brown's decentring (1966) adds to points of a picture of focal length 1: (...,) each."""
+    across, xx, yy = 2 * x * y, x * x, y * y
+    return p1 * across + p2 * (3 * xx + yy), p1 * (xx + 3 * yy) + p2 * across
+
+
+def decentring_slope(
+    x: FloatArray, y: FloatArray, p1: float, p2: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Derivatives (...,) of :func:`decentring`: along x, along y, and either across."""
+    return 2 * p1 * y + 6 * p2 * x, 6 * p1 * y + 2 * p2 * x, 2 * (p1 * x + p2 * y)
+
+
 def inverse_of_growing(
     function: Callable[[FloatArray], FloatArray],
     slope: Callable[[FloatArray], FloatArray],

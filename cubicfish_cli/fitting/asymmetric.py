@@ -13,7 +13,7 @@ import numpy as np
 from cubicfish_cli.fitting.adjustment import COLD_DAMPING, WARM_DAMPING, adjust
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px, noise_px
-from cubicfish_cli.geometry import mean_rotation
+from cubicfish_cli.geometry import decentring, decentring_slope, mean_rotation
 from cubicfish_cli.lenses.radial import RadialCamera, project_jacobian
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
@@ -177,10 +177,10 @@ class _Onto:
         """Where points (2, N) of the radial lens's image meet the sensor."""
         p1, p2, t1, t2, skew = values[8:]
         a, b = flat
-        aa, bb, ab = a * a, b * b, 2 * a * b
+        more_a, more_b = decentring(a, b, p1, p2)
         moved = np.empty_like(flat)
-        moved[0] = a + p1 * ab + p2 * (3 * aa + bb) + skew * b
-        moved[1] = b + p1 * (aa + 3 * bb) + p2 * ab
+        moved[0] = a + more_a + skew * b
+        moved[1] = b + more_b
         depth = 1 + t1 * moved[0] + t2 * moved[1]
         # A tilt that turns the sensor edge-on is a bad step: its cost turns it down.
         depth[~(depth > 0)] = np.nan
@@ -193,10 +193,10 @@ class _Onto:
         """How pixels move (2, C, N) when points of the radial lens's image do (2, C, N)."""
         p1, p2, _, _, skew = self.values[8:]
         (a, b), (da, db) = self.flat, change
-        across = 2 * (p1 * a + p2 * b)
+        along_a, along_b, across = decentring_slope(a, b, p1, p2)
         decentred = np.empty_like(change)
-        decentred[0] = (1 + 2 * p1 * b + 6 * p2 * a) * da + (across + skew) * db
-        decentred[1] = across * da + (1 + 6 * p1 * b + 2 * p2 * a) * db
+        decentred[0] = (1 + along_a) * da + (across + skew) * db
+        decentred[1] = across * da + (1 + along_b) * db
         return self._tilted(decentred)
 
     def _tilted(self, change: FloatArray) -> FloatArray:

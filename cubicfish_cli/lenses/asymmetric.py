@@ -17,7 +17,13 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis, columns
-from cubicfish_cli.geometry import inverse_of_growing, kannala_brandt, kannala_brandt_slope
+from cubicfish_cli.geometry import (
+    decentring,
+    decentring_slope,
+    inverse_of_growing,
+    kannala_brandt,
+    kannala_brandt_slope,
+)
 from cubicfish_cli.lenses.lens import HELD, FocalLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.types import FloatArray
@@ -116,26 +122,14 @@ class AsymmetricLens(FocalLens):
         return rays.reshape(*pixel.shape[:-1], 3)
 
     def _decentre(self, flat: FloatArray) -> FloatArray:
-        a, b = flat[..., 0], flat[..., 1]
-        p1, p2 = self.p
-        square = a * a + b * b
-        return np.stack(
-            [
-                a + 2 * p1 * a * b + p2 * (square + 2 * a * a),
-                b + p1 * (square + 2 * b * b) + 2 * p2 * a * b,
-            ],
-            axis=-1,
-        )
+        return flat + np.stack(decentring(flat[..., 0], flat[..., 1], *self.p), axis=-1)
 
     def _undo_decentring(self, bent: FloatArray) -> FloatArray:
         flat = bent.copy()
-        p1, p2 = self.p
         for _ in range(_DECENTRING_ROUNDS):
             miss = self._decentre(flat) - bent
-            a, b = flat[:, 0], flat[:, 1]
-            aa = 1 + 2 * p1 * b + 6 * p2 * a
-            ab = 2 * p1 * a + 2 * p2 * b  # the Jacobian is symmetric
-            bb = 1 + 6 * p1 * b + 2 * p2 * a
+            along_a, along_b, ab = decentring_slope(flat[:, 0], flat[:, 1], *self.p)
+            aa, bb = 1 + along_a, 1 + along_b
             determinant = aa * bb - ab * ab
             step = np.column_stack(
                 [bb * miss[:, 0] - ab * miss[:, 1], aa * miss[:, 1] - ab * miss[:, 0]]

@@ -11,6 +11,7 @@ from typing import Self
 
 import numpy as np
 
+from cubicfish_cli.geometry import decentring
 from cubicfish_cli.lenses.lens import FocalLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.types import FloatArray
@@ -46,10 +47,11 @@ class PinholeLens(FocalLens):
             x, y = (points[:, :2] / points[:, 2:]).T
             r2 = x * x + y * y
             radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
+            more_x, more_y = decentring(x, y, p1, p2)
             bent = np.stack(
                 [
-                    x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x) + r2 * (s1 + r2 * s2),
-                    y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y + r2 * (s3 + r2 * s4),
+                    x * radial + more_x + r2 * (s1 + r2 * s2),
+                    y * radial + more_y + r2 * (s3 + r2 * s4),
                 ],
                 axis=-1,
             )

@@ -7,6 +7,7 @@ from typing import Self
 
 import numpy as np
 
+from cubicfish_cli.geometry import decentring, decentring_slope
 from cubicfish_cli.lenses.lens import FocalLens, Scale
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.types import FloatArray
@@ -60,18 +61,13 @@ class UnifiedLens(FocalLens):
             r2 = x * x + y * y
             radial = 1 + r2 * (k1 + r2 * k2)
             slope = 2 * (k1 + 2 * k2 * r2)
-            bent = np.stack(
-                [
-                    x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
-                    y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
-                ],
-                axis=-1,
-            )
+            more_x, more_y = decentring(x, y, p1, p2)
+            bent = np.stack([x * radial + more_x, y * radial + more_y], axis=-1)
+            along_x, along_y, across = decentring_slope(x, y, p1, p2)
             bend = np.empty((len(points), 2, 2))
-            bend[:, 0, 0] = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x
-            bend[:, 0, 1] = slope * x * y + 2 * p1 * x + 2 * p2 * y
-            bend[:, 1, 0] = bend[:, 0, 1]
-            bend[:, 1, 1] = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
+            bend[:, 0, 0] = radial + slope * x * x + along_x
+            bend[:, 0, 1] = bend[:, 1, 0] = slope * x * y + across
+            bend[:, 1, 1] = radial + slope * y * y + along_y
             d_bent = np.stack(
                 [
                     np.stack([x * r2, y * r2], axis=-1),

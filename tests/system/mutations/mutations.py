@@ -192,9 +192,9 @@ MUTATIONS = tuple(
         ),
         # Other tools' lenses.
         (
-            "lenses/pinhole.py",
-            "p2 * (r2 + 2 * x * x)",
-            "p2 * (r2 + x * x)",
+            "geometry.py",
+            "p2 * (3 * xx + yy)",
+            "p2 * (2 * xx + yy)",
             "lenses/test_pinhole",
         ),
         (
