@@ -129,9 +129,9 @@ MUTATIONS = tuple(
             "lenses/test_cameras",
         ),
         (
-            "fitting/asymmetric.py",
-            "6 * p1 * b + 2 * p2 * a",
-            "2 * p1 * b + 2 * p2 * a",
+            "geometry.py",
+            "return 2 * p1 * y + 6 * p2 * x",
+            "return 2 * p1 * x + 6 * p2 * y",
             "lenses/test_cameras",
         ),
         (
