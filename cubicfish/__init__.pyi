@@ -31,6 +31,7 @@ from cubicfish_cli import detect as detect
 from cubicfish_cli import evaluate as evaluate
 from cubicfish_cli import evaluate_rig as evaluate_rig
 from cubicfish_cli import export_camera as export_camera
+from cubicfish_cli import import_camera as import_camera
 from cubicfish_cli import judge as judge
 from cubicfish_cli import load_camera as load_camera
 from cubicfish_cli import load_corners as load_corners

@@ -42,6 +42,7 @@ _PLACES = {
     "library.cameras": ("save_camera", "save_target"),
     "library.detection": ("detect",),
     "library.exporting": ("export_camera",),
+    "library.importing": ("import_camera",),
     "library.frames": ("ChosenFrames", "choose_frames"),
     "library.pictures": ("undistort",),
     "library.planes": ("build_plane",),

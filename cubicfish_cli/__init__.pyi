@@ -25,6 +25,7 @@ from cubicfish_cli.library.detection import detect as detect
 from cubicfish_cli.library.exporting import export_camera as export_camera
 from cubicfish_cli.library.frames import ChosenFrames as ChosenFrames
 from cubicfish_cli.library.frames import choose_frames as choose_frames
+from cubicfish_cli.library.importing import import_camera as import_camera
 from cubicfish_cli.library.pictures import undistort as undistort
 from cubicfish_cli.library.planes import build_plane as build_plane
 from cubicfish_cli.library.rig_pictures import rectify as rectify

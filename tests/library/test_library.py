@@ -33,6 +33,7 @@ from cubicfish_cli import (
     detect,
     evaluate,
     export_camera,
+    import_camera,
     judge,
     load_camera,
     load_corners,
@@ -408,6 +409,59 @@ def test_a_camera_becomes_another_tools_file_as_export_writes_it(
     assert "more than the 1e-09 px" in refusal(
         FitError, lambda: export_camera(fitted, "opencv", max_error=1e-9)
     )
+
+
+FOREIGN = """image_width: 640
+image_height: 480
+camera_matrix: {rows: 3, cols: 3, data: [300.0, 0.0, 320.5, 0.0, 300.0, 239.0, 0.0, 0.0, 1.0]}
+distortion_model: equidistant
+distortion_coefficients: {rows: 1, cols: 4, data: [-0.01, 0.0, 0.0, 0.0]}
+"""
+
+
+def test_another_tools_file_becomes_a_camera_as_import_writes_it(tmp_path: Path) -> None:
+    path = tmp_path / "info.yaml"
+    path.write_text(FOREIGN)
+    output = tmp_path / "camera.yaml"
+    run_cli("import", path, "-o", output, "--max-angle", 50)
+    written = load_camera(output)
+    made = import_camera(path, max_angle_deg=50)
+    assert (made.written_by, made.lens.name, made.conversion.ended_by) == (
+        "ros",
+        "kannala_brandt",
+        "angle",
+    )
+    assert made.camera.max_angle_deg == 50
+    np.testing.assert_array_equal(made.camera.P, written.camera.P)
+    assert made.made_by == {key: written.made_by[key] for key in made.made_by}
+    assert list(made.made_by) == ["options", "conversion"]
+    # The lens is that of the file, by its formula.
+    theta = np.deg2rad(40.0)
+    pixel = made.camera.project([np.sin(theta), 0, np.cos(theta)])
+    np.testing.assert_allclose(pixel, [320.5 + 300 * (theta - 0.01 * theta**3), 239], atol=0.01)
+    made.save(tmp_path / "own.yaml")
+    np.testing.assert_array_equal(load_camera(tmp_path / "own.yaml").camera.P, made.camera.P)
+    assert "exists already" in refusal(OutputError, lambda: save_camera(output, made))
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"written_by": "roos"}, "did you mean 'ros'?"),
+        ({"written_by": "kalibr"}, "info.yaml"),
+        ({"camera": "cam1"}, "holds one camera"),
+        ({"image_size": (640, 0)}, "image_size must be two whole numbers above 0"),
+        ({"image_size": (480, 640)}, "is for photos of 640x480 pixels"),
+        ({"max_angle_deg": 0}, "max_angle_deg must be above 0 and at most 175, not 0"),
+        ({"max_angle_deg": float("nan")}, "not nan"),
+    ],
+)
+def test_what_cannot_be_imported_is_refused(
+    tmp_path: Path, options: dict[str, Any], said: str
+) -> None:
+    path = tmp_path / "info.yaml"
+    path.write_text(FOREIGN)
+    assert said in refusal(CameraFileError, lambda: import_camera(path, **options))
 
 
 def test_a_target_is_checked_as_the_command_checks_it(target: Target) -> None:
