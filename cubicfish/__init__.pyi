@@ -44,6 +44,8 @@ from cubicfish_cli import save_corners as save_corners
 from cubicfish_cli import save_map as save_map
 from cubicfish_cli import save_rig as save_rig
 from cubicfish_cli import save_target as save_target
+from cubicfish_cli import simulate_film as simulate_film
+from cubicfish_cli import simulate_photos as simulate_photos
 from cubicfish_cli import stitch as stitch
 from cubicfish_cli import uncertainty as uncertainty
 from cubicfish_cli import undistort as undistort

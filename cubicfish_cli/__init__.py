@@ -47,6 +47,7 @@ _PLACES = {
     "library.pictures": ("undistort",),
     "library.planes": ("build_plane",),
     "library.rig_pictures": ("rectify", "stitch"),
+    "library.simulation": ("simulate_film", "simulate_photos"),
     "library.target_check": ("check_target",),
     "library.rigs": ("calibrate_rig", "compare_rigs", "evaluate_rig", "save_rig"),
     "lenses.cubic": ("CubicCamera",),

@@ -34,6 +34,8 @@ from cubicfish_cli.library.rigs import calibrate_rig as calibrate_rig
 from cubicfish_cli.library.rigs import compare_rigs as compare_rigs
 from cubicfish_cli.library.rigs import evaluate_rig as evaluate_rig
 from cubicfish_cli.library.rigs import save_rig as save_rig
+from cubicfish_cli.library.simulation import simulate_film as simulate_film
+from cubicfish_cli.library.simulation import simulate_photos as simulate_photos
 from cubicfish_cli.library.target_check import check_target as check_target
 from cubicfish_cli.observations import Corners as Corners
 from cubicfish_cli.observations import Correspondences as Correspondences

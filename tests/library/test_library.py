@@ -43,6 +43,8 @@ from cubicfish_cli import (
     save_corners,
     save_map,
     save_target,
+    simulate_film,
+    simulate_photos,
     uncertainty,
     undistort,
 )
@@ -434,7 +436,8 @@ def test_another_tools_file_becomes_a_camera_as_import_writes_it(tmp_path: Path)
     assert made.camera.max_angle_deg == 50
     np.testing.assert_array_equal(made.camera.P, written.camera.P)
     assert made.made_by == {key: written.made_by[key] for key in made.made_by}
-    assert list(made.made_by) == ["options", "conversion"]
+    assert made.made_by["options"] == {"imported_from": "ros", "lens": "kannala_brandt"}
+    assert "conversion" in made.made_by
     # The lens is that of the file, by its formula.
     theta = np.deg2rad(40.0)
     pixel = made.camera.project([np.sin(theta), 0, np.cos(theta)])
@@ -462,6 +465,96 @@ def test_what_cannot_be_imported_is_refused(
     path = tmp_path / "info.yaml"
     path.write_text(FOREIGN)
     assert said in refusal(CameraFileError, lambda: import_camera(path, **options))
+
+
+def test_photos_of_known_truth_are_those_of_simulate(
+    fitted: Calibration, target: Target, tmp_path: Path
+) -> None:
+    fitted.save(tmp_path / "camera.yaml")
+    options = ["-n", 1, "--seed", 5, "--noise", 4, "--blur", 1, "--vignetting", 0.2]
+    run_cli(
+        "simulate", "-t", SAMPLE / "target.yaml", "-m", tmp_path, *options,
+        "--exposure", 0.5, "--format", "png", "-o", tmp_path / "command",
+    )  # fmt: skip
+    counted: list[tuple[int, int]] = []
+    look: dict[str, Any] = {"noise": 4, "blur": 1, "vignetting": 0.2, "exposure": 0.5}
+    for lens in (fitted, fitted.camera, tmp_path / "camera.yaml"):
+        made = simulate_photos(target, lens, number=1, seed=5, form="png", **look)
+        folder = tmp_path / type(lens).__name__
+        files = made.save(folder, progress=lambda *done: counted.append(done))
+        assert [file.name for file in files] == [
+            "photo_01.png",
+            "true_corners.csv",
+            "true_poses.csv",
+            "true_camera.yaml",
+        ]
+        for file in files[:3]:
+            assert file.read_bytes() == (tmp_path / "command" / file.name).read_bytes()
+        true = load_camera(files[3]).camera
+        np.testing.assert_array_equal(true.P, load_camera(tmp_path / "camera.yaml").camera.P)
+        assert made.corners == len(load_corners(files[1], target).pixel) > 50
+    assert counted == [(1, 1)] * 3
+    before, dark = files[0].read_bytes(), read_picture(files[0]).mean()
+    other = simulate_photos(target, fitted, poses=files[2], form="png", noise=0)
+    assert "exists already" in refusal(OutputError, lambda: other.save(folder))
+    assert files[0].read_bytes() == before
+    other.save(folder, overwrite=True)
+    assert files[0].read_bytes() != before
+    assert read_picture(files[0]).mean() > 1.5 * dark
+
+
+def test_a_film_of_known_truth_has_its_frames(target: Target, tmp_path: Path) -> None:
+    made = simulate_film(target, "equisolid", 0.3, image_size=(640, 480), rate=10, seed=2)
+    assert (made.frames, made.pictures) == (3, ["film.mp4"])
+    again = simulate_film(
+        target, "equisolid", 0.3, image_size=(640, 480), rate=10, seed=2, readout_ms=0
+    )
+    assert again.texts["true_corners.csv"] != made.texts["true_corners.csv"]
+    files = made.save(tmp_path / "film")
+    truth = load_corners(files[1], target)
+    assert truth.image_size == (640, 480)
+    assert len(truth.images) == 3
+
+
+def test_photos_through_another_tools_lens(target: Target, tmp_path: Path) -> None:
+    (tmp_path / "info.yaml").write_text(FOREIGN)
+    made = simulate_photos(target, tmp_path / "info.yaml", number=1)
+    rows = made.texts["true_corners.csv"].splitlines()
+    assert rows[0].endswith("image_size 640x480")
+    (tmp_path / "true.csv").write_text(made.texts["true_corners.csv"])
+    (tmp_path / "camera.yaml").write_text(made.texts["true_camera.yaml"])
+    near = evaluate(
+        load_camera(tmp_path / "camera.yaml").camera, load_corners(tmp_path / "true.csv", target)
+    )
+    assert near.errors.rms_px < 0.01
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"number": 0}, "number must be from 1 to 10000, not 0"),
+        ({"noise": -1}, "noise must be from 0 to 100"),
+        ({"blur": float("nan")}, "blur must be from 0 to 50, not nan"),
+        ({"vignetting": 1}, "vignetting must be from 0 to 0.8"),
+        ({"exposure": 0}, "exposure must be from 0.02 to 4"),
+        ({"form": "jpeg"}, "photos are not written as 'jpeg': did you mean 'jpg'?"),
+        ({"image_size": (640, 480)}, "the lens is for photos of 960x720 pixels"),
+        ({"image_size": (640, -1)}, "image_size must be two whole numbers"),
+        ({"poses": "none.csv"}, "none.csv"),
+        ({"lens": "no_lens.yaml"}, "no_lens.yaml"),
+        ({"seconds": 0}, "seconds must be from 0.1 to 3600"),
+        ({"seconds": 1, "rate": 0}, "rate must be from 1 to 240"),
+        ({"seconds": 1, "shutter_ms": -1}, "shutter_ms must be from 0 to 1000"),
+        ({"seconds": 1, "readout_ms": 1001}, "readout_ms must be from 0 to 1000"),
+    ],
+)
+def test_what_cannot_be_simulated_is_refused(
+    fitted: Calibration, target: Target, options: dict[str, Any], said: str
+) -> None:
+    simulate: Callable[..., object] = simulate_film if "seconds" in options else simulate_photos
+    assert said in refusal(
+        CubicfishError, lambda: simulate(target, **{"lens": fitted.camera, **options})
+    )
 
 
 def test_a_target_is_checked_as_the_command_checks_it(target: Target) -> None:
