@@ -49,6 +49,7 @@ from cubicfish_cli import simulate_photos as simulate_photos
 from cubicfish_cli import stitch as stitch
 from cubicfish_cli import uncertainty as uncertainty
 from cubicfish_cli import undistort as undistort
+from cubicfish_cli import undistort_files as undistort_files
 
 __version__: str
 __all__: list[str]

@@ -37,6 +37,7 @@ from cubicfish_cli.library.rigs import save_rig as save_rig
 from cubicfish_cli.library.simulation import simulate_film as simulate_film
 from cubicfish_cli.library.simulation import simulate_photos as simulate_photos
 from cubicfish_cli.library.target_check import check_target as check_target
+from cubicfish_cli.library.undistorting import undistort_files as undistort_files
 from cubicfish_cli.observations import Corners as Corners
 from cubicfish_cli.observations import Correspondences as Correspondences
 from cubicfish_cli.observations import Observations as Observations

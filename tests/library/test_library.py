@@ -47,6 +47,7 @@ from cubicfish_cli import (
     simulate_photos,
     uncertainty,
     undistort,
+    undistort_files,
 )
 from cubicfish_cli.errors import (
     CameraFileError,
@@ -555,6 +556,74 @@ def test_what_cannot_be_simulated_is_refused(
     assert said in refusal(
         CubicfishError, lambda: simulate(target, **{"lens": fitted.camera, **options})
     )
+
+
+def test_files_are_undistorted_as_the_command_does(fitted: Calibration, tmp_path: Path) -> None:
+    fitted.save(tmp_path / "camera.yaml")
+    photos = tmp_path / "photos"
+    photos.mkdir()
+    for photo in PHOTOS:
+        (photos / photo.name).write_bytes(photo.read_bytes())
+    (photos / "broken.png").write_bytes(b"no picture")
+    view = build_view(fitted.camera, "cylindrical", hfov_deg=270, size=(300, 200))
+    line = ("--view", "cylindrical", "--hfov", 270, "--size", "300x200", "--border", "#FF0000")
+    run_cli("undistort", photos, tmp_path / "a", "-m", tmp_path, *line, code=1)
+    counted: list[tuple[int, int]] = []
+    folder = tmp_path / "b"
+    made = undistort_files(
+        photos,
+        folder,
+        fitted,
+        view,
+        border=(1, 0, 0),
+        progress=lambda *done: counted.append(done),
+    )
+    assert made.files == tuple(folder / photo.name for photo in PHOTOS)
+    assert list(made.failed) == ["broken.png"]
+    assert counted[-1] == (3, 3)
+    for file in made.files:
+        assert file.read_bytes() == (tmp_path / "a" / file.name).read_bytes()
+    # Nothing is replaced unasked.
+    written = made.files[0].read_bytes()
+    again: list[Any] = [PHOTOS, folder, fitted.camera]
+    assert "exists already" in refusal(OutputError, lambda: undistort_files(*again))
+    assert undistort_files(*again, skip_existing=True).skipped == tuple(p.name for p in PHOTOS)
+    assert made.files[0].read_bytes() == written
+    own = undistort_files(*again, overwrite=True).files[0]
+    flat = undistort(read_picture(PHOTOS[0]), fitted.camera)
+    assert np.abs(read_picture(own).astype(int) - flat).mean() < 3  # JPEG
+    assert "is the photo itself" in refusal(
+        OutputError, lambda: undistort_files(photos, photos, fitted, overwrite=True)
+    )
+
+
+@pytest.mark.parametrize(
+    ("photos", "options", "said"),
+    [
+        ("none", {}, "none"),
+        (["a.mp4", "b.jpg"], {}, "photos and videos together"),
+        (PHOTOS, {"quality": 0}, "quality must be a whole number from 1 to 100"),
+        (PHOTOS, {"interpolation": "linaer"}, "did you mean 'linear'?"),
+        (PHOTOS, {"overwrite": True, "skip_existing": True}, "exclude each other"),
+    ],
+)
+def test_files_that_cannot_be_undistorted_are_refused(
+    fitted: Calibration, tmp_path: Path, photos: Any, options: dict[str, Any], said: str
+) -> None:
+    folder = tmp_path / "flat"
+    assert said in refusal(
+        CubicfishError, lambda: undistort_files(photos, folder, fitted, **options)
+    )
+    assert not folder.exists()
+
+
+def test_a_video_is_undistorted_into_a_folder(target: Target, tmp_path: Path) -> None:
+    (tmp_path / "info.yaml").write_text(FOREIGN)
+    lens = import_camera(tmp_path / "info.yaml")
+    film = simulate_film(target, lens, 0.2, rate=10).save(tmp_path / "film")[0]
+    made = undistort_files(film, tmp_path / "flat", lens)
+    assert made.files == (tmp_path / "flat" / "film.mp4",)
+    assert made.files[0].stat().st_size > 1000
 
 
 def test_a_target_is_checked_as_the_command_checks_it(target: Target) -> None:
