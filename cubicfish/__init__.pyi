@@ -31,6 +31,7 @@ from cubicfish_cli import detect as detect
 from cubicfish_cli import evaluate as evaluate
 from cubicfish_cli import evaluate_rig as evaluate_rig
 from cubicfish_cli import export_camera as export_camera
+from cubicfish_cli import import_camera as import_camera
 from cubicfish_cli import judge as judge
 from cubicfish_cli import load_camera as load_camera
 from cubicfish_cli import load_corners as load_corners
@@ -43,9 +44,12 @@ from cubicfish_cli import save_corners as save_corners
 from cubicfish_cli import save_map as save_map
 from cubicfish_cli import save_rig as save_rig
 from cubicfish_cli import save_target as save_target
+from cubicfish_cli import simulate_film as simulate_film
+from cubicfish_cli import simulate_photos as simulate_photos
 from cubicfish_cli import stitch as stitch
 from cubicfish_cli import uncertainty as uncertainty
 from cubicfish_cli import undistort as undistort
+from cubicfish_cli import undistort_files as undistort_files
 
 __version__: str
 __all__: list[str]

@@ -10,7 +10,7 @@ In a program::
 
 What the names below offer is described in docs/library.md. They are loaded when they are first
 used, so that importing the package loads nothing else. Nothing here prints, and files are written
-by ``choose_frames`` and the functions called ``save_...`` alone.
+by ``choose_frames``, ``undistort_files`` and what is called ``save`` or ``save_...`` alone.
 
 Conventions, the same everywhere in the package:
 
@@ -42,10 +42,13 @@ _PLACES = {
     "library.cameras": ("save_camera", "save_target"),
     "library.detection": ("detect",),
     "library.exporting": ("export_camera",),
+    "library.importing": ("import_camera",),
     "library.frames": ("ChosenFrames", "choose_frames"),
     "library.pictures": ("undistort",),
     "library.planes": ("build_plane",),
     "library.rig_pictures": ("rectify", "stitch"),
+    "library.simulation": ("simulate_film", "simulate_photos"),
+    "library.undistorting": ("undistort_files",),
     "library.target_check": ("check_target",),
     "library.rigs": ("calibrate_rig", "compare_rigs", "evaluate_rig", "save_rig"),
     "lenses.cubic": ("CubicCamera",),

@@ -25,6 +25,7 @@ from cubicfish_cli.library.detection import detect as detect
 from cubicfish_cli.library.exporting import export_camera as export_camera
 from cubicfish_cli.library.frames import ChosenFrames as ChosenFrames
 from cubicfish_cli.library.frames import choose_frames as choose_frames
+from cubicfish_cli.library.importing import import_camera as import_camera
 from cubicfish_cli.library.pictures import undistort as undistort
 from cubicfish_cli.library.planes import build_plane as build_plane
 from cubicfish_cli.library.rig_pictures import rectify as rectify
@@ -33,7 +34,10 @@ from cubicfish_cli.library.rigs import calibrate_rig as calibrate_rig
 from cubicfish_cli.library.rigs import compare_rigs as compare_rigs
 from cubicfish_cli.library.rigs import evaluate_rig as evaluate_rig
 from cubicfish_cli.library.rigs import save_rig as save_rig
+from cubicfish_cli.library.simulation import simulate_film as simulate_film
+from cubicfish_cli.library.simulation import simulate_photos as simulate_photos
 from cubicfish_cli.library.target_check import check_target as check_target
+from cubicfish_cli.library.undistorting import undistort_files as undistort_files
 from cubicfish_cli.observations import Corners as Corners
 from cubicfish_cli.observations import Correspondences as Correspondences
 from cubicfish_cli.observations import Observations as Observations

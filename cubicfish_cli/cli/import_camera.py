@@ -15,7 +15,7 @@ from cubicfish_cli.cli.terminal import print_json, result, working
 from cubicfish_cli.formats.registry import READABLE
 
 if TYPE_CHECKING:
-    from cubicfish_cli.fitting.conversion.from_lens import ImportedCamera
+    from cubicfish_cli.library.importing import Imported
 
 _HELP = f"""Read a camera and write it as camera.yaml, for undistort, map, compare and others.
 
@@ -72,71 +72,65 @@ def command(
 ) -> None:
     """See ``_HELP``."""
     from cubicfish_cli.files import fingerprint, refuse_existing
-    from cubicfish_cli.fitting.conversion.from_lens import LARGEST_FIELD_DEG, from_lens
     from cubicfish_cli.formats.calibrated import save_camera
-    from cubicfish_cli.formats.foreign import own_field_deg, read_foreign
+    from cubicfish_cli.library.importing import import_camera
 
     made_at()  # said before the work if it cannot be
     refuse_existing(output, overwrite=overwrite)
     source = fingerprint(file)
-    lens, found = read_foreign(file, name=name, camera=camera, image_size=size)
-    own = own_field_deg(file)
     with working("Fitting the cubic camera to the lens"):
-        imported = from_lens(lens, max_angle_deg=max_angle or own or LARGEST_FIELD_DEG)
-    made, error = imported.camera, imported.error
-    made_by = made_by_record({"imported_from": found, "lens": lens.name}, None, [source])
-    conversion = {
-        "rms_px": error.rms_px,
-        "max_px": error.max_px,
-        "field_ended_by": imported.ended_by,
-    }
-    save_camera(
-        output, made, fit={}, made_by={**made_by, "conversion": conversion}, overwrite=overwrite
-    )
+        imported = import_camera(
+            file, written_by=name, camera=camera, image_size=size, max_angle_deg=max_angle
+        )
+    made, conversion = imported.camera, imported.conversion
+    error, (width, height) = conversion.error, made.image_size
+    made_by = {**made_by_record({}, None, [source]), **imported.made_by}
+    save_camera(output, made, fit={}, made_by=made_by, overwrite=overwrite)
     if as_json:
         print_json(
             {
                 "model": str(output),
-                "format": found,
-                "lens": lens.name,
+                "format": imported.written_by,
+                "lens": imported.lens.name,
                 "image_size": made.image_size,
                 **error.as_record(),
                 "trusted_deg": made.max_angle_deg,
-                "field_ended_by": imported.ended_by,
-                "fold_deg": imported.fold_deg,
+                "field_ended_by": conversion.ended_by,
+                "fold_deg": conversion.fold_deg,
             }
         )
         return
     result(
-        f"wrote {output}: a lens of {found}, {made.image_size[0]}x{made.image_size[1]}, trusted to "
+        f"wrote {output}: a lens of {imported.written_by}, {width}x{height}, trusted to "
         f"{made.max_angle_deg:.1f}° from its axis"
     )
-    result(f"field: {_why_it_ends(imported, asked=max_angle is not None, own=own is not None)}")
+    result(f"field: {_why_it_ends(imported, asked=max_angle is not None)}")
     result(
         f"conversion error: RMS {error.rms_px:.4f} px, largest {error.max_px:.4f} px up to "
         f"{error.max_angle_deg:.1f}°"
     )
 
 
-def _why_it_ends(imported: ImportedCamera, *, asked: bool, own: bool) -> str:
+def _why_it_ends(imported: Imported, *, asked: bool) -> str:
     """What ends the field, and what to do where that may be wrong."""
     trusted = f"{imported.camera.max_angle_deg:.1f}°"
-    if own and not asked and imported.ended_by == "angle":
+    ended_by, fold_deg = imported.conversion.ended_by, imported.conversion.fold_deg
+    if imported.knows_its_field and not asked and ended_by == "angle":
         return f"as far as the camera was trusted that cubicfish exported, {trusted}"
     unknown = "the file does not say how far the lens was calibrated"
-    if imported.ended_by == "fold":
+    if ended_by == "fold":
         return (
-            f"cut at {trusted}, since the lens folds at {imported.fold_deg:.1f}°, inside the "
+            f"cut at {trusted}, since the lens folds at {fold_deg:.1f}°, inside the "
             f"photo; {unknown}: choose --max-angle if that was less"
         )
-    if imported.ended_by == "fit":
+    if ended_by == "fit":
         return (
             f"cut at {trusted}, since no sound cubic camera is as near to the lens farther out; "
             f"{unknown}: choose --max-angle if that was less"
         )
-    if imported.ended_by == "region":
+    if ended_by == "region":
         return "as far as the file says that the lens is valid"
-    if imported.ended_by == "photo":
+    if ended_by == "photo":
         return f"all that the lens shows in the photo; {unknown}: choose --max-angle if it was less"
     if asked:
         return f"cut at {trusted}, the --max-angle given"

@@ -142,9 +142,7 @@ def command(
     know how far the result is from the truth. Of a film each frame has its truth, under the name
     that 'cubicfish frames' gives it: where each corner was when its own row was exposed.
     """
-    from cubicfish_cli.files import write_files
     from cubicfish_cli.library.simulation import FILM, Source, simulate_film, simulate_photos
-    from cubicfish_cli.rendering.simulate import Look
     from cubicfish_cli.target import load_target
 
     _check_film(seconds)
@@ -166,27 +164,44 @@ def command(
             source = Source.of_file(options.model_path(model))
     if source.note:
         say(source.note)
-    look = Look(noise=noise, blur=blur, vignetting=vignetting, exposure=exposure)
     if any(board.shape is not None for board in thing.boards):
         say(f"Boards are rendered flat: bends and offsets in {target} are left out.")
     if seconds is not None:
-        from cubicfish_cli.rendering.film import Shutter
-
-        times = Shutter(rate=rate, open_s=shutter / 1000, readout_s=readout / 1000)
         with working("Choosing how the target is moved"):
-            made = simulate_film(thing, source, look, seconds, times, seed=seed)
+            made = simulate_film(
+                thing,
+                source,
+                seconds,
+                rate=rate,
+                shutter_ms=shutter,
+                readout_ms=readout,
+                noise=noise,
+                blur=blur,
+                vignetting=vignetting,
+                exposure=exposure,
+                seed=seed,
+            )
         shown, what = count(made.frames, "frame"), f"a film of {count(made.frames, 'frame')}"
         given = output / FILM
     else:
         with working(choosing):
             made = simulate_photos(
-                thing, source, look, poses=pose_file, number=number or 12, seed=seed, form=form
+                thing,
+                source,
+                poses=pose_file,
+                number=number or 12,
+                noise=noise,
+                blur=blur,
+                vignetting=vignetting,
+                exposure=exposure,
+                seed=seed,
+                form=form,
             )
         shown = what = count(made.frames, "photo")
         given = output
     say(f"Rendering {shown} of {{}}x{{}} pixels.".format(*source.image_size))
     with progress("Rendering") as callback:
-        write_files(made.files(output, callback), overwrite=overwrite)
+        made.save(output, overwrite=overwrite, progress=callback)
     texts = {Path(name).stem: output / name for name in made.texts}
     if as_json:
         print_json(

@@ -154,7 +154,7 @@ def command(
         )
         return
     from cubicfish_cli.formats.camera_yaml import load_any_camera, load_camera
-    from cubicfish_cli.library.undistorting import dry_run_of, failure_record, undistort_files
+    from cubicfish_cli.library.undistorting import dry_run_of, failure_record, undistort_plan
     from cubicfish_cli.library.views import ViewsBySize
 
     scheduler.check(jobs)
@@ -186,7 +186,7 @@ def command(
                 _print_dry_run(found)
             return
         extras = _extras(plan, views, mask.mask, camera_out, trusted, overwrite, skip_existing)
-        failures = undistort_files(
+        failures = undistort_plan(
             plan,
             views,
             pixels.rendering(),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
-from glob import glob, has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,6 @@ import click
 
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.inputs import photos_of
-from cubicfish_cli.cli.rendering_options import is_video_name
 from cubicfish_cli.cli.view_options import PlaneOptions, ViewOptions
 
 if TYPE_CHECKING:
@@ -24,12 +22,15 @@ def plan_of(
     sources: Sequence[str], destination: Path, view: ViewOptions, plane: PlaneOptions
 ) -> tuple[Plan, bool]:
     """Which photo becomes which files, and whether a single file was named."""
-    from cubicfish_cli.library.undistorting import Plan
+    from cubicfish_cli.library.undistorting import Plan, videos_among
     from cubicfish_cli.photos import shown
     from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
 
     names = _with_stdin(sources)
-    videos = [(path.name, path) for path in _videos(names)]
+    found, others = videos_among(names)
+    if found and others:
+        raise click.UsageError("photos and videos together: do them one after the other")
+    videos = [(path.name, path) for path in found]
     photos = videos or [(photo.name, photo.path) for photo in photos_of(names)]
     if videos and view.parts != ("",):
         raise click.UsageError("a cube of a video is one picture: add --layout cross")
@@ -65,24 +66,6 @@ def refuse_a_file(destination: Path, several: str) -> None:
             f"{shown(destination)} is the name of one file, and {several} become a folder: write "
             f"{shown(destination.with_suffix(''))}{os.sep}"
         )
-
-
-def _videos(names: Sequence[str]) -> list[Path]:
-    """The videos that the names and patterns mean; none when they mean photos.
-
-    Raises:
-        click.UsageError: they mean both.
-
-    """
-    paths = [
-        Path(match)
-        for name in names
-        for match in (sorted(glob(name)) if has_magic(name) and not Path(name).exists() else [name])
-    ]
-    videos = [path for path in paths if is_video_name(path) and not path.is_dir()]
-    if videos and len(videos) < len(paths):
-        raise click.UsageError("photos and videos together: do them one after the other")
-    return videos
 
 
 def _with_stdin(sources: Sequence[str]) -> list[str]:

@@ -50,6 +50,27 @@ def undistort(
 
     """
     _refuse_no_picture(picture)
+    rendering = rendering_of(interpolation, border)
+    if isinstance(by, UndistortMap):
+        if view is not None:
+            raise ViewError("a map has its view already: leave the view out, or pass the camera")
+        undistort_map = by
+    else:
+        camera = camera_for_photos(by, (picture.shape[1], picture.shape[0]))
+        undistort_map = build_map(camera, default_view(camera) if view is None else view)
+    flat = remap_picture(np.ascontiguousarray(picture), undistort_map, rendering)
+    return flat.reshape((*flat.shape[:2], *picture.shape[2:]))
+
+
+def rendering_of(
+    interpolation: Interpolation, border: tuple[float, float, float], quality: int | None = None
+) -> Rendering:
+    """How pixels are made, checked.
+
+    Raises:
+        ViewError: an option is not known.
+
+    """
     if interpolation not in INTERPOLATIONS:
         raise ViewError(
             f"interpolation {quoted(interpolation)} is not known: "
@@ -58,16 +79,10 @@ def undistort(
     colour = tuple(border)
     if not is_numbers(colour, 3) or not all(0 <= part <= 1 for part in colour):
         raise ViewError(f"border must be three numbers from 0 to 1, not {quoted(colour)}")
-    if isinstance(by, UndistortMap):
-        if view is not None:
-            raise ViewError("a map has its view already: leave the view out, or pass the camera")
-        undistort_map = by
-    else:
-        camera = camera_for_photos(by, (picture.shape[1], picture.shape[0]))
-        undistort_map = build_map(camera, default_view(camera) if view is None else view)
-    rendering = Rendering(interpolation=interpolation, border=(colour[0], colour[1], colour[2]))
-    flat = remap_picture(np.ascontiguousarray(picture), undistort_map, rendering)
-    return flat.reshape((*flat.shape[:2], *picture.shape[2:]))
+    if quality is not None and quality not in range(1, 101):
+        raise ViewError(f"quality must be a whole number from 1 to 100, not {quoted(quality)}")
+    border = (colour[0], colour[1], colour[2])
+    return Rendering(interpolation=interpolation, border=border, quality=quality)
 
 
 def _refuse_no_picture(picture: object) -> None:

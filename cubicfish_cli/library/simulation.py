@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.errors import CorrespondenceError, OutputError
-from cubicfish_cli.files import Content
-from cubicfish_cli.formats.calibrated import camera_text
+from cubicfish_cli.arrays import Refusal
+from cubicfish_cli.errors import CameraFileError, CorrespondenceError, OutputError
+from cubicfish_cli.files import Content, write_files
+from cubicfish_cli.formats.calibrated import Calibrated, camera_text
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.frame_names import frame_name
 from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.observations import MAX_SIDE
 from cubicfish_cli.rendering.lens_file import is_lens_file, lens_text, load_lens
 from cubicfish_cli.rendering.outside import (
     OUTSIDE_LENSES,
@@ -25,19 +27,29 @@ from cubicfish_cli.rendering.outside import (
     outside_lens,
 )
 from cubicfish_cli.rendering.pose import Pose, load_poses, pose_table_text
-from cubicfish_cli.rendering.simulate import Look, chosen_poses, photo_bytes, simulated_photos
+from cubicfish_cli.rendering.simulate import (
+    FORMATS,
+    Look,
+    chosen_poses,
+    photo_bytes,
+    simulated_photos,
+)
 from cubicfish_cli.rendering.truth import true_corners_text, visible_points
 from cubicfish_cli.rendering.views import WholeLens
 from cubicfish_cli.target import Target
-from cubicfish_cli.wording import quoted
-
-if TYPE_CHECKING:
-    from cubicfish_cli.rendering.film import Shutter
+from cubicfish_cli.wording import did_you_mean, quoted
 
 FILM = "film.mp4"
 _SIZE = (960, 720)
+_MOST_PHOTOS = 10_000
+_MOST_SECONDS = 3600.0
 
+StrPath = str | os.PathLike[str]
 Count = Callable[[int, int], None]
+
+
+def _silent(done: int, total: int) -> None:
+    """Show nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +68,41 @@ class Source:
     image_size: tuple[int, int]
     text: Callable[[Target, Mapping[str, Pose]], str]
     note: str | None = None
+
+    @classmethod
+    def of(
+        cls,
+        lens: Source | Calibrated | CubicCamera | StrPath,
+        image_size: Sequence[int] | None,
+        target: Target,
+    ) -> Source:
+        """What a caller names: a camera, a lens or a file of one; see :func:`simulate_photos`.
+
+        Raises:
+            CameraFileError: it cannot be used, or is for photos of another size.
+
+        """
+        size = None
+        if image_size is not None:
+            refusal = Refusal(error=CameraFileError)
+            size = refusal.size(image_size, "image_size", limit=MAX_SIDE)
+        if isinstance(lens, Source):
+            source = lens
+        elif isinstance(lens, Calibrated | CubicCamera):
+            camera = lens.camera if isinstance(lens, Calibrated) else lens
+            text = _camera_text(camera, {})
+            source = cls(lens=camera, image_size=camera.image_size, text=lambda *_: text)
+        elif os.fspath(lens) in OUTSIDE_LENSES or _is_of_another_tool(Path(lens)):
+            source = cls.of_lens(os.fspath(lens), size, target)
+        else:
+            source = cls.of_file(Path(lens))
+        if size not in (None, source.image_size):
+            raise CameraFileError(
+                "the lens is for photos of {}x{} pixels: leave image_size out".format(
+                    *source.image_size
+                )
+            )
+        return source
 
     @classmethod
     def of_file(cls, path: Path) -> Source:
@@ -116,6 +163,17 @@ class Source:
         return cls(lens=lens, image_size=lens.image_size, text=text)
 
 
+def _is_of_another_tool(path: Path) -> bool:
+    """Whether a file is no camera or lens of ours, and of a format that is known."""
+    from cubicfish_cli.formats.foreign import sniffed
+
+    try:
+        sniffed(path)
+    except CameraFileError:  # what is wrong with it is said by the reader of our own
+        return False
+    return True
+
+
 def _camera_text(camera: CubicCamera, made_by: Mapping[str, object]) -> str:
     return camera_text(camera, fit={}, made_by={"command": "simulate", **made_by})
 
@@ -142,16 +200,26 @@ class Simulated:
         """How many corners can be seen."""
         return self.texts["true_corners.csv"].count("\n") - 2
 
-    def files(self, folder: Path, progress: Count) -> dict[Path, Content]:
-        """What :func:`write_files` writes; pictures are rendered when they are written.
+    def save(
+        self, folder: StrPath, *, overwrite: bool = False, progress: Count = _silent
+    ) -> list[Path]:
+        """Render the pictures and write them beside their truth, all or nothing.
 
         Args:
-            folder: where.
+            folder: where; it is made if it is not there.
+            overwrite: whether existing files may be replaced.
             progress: called with frames done and all frames.
+
+        Returns:
+            The files: pictures first, then true_corners.csv, true_poses.csv, true_camera.yaml.
+
+        Raises:
+            OutputError: a file exists and ``overwrite`` is false, or cannot be written.
 
         """
         contents = {**self.rendered(progress), **self.texts}
-        return {folder / name: content for name, content in contents.items()}
+        files = {Path(folder) / name: content for name, content in contents.items()}
+        return write_files(files, overwrite=overwrite)
 
 
 def _truth(
@@ -166,36 +234,61 @@ def _truth(
 
 def simulate_photos(
     target: Target,
-    source: Source,
-    look: Look,
+    lens: Source | Calibrated | CubicCamera | StrPath,
     *,
-    poses: Path | None = None,
+    image_size: Sequence[int] | None = None,
+    poses: StrPath | None = None,
     number: int = 12,
+    noise: float = 2.0,
+    blur: float = 0.7,
+    vignetting: float = 0.4,
+    exposure: float = 1.0,
     seed: int = 0,
     form: str = "jpg",
 ) -> Simulated:
-    """Photos of a target whose poses fill the camera's field.
+    """Photos of a target whose poses fill the camera's field, as ``cubicfish simulate``.
 
     Args:
         target: the object; its boards are rendered flat.
-        source: what photos are taken with.
-        look: noise, blur and light.
-        poses: a table to take them from instead.
+        lens: a camera or a fit; the name of a lens that no camera can hold (``moving-pupil``,
+            ``mirror``, ``equisolid``, ``orthographic``); or a file: camera.yaml, a lens's
+            formula, or another tool's.
+        image_size: (width, height) of the photos in pixels, for lenses with a name (by default
+            960x720) and files that do not say.
+        poses: a table to take them from instead, such as the true_poses.csv of earlier photos;
+            lengths in the target's unit, rotation vectors in radians, ``camera_from_world``.
         number: of photos, without one.
-        seed: other poses, other noise.
+        noise: standard deviation of the sensor's noise, grey levels of 255, at most 100.
+        blur: standard deviation of the lens's blur, pixels, at most 50.
+        vignetting: share of the light that is lost 90° from the axis, at most 0.8.
+        exposure: 1 is a well-lit picture, 0.2 a dark one; 0.02 to 4, and overexposed ones bleed.
+        seed: another one gives other poses and other noise, the same one the same photos.
         form: of the files: ``jpg`` or ``png``.
 
+    Returns:
+        Photos still to be rendered, which ``save(folder)`` does: grey, each with its truth in
+        true_corners.csv (pixels), true_poses.csv and true_camera.yaml. ``corners`` says how many
+        there are to be seen.
+
     Raises:
+        CameraFileError: the lens cannot be used.
         CorrespondenceError: the table cannot be used.
-        OutputError: no photo shows a corner.
+        TargetError: the target cannot be drawn, or is not seen so often.
+        OutputError: no photo shows a corner, or an option is out of its bounds.
 
     """
+    look = _look(noise, blur, vignetting, exposure)
+    _check("number", number, 1, _MOST_PHOTOS)
+    if form not in FORMATS:
+        told = did_you_mean(str(form), FORMATS)
+        raise OutputError(f"photos are not written as {quoted(form)}: {told}")
+    source = Source.of(lens, image_size, target)
     if poses is None:
         digits = len(str(number)) if number > 9 else 2
         chosen = chosen_poses(target, source.lens, source.image_size, number, seed=seed)
         named = {f"photo_{i:0{digits}d}.{form}": pose for i, pose in enumerate(chosen, start=1)}
     else:
-        named = _poses_of_table(poses, form)
+        named = _poses_of_table(Path(poses), form)
     flat = target.with_flat_boards()
     corners = true_corners_text(flat, source.lens, named, source.image_size)
     if corners.count("\n") <= 2:
@@ -214,6 +307,19 @@ def simulate_photos(
     return Simulated(pictures=list(named), frames=len(named), texts=texts, rendered=rendered)
 
 
+def _look(noise: float, blur: float, vignetting: float, exposure: float) -> Look:
+    _check("noise", noise, 0, 100)
+    _check("blur", blur, 0, 50)
+    _check("vignetting", vignetting, 0, 0.8)
+    _check("exposure", exposure, 0.02, 4)
+    return Look(noise=noise, blur=blur, vignetting=vignetting, exposure=exposure)
+
+
+def _check(name: str, value: float, least: float, most: float) -> None:
+    if not least <= value <= most:
+        raise OutputError(f"{name} must be from {least:g} to {most:g}, not {value}")
+
+
 def _poses_of_table(path: Path, form: str) -> dict[str, Pose]:
     """Poses by the photos' file names."""
     named: dict[str, Pose] = {}
@@ -229,27 +335,62 @@ def _poses_of_table(path: Path, form: str) -> dict[str, Pose]:
 
 
 def simulate_film(
-    target: Target, source: Source, look: Look, seconds: float, shutter: Shutter, *, seed: int = 0
+    target: Target,
+    lens: Source | Calibrated | CubicCamera | StrPath,
+    seconds: float,
+    *,
+    image_size: Sequence[int] | None = None,
+    rate: float = 30.0,
+    shutter_ms: float = 8.0,
+    readout_ms: float = 15.0,
+    noise: float = 2.0,
+    blur: float = 0.7,
+    vignetting: float = 0.4,
+    exposure: float = 1.0,
+    seed: int = 0,
 ) -> Simulated:
-    """A film of a hand that moves a target in front of the camera.
+    """A film of a hand that moves a target in front of the camera, as ``cubicfish simulate``.
 
     Args:
         target: the object; its boards are rendered flat.
-        source: what the film is taken with.
-        look: noise, blur and light.
-        seconds: how long it is.
-        shutter: how it is exposed.
-        seed: another motion, other noise.
+        lens: a camera or a fit; the name of a lens that no camera can hold (``moving-pupil``,
+            ``mirror``, ``equisolid``, ``orthographic``); or a file: camera.yaml, a lens's
+            formula, or another tool's.
+        seconds: how long the film is, 0.1 to 3600.
+        image_size: (width, height) of the frames in pixels, for lenses with a name (by default
+            960x720) and files that do not say.
+        rate: frames per second, 1 to 240.
+        shutter_ms: for how long each row gathers light, milliseconds up to 1000.
+        readout_ms: how long after the first row the last one is read, milliseconds up to 1000;
+            0 is a global shutter.
+        noise: standard deviation of the sensor's noise, grey levels of 255, at most 100.
+        blur: standard deviation of the lens's blur, pixels, at most 50.
+        vignetting: share of the light that is lost 90° from the axis, at most 0.8.
+        exposure: 1 is a well-lit picture, 0.2 a dark one; 0.02 to 4, and overexposed ones bleed.
+        seed: another one gives another motion and other noise.
+
+    Returns:
+        The film still to be rendered, which ``save(folder)`` does: film.mp4, and the truth of each
+        frame under the name that ``cubicfish frames`` gives it.
 
     Raises:
+        CameraFileError: the lens cannot be used.
         PhotoError: the extra ``video`` is not installed.
-        OutputError: no frame shows a corner, or a side is odd.
+        TargetError: the target cannot be drawn, or is not seen so often.
+        OutputError: no frame shows a corner, a side is odd, or an option is out of its bounds.
 
     """
     from cubicfish_cli.films.source import library
     from cubicfish_cli.films.write import refuse_odd, write_film
-    from cubicfish_cli.rendering.film import film_frames, film_truth, hand_path
+    from cubicfish_cli.rendering.film import Shutter, film_frames, film_truth, hand_path
 
+    look = _look(noise, blur, vignetting, exposure)
+    _check("seconds", seconds, 0.1, _MOST_SECONDS)
+    _check("rate", rate, 1, 240)
+    _check("shutter_ms", shutter_ms, 0, 1000)
+    _check("readout_ms", readout_ms, 0, 1000)
+    shutter = Shutter(rate=rate, open_s=shutter_ms / 1000, readout_s=readout_ms / 1000)
+    source = Source.of(lens, image_size, target)
     size = source.image_size
     library()  # said before the work if it is not there
     refuse_odd(size)

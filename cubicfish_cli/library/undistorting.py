@@ -3,26 +3,34 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Hashable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
+from glob import glob, has_magic
 from pathlib import Path
 from typing import Any
 
-from cubicfish_cli.errors import CubicfishError, OutputError
+from cubicfish_cli.errors import CubicfishError, OutputError, PhotoError
 from cubicfish_cli.executors.executor import Executor
 from cubicfish_cli.files import refuse_existing
-from cubicfish_cli.library.views import Size, Views
-from cubicfish_cli.photos import photo_size, shown
+from cubicfish_cli.formats.calibrated import Calibrated
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.library.pictures import Interpolation, rendering_of
+from cubicfish_cli.library.views import Size, Views, ViewsBySize
+from cubicfish_cli.photos import find_photos, photo_size, shown
+from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
 from cubicfish_cli.undistortion.batch import FailedPhoto, PhotoJob, undistort_photos
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField
 from cubicfish_cli.undistortion.images import Rendering, check_suffix
 from cubicfish_cli.undistortion.video import Encoding, undistort_video, video_size
+from cubicfish_cli.undistortion.view import Camera, View
 from cubicfish_cli.undistortion.view_files import part_name
+from cubicfish_cli.undistortion.views import default_view
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 
+StrPath = str | os.PathLike[str]
 Progress = Callable[[str], AbstractContextManager[Callable[[int, int], None]]]
 """What is done, in words -> a block in which things done and all things are told."""
 
@@ -136,7 +144,110 @@ class Plan:
         }
 
 
+@dataclass(frozen=True, kw_only=True)
+class Undistorted:
+    """What became of photos or videos.
+
+    Attributes:
+        files: the pictures or videos that were written.
+        skipped: names of those whose result was there already.
+        failed: name -> why it could not be done, in a line.
+
+    """
+
+    files: tuple[Path, ...]
+    skipped: tuple[str, ...]
+    failed: Mapping[str, str]
+
+
 def undistort_files(
+    photos: StrPath | Sequence[StrPath],
+    folder: StrPath,
+    camera: Calibrated | CubicCamera,
+    view: View | None = None,
+    *,
+    interpolation: Interpolation = "linear",
+    border: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    quality: int | None = None,
+    jobs: int | None = 1,
+    overwrite: bool = False,
+    skip_existing: bool = False,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Undistorted:
+    """Undistort photos or videos into a folder, as ``cubicfish undistort`` does.
+
+    Results keep the names of their photos, and with them depth, channels and a JPEG's EXIF record.
+    One that fails does not stop the others.
+
+    Args:
+        photos: files, folders and globs of photos, or files and globs of videos; of the size that
+            the camera was calibrated for, or an exact rescale of it.
+        folder: where the results go; it is made if it is not there.
+        camera: the camera or a fit.
+        view: what to render; by default flat, as large as each photo and with its scale in the
+            middle, up to 120° across.
+        interpolation: how pixels are blended.
+        border: (red, green, blue) of what the camera does not see, 0 to 1.
+        quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
+        jobs: photos to work on at a time; None for one per processor.
+        overwrite: whether existing files may be replaced.
+        skip_existing: leaves out photos whose result is there.
+        progress: called with photos, or frames of a video, done and all of them.
+
+    Returns:
+        The ``files`` that were written, what was ``skipped``, and what ``failed`` and why.
+
+    Raises:
+        PhotoError: there are none, or photos and videos are mixed.
+        OutputError: a result exists, and it may be neither replaced nor left; it would replace its
+            own photo; or both may be done.
+        ViewError: an option is not known.
+
+    """
+    rendering = rendering_of(interpolation, border, quality)
+    if overwrite and skip_existing:
+        raise OutputError("overwrite and skip_existing exclude each other: choose one")
+    given = [photos] if isinstance(photos, str | os.PathLike) else list(photos)
+    videos, others = videos_among([os.fspath(one) for one in given])
+    if videos and others:
+        raise PhotoError("photos and videos together: do them one after the other")
+    sources = [(path.name, path) for path in videos]
+    if not videos:
+        sources = [(photo.name, photo.path) for photo in find_photos(given)]
+    plan = Plan.of(sources, Path(folder), to_folder=True, videos=bool(videos))
+    plan = plan.free(skip_existing=skip_existing, overwrite=overwrite)
+
+    def chosen(camera: Camera) -> ChosenView:
+        return ChosenView(views={"": default_view(camera) if view is None else view})
+
+    @contextmanager
+    def told(label: str) -> Iterator[Callable[[int, int], None]]:
+        yield progress
+
+    own = camera.camera if isinstance(camera, Calibrated) else camera
+    views = ViewsBySize(own, None, chosen)
+    failures = undistort_plan(
+        plan, views, rendering, Encoding(), progress=told, jobs=jobs, overwrite=overwrite
+    )
+    return Undistorted(
+        files=tuple(path for job in plan.done(failures) for path in job.wanted),
+        skipped=tuple(job.name for job in plan.skipped),
+        failed={failure.job.name: str(failure.error) for failure in failures},
+    )
+
+
+def videos_among(names: Sequence[str]) -> tuple[list[Path], bool]:
+    """The videos that names and patterns mean, and whether they mean something else too."""
+    paths = [
+        Path(match)
+        for name in names
+        for match in (sorted(glob(name)) if has_magic(name) and not Path(name).exists() else [name])
+    ]
+    videos = [one for one in paths if one.suffix.lower() in VIDEO_SUFFIXES and not one.is_dir()]
+    return videos, len(videos) < len(paths)
+
+
+def undistort_plan(
     plan: Plan,
     views: Views,
     rendering: Rendering,
@@ -156,7 +267,7 @@ def undistort_files(
         rendering: how pixels are made.
         encoding: of videos.
         progress: shows how far it is.
-        jobs: photos to work on at a time; None for one a processor.
+        jobs: photos to work on at a time; None for one per processor.
         overwrite: whether files may be replaced.
         executor: who does photos instead of this process.
         note: called with what is to be known of a result.

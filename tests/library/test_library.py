@@ -33,6 +33,7 @@ from cubicfish_cli import (
     detect,
     evaluate,
     export_camera,
+    import_camera,
     judge,
     load_camera,
     load_corners,
@@ -42,8 +43,11 @@ from cubicfish_cli import (
     save_corners,
     save_map,
     save_target,
+    simulate_film,
+    simulate_photos,
     uncertainty,
     undistort,
+    undistort_files,
 )
 from cubicfish_cli.errors import (
     CameraFileError,
@@ -408,6 +412,218 @@ def test_a_camera_becomes_another_tools_file_as_export_writes_it(
     assert "more than the 1e-09 px" in refusal(
         FitError, lambda: export_camera(fitted, "opencv", max_error=1e-9)
     )
+
+
+FOREIGN = """image_width: 640
+image_height: 480
+camera_matrix: {rows: 3, cols: 3, data: [300.0, 0.0, 320.5, 0.0, 300.0, 239.0, 0.0, 0.0, 1.0]}
+distortion_model: equidistant
+distortion_coefficients: {rows: 1, cols: 4, data: [-0.01, 0.0, 0.0, 0.0]}
+"""
+
+
+def test_another_tools_file_becomes_a_camera_as_import_writes_it(tmp_path: Path) -> None:
+    path = tmp_path / "info.yaml"
+    path.write_text(FOREIGN)
+    output = tmp_path / "camera.yaml"
+    run_cli("import", path, "-o", output, "--max-angle", 50)
+    written = load_camera(output)
+    made = import_camera(path, max_angle_deg=50)
+    assert (made.written_by, made.lens.name, made.conversion.ended_by) == (
+        "ros",
+        "kannala_brandt",
+        "angle",
+    )
+    assert made.camera.max_angle_deg == 50
+    np.testing.assert_array_equal(made.camera.P, written.camera.P)
+    assert made.made_by == {key: written.made_by[key] for key in made.made_by}
+    assert made.made_by["options"] == {"imported_from": "ros", "lens": "kannala_brandt"}
+    assert "conversion" in made.made_by
+    # The lens is that of the file, by its formula.
+    theta = np.deg2rad(40.0)
+    pixel = made.camera.project([np.sin(theta), 0, np.cos(theta)])
+    np.testing.assert_allclose(pixel, [320.5 + 300 * (theta - 0.01 * theta**3), 239], atol=0.01)
+    made.save(tmp_path / "own.yaml")
+    np.testing.assert_array_equal(load_camera(tmp_path / "own.yaml").camera.P, made.camera.P)
+    assert "exists already" in refusal(OutputError, lambda: save_camera(output, made))
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"written_by": "roos"}, "did you mean 'ros'?"),
+        ({"written_by": "kalibr"}, "info.yaml"),
+        ({"camera": "cam1"}, "holds one camera"),
+        ({"image_size": (640, 0)}, "image_size must be two whole numbers above 0"),
+        ({"image_size": (480, 640)}, "is for photos of 640x480 pixels"),
+        ({"max_angle_deg": 0}, "max_angle_deg must be above 0 and at most 175, not 0"),
+        ({"max_angle_deg": float("nan")}, "not nan"),
+    ],
+)
+def test_what_cannot_be_imported_is_refused(
+    tmp_path: Path, options: dict[str, Any], said: str
+) -> None:
+    path = tmp_path / "info.yaml"
+    path.write_text(FOREIGN)
+    assert said in refusal(CameraFileError, lambda: import_camera(path, **options))
+
+
+def test_photos_of_known_truth_are_those_of_simulate(
+    fitted: Calibration, target: Target, tmp_path: Path
+) -> None:
+    fitted.save(tmp_path / "camera.yaml")
+    options = ["-n", 1, "--seed", 5, "--noise", 4, "--blur", 1, "--vignetting", 0.2]
+    run_cli(
+        "simulate", "-t", SAMPLE / "target.yaml", "-m", tmp_path, *options,
+        "--exposure", 0.5, "--format", "png", "-o", tmp_path / "command",
+    )  # fmt: skip
+    counted: list[tuple[int, int]] = []
+    look: dict[str, Any] = {"noise": 4, "blur": 1, "vignetting": 0.2, "exposure": 0.5}
+    for lens in (fitted, fitted.camera, tmp_path / "camera.yaml"):
+        made = simulate_photos(target, lens, number=1, seed=5, form="png", **look)
+        folder = tmp_path / type(lens).__name__
+        files = made.save(folder, progress=lambda *done: counted.append(done))
+        assert [file.name for file in files] == [
+            "photo_01.png",
+            "true_corners.csv",
+            "true_poses.csv",
+            "true_camera.yaml",
+        ]
+        for file in files[:3]:
+            assert file.read_bytes() == (tmp_path / "command" / file.name).read_bytes()
+        true = load_camera(files[3]).camera
+        np.testing.assert_array_equal(true.P, load_camera(tmp_path / "camera.yaml").camera.P)
+        assert made.corners == len(load_corners(files[1], target).pixel) > 50
+    assert counted == [(1, 1)] * 3
+    before, dark = files[0].read_bytes(), read_picture(files[0]).mean()
+    other = simulate_photos(target, fitted, poses=files[2], form="png", noise=0)
+    assert "exists already" in refusal(OutputError, lambda: other.save(folder))
+    assert files[0].read_bytes() == before
+    other.save(folder, overwrite=True)
+    assert files[0].read_bytes() != before
+    assert read_picture(files[0]).mean() > 1.5 * dark
+
+
+def test_a_film_of_known_truth_has_its_frames(target: Target, tmp_path: Path) -> None:
+    made = simulate_film(target, "equisolid", 0.3, image_size=(640, 480), rate=10, seed=2)
+    assert (made.frames, made.pictures) == (3, ["film.mp4"])
+    again = simulate_film(
+        target, "equisolid", 0.3, image_size=(640, 480), rate=10, seed=2, readout_ms=0
+    )
+    assert again.texts["true_corners.csv"] != made.texts["true_corners.csv"]
+    files = made.save(tmp_path / "film")
+    truth = load_corners(files[1], target)
+    assert truth.image_size == (640, 480)
+    assert len(truth.images) == 3
+
+
+def test_photos_through_another_tools_lens(target: Target, tmp_path: Path) -> None:
+    (tmp_path / "info.yaml").write_text(FOREIGN)
+    made = simulate_photos(target, tmp_path / "info.yaml", number=1)
+    rows = made.texts["true_corners.csv"].splitlines()
+    assert rows[0].endswith("image_size 640x480")
+    (tmp_path / "true.csv").write_text(made.texts["true_corners.csv"])
+    (tmp_path / "camera.yaml").write_text(made.texts["true_camera.yaml"])
+    near = evaluate(
+        load_camera(tmp_path / "camera.yaml").camera, load_corners(tmp_path / "true.csv", target)
+    )
+    assert near.errors.rms_px < 0.01
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"number": 0}, "number must be from 1 to 10000, not 0"),
+        ({"noise": -1}, "noise must be from 0 to 100"),
+        ({"blur": float("nan")}, "blur must be from 0 to 50, not nan"),
+        ({"vignetting": 1}, "vignetting must be from 0 to 0.8"),
+        ({"exposure": 0}, "exposure must be from 0.02 to 4"),
+        ({"form": "jpeg"}, "photos are not written as 'jpeg': did you mean 'jpg'?"),
+        ({"image_size": (640, 480)}, "the lens is for photos of 960x720 pixels"),
+        ({"image_size": (640, -1)}, "image_size must be two whole numbers"),
+        ({"poses": "none.csv"}, "none.csv"),
+        ({"lens": "no_lens.yaml"}, "no_lens.yaml"),
+        ({"seconds": 0}, "seconds must be from 0.1 to 3600"),
+        ({"seconds": 1, "rate": 0}, "rate must be from 1 to 240"),
+        ({"seconds": 1, "shutter_ms": -1}, "shutter_ms must be from 0 to 1000"),
+        ({"seconds": 1, "readout_ms": 1001}, "readout_ms must be from 0 to 1000"),
+    ],
+)
+def test_what_cannot_be_simulated_is_refused(
+    fitted: Calibration, target: Target, options: dict[str, Any], said: str
+) -> None:
+    simulate: Callable[..., object] = simulate_film if "seconds" in options else simulate_photos
+    assert said in refusal(
+        CubicfishError, lambda: simulate(target, **{"lens": fitted.camera, **options})
+    )
+
+
+def test_files_are_undistorted_as_the_command_does(fitted: Calibration, tmp_path: Path) -> None:
+    fitted.save(tmp_path / "camera.yaml")
+    photos = tmp_path / "photos"
+    photos.mkdir()
+    for photo in PHOTOS:
+        (photos / photo.name).write_bytes(photo.read_bytes())
+    (photos / "broken.png").write_bytes(b"no picture")
+    view = build_view(fitted.camera, "cylindrical", hfov_deg=270, size=(300, 200))
+    line = ("--view", "cylindrical", "--hfov", 270, "--size", "300x200", "--border", "#FF0000")
+    run_cli("undistort", photos, tmp_path / "a", "-m", tmp_path, *line, code=1)
+    counted: list[tuple[int, int]] = []
+    folder = tmp_path / "b"
+    made = undistort_files(
+        photos,
+        folder,
+        fitted,
+        view,
+        border=(1, 0, 0),
+        progress=lambda *done: counted.append(done),
+    )
+    assert made.files == tuple(folder / photo.name for photo in PHOTOS)
+    assert list(made.failed) == ["broken.png"]
+    assert counted[-1] == (3, 3)
+    for file in made.files:
+        assert file.read_bytes() == (tmp_path / "a" / file.name).read_bytes()
+    # Nothing is replaced unasked.
+    written = made.files[0].read_bytes()
+    again: list[Any] = [PHOTOS, folder, fitted.camera]
+    assert "exists already" in refusal(OutputError, lambda: undistort_files(*again))
+    assert undistort_files(*again, skip_existing=True).skipped == tuple(p.name for p in PHOTOS)
+    assert made.files[0].read_bytes() == written
+    own = undistort_files(*again, overwrite=True).files[0]
+    flat = undistort(read_picture(PHOTOS[0]), fitted.camera)
+    assert np.abs(read_picture(own).astype(int) - flat).mean() < 3  # JPEG
+    assert "is the photo itself" in refusal(
+        OutputError, lambda: undistort_files(photos, photos, fitted, overwrite=True)
+    )
+
+
+@pytest.mark.parametrize(
+    ("photos", "options", "said"),
+    [
+        ("none", {}, "none"),
+        (["a.mp4", "b.jpg"], {}, "photos and videos together"),
+        (PHOTOS, {"quality": 0}, "quality must be a whole number from 1 to 100"),
+        (PHOTOS, {"interpolation": "linaer"}, "did you mean 'linear'?"),
+        (PHOTOS, {"overwrite": True, "skip_existing": True}, "exclude each other"),
+    ],
+)
+def test_files_that_cannot_be_undistorted_are_refused(
+    fitted: Calibration, tmp_path: Path, photos: Any, options: dict[str, Any], said: str
+) -> None:
+    folder = tmp_path / "flat"
+    assert said in refusal(
+        CubicfishError, lambda: undistort_files(photos, folder, fitted, **options)
+    )
+    assert not folder.exists()
+
+
+def test_a_video_is_undistorted_into_a_folder(target: Target, tmp_path: Path) -> None:
+    (tmp_path / "info.yaml").write_text(FOREIGN)
+    lens = import_camera(tmp_path / "info.yaml")
+    film = simulate_film(target, lens, 0.2, rate=10).save(tmp_path / "film")[0]
+    made = undistort_files(film, tmp_path / "flat", lens)
+    assert made.files == (tmp_path / "flat" / "film.mp4",)
+    assert made.files[0].stat().st_size > 1000
 
 
 def test_a_target_is_checked_as_the_command_checks_it(target: Target) -> None:

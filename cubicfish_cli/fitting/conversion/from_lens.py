@@ -27,7 +27,8 @@ from cubicfish_cli.types import FloatArray
 _RAYS = 4000
 _AZIMUTHS = 72
 _STEP_DEG = 0.25
-_LARGEST_DEG = 175.0
+LARGEST_ANGLE_DEG = 175.0
+"""The most that a camera may be trusted to, from its axis."""
 # A polynomial lens bends wildly beyond where it was calibrated, and no file says where that is: a
 # field in which P is this near is taken rather than a wider one.
 _SHARES = (1.0, 0.97, 0.94, 0.9, 0.86, 0.8, 0.7)
@@ -175,7 +176,7 @@ def _field(lens: Lens) -> tuple[float, EndedBy, float | None]:
     """
     ended_by: EndedBy = "photo"
     fold_deg = None
-    theta = np.deg2rad(np.arange(0, _LARGEST_DEG, _STEP_DEG))
+    theta = np.deg2rad(np.arange(0, LARGEST_ANGLE_DEG, _STEP_DEG))
     turn = np.linspace(0, 2 * np.pi, _AZIMUTHS, endpoint=False)
     rays = ray_at(*np.broadcast_arrays(theta, turn[:, None]))
     pixel = lens.project(rays.reshape(-1, 3)).reshape(*rays.shape[:2], 2)
@@ -208,7 +209,7 @@ def _field(lens: Lens) -> tuple[float, EndedBy, float | None]:
 
 
 def _seen(lens: Lens, angle_deg: float) -> tuple[FloatArray, FloatArray]:
-    rays = cone_rays(np.deg2rad(min(angle_deg, _LARGEST_DEG)), _RAYS)
+    rays = cone_rays(np.deg2rad(min(angle_deg, LARGEST_ANGLE_DEG)), _RAYS)
     pixel = lens.project(rays)
     good = np.isfinite(pixel).all(axis=1)
     # Far outside the photo a polynomial lens says anything.
