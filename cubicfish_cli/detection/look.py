@@ -174,7 +174,7 @@ def nameless_grids(
 
     Args:
         photos: where the photos are.
-        jobs: processes to use; None for one a processor.
+        jobs: processes to use; None for one per processor.
         progress: called with photos done and all photos.
         cache: what was found in photos that were searched before; None searches them all.
 

@@ -44,7 +44,7 @@ def settled(pixel: FloatArray) -> FloatArray:
 
 
 def workers_for(jobs: int | None, items: int) -> int:
-    """How many processes to use: ``jobs``, or one a processor where there is work for them."""
+    """How many processes to use: ``jobs``, or one per processor where there is work for them."""
     if jobs is None:
         if items < _ITEMS_FOR_POOL:
             return 1
@@ -96,7 +96,7 @@ def photos_done(
     Args:
         work: as there.
         items: as there.
-        jobs: processes to use; None for one a processor.
+        jobs: processes to use; None for one per processor.
         progress: called with items done and all items.
         executor: as there.
 

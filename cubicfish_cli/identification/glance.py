@@ -102,7 +102,7 @@ def glance(
     Args:
         pictures: photos, or whatever else is looked at.
         target: the object; None looks for any checkerboard.
-        jobs: processes to use; None for one a processor.
+        jobs: processes to use; None for one per processor.
         progress: called with pictures done and all pictures.
 
     Returns:

@@ -82,7 +82,7 @@ def second_pass(
         photos: the photos that ``detection`` is of, in its order.
         detection: the first pass.
         target: the object.
-        jobs: processes to use; None for one a processor.
+        jobs: processes to use; None for one per processor.
         progress: called with photos done and all photos.
         executor: who looks at the photos instead of processes here.
 

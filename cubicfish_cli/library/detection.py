@@ -66,7 +66,7 @@ def detect(
             must be as the sensor made them: :func:`read_picture` does not turn them, as cv2.imread
             may.
         target: the object.
-        jobs: processes to use; None for one a processor. With more than one, a script must
+        jobs: processes to use; None for one per processor. With more than one, a script must
             start its work below ``if __name__ == "__main__":``.
         cache: a folder in which what is found in files is kept; by default nothing is.
         progress: called with what is done now, in words, and the share done, 0 to 1.
@@ -108,7 +108,7 @@ def first_look(
     Args:
         photos: the photos.
         targets: at least one; ``corners.target`` of the result says which it is.
-        jobs: processes to use; None for one a processor.
+        jobs: processes to use; None for one per processor.
         progress: called with photos done and all photos.
         cache: a folder in which what is found in files is kept.
         executor: who looks at the photos instead of processes here.
@@ -197,7 +197,7 @@ def detect_corners(
     Args:
         photos: where the photos are.
         target: the object.
-        jobs: processes to use; None for one a processor.
+        jobs: processes to use; None for one per processor.
         progress: called with photos done and all photos.
         cache: what was found in photos that were searched before; None searches them all.
         executor: who looks at the photos instead of processes here.

@@ -75,7 +75,7 @@ def found_at_a_glance(
         pictures: all of one size.
         targets: what the object may be; None looks for any checkerboard.
         size: (width, height) of the pictures.
-        jobs: processes to use; None for one a processor.
+        jobs: processes to use; None for one per processor.
         progress: called with pictures done and all pictures.
 
     """
@@ -101,7 +101,7 @@ def found_in(
     Args:
         photos: all of one size.
         targets: what the object may be; None looks for any checkerboard.
-        jobs: processes to use; None for one a processor.
+        jobs: processes to use; None for one per processor.
         progress: called with photos done and all photos.
         cache: a folder in which what is found in files is kept.
 

@@ -88,7 +88,7 @@ def choose_frames(
         folder: where the frames go.
         target: the object, or what it may be; None looks for any checkerboard.
         most: how many frames may be chosen.
-        jobs: processes to use where boards are searched closely; None for one a processor.
+        jobs: processes to use where boards are searched closely; None for one per processor.
         cache: a folder in which what is found then is kept; by default nothing is.
         overwrite: whether frames of an earlier choice may be replaced.
         progress: called with what is done now, how much of it is done, and of how much (0 where
@@ -215,7 +215,7 @@ def choose_photos(
         photos: photos of one camera.
         target: the object, or what it may be.
         most: how many photos may be chosen.
-        jobs: processes to use; None for one a processor.
+        jobs: processes to use; None for one per processor.
         cache: a folder in which what is found in files is kept.
         progress: as of :func:`choose_frames`.
 
