@@ -151,8 +151,8 @@ def adjust(
         iterations += 1
         candidate = state.moved(*step)
         new = _evaluated(candidate, pairs, huber_px)
-        stray = new.normal is not None and new.cost >= now.cost and gain > _ROUNDING
-        if new.normal is not None and stray and iterations < max_iterations:
+        stray = new.cost >= now.cost and gain > _ROUNDING and iterations < max_iterations
+        if new.normal is not None and stray:
             # A valley that bends: what went straight on is on its side, a step above its floor.
             iterations += 1
             candidate = candidate.moved(*new.normal.solve(damping))

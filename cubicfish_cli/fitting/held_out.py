@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.special import stdtr
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
@@ -20,7 +19,7 @@ from cubicfish_cli.fitting.radial_reference import radial_of
 from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.refinement import ObjectFit
 from cubicfish_cli.fitting.robust import huber_px
-from cubicfish_cli.fitting.statistics import rms_px
+from cubicfish_cli.fitting.statistics import likely_positive, rms_px
 from cubicfish_cli.fitting.subset import select, select_photos
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.lenses.cubic import CubicCamera
@@ -32,7 +31,6 @@ from cubicfish_cli.types import FloatArray, IntArray
 _FOLD_DECREASE = 1e-4
 # Photos' ratios are never told apart better than this.
 _LEAST_SPREAD = 1e-3
-_FEWEST_TO_COMPARE = 2
 _RADIAL_DECREASE = 1e-5
 # Of poses alone.
 _WIDE_PX = 10.0
@@ -74,12 +72,11 @@ class HeldOut:
         Student's t of the photos' ratios: photos are drawn at random, their corners are not.
         """
         photos = np.log(self.photos_px / other.photos_px)
-        photos = photos[np.isfinite(photos)]
-        if len(photos) < _FEWEST_TO_COMPARE:
-            return 0.5
-        spread = np.std(photos, ddof=1) / np.sqrt(len(photos))
-        ratio = np.log(self.times(other)) / max(spread, _LEAST_SPREAD)
-        return float(stdtr(len(photos) - 1, ratio))
+        return likely_positive(
+            photos[np.isfinite(photos)],
+            float(np.log(self.times(other))),
+            least_error=_LEAST_SPREAD,
+        )
 
 
 def held_out_error(

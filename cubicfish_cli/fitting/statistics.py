@@ -56,15 +56,24 @@ def rms_px(residual: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.sum(residual * residual, axis=-1))))
 
 
-def likely_positive(values: FloatArray) -> float:
+def likely_positive(
+    values: FloatArray, mean: float | None = None, *, least_error: float = np.finfo(float).tiny
+) -> float:
     """How likely the mean is positive of what such values (M,) are drawn from: Student's t, 0 to 1.
 
     With fewer than two nothing is known: 0.5.
+
+    Args:
+        values: (M,) the values.
+        mean: a mean of them that is better than the plain one.
+        least_error: no mean is known better than this.
+
     """
     if len(values) < _FEWEST_TO_COMPARE:
         return 0.5
     error = np.std(values, ddof=1) / np.sqrt(len(values))
-    return float(stdtr(len(values) - 1, np.mean(values) / max(error, np.finfo(float).tiny)))
+    middle = np.mean(values) if mean is None else mean
+    return float(stdtr(len(values) - 1, middle / max(error, least_error)))
 
 
 def photo_records(
