@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -40,27 +40,23 @@ def rig_verdict(record: Mapping[str, Any]) -> Verdict:
 
 def _strained(record: Mapping[str, Any]) -> Iterator[Finding]:
     """Cameras whose photos fit well alone, and not on the body."""
+    found = []
     for camera in recorded_mappings(record.get("cameras")):
         errors = camera.get("fit")
         if not isinstance(errors, Mapping):
             continue
-        rms, alone = (
-            recorded_number(errors.get("rms_px")),
-            recorded_number(errors.get("alone_rms_px")),
-        )
+        rms = recorded_number(errors.get("rms_px"))
+        alone = recorded_number(errors.get("alone_rms_px"))
         if rms is None or alone is None:
             continue
-        level = [
+        passed = [
             rms > limit * alone and rms > px
             for limit, px in zip(_STRAINED, _STRAINED_PX, strict=True)
         ]
-        if any(level):
-            yield RigFinding(
-                code=Code.RIG_STRAINED,
-                severity=Severity.BAD if level[1] else Severity.CARE,
-                cameras=(str(camera.get("name")),),
-                figures={"rms_px": rms, "alone_px": alone},
-            )
+        if any(passed):
+            figures = {"rms_px": rms, "alone_px": alone}
+            found.append((str(camera.get("name")), passed[1], figures))
+    yield from _together(Code.RIG_STRAINED, found, "rms_px")
 
 
 def _uncertain(record: Mapping[str, Any]) -> Iterator[Finding]:
@@ -72,20 +68,30 @@ def _uncertain(record: Mapping[str, Any]) -> Iterator[Finding]:
         (float(np.linalg.norm(np.subtract(a, b))) for a, b in pairwise([*places, *places[:1]])),
         default=0.0,
     )
+    found = []
     for camera in cameras:
         turn = recorded_number(camera.get("turn_sigma_deg")) or 0.0
         shift = recorded_number(camera.get("shift_sigma")) or 0.0
-        level = [
+        passed = [
             turn > turn_limit or (size > 0 and shift > share * size)
             for turn_limit, share in zip(_TURN_DEG, _SHIFT_SHARE, strict=True)
         ]
-        if any(level):
-            yield RigFinding(
-                code=Code.PLACE_UNCERTAIN,
-                severity=Severity.BAD if level[1] else Severity.CARE,
-                cameras=(str(camera.get("name")),),
-                figures={"turn_deg": turn, "shift": shift},
-            )
+        if any(passed):
+            figures = {"turn_deg": turn, "shift": shift}
+            found.append((str(camera.get("name")), passed[1], figures))
+    yield from _together(Code.PLACE_UNCERTAIN, found, "turn_deg")
+
+
+def _together(
+    code: Code, found: Sequence[tuple[str, bool, Mapping[str, float]]], worst: str
+) -> Iterator[Finding]:
+    """One finding of all cameras of one severity, with the figures of the worst, which is first."""
+    for severity in (Severity.BAD, Severity.CARE):
+        own = [one for one in found if one[1] == (severity is Severity.BAD)]
+        if own:
+            own.sort(key=lambda one: -one[2][worst])
+            cameras = tuple(name for name, _, _ in own)
+            yield RigFinding(code=code, severity=severity, cameras=cameras, figures=own[0][2])
 
 
 def _figures(fit: Mapping[str, Any]) -> str:

@@ -45,7 +45,7 @@ from cubicfish_cli.diagnosis.unsteady import unsteady
 from cubicfish_cli.diagnosis.wrong_drawing import wrong_drawing, wrong_drawing_of_failure
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.evidence import CornerEvidence, Evidence, FailedFit, FitEvidence
-from cubicfish_cli.fitting.rig.gather import RigEvidence
+from cubicfish_cli.fitting.rig.evidence import RigEvidence
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 

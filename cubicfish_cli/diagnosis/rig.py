@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import fdtrc
 
-from cubicfish_cli.fitting.rig.gather import RigEvidence
+from cubicfish_cli.fitting.rig.evidence import Moved, RigEvidence
+from cubicfish_cli.fitting.rig.moved import explained, says
 from cubicfish_cli.fitting.rig.start import common_shots
 from cubicfish_cli.fitting.robust import noise_px
-from cubicfish_cli.types import FloatArray, IntArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding, RigFinding
 
 # Two cameras that fewer shots connect stand where one shot's errors put them.
 _FEW = 5
-# Shots on either side of where a camera may have moved.
+# Fewer shots say nothing of the usual one.
 _LEAST_SHOTS = 3
-_RCOND = 1e-10
 # Shots are not of one moment where the usual one is off by more of its corners' noise; one shot
 # stands out that is off by more of it, and by so many times more than the usual one.
 _OFF, _APART, _STANDS_OUT = 1.5, 2.0, 6.0
@@ -27,127 +24,34 @@ _OFF, _APART, _STANDS_OUT = 1.5, 2.0, 6.0
 _LEAST_PX = 0.25
 # Of more of the shots than these, it is no longer single ones that stand out.
 _SINGLE = 0.2
-# A camera has moved where so little chance would show as much,
-_CHANCE = 1e-5
-# and what it does to its corners is as large as so much of their noise.
-_VISIBLE = 0.5
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Moved:
-    """A camera that stood elsewhere from some shot on.
-
-    Attributes:
-        camera: which.
-        shot: the first shot after it moved.
-        step: (6,) turn in the camera's frame, radians, and shift.
-        effect_px: RMS of what that does to the camera's corners.
-        chance: of as much by chance, over all cameras and shots.
-
-    """
-
-    camera: int
-    shot: int
-    step: FloatArray
-    effect_px: float
-    chance: float
 
 
 def camera_moved(evidence: RigEvidence) -> list[Finding]:
-    """That one camera stood elsewhere before some shot than after.
-
-    What each shot says of each camera's place beside the others', its pose left free, is linear
-    where the fit stopped. Two means, before and after, are judged against how shots differ
-    among themselves (an F test), which knows of all errors that shots do not share.
-    """
-    cameras = range(len(evidence.lens.lenses))
-    moved = [one for camera in cameras if (one := _split(*_says(evidence, camera), camera))]
-    best = min(moved, key=lambda one: one.chance, default=None)
-    if best is None or best.chance * len(cameras) > _CHANCE:
-        return []
-    visible = best.effect_px > _VISIBLE * noise_px(evidence.fit.residual)
-    return [_said(evidence, best)] if visible else []
-
-
-def _says(evidence: RigEvidence, camera: int) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
-    """What shots say of one camera's place beside the others', their poses left free.
-
-    Returns:
-        Shots (S,) that others saw too, in order; Hessian (S, 6, 6), gradient (S, 6) by a step in
-        the camera's frame, and how many corners the camera saw.
-
-    """
-    lens, (hessian, gradient, corners) = evidence.lens, evidence.of_views
-    shots = int(lens.shot.max()) + 1
-    hessian_of, gradient_of = np.zeros((shots, 6, 6)), np.zeros((shots, 6))
-    np.add.at(hessian_of, lens.shot, hessian)
-    np.add.at(gradient_of, lens.shot, gradient)
-    several = np.bincount(lens.shot)[lens.shot] > 1
-    views = np.flatnonzero((lens.camera == camera) & several)
-    views = views[np.argsort(lens.shot[views], kind="stable")]
-    shot = lens.shot[views]
-    own, pull = hessian[views], gradient[views]
-    # Less what the shot's pose would make up for.
-    share = own @ np.linalg.pinv(hessian_of[shot], hermitian=True)
-    turned = np.kron(np.eye(2), lens.places.rotation[camera])
-    left = turned @ (own - share @ own) @ turned.T
-    pulled = (pull - (share @ gradient_of[shot][:, :, None])[:, :, 0]) @ turned.T
-    return shot, left, pulled, corners[views]
-
-
-def _split(
-    shots: IntArray, hessian: FloatArray, gradient: FloatArray, corners: IntArray, camera: int
-) -> Moved | None:
-    """The shot from which on the camera stands elsewhere, if it does anywhere."""
-    count = len(shots)
-    if count < 2 * _LEAST_SHOTS:
-        return None
-    explained = _explained(hessian, gradient)
-    best: Moved | None = None
-    for first in range(_LEAST_SHOTS, count - _LEAST_SHOTS + 1):
-        sides = slice(0, first), slice(first, count)
-        sums = [(hessian[side].sum(axis=0), gradient[side].sum(axis=0)) for side in sides]
-        means = [-np.linalg.lstsq(h, g, rcond=_RCOND)[0] for h, g in sums]
-        whole = -np.linalg.lstsq(sums[0][0] + sums[1][0], sums[0][1] + sums[1][1], rcond=_RCOND)[0]
-        between = sum(
-            float((mean - whole) @ h @ (mean - whole))
-            for (h, _), mean in zip(sums, means, strict=True)
-        )
-        by_means = sum(float(-g @ mean) for (_, g), mean in zip(sums, means, strict=True))
-        within = max(float(explained.sum()) - by_means, 1e-300)
-        freedom = 6 * (count - 2)
-        chance = float(fdtrc(6, freedom, (between / 6) / (within / freedom)))
-        chance *= count - 2 * _LEAST_SHOTS + 1
-        if best is None or chance < best.chance:
-            best = Moved(
-                camera=camera,
-                shot=int(shots[first]),
-                step=means[1] - means[0],
-                effect_px=float(np.sqrt(between / corners.sum())),
-                chance=chance,
-            )
-    return best
-
-
-def _explained(hessian: FloatArray, gradient: FloatArray) -> FloatArray:
-    """(S,) the squared error that a step of its own takes away in each shot."""
-    both = zip(hessian, gradient, strict=True)
-    return np.array([g @ np.linalg.lstsq(h, g, rcond=_RCOND)[0] for h, g in both])
-
-
-def _said(evidence: RigEvidence, moved: Moved) -> RigFinding:
+    """That cameras stood elsewhere before some shot than after."""
     names = evidence.names
-    turn = float(np.rad2deg(np.linalg.norm(moved.step[:3])))
-    shift = float(np.linalg.norm(moved.step[3:])) * evidence.scale
-    whom = (names[moved.camera],) if len(names) > 2 else tuple(names)
-    return RigFinding(
-        code=Code.CAMERA_MOVED,
-        severity=Severity.BAD,
-        case="" if len(whom) == 1 else "either",
-        cameras=whom,
-        shots=(evidence.shots[moved.shot],),
-        figures={"turn_deg": turn, "shift": shift, "effect_px": moved.effect_px},
-    )
+    return [
+        RigFinding(
+            code=Code.CAMERA_MOVED,
+            severity=Severity.BAD,
+            case="" if len(names) > 2 else "either",
+            cameras=(names[moved.camera],) if len(names) > 2 else tuple(names),
+            shots=(moved.shot,),
+            figures={
+                "turn_deg": float(np.rad2deg(np.linalg.norm(moved.step[:3]))),
+                "shift": float(np.linalg.norm(moved.step[3:])) * evidence.scale,
+                "effect_px": moved.effect_px,
+                "photos": len(moved.apart),
+                "part": _part(moved),
+            },
+        )
+        for moved in evidence.moved
+    ]
+
+
+def _part(moved: Moved) -> str:
+    if not len(moved.apart):
+        return "none"
+    return "before" if moved.before else "after"
 
 
 def not_at_once(evidence: RigEvidence) -> list[Finding]:
@@ -160,9 +64,9 @@ def not_at_once(evidence: RigEvidence) -> list[Finding]:
     noise = noise_px(evidence.fit.residual)
     off = np.zeros((len(lens.lenses), len(shots)))
     for camera in range(len(lens.lenses)):
-        shot, hessian, gradient, corners = _says(evidence, camera)
+        shot, hessian, gradient, corners = says(evidence, camera)
         # Six unknowns take so much of the noise, whatever is wrong.
-        more = np.maximum(_explained(hessian, gradient) - 6 * noise**2, 0) / np.maximum(corners, 1)
+        more = np.maximum(explained(hessian, gradient) - 6 * noise**2, 0) / np.maximum(corners, 1)
         off[camera, shot] = np.sqrt(more)
     shared = np.bincount(lens.shot, minlength=len(shots)) > 1
     if int(shared.sum()) < _LEAST_SHOTS:

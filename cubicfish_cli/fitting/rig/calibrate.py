@@ -35,10 +35,12 @@ from cubicfish_cli.fitting.rig.evaluate import (
     camera_pairs,
     shot_records,
 )
-from cubicfish_cli.fitting.rig.gather import RigEvidence, Seen, gathered, without_strays
+from cubicfish_cli.fitting.rig.evidence import Moved, RigEvidence
+from cubicfish_cli.fitting.rig.gather import gathered, set_apart
+from cubicfish_cli.fitting.rig.moved import moved_camera
 from cubicfish_cli.fitting.rig.shots import Shots
 from cubicfish_cli.fitting.rig.spread import place_covariances
-from cubicfish_cli.fitting.rig.start import RigStart, refuse_exchanged, start_rig
+from cubicfish_cli.fitting.rig.start import common_shots, connected, refuse_exchanged, start_rig
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.stages import Progress
@@ -67,6 +69,9 @@ _RAYS = 300
 _FIRST_OFFSET = 1e-4
 # The way back to a shot's moment is a step along the motion, and is taken a few times.
 _CLOCK_ROUNDS = 4
+# Shots are set apart for a camera that moved where that explains more than so much of what shots
+# have against its one place: they may be of different moments, too.
+_CLEAR_MOVE = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -240,13 +245,41 @@ def calibrate_rig(
     except FitError as error:
         told = [one for camera in alone for one in camera.told if one.severity is Severity.BAD]
         raise FitError(f"{error}; {told[0].line}" if told else str(error)) from error
-    lens, poses, seen = without_strays(lens, start, views, seen)
-    fit, level, pairs, clocks = _fitted(alone, lens, poses, pairs, moving, target, scale, origin)
+    lens, poses, seen = set_apart(
+        replace(lens, places=start.places), start.shots, views, seen, np.flatnonzero(start.apart)
+    )
+    moved: list[Moved] = []
+    while True:
+        fit, level, on_time, clocks = _fitted(
+            alone, lens, poses, pairs, moving, target, scale, origin
+        )
+        evidence = RigEvidence(
+            names=names,
+            fit=fit,
+            lens=_rig_of(fit),
+            pairs=on_time.with_world(fit.world.points),
+            moved=tuple(moved),
+            clocks=clocks,
+            start=start,
+            photos=seen.photo,
+            shots=seen.shot,
+            scale=scale,
+        )
+        found = moved_camera(evidence)
+        if found is None:
+            break
+        # It stands in one place: where it stood in most shots.
+        apart = set_apart(_rig_of(fit), fit.poses, views, seen, found.apart)
+        clear = found.share > _CLEAR_MOVE
+        if not clear or not connected(common_shots(apart[0], len(names))):
+            mean = replace(found, apart=found.apart[:0])
+            evidence = replace(evidence, moved=(*moved, mean))
+            break
+        moved.append(found)
+        lens, poses, seen = apart
     if progress is not None:
         progress("how certain it is", 0.95)
-    return _calibration(
-        names, alone, fit, pairs, clocks, start, seen, level, target, scale, origin, diagnose
-    )
+    return _calibration(evidence, alone, level, target, origin, diagnose)
 
 
 def _alone(
@@ -413,28 +446,22 @@ def _rig_of(fit: Adjustment) -> RigLens:
 
 
 def _calibration(
-    names: Sequence[str],
+    evidence: RigEvidence,
     alone: Sequence[_Alone],
-    fit: Adjustment,
-    pairs: Observations,
-    clocks: Clocks | None,
-    start: RigStart,
-    seen: Seen,
     level: Level,
     target: Target | None,
-    scale: float,
     origin: FloatArray,
     diagnose: Diagnose | None,
 ) -> RigCalibration:
-    lens = _rig_of(fit)
+    names, fit, lens, drawn = evidence.names, evidence.fit, evidence.lens, evidence.pairs
+    clocks, scale = evidence.clocks, evidence.scale
     limit = huber_px(fit.residual)
-    drawn = pairs.with_world(fit.world.points)
     rays = [cone_rays(np.deg2rad(_covered_deg(one)), _RAYS) for one in alone]
     rivals = [one.rival for one in alone]
-    covariance = place_covariances(fit, drawn, limit, rays, seen.shot, rivals)
+    covariance = place_covariances(fit, drawn, limit, rays, evidence.shots, rivals)
     covariance[:, 3:] *= scale
     covariance[:, :, 3:] *= scale
-    held_out = _held_out(fit, drawn, limit, seen.shot)
+    held_out = _held_out(fit, drawn, limit, evidence.shots)
     turned, places = _in_references_frames(lens, alone)
     zero = places[np.array([0])]
     poses = zero @ fit.poses
@@ -443,7 +470,7 @@ def _calibration(
     places.rotation[0], places.translation[0] = np.eye(3), 0.0
     places = places.scaled(scale)
     views = places[lens.camera] @ poses[lens.shot]
-    camera_of = lens.camera[pairs.image]
+    camera_of = lens.camera[drawn.image]
     held = [
         FixedLens(camera=_as_camera(own, one)) for own, one in zip(lens.lenses, alone, strict=True)
     ]
@@ -454,8 +481,8 @@ def _calibration(
         of_camera = np.flatnonzero(lens.camera == number)
         errors = error_statistics(fit.residual[own])
         records = photo_records(
-            [seen.photo[view] for view in of_camera],
-            np.searchsorted(of_camera, pairs.image[own]),
+            [evidence.photos[view] for view in of_camera.tolist()],
+            np.searchsorted(of_camera, drawn.image[own]),
             fit.residual[own],
             views[of_camera],
         )
@@ -485,31 +512,19 @@ def _calibration(
         )
     refined = target
     if target is not None and isinstance(fit.world, RefinedWorld):
-        refined = fit.world.refined_target(target.moved(-origin), pairs, scale=scale).moved(origin)
+        refined = fit.world.refined_target(target.moved(-origin), drawn, scale=scale).moved(origin)
     found: Sequence[Finding] = ()
     if diagnose is not None:
-        found = diagnose(
-            RigEvidence(
-                names=names,
-                fit=fit,
-                lens=lens,
-                pairs=drawn,
-                clocks=clocks,
-                start=start,
-                photos=seen.photo,
-                shots=seen.shot,
-                scale=scale,
-            )
-        )
+        found = diagnose(evidence)
     return RigCalibration(
         units=None if target is None else target.units,
         cameras=tuple(placed),
-        shots=seen.shot,
+        shots=tuple(evidence.shots),
         poses=poses,
         errors=error_statistics(fit.residual),
         held_out_rms_px=None if held_out is None else rms_px(held_out),
-        pairs=tuple(camera_pairs(names, lens, pairs, fit.residual)),
-        per_shot=tuple(shot_records(seen.shot, lens, pairs, fit.residual, names)),
+        pairs=tuple(camera_pairs(names, lens, drawn, fit.residual)),
+        per_shot=tuple(shot_records(evidence.shots, lens, drawn, fit.residual, names)),
         refined=level,
         target=refined,
         held_lenses=not any(isinstance(own, CubicFit) for own in lens.lenses),

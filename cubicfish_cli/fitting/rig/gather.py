@@ -1,27 +1,21 @@
-"""Photos of several cameras as the views of one body, and what its fit knows of the set-up."""
+"""Photos of several cameras as the views of one body."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 
-from cubicfish_cli.fitting.adjustment import Adjustment, huber_weight, linearised
-from cubicfish_cli.fitting.evidence import Evidence
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.rig.clocks import Clocks, Moving
+from cubicfish_cli.fitting.rig.clocks import Moving
 from cubicfish_cli.fitting.rig.shots import Shots
-from cubicfish_cli.fitting.rig.start import RigStart
 from cubicfish_cli.fitting.rig_lens import RigLens
-from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.types import FloatArray, IntArray
+from cubicfish_cli.types import IntArray
 
 
 class OneCamera(Protocol):
@@ -104,64 +98,30 @@ def gathered(
     return lens, Poses.joined(own_views), pairs, Seen(photo=tuple(photo), shot=names), known
 
 
-def without_strays(
-    lens: RigLens, start: RigStart, views: Poses, seen: Seen
+def set_apart(
+    lens: RigLens, shots: Poses, views: Poses, seen: Seen, apart: IntArray
 ) -> tuple[RigLens, Poses, Seen]:
-    """Views that are of another shot than they are said to be get a shot of their own."""
-    lens = replace(lens, places=start.places)
-    stray = np.flatnonzero(start.apart)
-    if not stray.size:
-        return lens, start.shots, seen
+    """Views that do not go with their shots get shots of their own: they say nothing of places.
+
+    Args:
+        lens: the lenses and places of the rig.
+        shots: rig_from_world of each shot.
+        views: camera_from_world of each view.
+        seen: names.
+        apart: (A,) which views.
+
+    Returns:
+        The same of the new shots.
+
+    """
+    if not apart.size:
+        return lens, shots, seen
     shot = lens.shot.copy()
-    shot[stray] = len(start.shots) + np.arange(len(stray))
-    own = start.places[lens.camera[stray]].inverse() @ views[stray]
-    poses = Poses.joined([start.shots, own])
-    names = (*seen.shot, *(f"{seen.shot[lens.shot[view]]} ({seen.photo[view]})" for view in stray))
+    shot[apart] = len(shots) + np.arange(len(apart))
+    own = lens.places[lens.camera[apart]].inverse() @ views[apart]
+    poses = Poses.joined([shots, own])
+    names = (*seen.shot, *(f"{seen.shot[lens.shot[view]]} ({seen.photo[view]})" for view in apart))
     # A shot may be left without any view.
     used, shot = np.unique(shot, return_inverse=True)
     lens = replace(lens, shot=shot.astype(np.intp))
     return lens, poses[used], replace(seen, shot=tuple(names[number] for number in used))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RigEvidence(Evidence):
-    """A fitted rig.
-
-    Attributes:
-        names: of the cameras.
-        fit: of the rig.
-        lens: the lenses and places of that.
-        pairs: its pairs.
-        clocks: by how much cameras were late, which was taken out; None where it is not known.
-        start: where it started from.
-        photos: of each view, its photo's name.
-        shots: the shots' names, in the order in which they were taken.
-        scale: the target's units in one unit of the pairs.
-
-    """
-
-    names: Sequence[str]
-    fit: Adjustment
-    lens: RigLens
-    pairs: Observations
-    clocks: Clocks | None
-    start: RigStart
-    photos: Sequence[str]
-    shots: Sequence[str]
-    scale: float
-
-    @cached_property
-    def of_views(self) -> tuple[FloatArray, FloatArray, IntArray]:
-        """Of each view's shot's pose: Hessian (V, 6, 6), gradient (V, 6), and (V,) its corners."""
-        limit = huber_px(self.fit.residual)
-        bounds = np.searchsorted(self.pairs.image, np.arange(len(self.lens.shot) + 1))
-        hessians, gradients = [], []
-        for start, stop in pairwise(bounds.tolist()):
-            run = slice(start, stop)
-            terms = linearised(self.fit.lens, self.fit.poses, self.fit.world, self.pairs, run)
-            length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
-            root = np.sqrt(self.pairs.weight[run] * huber_weight(length, limit))[:, None, None]
-            pose = (np.concatenate([terms.d_turn, terms.d_shift], axis=2) * root).reshape(-1, 6)
-            hessians.append(pose.T @ pose)
-            gradients.append(pose.T @ (terms.residual[:, :, None] * root).reshape(-1))
-        return np.array(hessians), np.array(gradients), np.diff(bounds)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.errors import FitError
@@ -228,6 +229,11 @@ def common_shots(lens: RigLens, cameras: int) -> IntArray:
     seen = np.zeros((cameras, int(lens.shot.max()) + 1), np.intp)
     seen[lens.camera, lens.shot] = 1
     return np.asarray(seen @ seen.T)
+
+
+def connected(common: IntArray) -> bool:
+    """Whether shots in common (C, C) lead from each camera to each other one."""
+    return int(connected_components(common > 0, directed=False)[0]) == 1
 
 
 def _together(lens: RigLens, a: int, b: int) -> tuple[IntArray, IntArray]:

@@ -169,6 +169,12 @@ def test_a_camera_that_moved_half_way_is_found() -> None:
     assert set(found.cameras) == set(NAMES)
     assert found.shots == ("shot_006",)
     assert found.figures["shift"] == pytest.approx(2.0, rel=0.3)
+    # It stands where it stood in most shots, and the others, which no longer pull, fit.
+    assert found.figures["part"] == "before"
+    right, truth = rig.cameras[1], plain().cameras[1]
+    moved = np.array([2.0, 0.0, 0.0])
+    assert np.allclose(right.translation, truth.translation + moved, atol=0.6)
+    assert rig.errors.rms_px < 1.1 * plain().errors.rms_px
 
 
 def in_motion(

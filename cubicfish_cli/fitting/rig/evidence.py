@@ -1,0 +1,91 @@
+"""What the fit of a rig knows of its set-up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from cubicfish_cli.fitting.adjustment import Adjustment, huber_weight, linearised
+from cubicfish_cli.fitting.evidence import Evidence
+from cubicfish_cli.fitting.rig.clocks import Clocks
+from cubicfish_cli.fitting.rig.start import RigStart
+from cubicfish_cli.fitting.rig_lens import RigLens
+from cubicfish_cli.fitting.robust import huber_px
+from cubicfish_cli.observations import Observations
+from cubicfish_cli.types import FloatArray, IntArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Moved:
+    """A camera that stood elsewhere from some shot on.
+
+    Attributes:
+        camera: which.
+        shot: name of the first shot after it moved.
+        step: (6,) turn in the camera's frame, radians, and shift.
+        effect_px: RMS of what that does to the camera's corners.
+        chance: of as much by chance, over all cameras and shots.
+        share: of what shots have against the camera's one place, what two places explain.
+        apart: (A,) its views on the side with fewer shots.
+        before: whether that is the side before it moved.
+
+    """
+
+    camera: int
+    shot: str
+    step: FloatArray
+    effect_px: float
+    chance: float
+    share: float
+    apart: IntArray
+    before: bool
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RigEvidence(Evidence):
+    """A fitted rig.
+
+    Attributes:
+        names: of the cameras.
+        fit: of the rig.
+        lens: the lenses and places of that.
+        pairs: its pairs.
+        moved: cameras that were found to have moved, as far as that was taken out.
+        clocks: by how much cameras were late, which was taken out; None where it is not known.
+        start: where it started from.
+        photos: of each view, its photo's name.
+        shots: the shots' names, in the order in which they were taken.
+        scale: the target's units in one unit of the pairs.
+
+    """
+
+    names: Sequence[str]
+    fit: Adjustment
+    lens: RigLens
+    pairs: Observations
+    moved: Sequence[Moved]
+    clocks: Clocks | None
+    start: RigStart
+    photos: Sequence[str]
+    shots: Sequence[str]
+    scale: float
+
+    @cached_property
+    def of_views(self) -> tuple[FloatArray, FloatArray, IntArray]:
+        """Of each view's shot's pose: Hessian (V, 6, 6), gradient (V, 6), and (V,) its corners."""
+        limit = huber_px(self.fit.residual)
+        bounds = np.searchsorted(self.pairs.image, np.arange(len(self.lens.shot) + 1))
+        hessians, gradients = [], []
+        for start, stop in pairwise(bounds.tolist()):
+            run = slice(start, stop)
+            terms = linearised(self.fit.lens, self.fit.poses, self.fit.world, self.pairs, run)
+            length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
+            root = np.sqrt(self.pairs.weight[run] * huber_weight(length, limit))[:, None, None]
+            pose = (np.concatenate([terms.d_turn, terms.d_shift], axis=2) * root).reshape(-1, 6)
+            hessians.append(pose.T @ pose)
+            gradients.append(pose.T @ (terms.residual[:, :, None] * root).reshape(-1))
+        return np.array(hessians), np.array(gradients), np.diff(bounds)
