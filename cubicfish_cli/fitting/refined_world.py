@@ -27,6 +27,8 @@ _PLACE_SPREAD = 0.02
 _USUAL_SPREAD = 0.003
 _SHAPE_TERMS = 5  # bend x, bend y, twist, stretch x, stretch y
 _STRETCH = 3  # the first of them that stretches
+_STRETCHES = _SHAPE_TERMS - _STRETCH
+_STRETCHED = 1  # of the kinds of parameters
 # The mean stretch of all boards is held to zero this closely: no photo shows the overall scale.
 _SCALE_SPREAD = 1e-6
 _PLACE_TERMS = 6  # rotation vector, shift
@@ -108,7 +110,8 @@ class RefinedWorld:
         seen = np.unique(pairs.board)
         for index in seen:
             part = _part(pairs, target.boards[index], int(index), scale, len(spread), not parts)
-            spread += [_SHAPE_SPREAD] * part.basis.shape[2]
+            bends = max(part.basis.shape[2] - _STRETCHES, 0)
+            spread += [_SHAPE_SPREAD] * bends + [_USUAL_SPREAD] * (part.basis.shape[2] - bends)
             spread += [_PLACE_SPREAD] * (part.place.stop - part.place.start)
             parts.append(part)
         corner, count = np.zeros(0, np.intp), 0
@@ -135,7 +138,7 @@ class RefinedWorld:
         """(S,) which parameters are of a kind: bends and twists, stretches, places."""
         kinds = np.zeros(len(self.parameters), np.intp)
         for part in self.parts:
-            kinds[part.shape.start + _STRETCH : part.shape.stop] = 1
+            kinds[part.shape.start + _STRETCH : part.shape.stop] = _STRETCHED
             kinds[part.place] = 2
         return kinds
 
@@ -144,13 +147,15 @@ class RefinedWorld:
 
         Expectation and maximisation: a kind's variance is the mean of what was found squared and
         of what is left open. Few boards say little of it, so it leans on what prints are like.
+        Stretches stay as firm as they are: prints are known to keep their proportions, and a
+        board that is always held upright shows no photo which of it and the pixels is not square.
 
         Args:
             variance: (S,) of each parameter, what the pairs leave open.
 
         """
         spread = self.spread.copy()
-        for kind in np.unique(self.kinds):
+        for kind in np.setdiff1d(self.kinds, [_STRETCHED]):
             own = self.kinds == kind
             found = np.sum(self.parameters[own] ** 2 + variance[own])
             spread[own] = np.sqrt((found + _USUAL_SPREAD**2) / (own.sum() + 1))

@@ -81,6 +81,18 @@ def test_refined_target_is_the_moved_world():
     )
 
 
+def test_bends_are_held_as_loosely_as_they_show_but_stretches_as_firmly_as_prints():
+    """A stretch and pixels that are not square do the same to a board that is never turned."""
+    pairs = photos_of(DRAWN, 2)
+    world = RefinedWorld.drawn(pairs, DRAWN, noise=0.1)
+    drawn = world.spread[:5]
+    assert drawn[3:].max() < drawn[:3].min()
+    found = world.moved(np.full(len(world.parameters), 0.05), world.offsets)
+    spread = found.with_spreads(np.zeros_like(found.parameters)).spread
+    assert (spread[:3] > 3 * drawn[:3]).all()
+    np.testing.assert_array_equal(spread[3:5], drawn[3:])
+
+
 @pytest.mark.slow
 def test_shape_is_found_and_helps_on_new_photos():
     real = real_object()
