@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from cubicfish_cli.boards.board import Board
 from cubicfish_cli.diagnosis.lens_faults import left_out_lens
 from cubicfish_cli.diagnosis.mirrored import handed
 from cubicfish_cli.diagnosis.object_faults import COUNTED, ORDERS, flat_points
@@ -26,7 +26,10 @@ from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 
 # Other ways of counting that are tried: so many lines on, and every order of both axes.
-_MOST_STEPS = 3
+_REACH = range(-3, 4)
+_STEPS = sorted(
+    ((x, y) for x in _REACH for y in _REACH if x or y), key=lambda at: abs(at[0]) + abs(at[1])
+)
 FEWEST_CORNERS = 8
 """A board of fewer corners in a photo is not judged."""
 # A corner under its right name is within this many standard deviations.
@@ -86,7 +89,7 @@ def board_fault(
         noise: standard deviation of a corner's coordinate in photos that fit, pixels.
 
     """
-    photo = pairs.images[0]
+    blamed = partial(BoardFault, photo=pairs.images[0])
     boards, counts = np.unique(pairs.board, return_counts=True)
     for board in boards[np.argsort(counts, kind="stable")]:
         others, _ = select(pairs, pairs.board != board)
@@ -96,27 +99,36 @@ def board_fault(
         fit = _sharp(camera, others, noise)
         if fit is None:
             continue
-        meant = target.boards[board]
-        found = None
-        if meant.points is None:
-            found = _meant(camera, fit.poses.rotation[0], fit.poses.translation[0], own, target,
-                           scale, noise)  # fmt: skip
-        if found is None:
+        best: tuple[Misnaming | None, float] = (None, np.inf)
+        for misnaming, points in _otherwise(own, target):
+            miss = camera.project(fit.poses.apply(own.image, points / scale)) - own.pixel
+            length = np.hypot(miss[:, 0], miss[:, 1])
+            error = float(np.median(np.where(np.isfinite(length), length, np.inf)))
+            # Of two that fit the simpler one, unless the other fits clearly better.
+            if error < _NEAR * 2 * noise and error < 0.5 * best[1]:
+                best = (misnaming, error)
+        if best[0] is None:
             # Corners that are no clean board by themselves are blurred, and say nothing of a place.
             alone, _, _ = fit_poses(camera, own)
-            if (
-                alone is None
-                or noise_px(np.vstack([fit.residual, alone.residual])) > _CLEAN * noise
-            ):
+            if alone is None:
                 continue
-            return BoardFault(
-                photo=photo,
-                board=meant.name,
-                misnaming=None,
-                error_px=noise_px(fit.residual),
-            )
-        return BoardFault(photo=photo, board=meant.name, misnaming=found[0], error_px=found[1])
-    return _all_boards(camera, pairs, target, scale, noise)
+            if noise_px(np.vstack([fit.residual, alone.residual])) > _CLEAN * noise:
+                continue
+            best = (None, noise_px(fit.residual))
+        return blamed(board=target.boards[board].name, misnaming=best[0], error_px=best[1])
+    # Or the corners of all its boards are counted from one line further on.
+    plain = all(target.boards[board].points is None for board in boards)
+    for step in _STEPS[:8] if plain and len(boards) > 1 else []:
+        world = np.empty_like(pairs.world)
+        for board in boards:
+            here = pairs.board == board
+            counted = pairs.column[here] + float(step[0]), pairs.row[here] + float(step[1])
+            world[here] = flat_points(target.boards[board], *counted) / scale
+        fit = _sharp(camera, pairs.with_world(world), noise)
+        if fit is not None:
+            error = noise_px(fit.residual)
+            return blamed(board=None, misnaming=_stepped(step), error_px=error)
+    return None
 
 
 def board_findings(
@@ -130,48 +142,29 @@ def board_findings(
             show it, so that the drawing is to blame.
 
     """
-    alike: dict[tuple[str | None, Misnaming | None], list[BoardFault]] = {}
+    alike: defaultdict[tuple[str | None, Misnaming | None], list[BoardFault]] = defaultdict(list)
     for fault in faults:
-        alike.setdefault((fault.board, fault.misnaming), []).append(fault)
+        alike[fault.board, fault.misnaming].append(fault)
     findings = []
     for (board, misnaming), own in alike.items():
-        photos = tuple(fault.photo for fault in own)
+        usual = board is not None and is_usual(board, len(own))
+        told = partial(
+            Finding,
+            severity=Severity.CARE if usual else Severity.NOTE,
+            images=tuple(fault.photo for fault in own),
+            boards=() if board is None else (board,),
+        )
+        figures = {"photos": len(own)} if usual else {}
+        if misnaming is None:
+            case = "in_most" if usual else "moved"
+            findings.append(told(code=Code.BOARD_PLACE, case=case, figures=figures))
+            continue
         error = max(fault.error_px for fault in own)
-        if board is not None and is_usual(board, len(own)):
-            findings.append(_of_drawing(board, misnaming, photos, error))
-        else:
-            findings.append(_of_photos(board, misnaming, photos, error))
+        code, case = (misnaming.code, "of_photos") if usual else (Code.CORNER_NAMES, "")
+        key = "order" if code is Code.BOARD_ORDER else "named"
+        figures = {**figures, "error_px": error, **dict(misnaming.figures), key: misnaming.named}
+        findings.append(told(code=code, case=case if board else "all_boards", figures=figures))
     return findings
-
-
-def _of_drawing(
-    board: str, misnaming: Misnaming | None, photos: tuple[str, ...], error: float
-) -> Finding:
-    told = partial(Finding, severity=Severity.CARE, images=photos, boards=(board,))
-    if misnaming is None:
-        return told(code=Code.BOARD_PLACE, case="in_most", figures={"photos": len(photos)})
-    figures = {"photos": len(photos), "error_px": error, **dict(misnaming.figures)}
-    key = "order" if misnaming.code is Code.BOARD_ORDER else "named"
-    return told(code=misnaming.code, case="of_photos", figures={**figures, key: misnaming.named})
-
-
-def _of_photos(
-    board: str | None, misnaming: Misnaming | None, photos: tuple[str, ...], error: float
-) -> Finding:
-    told = partial(Finding, images=photos, boards=() if board is None else (board,))
-    if misnaming is None:
-        return told(code=Code.BOARD_PLACE, case="moved")
-    return told(
-        code=Code.CORNER_NAMES,
-        case="" if board else "all_boards",
-        figures={"error_px": error, "named": misnaming.named, **dict(misnaming.figures)},
-    )
-
-
-def _steps() -> list[tuple[int, int]]:
-    reach = range(-_MOST_STEPS, _MOST_STEPS + 1)
-    steps = [(x, y) for x in reach for y in reach if (x, y) != (0, 0)]
-    return sorted(steps, key=lambda step: abs(step[0]) + abs(step[1]))
 
 
 def _stepped(step: tuple[int, int]) -> Misnaming:
@@ -188,73 +181,23 @@ def _stepped(step: tuple[int, int]) -> Misnaming:
     )
 
 
-def _meant(
-    camera: RadialCamera,
-    rotation: FloatArray,
-    translation: FloatArray,
-    own: Observations,
-    target: Target,
-    scale: float,
-    noise: float,
-) -> tuple[Misnaming, float] | None:
-    """Under which other names a board's corners lie where the photo's other boards put them."""
+def _otherwise(own: Observations, target: Target) -> Iterator[tuple[Misnaming, FloatArray]]:
+    """Other names of the corners of one board, and the places of what is named so."""
     board = target.boards[own.board[0]]
+    if board.points is not None:
+        return
     c, r = own.column.astype(float), own.row.astype(float)
-    tried: list[tuple[Misnaming, Board, FloatArray, FloatArray]] = [
-        (_stepped(step), board, c + step[0], r + step[1]) for step in _steps()
-    ]
-    tried += [
-        (
-            Misnaming(code=Code.BOARD_ORDER, named=order.removesuffix("_back")),
-            board,
-            *ORDERS[order](c, r, board.columns, board.rows),
-        )
-        for order in COUNTED
-    ]
-    tried += [
-        (
-            Misnaming(code=Code.BOARD_NAMES, named="other_board", figures=(("other", other.name),)),
-            other,
-            c,
-            r,
-        )
-        for other in target.boards
-        if other is not board and other.points is None
-    ]
-    best: tuple[Misnaming, float] | None = None
-    for misnaming, on, column, row in tried:
-        camera_points = flat_points(on, column, row) / scale @ rotation.T + translation
-        miss = camera.project(camera_points) - own.pixel
-        length = np.hypot(miss[:, 0], miss[:, 1])
-        error = float(np.median(np.where(np.isfinite(length), length, np.inf)))
-        if error < _NEAR * 2 * noise and (best is None or error < 0.5 * best[1]):
-            best = (misnaming, error)
-    return best
-
-
-def _all_boards(
-    camera: RadialCamera, pairs: Observations, target: Target, scale: float, noise: float
-) -> BoardFault | None:
-    """Whether the corners of all boards of a photo are counted from one line further on."""
-    if any(target.boards[board].points is not None for board in np.unique(pairs.board)):
-        return None
-    if len(np.unique(pairs.board)) < 2:
-        return None
-    for step in _steps()[:8]:
-        world = np.empty_like(pairs.world)
-        for board in np.unique(pairs.board):
-            here = pairs.board == board
-            c, r = pairs.column[here] + float(step[0]), pairs.row[here] + float(step[1])
-            world[here] = flat_points(target.boards[board], c, r) / scale
-        fit = _sharp(camera, pairs.with_world(world), noise)
-        if fit is not None:
-            return BoardFault(
-                photo=pairs.images[0],
-                board=None,
-                misnaming=_stepped(step),
-                error_px=noise_px(fit.residual),
-            )
-    return None
+    for step in _STEPS:
+        yield _stepped(step), flat_points(board, c + step[0], r + step[1])
+    for order in COUNTED:
+        counted = ORDERS[order](c, r, board.columns, board.rows)
+        misnaming = Misnaming(code=Code.BOARD_ORDER, named=order.removesuffix("_back"))
+        yield misnaming, flat_points(board, *counted)
+    for other in target.boards:
+        if other is not board and other.points is None:
+            figures = (("other", other.name),)
+            misnaming = Misnaming(code=Code.BOARD_NAMES, named="other_board", figures=figures)
+            yield misnaming, flat_points(other, c, r)
 
 
 def _sharp(camera: RadialCamera, pairs: Observations, noise: float) -> Adjustment | None:
@@ -270,38 +213,32 @@ def left_out(evidence: FitEvidence) -> list[Finding]:
     pairs, fit, drawing = evidence.pairs, evidence.fit, evidence.drawing
     mirrored = {name for one in handed(pairs) for name in one.images}
     names = _left_out(pairs, fit, evidence.dropped) - mirrored
-    photos = np.array([i for i, name in enumerate(pairs.images) if name in names], np.intp)
-    if not photos.size:
-        return []
+    photos = np.flatnonzero([name in names for name in pairs.images])
     camera, noise = fit.reference.camera, noise_px(fit.reference.residual)
     scaled = pairs.with_world(pairs.world / drawing.scale)
     findings: list[Finding] = []
-    unfit = [photo for photo in photos if pairs.images[photo] in fit.reference.unfit]
-    if unfit:
-        own = left_out_lens(
-            camera, select_photos(scaled, np.array(unfit)), noise, order=pairs.images
-        )
+    unfit = np.array([p for p in photos if pairs.images[p] in fit.reference.unfit], np.intp)
+    if unfit.size:
+        own = left_out_lens(camera, select_photos(scaled, unfit), noise, order=pairs.images)
         if own is not None:
             findings.append(own)
-            photos = np.setdiff1d(
-                photos, [i for i, name in enumerate(pairs.images) if name in own.images]
-            )
-    if drawing.target is not None:
-        target, tried = drawing.target, photos[:_MOST_LEFT_OUT]
-        singly = (select_photos(scaled, np.array([photo])) for photo in tried)
-        faults = [board_fault(camera, one, target, drawing.scale, noise) for one in singly]
+            photos = np.array([p for p in photos if pairs.images[p] not in own.images], np.intp)
+    target, tried = drawing.target, photos[:_MOST_LEFT_OUT]
+    if target is None:
+        return findings
+    singly = (select_photos(scaled, np.array([photo])) for photo in tried)
+    faults = [board_fault(camera, one, target, drawing.scale, noise) for one in singly]
 
-        def is_usual(name: str, times: int) -> bool:
-            """Whether so many of the photos that were tried show it of nearly all there are."""
-            own = pairs.image[pairs.board == pairs.boards.index(name)]
-            shown = np.flatnonzero(np.bincount(own) >= FEWEST_CORNERS)
-            among, lost = (np.isin(shown, some).sum() for some in (tried, photos))
-            return bool(
-                times >= _FEWEST_PHOTOS and times * lost >= _NEARLY_ALL_PHOTOS * among * len(shown)
-            )
+    def is_usual(name: str, times: int) -> bool:
+        """Whether so many of the photos that were tried show it of nearly all there are."""
+        own = pairs.image[pairs.board == pairs.boards.index(name)]
+        shown = np.flatnonzero(np.bincount(own) >= FEWEST_CORNERS)
+        among, lost = (np.isin(shown, some).sum() for some in (tried, photos))
+        return bool(
+            times >= _FEWEST_PHOTOS and times * lost >= _NEARLY_ALL_PHOTOS * among * len(shown)
+        )
 
-        findings += board_findings([fault for fault in faults if fault is not None], is_usual)
-    return findings
+    return findings + board_findings([fault for fault in faults if fault is not None], is_usual)
 
 
 def _left_out(
@@ -310,11 +247,9 @@ def _left_out(
     """Photos that were left out, and those of which a board lost half of its corners."""
     unfit = fit.reference.unfit.items()
     names = {name for name, why in unfit if why.code is not Code.TOO_FEW_CORNERS}
-    counts: dict[tuple[str, str], int] = {}
-    for image, board in dropped:
-        if board is not None:
-            counts[image, board] = counts.get((image, board), 0) + 1
-    for (image, board), lost in counts.items():
+    for (image, board), lost in Counter(dropped).items():
+        if board is None:
+            continue
         own = (pairs.image == pairs.images.index(image)) & (
             pairs.board == pairs.boards.index(board)
         )

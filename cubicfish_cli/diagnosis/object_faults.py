@@ -6,19 +6,21 @@ wrong square, a wrong place. The first that explains the difference is believed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.geometry import similarity
+from cubicfish_cli.geometry import Similarity, similarity
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
 
 _Numbers = npt.NDArray[Any]
 _Order = Callable[[_Numbers, _Numbers, int, int], tuple[_Numbers, _Numbers]]
@@ -46,14 +48,15 @@ AXES: Mapping[str, Callable[[Board], Board]] = {
 }
 """Axes that are drawn the other way round from corner (0, 0), by their keys: the board as meant."""
 
-Kind = Literal["order", "names", "mirror", "square", "squares", "place", "square_and_place"]
-
 # A hypothesis is believed when it leaves no more than this of the difference (RMS).
 _EXPLAINED = 1 / 3
 # In another order or under other names a board is off by much more than by this share of the
 # object; a drawing whose boards are nearer to their places has no such fault.
 _FAR = 0.02
 _LARGEST_RATIO = 2000.0
+_ROUNDS = 20
+_MIXED_UNITS = {25.4: "inches_mm", 10.0: "cm_mm", 1000.0: "m_mm", 2.54: "inches_cm"}
+_bad = partial(Finding, severity=Severity.BAD)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,12 +64,7 @@ class Fault:
     """What is likely wrong with a drawing.
 
     Attributes:
-        kind: which hypothesis.
-        boards: indices of the boards that it is about.
-        order: how corners are counted, for ``order``.
-        ratio: real squares over the drawing's, for ``square``, ``squares`` and the like.
-        shift: how far a board's middle is from its place, in the target's units.
-        turn_deg: how far a board is turned from its place.
+        finding: that as it is told, without what says so.
         before, after: RMS difference from the measured object as drawn and corrected, in the
             target's units.
         points: (corners, 3) where the corners really are, for each board that was measured, in
@@ -74,32 +72,10 @@ class Fault:
 
     """
 
-    kind: Kind
-    boards: tuple[int, ...]
-    order: str = ""
-    ratio: float = 1.0
-    shift: float = 0.0
-    turn_deg: float = 0.0
+    finding: Finding
     before: float
     after: float
     points: dict[int, FloatArray]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Grid:
-    """The corners of one board that are compared."""
-
-    index: int
-    board: Board
-    measured: FloatArray
-
-    def drawn(self, order: str = "as_it_is", *, on: Board | None = None) -> FloatArray:
-        """Where its corners are by the drawing, or were they counted so, or those of a board."""
-        column, row = self.board.places()
-        if order in AXES:
-            return flat_points(AXES[order](self.board), column, row)
-        counted = ORDERS[order](column, row, self.board.columns, self.board.rows)
-        return flat_points(on or self.board, *counted)
 
 
 def object_fault(target: Target, measured: Mapping[int, FloatArray]) -> Fault | None:
@@ -114,158 +90,179 @@ def object_fault(target: Target, measured: Mapping[int, FloatArray]) -> Fault | 
         None where the drawing is right, or nothing simple explains the difference.
 
     """
-    grids = [
-        _Grid(index=index, board=target.boards[index], measured=points)
-        for index, points in sorted(measured.items())
-        if target.boards[index].points is None
-    ]
-    if len(grids) < 2:
+    boards = {i: target.boards[i] for i in sorted(measured) if target.boards[i].points is None}
+    if len(boards) < 2:
         return None
-    before = _difference([grid.drawn() for grid in grids], grids)
-    size = float(np.linalg.norm(np.ptp(np.concatenate([grid.drawn() for grid in grids]), axis=0)))
+    seen = _Measured(
+        target=target,
+        boards=boards,
+        drawn={index: flat_points(board, *board.places()) for index, board in boards.items()},
+        measured=measured,
+    )
+    before = seen.difference(seen.drawn)
+    size = float(np.linalg.norm(np.ptp(np.concatenate(list(seen.drawn.values())), axis=0)))
     if before < 1e-9 * size:
         return None
-    simple = _Search(grids, before)
-    elsewhere, resized = partial(_elsewhere, scaled=False), partial(_elsewhere, scaled=True)
-    for level in (_other_orders, _squares, elsewhere, resized):
+    for level in (_other_orders, _squares, _elsewhere, partial(_elsewhere, scaled=True)):
         if level is _other_orders and before < _FAR * size:
             continue
-        found = [fault for fault in level(simple) if fault.after <= _EXPLAINED * before]
+        found = []
+        for finding, changed in level(seen):
+            points = {**seen.drawn, **changed}
+            after = seen.difference(points, mirror=finding.code is Code.MIRRORED)
+            if after <= _EXPLAINED * before:
+                found.append(Fault(finding=finding, before=before, after=after, points=points))
         if found:
             return min(found, key=lambda fault: fault.after)
     return None
 
 
-@dataclass(frozen=True, eq=False)
-class _Search:
-    grids: list[_Grid]
-    before: float
-
-
-def flat_points(board: Board, column: npt.NDArray[Any], row: npt.NDArray[Any]) -> FloatArray:
+def flat_points(board: Board, column: _Numbers, row: _Numbers) -> FloatArray:
     """World points of a board that is as flat as drawn, also beyond its edges."""
     plane = board.plane_points(column, row)
     return np.asarray(board.origin + plane[:, :1] * board.x_axis + plane[:, 1:] * board.y_axis)
 
 
-def _difference(drawn: list[FloatArray], grids: list[_Grid], *, mirror: bool = False) -> float:
-    """RMS distance of the measured corners from drawn ones, in the drawing's units."""
-    goal = np.concatenate(drawn)
-    source = np.concatenate([grid.measured for grid in grids]) * ([1, 1, -1] if mirror else 1)
-    miss = similarity(source, goal)(source) - goal
-    return float(np.sqrt(np.mean(np.sum(miss**2, axis=1))))
+_Hypotheses = Iterator[tuple[Finding, dict[int, FloatArray]]]
+"""What may be wrong, and where corners of boards are then."""
 
 
-def _fault(
-    search: _Search,
-    kind: Kind,
-    drawn: list[FloatArray],
-    boards: tuple[int, ...],
-    **more: Any,
-) -> Fault:
-    return Fault(
-        **more,
-        kind=kind,
-        boards=boards,
-        before=search.before,
-        after=_difference(drawn, search.grids, mirror=kind == "mirror"),
-        points={grid.index: points for grid, points in zip(search.grids, drawn, strict=True)},
-    )
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Measured:
+    """The boards that are compared, and their corners as drawn and as measured."""
+
+    target: Target
+    boards: dict[int, Board]
+    drawn: dict[int, FloatArray]
+    measured: Mapping[int, FloatArray]
+
+    def onto(self, drawn: Mapping[int, FloatArray], *, mirror: bool = False) -> Similarity:
+        """The measured corners, turned, moved and scaled to lie as near to drawn ones as can be."""
+        source = np.concatenate([self.measured[index] for index in self.boards])
+        goal = np.concatenate([drawn[index] for index in self.boards])
+        return similarity(source * ([1, 1, -1] if mirror else 1), goal)
+
+    def difference(self, drawn: Mapping[int, FloatArray], *, mirror: bool = False) -> float:
+        """RMS distance of the measured corners from drawn ones, in the drawing's units."""
+        motion, flip = self.onto(drawn, mirror=mirror), [1, 1, -1] if mirror else 1
+        miss = [motion(self.measured[index] * flip) - drawn[index] for index in self.boards]
+        return float(np.sqrt(np.mean(np.sum(np.concatenate(miss) ** 2, axis=1))))
+
+    def names(self, boards: Sequence[int]) -> tuple[str, ...]:
+        return tuple(self.boards[index].name for index in boards)
+
+    def every(self, boards: Sequence[int]) -> bool:
+        return len(boards) == len(self.target.boards)
 
 
-def _other_orders(search: _Search) -> Iterator[Fault]:
-    grids = search.grids
-    everyone = tuple(grid.index for grid in grids)
-    drawn = [grid.drawn() for grid in grids]
-    yield _fault(search, "mirror", drawn, everyone)
-    orders = [*list(ORDERS)[1:], *AXES]
-    for order in orders:
-        yield _fault(search, "order", [grid.drawn(order) for grid in grids], everyone, order=order)
-    for number, grid in enumerate(grids):
-        for order in orders:
-            changed = [*drawn[:number], grid.drawn(order), *drawn[number + 1 :]]
-            yield _fault(search, "order", changed, (grid.index,), order=order)
-    for one, other in combinations(range(len(grids)), 2):
-        changed = list(drawn)
-        changed[one] = grids[one].drawn(on=grids[other].board)
-        changed[other] = grids[other].drawn(on=grids[one].board)
-        boards = (grids[one].index, grids[other].index)
-        yield _fault(search, "names", changed, boards)
-
-
-def _resized(grid: _Grid, ratio: float) -> FloatArray:
-    """The board with other squares, corner (0, 0) where it is drawn."""
-    return np.asarray(grid.board.origin + ratio * (grid.drawn() - grid.board.origin))
-
-
-def _squares(search: _Search) -> Iterator[Fault]:
-    # Only here, since it takes a tenth of a second to load and few calibrations come this far.
-    from scipy.optimize import minimize_scalar
-
-    grids = search.grids
-    drawn = [grid.drawn() for grid in grids]
-
-    def best(resized: Callable[[float], list[FloatArray]], around: float) -> float:
-        def miss(log_ratio: float) -> float:
-            return _difference(resized(float(np.exp(log_ratio))), grids) / np.exp(
-                max(log_ratio, 0.0)
+def _other_orders(seen: _Measured) -> _Hypotheses:
+    yield _bad(code=Code.MIRRORED, case="target"), {}
+    everyone = tuple(seen.boards)
+    for boards in (everyone, *((index,) for index in everyone)):
+        for order in [*list(ORDERS)[1:], *AXES]:
+            finding = _bad(
+                code=Code.BOARD_ORDER,
+                boards=seen.names(boards),
+                figures=_order(seen, boards, order),
             )
+            yield finding, {index: _counted(seen.boards[index], order) for index in boards}
+    for one, other in combinations(everyone, 2):
+        a, b = seen.boards[one], seen.boards[other]
+        changed = {one: flat_points(b, *a.places()), other: flat_points(a, *b.places())}
+        yield _bad(code=Code.BOARD_NAMES, boards=(a.name, b.name)), changed
 
-        tried = np.log(around) + np.linspace(-0.3, 0.3, 13)
-        middle = float(tried[np.argmin([miss(value) for value in tried])])
-        found = minimize_scalar(
-            miss, bounds=(middle - 0.06, middle + 0.06), method="bounded", options={"xatol": 1e-8}
-        )
-        return float(np.exp(found.x))
 
-    sizes = np.array([_size_ratio(grid) for grid in grids])
-    for number, grid in enumerate(grids):
-        others = np.delete(sizes, number)
+def _counted(board: Board, order: str) -> FloatArray:
+    """Where a board's corners are if they are counted so, or its axes meant so."""
+    column, row = board.places()
+    if order in AXES:
+        return flat_points(AXES[order](board), column, row)
+    return flat_points(board, *ORDERS[order](column, row, board.columns, board.rows))
 
-        def one_resized(ratio: float, number: int = number) -> list[FloatArray]:
-            return [*drawn[:number], _resized(grids[number], ratio), *drawn[number + 1 :]]
 
-        ratio = best(one_resized, float(sizes[number] / np.median(others)))
+def _order(seen: _Measured, boards: Sequence[int], order: str) -> dict[str, Any]:
+    """The figures of an order."""
+    oblong = [one for one in map(seen.boards.__getitem__, boards) if one.columns != one.rows]
+    size = {"columns": oblong[0].columns, "rows": oblong[0].rows} if oblong else {}
+    if order in EXCHANGED:
+        order = "exchanged_size" if oblong else "exchanged"
+    return {**size, "order": order, "which": "all" if seen.every(boards) else "one"}
+
+
+def _squares(seen: _Measured) -> _Hypotheses:
+    """Other squares, corner (0, 0) of each board where it is drawn."""
+    ratios = {(index,): _by_others(seen, index, scaled=True).scale for index in seen.boards}
+    # All squares, by the distances between the boards' first corners.
+    own = [similarity(seen.drawn[index], seen.measured[index]) for index in seen.boards]
+    first = np.array([board.origin for board in seen.boards.values()])
+    there = np.concatenate([one(at[None]) for one, at in zip(own, first, strict=True)])
+    apart = [np.linalg.norm(at - at[:, None], axis=-1).sum() for at in (first, there)]
+    if apart[1] > 0:
+        scale = float(np.mean([one.scale for one in own]))
+        ratios[tuple(seen.boards)] = scale * float(apart[0] / apart[1])
+    for boards, start in ratios.items():
+        ratio, changed = _resized(seen, boards, start)
         if not 1 / _LARGEST_RATIO < ratio < _LARGEST_RATIO:
             continue
-        yield _fault(search, "square", one_resized(ratio), (grid.index,), ratio=ratio)
+        sizes, units = sorted({seen.boards[index].square for index in boards}), seen.target.units
+        times = max(ratio, 1 / ratio)
+        mixed = next(
+            (mix for known, mix in _MIXED_UNITS.items() if abs(times / known - 1) < 0.02), ""
+        )
+        figures = {
+            "off": ratio - 1,
+            "times": times,
+            "real": ", ".join(f"{ratio * size:.4g} {units} for {size:g}" for size in sizes),
+        }
+        finding = _bad(
+            code=Code.BOARD_SQUARE,
+            case="_".join(["all"] * seen.every(boards) + ["units"] * bool(mixed)),
+            boards=seen.names(boards),
+            figures={**figures, **({"units_mixed": mixed} if mixed else {})},
+        )
+        yield finding, changed
 
-    def all_resized(ratio: float) -> list[FloatArray]:
-        return [_resized(grid, ratio) for grid in grids]
 
-    for around in (1.0, 25.4, 1 / 25.4, 10.0, 0.1):
-        ratio = best(all_resized, around)
-        everyone = tuple(grid.index for grid in grids)
-        yield _fault(search, "squares", all_resized(ratio), everyone, ratio=ratio)
+def _resized(
+    seen: _Measured, boards: Sequence[int], ratio: float
+) -> tuple[float, dict[int, FloatArray]]:
+    """The ratio of squares that fits best, from one near to it, and where corners are then."""
+    origin = {index: seen.boards[index].origin for index in boards}
+    arm = {index: seen.drawn[index] - at for index, at in origin.items()}
+    size = sum(float(np.sum(one**2)) for one in arm.values())
+    for _ in range(_ROUNDS):
+        points = {index: at + ratio * arm[index] for index, at in origin.items()}
+        motion = seen.onto({**seen.drawn, **points})
+        seen_arm = {index: motion(seen.measured[index]) - at for index, at in origin.items()}
+        ratio = sum(float(np.sum(seen_arm[index] * arm[index])) for index in boards) / size
+    return ratio, {index: at + ratio * arm[index] for index, at in origin.items()}
 
 
-def _size_ratio(grid: _Grid) -> float:
-    drawn = grid.drawn()
-    return float(
-        np.linalg.norm(grid.measured - grid.measured.mean(axis=0))
-        / np.linalg.norm(drawn - drawn.mean(axis=0))
-    )
+def _by_others(seen: _Measured, board: int, *, scaled: bool) -> Similarity:
+    """From where a board is drawn to where it is by where the others put it."""
+    others = [index for index in seen.boards if index != board]
+    source, goal = (np.concatenate([at[i] for i in others]) for at in (seen.measured, seen.drawn))
+    there = similarity(source, goal)(seen.measured[board])
+    return similarity(seen.drawn[board], there, scaled=scaled)
 
 
-def _elsewhere(search: _Search, *, scaled: bool) -> Iterator[Fault]:
+def _elsewhere(seen: _Measured, *, scaled: bool = False) -> _Hypotheses:
     """Each board by itself elsewhere, by where the others put it."""
-    grids = search.grids
-    for number, grid in enumerate(grids):
-        others = [*grids[:number], *grids[number + 1 :]]
-        goal = np.concatenate([other.drawn() for other in others])
-        seen = similarity(np.concatenate([other.measured for other in others]), goal)(grid.measured)
-        drawn = grid.drawn()
-        motion = similarity(drawn, seen, scaled=scaled)
-        moved = motion(drawn)
+    case = ["of", "two"] * (len(seen.boards) == 2) + ["and", "square"] * scaled
+    for index, drawn in seen.drawn.items():
+        motion = _by_others(seen, index, scaled=scaled)
         middle = drawn.mean(axis=0)
         cosine = (np.trace(motion.rotation) - 1) / 2
-        changed = [moved if one is grid else one.drawn() for one in grids]
-        yield _fault(
-            search,
-            "square_and_place" if scaled else "place",
-            changed,
-            (grid.index,),
-            ratio=motion.scale,
-            shift=float(np.linalg.norm(motion(middle) - middle)),
-            turn_deg=float(np.rad2deg(np.arccos(np.clip(cosine, -1, 1)))),
+        finding = _bad(
+            code=Code.BOARD_PLACE,
+            case="_".join(case),
+            boards=seen.names([index]),
+            figures={
+                "shift": float(np.linalg.norm(motion(middle) - middle)),
+                "turn_deg": float(np.rad2deg(np.arccos(np.clip(cosine, -1, 1)))),
+                "units": seen.target.units,
+                "off": motion.scale - 1,
+                "both": list(seen.names(list(seen.boards))),
+            },
         )
+        yield finding, {index: motion(drawn)}

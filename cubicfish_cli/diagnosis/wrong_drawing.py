@@ -8,19 +8,17 @@ and that it is the same in all photos gives the ratio of their squares.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 
 import numpy as np
 
-from cubicfish_cli.boards.board import Board
 from cubicfish_cli.diagnosis.mirrored import in_mirror
-from cubicfish_cli.diagnosis.object_faults import EXCHANGED, Fault, object_fault
+from cubicfish_cli.diagnosis.object_faults import Fault, object_fault
 from cubicfish_cli.diagnosis.photo_lenses import enough_photos, fit_of_few, spread_out
 from cubicfish_cli.fitting.evidence import FailedFit, FitEvidence
 from cubicfish_cli.fitting.local_noise import local_noise_px, times_noise
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial
+from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.refinement import Drawing, ObjectFit, refine_object
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.statistics import rms_px
@@ -48,45 +46,12 @@ _NEARLY_ALL, _BEYOND_A_RULER = 0.1, 5e-4
 _WORTH_MEASURING = 1.2
 # Photos agree with a lens when their noise is within this many times the best ones'.
 _AGREES = 6.0
-_SAID_RATIOS = {25.4: "inches_mm", 10.0: "cm_mm", 1000.0: "m_mm", 2.54: "inches_cm"}
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MeasuredBoard:
-    """Where a board is: points are ``origin + plane @ axes`` of plane coordinates in squares.
+def measured_object(pairs: Observations, target: Target) -> dict[int, FloatArray]:
+    """Measure the object: (rows * columns, 3) of each board that could be, by index, in one frame.
 
-    Attributes:
-        origin: (3,) in the first board's frame and squares.
-        axes: (2, 3) steps of a square along x and y.
-
-    """
-
-    origin: FloatArray
-    axes: FloatArray
-
-    def points(self, plane: FloatArray) -> FloatArray:
-        """Plane coordinates in squares (..., 2) -> (..., 3)."""
-        return np.asarray(self.origin + plane @ self.axes)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MeasuredObject:
-    """The boards that could be measured, by index, in one frame, and the lens that did it."""
-
-    boards: dict[int, MeasuredBoard]
-    lens: RadialReference
-
-
-def plane_in_squares(board: Board, column: IntArray, row: IntArray) -> FloatArray:
-    """(N, 2) place of corners on their board, in squares."""
-    return np.asarray(board.plane_points(column, row) / board.square)
-
-
-def measured_object(pairs: Observations, target: Target) -> MeasuredObject | None:
-    """Measure the object.
-
-    Returns:
-        None where there are no boards, or they cannot be put together.
+    None where there are no boards.
 
     Raises:
         FitError: the boards by themselves do not fit a lens.
@@ -94,101 +59,80 @@ def measured_object(pairs: Observations, target: Target) -> MeasuredObject | Non
     """
     views = _views(pairs, target)
     if views is None:
-        return None
+        return {}
     lens = fit_radial(views)
     photo, board = np.array([name.split(":") for name in lens.pairs.images], np.intp).T
-    boards = np.unique(board)
     seen = np.zeros((len(pairs.images), len(target.boards)), np.intp) - 1
     seen[photo, board] = np.arange(len(photo))
-    first = int(boards[np.argmax([(board == one).sum() for one in boards])])
-    identity = MeasuredBoard(origin=np.zeros(3), axes=np.eye(3)[:2])
-    placed = {first: identity}
-    while len(placed) < len(boards):
-        links = {
-            (known, new): int(((seen[:, known] >= 0) & (seen[:, new] >= 0)).sum())
+    together = (seen >= 0).T.astype(np.intp) @ (seen >= 0)
+    # From a board's own frame, in its squares, to that of the one that most photos show.
+    placed = {int(np.argmax(together.diagonal())): np.eye(4)}
+    while True:
+        links = [
+            (together[known, new], -known, -new)
             for known in placed
-            for new in boards.tolist()
+            for new in np.unique(board).tolist()
             if new not in placed
-        }
-        (known, new), most = max(links.items(), key=lambda link: link[1])
+        ]
+        most, known, new = max(links, default=(0, 0, 0))
         if most < _FEWEST_LINKS:
             break
-        both = (seen[:, known] >= 0) & (seen[:, new] >= 0)
-        step = _relative(lens.poses, seen[both, known], seen[both, new])
+        both = (seen[:, -known] >= 0) & (seen[:, -new] >= 0)
+        step = _relative(lens.poses, seen[both, -known], seen[both, -new])
         if step is None:
             break
-        placed[new] = _after(placed[known], step)
-    return MeasuredObject(boards=placed, lens=lens) if placed else None
+        placed[-new] = placed[-known] @ step
+    measured = {}
+    for index, frame in placed.items():
+        one = target.boards[index]
+        plane = one.plane_points(*one.places()) / one.square
+        measured[index] = plane @ frame[:3, :2].T + frame[:3, 3]
+    return measured
 
 
 def _views(pairs: Observations, target: Target) -> Observations | None:
     """Each board in each photo as a photo of one flat board, in squares; None without any."""
-    world = np.zeros_like(pairs.world)
-    usable = np.zeros(len(world), bool)
-    for index, board in enumerate(target.boards):
-        own = np.flatnonzero(pairs.board == index)
-        if board.points is not None or not own.size:
-            continue
-        world[own, :2] = plane_in_squares(board, pairs.column[own], pairs.row[own])
-        for photo in np.unique(pairs.image[own]):
-            here = own[pairs.image[own] == photo]
-            lines = min(len(np.unique(pairs.column[here])), len(np.unique(pairs.row[here])))
-            usable[here] = len(here) >= _FEWEST_CORNERS and lines >= _FEWEST_LINES
-    if not usable.any():
+    world, names, image = np.zeros_like(pairs.world), list[str](), np.full(len(pairs.image), -1)
+    for photo, index in np.unique(np.stack([pairs.image, pairs.board]), axis=1).T.tolist():
+        own = np.flatnonzero((pairs.image == photo) & (pairs.board == index))
+        board, column, row = target.boards[index], pairs.column[own], pairs.row[own]
+        lines = min(len(np.unique(column)), len(np.unique(row)))
+        if board.points is None and len(own) >= _FEWEST_CORNERS and lines >= _FEWEST_LINES:
+            world[own, :2] = board.plane_points(column, row) / board.square
+            image[own] = len(names)
+            names.append(f"{photo}:{index}")
+    if not names:
         return None
-    views, image = np.unique(
-        np.stack([pairs.image, pairs.board], axis=1)[usable], axis=0, return_inverse=True
-    )
-    seen = replace(
-        pairs.select(usable).with_world(world[usable]),
-        images=tuple(f"{photo}:{board}" for photo, board in views),
-        image=image.reshape(-1).astype(np.intp),
-        board=np.zeros(len(image), np.intp),
-        boards=("board",),
-    )
-    return seen.by_photo()
+    seen = replace(pairs, images=tuple(names), image=image, boards=("board",)).with_world(world)
+    seen = seen.select(image >= 0)
+    return replace(seen, board=np.zeros(len(seen.image), np.intp)).by_photo()
 
 
-def _relative(
-    poses: Poses, one: IntArray, other: IntArray
-) -> tuple[FloatArray, float, FloatArray] | None:
-    """Rotation (3, 3), scale and shift (3,) from another board's frame to one's.
+def _relative(poses: Poses, one: IntArray, other: IntArray) -> FloatArray | None:
+    """(4, 4) from another board's frame to one's, each in its squares.
 
     Medians by reweighting: a board nearly square to the camera may lean the wrong way in a photo.
     """
     back = poses.rotation[one].transpose(0, 2, 1)
     turns = back @ poses.rotation[other]
-    u = (back @ poses.translation[other][:, :, None])[:, :, 0]
-    v = (back @ poses.translation[one][:, :, None])[:, :, 0]
-    weight = np.ones(len(one))
-    rotation = turns[0]
+    system = np.zeros((len(one), 3, 4))
+    system[:, :, 0] = (back @ poses.translation[other][:, :, None])[:, :, 0]
+    system[:, :, 1:] = -np.eye(3)
+    goal = (back @ poses.translation[one][:, :, None])[:, :, 0]
+    weight = miss_weight = np.ones(len(one))
     for _ in range(_ROUNDS):
         rotation = mean_rotation(turns, weight)
         weight = 1 / np.maximum(np.linalg.norm(turns - rotation, axis=(1, 2)), 1e-6)
-    weight = np.ones(len(one))
-    system = np.zeros((len(one), 3, 4))
-    system[:, :, 0] = u
-    system[:, :, 1:] = -np.eye(3)
-    for _ in range(_ROUNDS):
-        root = np.sqrt(weight)[:, None]
-        solution = np.linalg.lstsq(
-            (system * root[:, :, None]).reshape(-1, 4), (v * root).reshape(-1), rcond=None
-        )[0]
-        miss = np.linalg.norm(system @ solution - v, axis=1)
-        weight = 1 / np.maximum(miss, 1e-6)
-    if solution[0] <= 0 or np.median(miss) > _AGREE:
+        root = np.sqrt(miss_weight)[:, None]
+        rows = (system * root[:, :, None]).reshape(-1, 4)
+        scale, *shift = np.linalg.lstsq(rows, (goal * root).reshape(-1), rcond=None)[0]
+        miss = np.linalg.norm(system @ [scale, *shift] - goal, axis=1)
+        miss_weight = 1 / np.maximum(miss, 1e-6)
+    if scale <= 0 or np.median(miss) > _AGREE:
         return None
-    return np.array(rotation, float), float(solution[0]), np.array(solution[1:], float)
-
-
-def _after(known: MeasuredBoard, step: tuple[FloatArray, float, FloatArray]) -> MeasuredBoard:
-    """A board that is placed in the frame of a known one, in the frame of that one's own."""
-    rotation, scale, shift = step
-    size = float(np.linalg.norm(known.axes[0]))
-    frame = np.vstack([known.axes, np.cross(known.axes[0], known.axes[1]) / size])
-    return MeasuredBoard(
-        origin=known.origin + shift @ frame, axes=scale * rotation[:, :2].T @ frame
-    )
+    step = np.eye(4)
+    step[:3, :3], step[:3, 3] = scale * rotation, shift
+    return step
 
 
 def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
@@ -223,12 +167,12 @@ def _of_refined(drawn: ObjectFit, refined: ObjectFit, drawing: Drawing) -> list[
     if before < _SOMEWHAT_WORSE * after or target is None or real is None:
         return []
     measured = {}
-    for index in np.unique(drawing.pairs.board):
-        measured[int(index)] = real.boards[index].world_points(*target.boards[index].places())
+    for index in np.unique(drawing.pairs.board).tolist():
+        measured[index] = real.boards[index].world_points(*target.boards[index].places())
     fault = object_fault(target, measured)
     if fault is None or (before < _TIMES_WORSE * after and not _stands_out(fault)):
         return []
-    return [_object_finding(fault, target, "refined", before_px=before, after_px=after)]
+    return [_told(fault, "refined", before_px=before, after_px=after)]
 
 
 def _stands_out(fault: Fault) -> bool:
@@ -239,63 +183,9 @@ def _stands_out(fault: Fault) -> bool:
     )
 
 
-def _object_finding(fault: Fault, target: Target, because: str, **figures: float) -> Finding:
-    """A fault of the drawing as it is told."""
-    boards = [target.boards[index] for index in fault.boards]
-    every = len(boards) == len(target.boards) > 1
-    told = partial(
-        Finding,
-        severity=Severity.BAD,
-        because=because,
-        boards=() if fault.kind == "mirror" else tuple(board.name for board in boards),
-    )
-    if fault.kind == "mirror":
-        return told(code=Code.MIRRORED, case="target", figures=figures)
-    if fault.kind == "names":
-        return told(code=Code.BOARD_NAMES, figures=figures)
-    if fault.kind == "order":
-        order, size = fault.order, next((one for one in boards if one.columns != one.rows), None)
-        if order in EXCHANGED:
-            order = "exchanged" if size is None else "exchanged_size"
-        shape = {} if size is None else {"columns": size.columns, "rows": size.rows}
-        which = "all" if every else "one"
-        return told(
-            code=Code.BOARD_ORDER, figures={**figures, **shape, "order": order, "which": which}
-        )
-    if fault.kind in ("square", "squares"):
-        sizes = sorted({board.square for board in boards})
-        mixed = _mixed_units(fault.ratio)
-        return told(
-            code=Code.BOARD_SQUARE,
-            case="_".join(["all"] * every + ["units"] * bool(mixed)),
-            figures={
-                **figures,
-                "off": fault.ratio - 1,
-                "times": max(fault.ratio, 1 / fault.ratio),
-                "real": ", ".join(
-                    f"{fault.ratio * size:.4g} {target.units} for {size:g}" for size in sizes
-                ),
-                **({"units_mixed": mixed} if mixed else {}),
-            },
-        )
-    case = ["of", "two"] * (len(fault.points) == 2) + ["and", "square"] * (fault.kind != "place")
-    return told(
-        code=Code.BOARD_PLACE,
-        case="_".join(case),
-        figures={
-            **figures,
-            "shift": fault.shift,
-            "turn_deg": fault.turn_deg,
-            "units": target.units,
-            "off": fault.ratio - 1,
-            "both": [target.boards[index].name for index in fault.points],
-        },
-    )
-
-
-def _mixed_units(ratio: float) -> str:
-    larger = max(ratio, 1 / ratio)
-    return next((mix for known, mix in _SAID_RATIOS.items() if abs(larger / known - 1) < 0.02), "")
+def _told(fault: Fault, because: str, **figures: float) -> Finding:
+    finding = fault.finding
+    return replace(finding, because=because, figures={**figures, **finding.figures})
 
 
 def wrong_drawing_of_failure(evidence: FailedFit) -> list[Finding]:
@@ -304,14 +194,7 @@ def wrong_drawing_of_failure(evidence: FailedFit) -> list[Finding]:
     if target is None or len(target.boards) < 2:
         return []
     pairs, scale = evidence.scaled
-    measured = measured_object(pairs, target)
-    if measured is None:
-        return []
-    points = {}
-    for index, board in measured.boards.items():
-        drawn = target.boards[index]
-        points[index] = board.points(plane_in_squares(drawn, *drawn.places()))
-    fault = object_fault(target, points)
+    fault = object_fault(target, measured_object(pairs, target))
     if fault is None:
         return []
     world = pairs.world.copy()
@@ -319,10 +202,10 @@ def wrong_drawing_of_failure(evidence: FailedFit) -> list[Finding]:
         own = pairs.board == index
         world[own] = real[pairs.row[own] * target.boards[index].columns + pairs.column[own]] / scale
     corrected = pairs.with_world(world)
-    if fault.kind == "mirror":
+    if fault.finding.code is Code.MIRRORED:
         corrected = in_mirror(corrected)
     again = fit_radial(corrected)
     noise = local_noise_px(again.pairs, again.residual)
     if noise_px(again.residual) > _AGREES * max(noise, 1e-3):
         return []
-    return [_object_finding(fault, target, "corrected", after_px=noise_px(again.residual))]
+    return [_told(fault, "corrected", after_px=noise_px(again.residual))]

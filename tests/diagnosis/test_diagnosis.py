@@ -29,7 +29,7 @@ from cubicfish_cli.diagnosis.photo_lenses import (
     two_lenses,
     zoomed_photos,
 )
-from cubicfish_cli.diagnosis.wrong_drawing import measured_object, plane_in_squares
+from cubicfish_cli.diagnosis.wrong_drawing import measured_object
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting import radial_reference
 from cubicfish_cli.fitting.evidence import FailedFit
@@ -217,8 +217,9 @@ def test_a_right_drawing_has_no_fault():
 def test_a_wrong_square_is_measured_in_any_frame(seed, board, ratio):
     drawn = wrong.with_board(TARGET, board, square=36.0 * ratio)
     fault = object_fault(drawn, measured(seed=seed, noise=0.01))
-    assert (fault.kind, fault.boards) == ("square", (board,))
-    assert fault.ratio == pytest.approx(1 / ratio, rel=1e-3)
+    found = fault.finding
+    assert (found.code, found.boards) == ("board_square", (TARGET.boards[board].name,))
+    assert 1 + found.figures["off"] == pytest.approx(1 / ratio, rel=1e-3)
     assert fault.after < 0.1 * fault.before
 
 
@@ -227,9 +228,9 @@ def test_all_squares_are_measured_by_the_distances_between_boards(ratio):
     drawn = TARGET
     for board in range(3):
         drawn = wrong.with_board(drawn, board, square=36.0 * ratio)
-    fault = object_fault(drawn, measured(seed=4))
-    assert (fault.kind, fault.boards) == ("squares", (0, 1, 2))
-    assert fault.ratio == pytest.approx(1 / ratio, rel=1e-4)
+    found = object_fault(drawn, measured(seed=4)).finding
+    assert (found.code, found.boards) == ("board_square", TARGET.board_names)
+    assert 1 + found.figures["off"] == pytest.approx(1 / ratio, rel=1e-4)
 
 
 @given(seed=st.integers(0, 1000), board=st.integers(0, 2), length=st.floats(0.5, 20))
@@ -237,38 +238,41 @@ def test_all_squares_are_measured_by_the_distances_between_boards(ratio):
 def test_a_wrong_place_is_measured_in_any_frame(seed, board, length):
     rng = np.random.default_rng(seed)
     drawn = wrong.shifted(wrong.turned(TARGET, board, 1.0, rng), board, length, rng)
-    fault = object_fault(drawn, measured(seed=seed, noise=0.01))
-    assert (fault.kind, fault.boards) == ("place", (board,))
-    assert fault.shift == pytest.approx(length, rel=0.05)
-    assert fault.turn_deg == pytest.approx(1.0, rel=0.05)
+    found = object_fault(drawn, measured(seed=seed, noise=0.01)).finding
+    assert (found.code, found.case) == ("board_place", "")
+    assert found.boards == (TARGET.boards[board].name,)
+    assert found.figures["shift"] == pytest.approx(length, rel=0.05)
+    assert found.figures["turn_deg"] == pytest.approx(1.0, rel=0.05)
 
 
 def test_a_board_of_another_size_elsewhere():
     drawn = wrong.shifted(TARGET, 1, 40.0, np.random.default_rng(0))
     drawn = wrong.with_board(drawn, 1, square=40.0)
-    fault = object_fault(drawn, measured(seed=5))
-    assert (fault.kind, fault.boards) == ("square_and_place", (1,))
-    assert fault.ratio == pytest.approx(0.9, rel=1e-3)
+    found = object_fault(drawn, measured(seed=5)).finding
+    assert (found.code, found.case, found.boards) == ("board_place", "and_square", ("wall",))
+    assert 1 + found.figures["off"] == pytest.approx(0.9, rel=1e-3)
 
 
 def test_axes_names_orders_and_mirrors():
     flipped = wrong.with_board(TARGET, 2, y_axis=-TARGET.boards[2].y_axis)
-    fault = object_fault(flipped, measured(seed=6))
-    assert (fault.kind, fault.boards, fault.order) == ("order", (2,), "y_axis")
+    found = object_fault(flipped, measured(seed=6)).finding
+    assert (found.code, found.boards) == ("board_order", ("side",))
+    assert (found.figures["order"], found.figures["which"]) == ("y_axis", "one")
     through_glass = {index: points * [1, -1, 1] for index, points in measured(seed=7).items()}
-    assert object_fault(TARGET, through_glass).kind == "mirror"
+    assert object_fault(TARGET, through_glass).finding.code == "mirrored"
     equal = wrong.equal_corner()
     found = measured(equal, seed=8)
     found[0], found[1] = found[1], found[0]
     fault = object_fault(equal, found)
-    assert (fault.kind, fault.boards) == ("names", (0, 1))
+    assert (fault.finding.code, fault.finding.boards) == ("board_names", equal.board_names[:2])
     np.testing.assert_allclose(
         fault.points[0], measured(equal)[1], atol=1e-9, err_msg="where the corners really are"
     )
     found = measured(equal, seed=9)
     found = {i: one.reshape(7, 7, 3).transpose(1, 0, 2).reshape(-1, 3) for i, one in found.items()}
     fault = object_fault(equal, found)
-    assert (fault.kind, fault.boards, fault.order) == ("order", (0, 1, 2), "exchanged")
+    assert (fault.finding.code, fault.finding.boards) == ("board_order", equal.board_names)
+    assert fault.finding.figures == {"order": "exchanged", "which": "all"}
 
 
 def test_the_object_is_measured_from_photos_without_its_drawing(pairs):
@@ -276,12 +280,11 @@ def test_the_object_is_measured_from_photos_without_its_drawing(pairs):
     drawn = wrong.with_board(drawn, 2, square=1.4)
     scaled = replace(pairs.with_target(drawn), world=np.zeros_like(pairs.world))
     found = measured_object(scaled, drawn)
-    assert sorted(found.boards) == [0, 1, 2]
+    assert sorted(found) == [0, 1, 2]
     seen, truth = [], []
-    for index, board in found.boards.items():
-        row, column = (part.ravel() for part in np.indices((TARGET.boards[index].rows, 5)))
-        seen.append(board.points(plane_in_squares(drawn.boards[index], column, row)))
-        truth.append(TARGET.boards[index].world_points(column, row))
+    for index, points in found.items():
+        seen.append(points)
+        truth.append(TARGET.boards[index].world_points(*TARGET.boards[index].places()))
     seen, truth = np.concatenate(seen), np.concatenate(truth)
     miss = similarity(seen, truth)(seen) - truth
     assert np.abs(miss).max() < 0.5  # mm, of an object of half a metre
