@@ -10,9 +10,11 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.detection.grids import Grid
@@ -22,14 +24,13 @@ from cubicfish_cli.diagnosis.more_corners import (
     boards_with_squares,
     is_full,
 )
-from cubicfish_cli.identification.ends import ends_of, farthest_radius
-from cubicfish_cli.identification.grid_views import grid_poses
+from cubicfish_cli.identification.ends import Ends
 from cubicfish_cli.identification.identified import FEWEST_CORNERS, Identified, Place
 from cubicfish_cli.identification.placement import TURNS
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.target import Target
-from cubicfish_cli.types import BoolArray, FloatArray, IntArray
+from cubicfish_cli.types import FloatArray, IntArray
 
 # Where squares are looked at, in squares beyond the last line of corners: before it, and on to
 # well beyond the line at which the pattern ends where its outermost squares are whole.
@@ -89,17 +90,20 @@ def pattern_end(
     last = grid.cells.max(axis=0)
     line, way = (int(last[axis]), 1) if after else (0, -1)
     middle = np.arange(int(last[1 - axis])) + 0.5
-    if _side_px(camera, camera_from_grid, grid) < _SMALLEST_PX:
-        return None
-
     distance = np.concatenate([[_BEFORE], _BEYOND])
     cell = np.empty((len(distance), len(middle), len(_PATCH), 2))
     cell[..., axis] = line + way * distance[:, None, None]
     cell[..., 1 - axis] = middle[:, None] + _PATCH
     points = np.concatenate([cell, np.ones((*cell.shape[:-1], 1))], axis=-1)
-    level = _brightness(picture, camera.project(points @ camera_from_grid.T)).mean(axis=-1)
+    pixel = camera.project(points @ camera_from_grid.T)
+    side = np.linalg.norm(np.diff(pixel.mean(axis=2), axis=1), axis=-1)
+    smallest = side.min(initial=np.inf, where=np.isfinite(side))
+    # Brightness between the nearest four pixels; NaN outside the picture.
+    x, y = np.moveaxis(np.nan_to_num(pixel, nan=-1.0), -1, 0)
+    level = map_coordinates(picture, (y, x), float, order=1, cval=np.nan)
+    level = level.mean(axis=-1)
     known = np.isfinite(level).all(axis=0)
-    if known.sum() < _FEWEST_SQUARES:
+    if known.sum() < _FEWEST_SQUARES or smallest < _SMALLEST_PX:
         return None
     # Bright and dark take turns along the line, and from line to line.
     sign = (-1.0) ** np.arange(len(middle))[known]
@@ -129,31 +133,6 @@ def _is_light(squares: FloatArray, beyond: FloatArray) -> bool:
     return bool(np.median(beyond) > np.median((bright + dark) / 2))
 
 
-def _side_px(camera: RadialCamera, camera_from_grid: FloatArray, grid: Grid) -> float:
-    """The shorter side of the smallest square of the grid's rim, pixels."""
-    last = grid.cells.max(axis=0).astype(float)
-    corner = np.array([[0, 0], [last[0], 0], [0, last[1]], last])
-    steps = []
-    for step in np.eye(2):
-        ends = [np.column_stack([corner + half * step, np.ones(4)]) for half in (-0.5, 0.5)]
-        first, second = (camera.project(end @ camera_from_grid.T) for end in ends)
-        steps.append(np.linalg.norm(second - first, axis=1))
-    return float(np.min(np.nan_to_num(steps)))
-
-
-def _brightness(picture: Picture, pixel: FloatArray) -> FloatArray:
-    """Brightness at pixels (..., 2), between the nearest four; NaN outside the picture."""
-    height, width = picture.shape
-    inside = np.asarray(((pixel >= 0) & (pixel <= (width - 1, height - 1))).all(axis=-1))
-    at = np.where(inside[..., None], pixel, 0.0)
-    first = np.minimum(at.astype(int), (width - 2, height - 2))
-    x, y = first[..., 0], first[..., 1]
-    right, down = (at - first)[..., 0], (at - first)[..., 1]
-    top = picture[y, x] * (1 - right) + picture[y, x + 1] * right
-    bottom = picture[y + 1, x] * (1 - right) + picture[y + 1, x + 1] * right
-    return np.where(inside, top * (1 - down) + bottom * down, np.nan)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Sight:
     """One grid on a board.
@@ -162,32 +141,42 @@ class _Sight:
         photo: its photo.
         grid: the grid.
         form: (3, 3) camera_from_grid, (i, j, 1) to the camera frame.
-        low, high: (2,) first and last column and row of the board that it has.
-        ended: (2, 2) by axis of the board and start or end: whether the next line of corners
-            should be in view, and none of it is found.
-        turn: quarter turns from grid to board.
+        place: where it lies.
+        ends: corners that are missing around it.
 
     """
 
     photo: int
     grid: Grid
     form: FloatArray
-    low: IntArray
-    high: IntArray
-    ended: BoolArray
-    turn: int
+    place: Place
+    ends: Ends
+
+    @property
+    def span(self) -> IntArray:
+        """(2, 2) first and last column, and first and last row of the board, that it has."""
+        cells = self.grid.cells @ TURNS[self.place.turn].T + [self.place.column, self.place.row]
+        return np.stack([cells.min(axis=0), cells.max(axis=0)], axis=1)
 
     @property
     def size(self) -> tuple[int, int]:
         """Columns and rows of the board that it spans."""
-        columns, rows = (self.high - self.low + 1).tolist()
+        columns, rows = (np.ptp(self.span, axis=1) + 1).tolist()
         return columns, rows
 
     def own_side(self, side: Side) -> tuple[Literal[0, 1], bool]:
         """The grid's axis, and whether after its last line, for a side of the board."""
-        row = TURNS[self.turn][side[0]]
+        row = TURNS[self.place.turn][side[0]]
         axis: Literal[0, 1] = 0 if row[0] else 1
         return axis, bool((row[axis] > 0) == (side[1] == 1))
+
+    def ended(self, axis: int, *, after: bool) -> bool:
+        """Whether the next line of corners should be in view, and none of it is found."""
+        room = [0, 0, 0, 0]
+        room[2 * axis + after] = 1
+        lines = self.grid.cells.max(axis=0) + 1
+        least = max(_LINE_CORNERS, _LINE_SHARE * lines[1 - axis])
+        return bool(self.ends.table[tuple(room)] >= least)
 
 
 def fewer_corners(
@@ -205,25 +194,14 @@ def fewer_corners(
     doubtful = _doubtful(identified, target)
     if camera is None or not doubtful:
         return []
-    sights = _sights(identified, camera, doubtful)
-    pictures: dict[int, Picture | None] = {}
+    sights, picture_of = _sights(identified, doubtful), cache(picture)
 
     def shows(sight: _Sight, side: Side) -> float | None:
-        if sight.photo not in pictures:
-            pictures[sight.photo] = picture(sight.photo)
-        seen = pictures[sight.photo]
+        seen, (axis, after) = picture_of(sight.photo), sight.own_side(side)
         if seen is None:
             return None
-        axis, after = sight.own_side(side)
-        return pattern_end(
-            seen,
-            camera,
-            sight.form,
-            sight.grid,
-            axis,
-            after=after,
-            in_view=bool(sight.ended[side]),
-        )
+        in_view = sight.ended(axis, after=after)
+        return pattern_end(seen, camera, sight.form, sight.grid, axis, after=after, in_view=in_view)
 
     alone = len(boards_with_squares(target)) == 1
     found = []
@@ -239,79 +217,39 @@ def _doubtful(identified: Identified, target: Target) -> set[int]:
 
     Where one board is the whole target, corners of one photo alone say how many there are.
     """
-    corners = identified.corners
-    boards = boards_with_squares(target)
-    if len(boards) == 1:
-        (board,) = boards
-        drawn = sorted((target.boards[board].columns, target.boards[board].rows))
-        sizes = [
-            sorted(report.size)
-            for own in identified.grids
-            for report in own
-            if report.named and report.corners >= FEWEST_CORNERS
-        ]
-        whole = np.array(sizes or [[0, 0]]).max(axis=0)
-        return {board} if sizes and (whole < drawn).any() else set()
+    corners, boards = identified.corners, boards_with_squares(target)
     doubtful = set()
-    for board in boards:
-        own = corners.board == board
-        if not own.any():
-            continue
-        for index, last in (
-            (corners.column[own], target.boards[board].columns - 1),
-            (corners.row[own], target.boards[board].rows - 1),
-        ):
-            if index.min() > 0 or index.max() < last:
-                doubtful.add(board)
+    for index in boards:
+        drawn = np.array([target.boards[index].columns, target.boards[index].rows])
+        own = np.stack([corners.column, corners.row], axis=1)[corners.board == index]
+        if len(boards) == 1:
+            reports = [one for of_photo in identified.grids for one in of_photo if one.named]
+            sizes = [sorted(one.size) for one in reports if one.corners >= FEWEST_CORNERS]
+            lacking = bool(sizes) and (np.max(sizes, axis=0) < sorted(drawn)).any()
+        else:
+            lacking = len(own) and (own.min(axis=0).any() or (own.max(axis=0) < drawn - 1).any())
+        if lacking:
+            doubtful.add(index)
     return doubtful
 
 
-def _sights(
-    identified: Identified, camera: RadialCamera, boards: set[int]
-) -> dict[int, list[_Sight]]:
+def _sights(identified: Identified, boards: set[int]) -> dict[int, list[_Sight]]:
     """The named grids of some boards, with the ends that they show."""
-    grids = identified.found
-    chosen: list[tuple[int, int, Place]] = [
-        (photo, number, report.place)
-        for photo, own in enumerate(identified.grids)
-        for number, report in enumerate(own)
-        if report.place is not None
-        and report.place.board in boards
-        and report.corners >= FEWEST_CORNERS
-    ]
     sights: dict[int, list[_Sight]] = defaultdict(list)
-    if not chosen:
+    scene = identified.scene
+    if scene is None:
         return sights
-    poses = grid_poses(
-        camera, [grids[photo][n] for photo, n, _ in chosen], identified.corners.image_size
-    )
-    farthest = farthest_radius(camera, np.concatenate([g.pixel for own in grids for g in own]))
-    for (photo, number, place), pose in zip(chosen, poses, strict=True):
-        if pose is None:
-            continue
-        grid = grids[photo][number]
-        others = [one.pixel for n, one in enumerate(grids[photo]) if n != number]
-        form = np.column_stack([pose.rotation[0][:, :2], pose.translation[0]])
-        other_pixel = np.concatenate([np.empty((0, 2)), *others])
-        table = ends_of(camera, grid, form, other_pixel, farthest).table
-        cells = grid.cells @ TURNS[place.turn].T + [place.column, place.row]
-        sight = _Sight(
-            photo=photo,
-            grid=grid,
-            form=form,
-            low=cells.min(axis=0),
-            high=cells.max(axis=0),
-            ended=np.zeros((2, 2), bool),
-            turn=place.turn,
-        )
-        lines = grid.cells.max(axis=0) + 1
-        for side in _sides():
-            axis, after = sight.own_side(side)
-            room = [0, 0, 0, 0]
-            room[2 * axis + after] = 1
-            least = max(_LINE_CORNERS, _LINE_SHARE * lines[1 - axis])
-            sight.ended[side] = table[tuple(room)] >= least
-        sights[place.board].append(sight)
+    scene.place_grids()
+    for photo, (own, reports) in enumerate(zip(scene.photos, identified.grids, strict=True)):
+        for index, report in zip(sorted(own), reports, strict=True):
+            pose, place, grid = scene.poses[index], report.place, scene.grids[index]
+            if pose is None or place is None or place.board not in boards:
+                continue
+            ends = scene.ends(own, index)
+            if ends is not None and report.corners >= FEWEST_CORNERS:
+                form = np.column_stack([pose.rotation[0][:, :2], pose.translation[0]])
+                one = _Sight(photo=photo, grid=grid, form=form, place=place, ends=ends)
+                sights[place.board].append(one)
     return sights
 
 
@@ -340,12 +278,11 @@ def _among_others(index: int, board: Board, sights: Sequence[_Sight], shows: _Lo
     if not sights:
         return None
     drawn = np.array([[0, board.columns - 1], [0, board.rows - 1]])
-    first = np.min([sight.low for sight in sights], axis=0)
-    last = np.max([sight.high for sight in sights], axis=0)
-    seen = np.stack([first, last], axis=1)
+    spans = np.array([sight.span for sight in sights])
+    seen = np.stack([spans[..., 0].min(axis=0), spans[..., 1].max(axis=0)], axis=1)
     short = [side for side in _sides() if seen[side] != drawn[side]]
     at = {
-        side: [one for one in sights if (one.high if side[1] else one.low)[side[0]] == seen[side]]
+        side: [sights[number] for number in np.flatnonzero(spans[(..., *side)] == seen[side])]
         for side in _sides()
     }
     ends = {side: _ends(at[side], [side], shows) for side in short}

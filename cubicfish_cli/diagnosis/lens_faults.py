@@ -103,26 +103,24 @@ def lens_findings(fit: ObjectFit, drawn: ObjectFit) -> list[Finding]:
         drawn: the fit to the object as drawn: an object that is free may bend to two lenses.
 
     """
-    photos = _own(fit)
-    for one, own in ((fit, photos), (drawn, photos if fit is drawn else _own(drawn))):
+    for one in (fit,) if fit is drawn else (fit, drawn):
+        own = _own(one)
         split = two_lenses(own)
         if split is None or split.chance > _WORTH_A_LOOK or split.share < WORTH / 2:
             continue
         few = _of_each(own, split)
         # A few of each group tell whether there are two lenses, all of them which photos are whose.
-        if len(few) < len(own.photos) and _followed(*_of_few(one, own, split, few)) is None:
+        if len(few) < len(own.photos) and _followed(fit_of_few(one, own.photos[few])) is None:
             continue
-        found = _followed(one, own, split, rms_px(fit.cubic.residual))
+        found = _followed(one)
         if found is not None:
             return [found]
-        if fit is drawn:
-            break
-    return _single(fit, photos)
+    return _single(fit, _own(fit))
 
 
 def _own(fit: ObjectFit) -> PhotoLenses:
-    cubic = fit.cubic
-    return photo_lenses(cubic.lens, cubic.poses, fit.reference.pairs, cubic.fit.world.points)
+    pairs = fit.reference.pairs
+    return photo_lenses(fit.cubic.lens, fit.cubic.poses, pairs, pairs.world)
 
 
 def _of_each(photos: PhotoLenses, split: TwoLenses) -> IntArray:
@@ -133,51 +131,31 @@ def _of_each(photos: PhotoLenses, split: TwoLenses) -> IntArray:
     return np.sort(np.concatenate([spread_out(group, enough - least) for group in groups]))
 
 
-def _of_few(
-    fit: ObjectFit, photos: PhotoLenses, split: TwoLenses, few: IntArray
-) -> tuple[ObjectFit, PhotoLenses, TwoLenses, float]:
-    """What ``_followed`` needs, for the photos at some places in ``photos`` only."""
-    part = fit_of_few(fit, photos.photos[few])
-    return (
-        part,
-        photos.some(few),
-        replace(split, second=split.second[few]),
-        rms_px(part.cubic.residual),
-    )
-
-
-def _followed(
-    fit: ObjectFit, photos: PhotoLenses, split: TwoLenses, together: float
-) -> Finding | None:
-    """Fit with a scale and centre for each of two groups, until they settle; then judge.
-
-    Args:
-        fit: the fit to start from.
-        photos: what each photo has of its own beside it.
-        split: into which groups it seems to fall.
-        together: RMS with one lens for all, to be beaten.
-
-    """
-    pairs, apart = fit.reference.pairs, None
+def _followed(fit: ObjectFit) -> Finding | None:
+    """Fit with a scale and centre for each of two groups, until they settle; then judge."""
+    pairs, photos, together = fit.reference.pairs, _own(fit), rms_px(fit.cubic.residual)
+    split = two_lenses(photos)
+    apart: _Apart | None = None
     noticed = _NOTICED_PX * max(1.0, max(pairs.image_size) / _SIDE)
     given, gains = np.zeros((len(pairs.images), 3)), list[float]()
     for left in reversed(range(_ROUNDS)):
+        if split is None:
+            return None
         wanted = _given(split, photos, given)
         if apart is not None and np.abs(wanted - given).max() < _SETTLED_PX:
             break
         given = wanted
         apart = _fitted_apart(fit, fit if apart is None else apart, given, photos.reach)
-        new = None if apart is None else two_lenses(apart.photos)
-        if apart is None or new is None:
+        if apart is None:
             return None
-        photos, split = apart.photos, new
+        photos, split = apart.photos, two_lenses(apart.photos)
         gains.append(together**2 - apart.rms_px**2)
         # What a round gains hardly grows from one to the next.
         if len(gains) > 1 and (
             gains[-1] + left * max(gains[-1] - gains[-2], 0) < _worthy_gain(together, noticed)
         ):
             return None
-    if apart is None or split.chance > BY_CHANCE:
+    if apart is None or split is None or split.chance > BY_CHANCE:
         return None
     if split.kind == "order":
         split, apart = _at_the_boundary(fit, split, apart, given)

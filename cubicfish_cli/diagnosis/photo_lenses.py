@@ -29,7 +29,6 @@ _FEWEST = 30
 _SHARE = 0.05
 # What a photo may have of its own: scale, shift x, shift y; and a shift x, y that grows by rows.
 TERMS = 5
-_EACH = ("own", "information", "squares", "numbers")
 _LENS = slice(0, 3)
 _SHEAR = slice(3, 5)
 # Twice as many equations as unknowns, that are 6 of the pose and these.
@@ -95,14 +94,6 @@ class PhotoLenses:
     squares: FloatArray
     numbers: FloatArray
     reach: float
-
-    def some(self, few: IntArray) -> PhotoLenses:
-        """Those at some places, as if there were no others."""
-        return PhotoLenses(
-            photos=np.arange(len(few)),
-            reach=self.reach,
-            **{name: getattr(self, name)[few] for name in _EACH},
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -16,6 +16,7 @@ import numpy as np
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.markers import MarkedCorners
 from cubicfish_cli.identification.decide import Decided
+from cubicfish_cli.identification.scene import Scene
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
@@ -102,6 +103,7 @@ class Identified:
             for a lens, but not for measuring the target.
         other_colours: whether the only board is light where the target says that it is dark, in
             most photos that tell.
+        scene: the grids under the lens; None where there is none.
 
     """
 
@@ -111,6 +113,7 @@ class Identified:
     lens: RadialCamera | None
     exact: BoolArray
     other_colours: bool = False
+    scene: Scene | None = None
 
 
 def marked_corners(

@@ -229,6 +229,7 @@ def _identified(
         lens=scene.camera,
         exact=exact,
         other_colours=scene.other_colours,
+        scene=scene,
     )
 
 

@@ -137,7 +137,7 @@ def test_boards_that_are_as_drawn_are_not_named_again(corner, monkeypatch):
     names = [f"{index}.png" for index in range(5)]
     identified = name_grids(corner, THREE, IMAGE_SIZE, names)
     monkeypatch.setattr(more_corners, "name_again", lambda *_: pytest.fail("must not be tried"))
-    monkeypatch.setattr(module, "grid_poses", lambda *_: pytest.fail("must not be tried"))
+    monkeypatch.setattr(module, "_sights", lambda *_: pytest.fail("must not be tried"))
     assert grid_evidence(identified, THREE).counts == []
 
 
