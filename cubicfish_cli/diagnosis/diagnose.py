@@ -23,7 +23,7 @@ from cubicfish_cli.diagnosis.corner_count import (
 from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence, PhotoEvidence
 from cubicfish_cli.diagnosis.failed_lens import failed_lens
 from cubicfish_cli.diagnosis.left_out import left_out
-from cubicfish_cli.diagnosis.lens_faults import lens_findings
+from cubicfish_cli.diagnosis.lens_faults import lens_findings, odd_photos
 from cubicfish_cli.diagnosis.mirrored import (
     handed,
     mirrored_object,
@@ -147,12 +147,13 @@ HYPOTHESES: tuple[Hypothesis[Any], ...] = (
     ),
     # Of a fit.
     Hypothesis(FitEvidence, (Code.MIRRORED,), Cost.TABLES, lambda e: handed(e.pairs)),
+    Hypothesis(FitEvidence, _LENSES, Cost.PASS, lens_findings, _named),
     Hypothesis(
         FitEvidence,
-        (*_LENSES, Code.SHEARED, Code.PHOTO_LENS),
+        (Code.SHEARED, Code.PHOTO_LENS),
         Cost.PASS,
-        lambda e: lens_findings(e.fit, e.drawn),
-        _named,
+        lambda e: odd_photos(e.fit),
+        lambda e, found: _named(e, found) and not any(one.code in _LENSES for one in found),
     ),
     Hypothesis(FitEvidence, _DRAWING, Cost.TRIALS, wrong_drawing, _not_bad),
     Hypothesis(

@@ -24,7 +24,8 @@ from cubicfish_cli.diagnosis.photo_lenses import (
 )
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import fit_cubic
+from cubicfish_cli.fitting.evidence import FitEvidence
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial, refit_radial
@@ -95,27 +96,23 @@ class LensChange:
     centre: FloatArray
 
 
-def lens_findings(fit: ObjectFit, drawn: ObjectFit) -> list[Finding]:
-    """What of the photos' own lenses speaks against one lens for all.
-
-    Args:
-        fit: the final fit.
-        drawn: the fit to the object as drawn: an object that is free may bend to two lenses.
-
-    """
-    for one in (fit,) if fit is drawn else (fit, drawn):
-        own = _own(one)
+def lens_findings(evidence: FitEvidence) -> list[Finding]:
+    """Two groups of photos with a lens each, in place of one lens for all."""
+    # An object that is free may bend to two lenses: as drawn it does not.
+    fits = (evidence.fit,) if evidence.fit is evidence.drawn else (evidence.fit, evidence.drawn)
+    for fit in fits:
+        own = _own(fit)
         split = two_lenses(own)
         if split is None or split.chance > _WORTH_A_LOOK or split.share < WORTH / 2:
             continue
         few = _of_each(own, split)
         # A few of each group tell whether there are two lenses, all of them which photos are whose.
-        if len(few) < len(own.photos) and _followed(fit_of_few(one, own.photos[few])) is None:
+        if len(few) < len(own.photos) and _followed(fit_of_few(fit, own.photos[few])) is None:
             continue
-        found = _followed(one)
+        found = _followed(fit)
         if found is not None:
             return [found]
-    return _single(fit, _own(fit))
+    return []
 
 
 def _own(fit: ObjectFit) -> PhotoLenses:
@@ -134,35 +131,33 @@ def _of_each(photos: PhotoLenses, split: TwoLenses) -> IntArray:
 def _followed(fit: ObjectFit) -> Finding | None:
     """Fit with a scale and centre for each of two groups, until they settle; then judge."""
     pairs, photos, together = fit.reference.pairs, _own(fit), rms_px(fit.cubic.residual)
-    split = two_lenses(photos)
-    apart: _Apart | None = None
+    apart, split, reach = fit, two_lenses(photos), photos.reach
     noticed = _NOTICED_PX * max(1.0, max(pairs.image_size) / _SIDE)
-    given, gains = np.zeros((len(pairs.images), 3)), list[float]()
+    given, gains = np.zeros((len(pairs.images), 3)), [0.0]
     for left in reversed(range(_ROUNDS)):
         if split is None:
             return None
         wanted = _given(split, photos, given)
-        if apart is not None and np.abs(wanted - given).max() < _SETTLED_PX:
+        if apart is not fit and np.abs(wanted - given).max() < _SETTLED_PX:
             break
         given = wanted
-        apart = _fitted_apart(fit, fit if apart is None else apart, given, photos.reach)
-        if apart is None:
-            return None
-        photos, split = apart.photos, two_lenses(apart.photos)
-        gains.append(together**2 - apart.rms_px**2)
+        apart, photos = _fitted_apart(fit, apart, given, reach)
+        split = two_lenses(photos)
+        gains.append(together**2 - rms_px(apart.cubic.residual) ** 2)
         # What a round gains hardly grows from one to the next.
-        if len(gains) > 1 and (
+        if len(gains) > 2 and (
             gains[-1] + left * max(gains[-1] - gains[-2], 0) < _worthy_gain(together, noticed)
         ):
             return None
-    if apart is None or split is None or split.chance > BY_CHANCE:
+    if split is None or split.chance > BY_CHANCE:
         return None
     if split.kind == "order":
-        split, apart = _at_the_boundary(fit, split, apart, given)
-    unforeseen = left_out_share(apart.photos, split.second)
-    if split.explained < _MOST or not worth_it(together, apart.rms_px, unforeseen, noticed):
+        split, apart, photos = _at_the_boundary(fit, split, apart, photos)
+    apart_px = rms_px(apart.cubic.residual)
+    unforeseen = left_out_share(photos, split.second)
+    if split.explained < _MOST or not worth_it(together, apart_px, unforeseen, noticed):
         return None
-    scale = 1 + split.own[:, 0] / photos.reach
+    scale = 1 + split.own[:, 0] / reach
     middle = (np.array(pairs.image_size, float) - 1) / 2
     camera = apart.reference.camera
     common = np.array([camera.cx, camera.cy]) - middle
@@ -177,7 +172,7 @@ def _followed(fit: ObjectFit) -> Finding | None:
         pairs,
         in_order=split.kind == "order",
         because="apart",
-        figures={"together_px": together, "apart_px": apart.rms_px},
+        figures={"together_px": together, "apart_px": apart_px},
     )
 
 
@@ -203,27 +198,6 @@ def _worthy_gain(together: float, noticed: float) -> float:
     return max(_CLEAR_MARGIN * together**2, noticed**2)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Apart:
-    """A fit in which photos have a scale and centre of their own.
-
-    Attributes:
-        reference: the radial fit, to pixels as one lens would have taken them.
-        cubic: the cubic one.
-        photos: what each photo has of its own in all.
-
-    """
-
-    reference: RadialReference
-    cubic: CubicResult
-    photos: PhotoLenses
-
-    @property
-    def rms_px(self) -> float:
-        """Of the cubic."""
-        return rms_px(self.cubic.residual)
-
-
 def _given(split: TwoLenses, photos: PhotoLenses, like: FloatArray) -> FloatArray:
     """(photos, 3) scale and shift of each photo's group; none for photos that do not tell."""
     given = np.zeros_like(like)
@@ -232,30 +206,35 @@ def _given(split: TwoLenses, photos: PhotoLenses, like: FloatArray) -> FloatArra
 
 
 def _fitted_apart(
-    fit: ObjectFit, start: ObjectFit | _Apart, given: FloatArray, reach: float
-) -> _Apart | None:
-    """Fit with these scales and shifts (photos, 3); None where there is no camera."""
-    alike = replace(fit.reference.pairs, pixel=_as_one(fit.reference.pairs, given, reach))
-    try:
-        reference = refit_radial(start.reference, alike, start.reference.poses)
-        cubic = fit_cubic(
-            reference, fit.cubic.hold, start=start.cubic, relative_decrease=_ROUGH_DECREASE
-        )
-    except (FitError, np.linalg.LinAlgError):
-        return None
-    photos = photo_lenses(cubic.lens, cubic.poses, alike, alike.world)
+    fit: ObjectFit, start: ObjectFit, given: FloatArray, reach: float
+) -> tuple[ObjectFit, PhotoLenses]:
+    """Fit with these scales and shifts (photos, 3); and what each photo has of its own in all.
+
+    Raises:
+        FitError: there is no camera.
+
+    """
+    pairs = fit.reference.pairs
+    own, middle = given[pairs.image], (np.array(pairs.image_size, float) - 1) / 2
+    # Pixels as one lens would have taken them.
+    pixel = middle + (pairs.pixel - middle - own[:, 1:]) / (1 + own[:, :1] / reach)
+    reference = refit_radial(start.reference, replace(pairs, pixel=pixel), start.reference.poses)
+    cubic = fit_cubic(
+        reference,
+        fit.cubic.hold,
+        start=start.cubic,
+        relative_decrease=_ROUGH_DECREASE,
+    )
+    apart = replace(start, reference=reference, cubic=cubic)
+    photos = _own(apart)
     total = photos.own.copy()
     total[:, :3] += given[photos.photos]
-    return _Apart(
-        reference=reference,
-        cubic=cubic,
-        photos=replace(photos, own=total),
-    )
+    return apart, replace(photos, own=total)
 
 
 def _at_the_boundary(
-    fit: ObjectFit, split: TwoLenses, apart: _Apart, given: FloatArray
-) -> tuple[TwoLenses, _Apart]:
+    fit: ObjectFit, split: TwoLenses, apart: ObjectFit, photos: PhotoLenses
+) -> tuple[TwoLenses, ObjectFit, PhotoLenses]:
     """The change one photo earlier or later, where that fits better.
 
     A photo beside the change that was counted to the wrong side has bent the camera to itself.
@@ -265,18 +244,11 @@ def _at_the_boundary(
         second = split.second.copy()
         second[place] = not second[place]
         moved = replace(split, second=second)
-        wanted = _given(moved, apart.photos, given)
-        other = _fitted_apart(fit, apart, wanted, apart.photos.reach)
-        if other is not None and other.rms_px**2 < (1 - WORTH) * apart.rms_px**2:
-            return moved, other
-    return split, apart
-
-
-def _as_one(pairs: Observations, given: FloatArray, reach: float) -> FloatArray:
-    """Pixels (N, 2) as they would be without their photos' own scale and shift."""
-    middle = (np.array(pairs.image_size, float) - 1) / 2
-    own = given[pairs.image]
-    return np.asarray(middle + (pairs.pixel - middle - own[:, 1:]) / (1 + own[:, :1] / reach))
+        wanted = _given(moved, photos, np.zeros((len(fit.reference.pairs.images), 3)))
+        other, own = _fitted_apart(fit, apart, wanted, photos.reach)
+        if rms_px(other.cubic.residual) ** 2 < (1 - WORTH) * rms_px(apart.cubic.residual) ** 2:
+            return moved, other, own
+    return split, apart, photos
 
 
 def left_out_lens(
@@ -400,9 +372,9 @@ def _ratio_words(ratio: float) -> str:
     return f"{ratio:.{max(digits, 2)}f}"
 
 
-def _single(fit: ObjectFit, photos: PhotoLenses) -> list[Finding]:
+def odd_photos(fit: ObjectFit) -> list[Finding]:
     """Photos that by themselves are sheared, or have another lens than the rest."""
-    pairs = fit.reference.pairs
+    pairs, photos = fit.reference.pairs, _own(fit)
     suspects = {
         one.photo
         for one in (*sheared_photos(photos), *zoomed_photos(photos))
@@ -415,8 +387,7 @@ def _single(fit: ObjectFit, photos: PhotoLenses) -> list[Finding]:
         left_out = np.array(sorted(suspects))
         if not _determined_without(fit, left_out):
             return []
-        again = _without(fit, left_out)
-        photos = photos if again is None else again
+        photos = _without(fit, left_out)
     findings = []
     kinds = ((sheared_photos(photos), Code.SHEARED), (zoomed_photos(photos), Code.PHOTO_LENS))
     for unlike, code in kinds:
@@ -440,34 +411,29 @@ def _determined_without(fit: ObjectFit, left_out: IntArray) -> bool:
     return bool(poses >= _FEWEST_OTHERS and 2 * others >= _TIMES_DETERMINED * unknowns)
 
 
-def _without(fit: ObjectFit, suspects: IntArray) -> PhotoLenses | None:
+def _without(fit: ObjectFit, suspects: IntArray) -> PhotoLenses:
     """What each photo has of its own beside a lens that was fitted without some."""
-    pairs = fit.reference.pairs.with_world(fit.cubic.fit.world.points)
+    pairs = fit.reference.pairs
     good = np.setdiff1d(np.arange(len(pairs.images)), suspects)
     good = spread_out(good, 2 * enough_photos(len(good)))
-    try:
-        reference = refit_radial(fit.reference, select_photos(pairs, good), fit.cubic.poses[good])
-        cubic = fit_cubic(reference, fit.cubic.hold, relative_decrease=_ROUGH_DECREASE)
-        poses = fit.cubic.poses.with_photos(good, cubic.poses)
-        # Beside their poses under the other lens, photos would look grossly wrong all over.
-        left_out = np.setdiff1d(np.arange(len(poses)), good)
-        camera = CubicCamera(
-            image_size=pairs.image_size,
-            P=cubic.lens.P,
-            max_angle_deg=cubic.max_angle_deg,
-            radial=reference.camera,
-        )
-        placed = adjust(
-            FixedLens(camera=camera),
-            poses[left_out],
-            select_photos(pairs, left_out),
-            huber_px=_WIDE_HUBER_PX,
-        )
-    except (FitError, np.linalg.LinAlgError):
-        return None
+    reference = refit_radial(fit.reference, select_photos(pairs, good), fit.cubic.poses[good])
+    cubic = fit_cubic(reference, fit.cubic.hold, relative_decrease=_ROUGH_DECREASE)
+    poses = fit.cubic.poses.with_photos(good, cubic.poses)
+    # Beside their poses under the other lens, photos would look grossly wrong all over.
+    left_out = np.setdiff1d(np.arange(len(poses)), good)
+    camera = CubicCamera(
+        image_size=pairs.image_size,
+        P=cubic.lens.P,
+        max_angle_deg=cubic.max_angle_deg,
+        radial=reference.camera,
+    )
+    lens, others = FixedLens(camera=camera), select_photos(pairs, left_out)
+    placed = adjust(lens, poses[left_out], others, huber_px=_WIDE_HUBER_PX)
     poses = poses.with_photos(left_out, placed.poses)
     photos = photo_lenses(cubic.lens, poses, pairs, pairs.world)
-    return photos if np.isfinite(photos.own).all() else None
+    if not np.isfinite(photos.own).all():
+        raise FitError("photos have no place beside a lens that was fitted without them")
+    return photos
 
 
 def _single_finding(certain: list[Unlike], pairs: Observations, code: Code) -> Finding:
