@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -107,29 +107,21 @@ class CameraFacts:
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON."""
-        seen = self.field
+        record = {one.name: getattr(self, one.name) for one in fields(self)}
+        record = {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in record.items()
+        }
+        seen, judged = record.pop("field"), record.pop("verdict")
+        del record["pictures"]
         return {
+            **record,
             "title": self.title or None,
             "summary": self.line,
-            "image_size": list(self.image_size),
-            "focal_px": _list(self.focal_px),
-            "focal_sigma_px": _list(self.focal_sigma_px),
-            "principal_point": _list(self.principal_point),
-            "principal_point_sigma_px": _list(self.principal_point_sigma_px),
             "horizontal_deg": seen and seen.horizontal,
             "vertical_deg": seen and seen.vertical,
             "diagonal_deg": seen and seen.diagonal,
-            "max_angle_deg": self.max_angle_deg,
-            "covered_deg": self.covered_deg,
-            "rms_px": self.rms_px,
-            "held_out_rms_px": self.held_out_rms_px,
-            "images": self.images,
-            "corners": self.corners,
-            "verdict": None if self.verdict is None else self.verdict.as_record(),
-            "date": self.date,
-            "version": self.version,
-            "command": self.command,
-            "target": self.target,
+            "verdict": judged and judged.as_record(),
         }
 
 
@@ -202,10 +194,6 @@ def field_seen(camera: CubicCamera) -> FieldSeen:
             reach(left, top) + reach(right, bottom), reach(left, bottom) + reach(right, top)
         ),
     )
-
-
-def _list(values: tuple[float, float] | None) -> list[float] | None:
-    return None if values is None else list(values)
 
 
 def _count(value: object) -> int | None:

@@ -70,13 +70,11 @@ def recorded(fit: Mapping[str, Any]) -> FieldUncertainty | None:
     known = [value for value in grid if value is not None]
     counted = summed(np.array(known)) if known else None
     # Older files have no figure of 95 %: the grid does.
-    median, p95 = recorded_number(record.get("median_px")), recorded_number(record.get("p95_px"))
-    if median is None or p95 is None:
-        if counted is None:
-            return None
-        median = counted.median_px if median is None else median
-        p95 = counted.p95_px if p95 is None else p95
-    return FieldUncertainty(median_px=median, p95_px=p95)
+    told = counted.as_record() if counted else {}
+    for name in ("median_px", "p95_px"):
+        number = recorded_number(record.get(name))
+        told |= {} if number is None else {name: number}
+    return FieldUncertainty(**told) if len(told) == 2 else None
 
 
 def sigma_at(record: Mapping[str, Any], pixel: FloatArray) -> FloatArray:

@@ -17,3 +17,15 @@ def recorded_number(value: object) -> float | None:
 def recorded_mappings(value: object) -> list[Mapping[str, Any]]:
     """The mappings of a list; none of anything else."""
     return [item for item in value if isinstance(item, Mapping)] if isinstance(value, list) else []
+
+
+class Numbers:
+    """The finite numbers of what may be a record, by their names; NaN for what is not known."""
+
+    def __init__(self, record: object) -> None:
+        """Look into a mapping; anything else holds none."""
+        self._record = record if isinstance(record, Mapping) else {}
+
+    def __getattr__(self, name: str) -> float:
+        number = recorded_number(self._record.get(name))
+        return math.nan if number is None else number

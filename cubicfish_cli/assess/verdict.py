@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.assess.field_uncertainty import CERTAIN_PX
-from cubicfish_cli.assess.records import recorded_number
+from cubicfish_cli.assess.records import Numbers, recorded_mappings
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding, Level, asks_for_photos, level_of, of_record
@@ -47,7 +47,6 @@ _RIM_UNCERTAINTY_PX = 2 * CERTAIN_PX
 _DROPPED_SHARE = (0.05, 0.2)
 _UNFIT_SHARE = (1 / 3, 1 / 2)
 _FEW_CORNERS = 200
-_FULL_RANK = {"ray": 16, "point": 20}
 _FEW_PHOTOS = 3
 # Photos of one flat board from which on a lens is known somehow, and well.
 _FEW_OF_A_PLANE = (8, 4)
@@ -123,17 +122,7 @@ def verdict(
     """
     scale = max(1.0, max(image_size) / _SIDE)
     causes, asides = _of_findings(fit)
-    reasons = [
-        *asides,
-        *_of_errors(fit, scale),
-        *_of_held_out(fit, scale),
-        *_of_photos(fit),
-        *_of_field(fit, image_size, outline),
-        *_of_rim(fit, scale),
-        *_of_uncertainty(fit, scale),
-        *_of_what_was_left_out(fit),
-        *_of_object(fit),
-    ]
+    reasons = [*asides, *_of_figures(fit, image_size, outline, scale), *_of_object(fit)]
     reasons.sort(key=_is_mild)
     reasons = [*sorted(causes, key=_is_mild), *reasons]
     return Verdict(
@@ -155,26 +144,27 @@ def evaluation_verdict(
 
     """
     scale = max(1.0, max(image_size) / _SIDE)
-    rms, p95 = _number(record, "rms_px"), _number(record, "p95_px")
-    before = _number(fit, "held_out_rms_px") or _number(fit, "rms_px")
-    if rms is None:
+    own, numbers = Numbers(record), Numbers(fit)
+    rms, before = own.rms_px, numbers.held_out_rms_px
+    before = before if before > 0 else numbers.rms_px
+    if math.isnan(rms):
         return Verdict(level="bad", figures="no figures are known", reasons=())
-    beside = "" if before is None else f", against {before:.3f} px when it was calibrated"
-    reasons = []
-    level = _ratio_above(rms, before, _WORSE_THAN_BEFORE, scale)
-    if level is not None and before:
-        figures = {"rms_px": rms, "before_px": before, "times": rms / before}
-        if p95 is not None and p95 <= 3 * before:
-            figures["p95_px"] = p95
-            reasons.append(
-                Finding(code=Code.A_FEW_FAR_OFF, severity=Severity.CARE, figures=figures)
-            )
-        else:
-            reasons.append(Finding(code=Code.WORSE_THAN_BEFORE, severity=level, figures=figures))
-    else:
-        reasons += _reason(
+    beside = f", against {before:.3f} px when it was calibrated" if math.isfinite(before) else ""
+    level = ratio_above(rms, before, _WORSE_THAN_BEFORE, scale)
+    if level is None:
+        reasons = _reason(
             _above(rms / scale, _ERROR_PX), Code.LARGE_ERRORS, "evaluation", error_px=rms
         )
+    else:
+        figures = {"rms_px": rms, "before_px": before, "times": rms / before}
+        code = Code.WORSE_THAN_BEFORE
+        if own.p95_px <= 3 * before:
+            code, level, figures = (
+                Code.A_FEW_FAR_OFF,
+                Severity.CARE,
+                {**figures, "p95_px": own.p95_px},
+            )
+        reasons = [Finding(code=code, severity=level, figures=figures)]
     return Verdict(
         level=level_of(reasons),
         figures=f"off by {rms:.3f} px on these photos{beside}",
@@ -187,26 +177,21 @@ def photo_verdicts(
 ) -> list[tuple[Finding, ...]]:
     """What is told of each photo of ``per_image``: its errors, also beside those of the others."""
     most = _ERROR_PX[0] * max(1.0, max(image_size) / _SIDE)
-    records = [record for record in _list(fit, "per_image") if isinstance(record, Mapping)]
-    errors = [_number(record, "rms_px") for record in records]
-    typical = median([error for error in errors if error is not None] or [0.0])
-    lost = Counter(
-        str(corner.get("image"))
-        for corner in _list(fit, "dropped_corners")
-        if isinstance(corner, Mapping)
-    )
+    records = recorded_mappings(fit.get("per_image"))
+    errors = [Numbers(record).rms_px for record in records]
+    typical = median([error for error in errors if math.isfinite(error)] or [0.0])
+    dropped = recorded_mappings(fit.get("dropped_corners"))
+    lost = Counter(str(corner.get("image")) for corner in dropped)
     told = []
     for record, error in zip(records, errors, strict=True):
-        corners, dropped = _number(record, "corners") or 0, lost[str(record.get("image"))]
-        own: list[Finding] = []
-        if error is not None and len(errors) > 1 and error > _WORSE_PHOTO * typical > 0:
+        own, out = list[Finding](), lost[str(record.get("image"))]
+        if len(errors) > 1 and error > _WORSE_PHOTO * typical > 0:
             own += _reason(Severity.BAD, Code.STANDS_OUT, times=error / typical)
-        elif error is not None and error > most:
+        elif error > most:
             own += _reason(Severity.BAD, Code.LARGE_ERRORS, "photo")
-        if dropped:
-            own += _reason(Severity.CARE, Code.OUTLIERS, dropped=dropped)
-        if corners < _FEW_CORNERS_IN_PHOTO:
-            own += _reason(Severity.CARE, Code.FEW_CORNERS, "photo")
+        own += _reason(Severity.CARE if out else None, Code.OUTLIERS, dropped=out)
+        few = not Numbers(record).corners >= _FEW_CORNERS_IN_PHOTO
+        own += _reason(Severity.CARE if few else None, Code.FEW_CORNERS, "photo")
         told.append(tuple(own))
     return told
 
@@ -227,123 +212,75 @@ def _of_findings(fit: Mapping[str, Any]) -> tuple[list[Finding], list[Finding]]:
         What explains errors, and what does not.
 
     """
-    told = [of_record(one) for one in _list(fit, "findings") if isinstance(one, Mapping)]
+    told = [of_record(one) for one in recorded_mappings(fit.get("findings"))]
     against = [one for one in told if one is not None and one.severity is not Severity.NOTE]
     causes = [one for one in against if one.code not in _NO_ERRORS]
     return causes, [one for one in against if one.code in _NO_ERRORS]
 
 
-def _of_errors(fit: Mapping[str, Any], scale: float) -> Iterator[Finding]:
-    held_out, rms = _number(fit, "held_out_rms_px"), _number(fit, "rms_px")
-    if held_out is None and rms is None:
-        yield from _reason(Severity.BAD, Code.NO_FIGURES)
-        return
-    error = max(value for value in (held_out, rms) if value is not None)
-    yield from _reason(_above(error / scale, _ERROR_PX), Code.LARGE_ERRORS, error_px=error)
-    corners = _number(fit, "corners")
-    if corners is not None and corners < _FEW_CORNERS:
-        yield from _reason(Severity.CARE, Code.FEW_CORNERS, corners=corners)
-
-
-def _of_held_out(fit: Mapping[str, Any], scale: float) -> Iterator[Finding]:
-    held_out, rms = _number(fit, "held_out_rms_px"), _number(fit, "rms_px")
-    if held_out is None:
-        photos = _number(fit, "images")
-        few = photos is not None and photos < _FEW_PHOTOS
-        yield from _reason(
-            Severity.CARE, Code.NOT_HELD_OUT, "few" if photos and few else "", photos=photos
-        )
-        return
-    level = _ratio_above(held_out, rms, _OVERFIT, scale)
-    if rms:
-        yield from _reason(level, Code.OVERFITTED, held_out_px=held_out, times=held_out / rms)
-    reference = _number(fit, "companion_held_out_rms_px")
-    level = _ratio_above(held_out, reference, _BESIDE_COMPANION, scale)
-    if reference:
-        yield from _reason(level, Code.RADIAL_IS_NEARER, held_out_px=held_out, radial_px=reference)
-
-
-def _of_photos(fit: Mapping[str, Any]) -> Iterator[Finding]:
-    """One flat board leaves much of a lens open in each photo: the others must tell it."""
-    photos = _number(fit, "images")
-    if fit.get("flat") is not True or photos is None:
-        return
-    level = _above(1 - photos, (1 - _FEW_OF_A_PLANE[0], 1 - _FEW_OF_A_PLANE[1]))
-    bad = level is Severity.BAD
-    yield from _reason(level, Code.FEW_PHOTOS_OF_A_PLANE, photos=photos, bad=bad)
-
-
-def _of_rim(fit: Mapping[str, Any], scale: float) -> Iterator[Finding]:
-    """What is off at the rim, and what lies beyond the corners."""
-    record = fit.get("reach")
-    record = record if isinstance(record, Mapping) else {}
-    rim, middle = _number(record, "rim_rms_px"), _number(record, "middle_rms_px")
-    start = _number(record, "rim_from_deg")
-    if rim is not None and middle is not None and start is not None:
-        yield from _reason(
-            _ratio_above(rim, middle, _RIM_ERROR, scale),
-            Code.WORSE_AT_THE_RIM,
-            middle_px=middle,
-            rim_px=rim,
-            from_deg=start,
-        )
-    covered, around = _number(fit, "covered_deg"), _number(record, "all_around_deg")
-    edge = _number(record, "edge_uncertainty_px")
-    if covered is None or around is None or edge is None:
-        return
-    if covered - around > _EXTRAPOLATED_DEG and edge / scale > CERTAIN_PX:
-        yield from _reason(
-            Severity.CARE, Code.EXTRAPOLATED, covered_deg=covered, around_deg=around, edge_px=edge
-        )
-
-
-def _of_field(
-    fit: Mapping[str, Any], image_size: tuple[int, int], outline: FloatArray | None
+def _of_figures(
+    fit: Mapping[str, Any], image_size: tuple[int, int], outline: FloatArray | None, scale: float
 ) -> Iterator[Finding]:
-    share = _number(fit, "coverage")
-    if share is not None:
-        level = _above(-share, (-_COVERAGE[0], -_COVERAGE[1]))
-        yield from _reason(level, Code.LOW_COVERAGE, share=share)
+    """One rule after the other; what is not known breaks none."""
+    of, reach, known = (Numbers(one) for one in (fit, fit.get("reach"), fit.get("uncertainty")))
+    held_out, rms, radial, photos = (
+        of.held_out_rms_px, of.rms_px, of.companion_held_out_rms_px, of.images,
+    )  # fmt: skip
+    error = float(np.fmax(held_out, rms))
+    if math.isnan(error):
+        yield from _reason(Severity.BAD, Code.NO_FIGURES)
+    else:
+        yield from _reason(_above(error / scale, _ERROR_PX), Code.LARGE_ERRORS, error_px=error)
+        yield from _reason(_care(of.corners < _FEW_CORNERS), Code.FEW_CORNERS, corners=of.corners)
+    many = None if math.isnan(photos) else photos
+    case = "few" if 0 < photos < _FEW_PHOTOS else ""
+    yield from _reason(_care(math.isnan(held_out)), Code.NOT_HELD_OUT, case, photos=many)
+    level = ratio_above(held_out, rms, _OVERFIT, scale)
+    yield from _reason(level, Code.OVERFITTED, held_out_px=held_out, times=held_out / (rms or 1))
+    level = ratio_above(held_out, radial, _BESIDE_COMPANION, scale)
+    yield from _reason(level, Code.RADIAL_IS_NEARER, held_out_px=held_out, radial_px=radial)
+    if fit.get("flat") is True:  # much of a lens is open in each photo: the others must tell it
+        level = _above(1 - photos, (1 - _FEW_OF_A_PLANE[0], 1 - _FEW_OF_A_PLANE[1]))
+        bad = level is Severity.BAD
+        yield from _reason(level, Code.FEW_PHOTOS_OF_A_PLANE, photos=photos, bad=bad)
+    level = _above(-of.coverage, (-_COVERAGE[0], -_COVERAGE[1]))
+    yield from _reason(level, Code.LOW_COVERAGE, share=of.coverage)
+    seen = math.nan
     if outline is not None and len(outline) > 2:
         seen = _area(outline) / (image_size[0] * image_size[1])
-        if seen < _SEEN_SHARE:
-            yield from _reason(Severity.CARE, Code.SMALL_FIELD, share=seen)
-    lift = "point" if fit.get("lift") == "point" else "ray"
-    rank, full = _number(fit, "rank"), _FULL_RANK[lift]
-    if rank is not None and rank < full:
-        case = "point" if lift == "point" else ""
-        yield from _reason(Severity.CARE, Code.LOW_RANK, case, rank=rank, full=full)
-
-
-def _of_uncertainty(fit: Mapping[str, Any], scale: float) -> Iterator[Finding]:
-    record = fit.get("uncertainty")
-    record = record if isinstance(record, Mapping) else {}
-    typical, most = _number(record, "median_px"), _number(record, "max_px")
-    level = None if typical is None else _above(typical / scale, _MEDIAN_UNCERTAINTY_PX)
-    if level is not None:
-        yield from _reason(level, Code.UNCERTAIN, median_px=typical)
-    elif most is not None and most / scale > _RIM_UNCERTAINTY_PX:
-        yield from _reason(Severity.CARE, Code.UNCERTAIN, "somewhere", max_px=most)
-
-
-def _of_what_was_left_out(fit: Mapping[str, Any]) -> Iterator[Finding]:
-    dropped, corners = _number(fit, "dropped") or 0, _number(fit, "corners") or 0
-    level = _above(dropped / max(dropped + corners, 1), _DROPPED_SHARE)
-    yield from _reason(level, Code.MANY_OUTLIERS, dropped=dropped, corners=dropped + corners)
+    yield from _reason(_care(seen < _SEEN_SHARE), Code.SMALL_FIELD, share=seen)
+    lift, full = ("point", 20) if fit.get("lift") == "point" else ("", 16)
+    yield from _reason(_care(of.rank < full), Code.LOW_RANK, lift, rank=of.rank, full=full)
+    # At the rim, and beyond the corners.
+    rim, middle, start = reach.rim_rms_px, reach.middle_rms_px, reach.rim_from_deg
+    level = None if math.isnan(start) else ratio_above(rim, middle, _RIM_ERROR, scale)
+    yield from _reason(level, Code.WORSE_AT_THE_RIM, middle_px=middle, rim_px=rim, from_deg=start)
+    covered, around, edge = of.covered_deg, reach.all_around_deg, reach.edge_uncertainty_px
+    level = _care(covered - around > _EXTRAPOLATED_DEG and edge / scale > CERTAIN_PX)
+    yield from _reason(
+        level, Code.EXTRAPOLATED, covered_deg=covered, around_deg=around, edge_px=edge
+    )
+    level = _above(known.median_px / scale, _MEDIAN_UNCERTAINTY_PX)
+    yield from _reason(level, Code.UNCERTAIN, median_px=known.median_px)
+    level = _care(level is None and known.max_px / scale > _RIM_UNCERTAINTY_PX)
+    yield from _reason(level, Code.UNCERTAIN, "somewhere", max_px=known.max_px)
+    # What was left out.
+    dropped, used = np.nan_to_num([of.dropped, of.corners]).tolist()
+    level = _above(dropped / max(dropped + used, 1), _DROPPED_SHARE)
+    yield from _reason(level, Code.MANY_OUTLIERS, dropped=dropped, corners=dropped + used)
     unfit = fit.get("unfit_images")
     left_out = len(unfit) if isinstance(unfit, Mapping) else 0
-    photos = left_out + (_number(fit, "images") or 0)
+    photos = left_out + (many or 0)
     level = _above(left_out / max(photos, 1), _UNFIT_SHARE)
     yield from _reason(level, Code.MANY_UNFIT, left_out=left_out, photos=photos)
 
 
 def _of_object(fit: Mapping[str, Any]) -> Iterator[Finding]:
-    for departure in _list(fit, "departures"):
-        if not isinstance(departure, Mapping):
-            continue
-        known = [of_record(one) for one in _list(departure, "doubted") if isinstance(one, Mapping)]
-        doubts = [one.what for one in known if one is not None]
-        older = [str(doubt) for doubt in _list(departure, "doubts")]  # with no codes beside them
+    for departure in recorded_mappings(fit.get("departures")):
+        known = [of_record(one) for one in recorded_mappings(departure.get("doubted"))]
+        doubts, told = [one.what for one in known if one is not None], departure.get("doubts")
+        # Older records have no codes beside them.
+        older = [str(doubt) for doubt in told] if isinstance(told, list) else []
         if doubts or older:
             yield from _reason(
                 Severity.CARE,
@@ -355,19 +292,19 @@ def _of_object(fit: Mapping[str, Any]) -> Iterator[Finding]:
 
 
 def _figures(fit: Mapping[str, Any]) -> str:
-    held_out, rms = _number(fit, "held_out_rms_px"), _number(fit, "rms_px")
-    reference, coverage = _number(fit, "companion_held_out_rms_px"), _number(fit, "coverage")
-    covered = _number(fit, "covered_deg")
+    of, reach = Numbers(fit), Numbers(fit.get("reach"))
+    radial, rim = of.companion_held_out_rms_px, reach.rim_coverage
     parts = []
-    if held_out is not None:
-        beside = f" (a radial lens: {reference:.3f})" if reference is not None else ""
-        parts.append(f"off by {held_out:.3f} px{beside} on photos left out of the fit")
-    elif rms is not None:
-        parts.append(f"off by {rms:.3f} px on the photos that it was fitted to")
-    if coverage is not None and covered is not None:
+    if math.isfinite(of.held_out_rms_px):
+        beside = f" (a radial lens: {radial:.3f})" if math.isfinite(radial) else ""
+        parts.append(f"off by {of.held_out_rms_px:.3f} px{beside} on photos left out of the fit")
+    elif math.isfinite(of.rms_px):
+        parts.append(f"off by {of.rms_px:.3f} px on the photos that it was fitted to")
+    if math.isfinite(of.coverage + of.covered_deg):
+        beside = f" and {100 * rim:.0f} % of its rim" if rim < _WHOLE_RIM else ""
         parts.append(
-            f"corners cover {100 * coverage:.0f} % of the field{_of_its_rim(fit)}, out to "
-            f"{covered:.0f}° from the axis"
+            f"corners cover {100 * of.coverage:.0f} % of the field{beside}, out to "
+            f"{of.covered_deg:.0f}° from the axis"
         )
     unfit = fit.get("unfit_images")
     if isinstance(unfit, Mapping) and unfit:
@@ -375,11 +312,8 @@ def _figures(fit: Mapping[str, Any]) -> str:
     return ", ".join(parts) or "no figures are known"
 
 
-def _of_its_rim(fit: Mapping[str, Any]) -> str:
-    record = fit.get("reach")
-    share = _number(record, "rim_coverage") if isinstance(record, Mapping) else None
-    poor = share is not None and share < _WHOLE_RIM
-    return f" and {100 * (share or 0):.0f} % of its rim" if poor else ""
+def _care(odd: bool) -> Severity | None:
+    return Severity.CARE if odd else None
 
 
 def _above(value: float, limits: Sequence[float]) -> Severity | None:
@@ -388,11 +322,11 @@ def _above(value: float, limits: Sequence[float]) -> Severity | None:
     return Severity.CARE if value > limits[0] else None
 
 
-def _ratio_above(
-    value: float, other: float | None, limits: Sequence[tuple[float, float]], scale: float
+def ratio_above(
+    value: float, other: float, limits: Sequence[tuple[float, float]], scale: float
 ) -> Severity | None:
     """The level at which a value is too many times another one, and large enough to matter."""
-    if other is None:
+    if not other > 0:
         return None
     (care, least), (bad, much) = limits
     if value > bad * other and value > much * scale:
@@ -403,12 +337,3 @@ def _ratio_above(
 def _area(outline: FloatArray) -> float:
     x, y = outline.T
     return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)
-
-
-def _number(record: Mapping[str, Any], key: str) -> float | None:
-    return recorded_number(record.get(key))
-
-
-def _list(record: Mapping[str, Any], key: str) -> list[Any]:
-    value = record.get(key)
-    return value if isinstance(value, list) else []

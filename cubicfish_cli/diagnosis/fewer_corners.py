@@ -282,7 +282,9 @@ def _among_others(index: int, board: Board, sights: Sequence[_Sight], shows: _Lo
     seen = np.stack([spans[..., 0].min(axis=0), spans[..., 1].max(axis=0)], axis=1)
     short = [side for side in _sides() if seen[side] != drawn[side]]
     at = {
-        side: [sights[number] for number in np.flatnonzero(spans[(..., *side)] == seen[side])]
+        side: [
+            sights[number] for number in np.flatnonzero(spans[(..., *side)] == seen[side]).tolist()
+        ]
         for side in _sides()
     }
     ends = {side: _ends(at[side], [side], shows) for side in short}

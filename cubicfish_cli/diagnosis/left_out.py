@@ -6,6 +6,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -154,7 +155,7 @@ def board_findings(
             images=tuple(fault.photo for fault in own),
             boards=() if board is None else (board,),
         )
-        figures = {"photos": len(own)} if usual else {}
+        figures: dict[str, Any] = {"photos": len(own)} if usual else {}
         if misnaming is None:
             case = "in_most" if usual else "moved"
             findings.append(told(code=Code.BOARD_PLACE, case=case, figures=figures))

@@ -191,7 +191,9 @@ def _order(seen: _Measured, boards: Sequence[int], order: str) -> dict[str, Any]
 
 def _squares(seen: _Measured) -> _Hypotheses:
     """Other squares, corner (0, 0) of each board where it is drawn."""
-    ratios = {(index,): _by_others(seen, index, scaled=True).scale for index in seen.boards}
+    ratios: dict[tuple[int, ...], float] = {
+        (index,): _by_others(seen, index, scaled=True).scale for index in seen.boards
+    }
     # All squares, by the distances between the boards' first corners.
     own = [similarity(seen.drawn[index], seen.measured[index]) for index in seen.boards]
     first = np.array([board.origin for board in seen.boards.values()])
