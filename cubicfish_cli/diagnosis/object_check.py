@@ -18,7 +18,7 @@ from cubicfish_cli.boards.board import Board
 from cubicfish_cli.boards.shape import AXES_TOLERANCE
 from cubicfish_cli.fitting.point_fit import RANK_TOLERANCE
 from cubicfish_cli.fitting.subset import flatness
-from cubicfish_cli.identification.look_alikes import PlainBoards, Turn, look_alikes, symmetries
+from cubicfish_cli.identification.look_alikes import Turn, look_alikes, symmetries
 from cubicfish_cli.lenses.lift import lift
 from cubicfish_cli.lenses.sphere import all_around
 from cubicfish_cli.target import Target
@@ -98,9 +98,8 @@ def check_object(target: Target) -> ObjectFacts:
     alike: list[Turn] | None = []
     needed = None
     if plain and not drawn.has_markers:
-        boards = PlainBoards.of(drawn)
-        same, near = symmetries(boards)
-        alike, needed = look_alikes(boards, faced)
+        same, near = symmetries(drawn)
+        alike, needed = look_alikes(drawn, faced)
     return ObjectFacts(
         corners=len(world),
         planes=drawn.plane_count(),

@@ -11,7 +11,7 @@ import numpy as np
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.geometry import similarity
 from cubicfish_cli.identification.ends import Ends, clearly_more, doubtful_rims
-from cubicfish_cli.identification.placement import SAME, Placement, Reach, is_symmetry, reach_of
+from cubicfish_cli.identification.placement import SAME, Placement, Reach, reach_of
 from cubicfish_cli.identification.search import Labelings
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
@@ -117,7 +117,7 @@ class _Photo:
         motion = similarity(
             self.worlds(*_place(labelings, first)), self.worlds(*_place(labelings, second))
         )
-        return is_symmetry(motion, self.sides)
+        return self.sides.is_symmetry(motion)
 
     def most_upright(self, labelings: Labelings, among: Iterable[int]) -> int:
         """Of labelings that look alike: the least turned in the photo, then the most central.

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.geometry import Similarity, similarity
-from cubicfish_cli.identification.placement import Placement, is_symmetry, placement_of, reach_of
+from cubicfish_cli.identification.placement import Placement, placement_of
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
@@ -24,8 +23,6 @@ NEARLY = 0.1
 ALIKE = 0.03
 # Objects of more plain boards are not searched for groups of boards that look alike.
 _MOST_BOARDS = 16
-# Candidate motions times places that are compared at a time, to bound memory.
-_AT_A_TIME = 100_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,125 +48,57 @@ class Turn:
     error: float
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PlainBoards:
-    """The plain boards, and where each board's pattern, whole, lies on the object.
-
-    Attributes:
-        sides: their sides; board b is upright at side 4 b.
-        names: (B,) their names.
-        outline: (B, 4, 3) world points of the outermost corners.
-        side: for each board, (P,) the sides that its whole pattern covers, colours included.
-        places: for each board, (P, 4, 3) its outline there.
-
-    """
-
-    sides: Placement
-    names: tuple[str, ...]
-    outline: FloatArray
-    side: list[IntArray]
-    places: list[FloatArray]
-
-    @classmethod
-    def of(cls, target: Target) -> PlainBoards:
-        """Those of a target."""
-        sides = placement_of(target)
-        outline, covered, places = [], [], []
-        for upright in range(0, len(sides.board), 4):
-            last = sides.size[upright] - 1
-            cells = np.array([[0, 0], [last[0], 0], last, [0, last[1]]])
-            whole = Grid(
-                cells=cells,
-                pixel=cells.astype(float),
-                parity=int(sides.colour[upright]),
-                step=1.0,
-                contrast=np.ones(4),
-            )
-            side, offset = reach_of(whole, sides).places()
-            fills = (np.abs(sides.matrix[side]) @ (last + 1) == sides.size[side]).all(axis=1)
-            side, offset = side[fills], offset[fills]
-            homogeneous = np.column_stack([cells, np.ones(4)])
-            there = homogeneous @ np.swapaxes(sides.world_from_grid(side, offset), -1, -2)
-            covered.append(side)
-            places.append(there)
-            outline.append(there[np.flatnonzero(side == upright)[0]])
-        return cls(
-            sides=sides,
-            names=tuple(target.boards[index].name for index in sides.board[::4]),
-            outline=np.stack(outline),
-            side=covered,
-            places=places,
-        )
-
-    def motions(self, board: int) -> tuple[FloatArray, FloatArray]:
-        """(P, 3, 3), (P, 3) matrices and shifts that carry a board onto each of its places."""
-        frame = self.sides.frame[self.side[board]] @ self.sides.frame[4 * board].T
-        scale = self.sides.square[self.side[board]] / self.sides.square[4 * board]
-        matrix = scale[:, None, None] * frame
-        middle = self.outline[board].mean(axis=0)
-        return matrix, self.places[board].mean(axis=1) - matrix @ middle
-
-    def landing(
-        self, matrix: FloatArray, shift: FloatArray, board: int
-    ) -> tuple[FloatArray, IntArray]:
-        """How far a board, moved, is from the nearest of its places, in squares, and which.
-
-        (C, 3, 3), (C, 3) -> (C,) the largest distance of an outermost corner, (C,) the place.
-        """
-        moved = self.outline[board] @ np.swapaxes(matrix, -1, -2) + shift[:, None]
-        square = self.sides.square[self.side[board]]
-        error, place = [], []
-        step = max(1, _AT_A_TIME // len(square))
-        for first in range(0, len(moved), step):
-            apart = moved[first : first + step, None] - self.places[board]
-            distance = np.linalg.norm(apart, axis=-1).max(axis=-1) / square
-            nearest = distance.argmin(axis=1)
-            place.append(nearest)
-            error.append(distance[np.arange(len(nearest)), nearest])
-        return np.concatenate(error), np.concatenate(place)
+def _motions(sides: Placement, board: int) -> tuple[FloatArray, FloatArray]:
+    """(P, 3, 3), (P, 3) matrices and shifts that carry a board onto each of its places."""
+    side, places = sides.wholes[board]
+    scale = sides.square[side] / sides.square[4 * board]
+    matrix = scale[:, None, None] * (sides.frame[side] @ sides.frame[4 * board].T)
+    return matrix, places.mean(axis=1) - matrix @ places[0].mean(axis=0)
 
 
-def symmetries(boards: PlainBoards) -> tuple[list[Turn], list[Turn]]:
+def symmetries(target: Target) -> tuple[list[Turn], list[Turn]]:
     """Turns of the whole object that make no difference, and those that hardly do."""
+    sides = placement_of(target)
+    everything = list(range(len(sides.wholes)))
     # The board with the fewest places has the fewest candidates.
-    base = min(range(len(boards.names)), key=lambda b: len(boards.places[b]))
-    matrix, shift = boards.motions(base)
+    base = min(everything, key=lambda board: len(sides.wholes[board][0]))
+    matrix, shift = _motions(sides, base)
     # A board that is off by NEARLY turns the motion that is based on it.
     slack = 10 * NEARLY
     landed = np.empty((len(matrix), 0), np.intp)
-    for board in range(len(boards.names)):
-        error, place = boards.landing(matrix, shift, board)
+    for board in everything:
+        error, place = sides.landing(matrix, shift, board)
         kept = error < slack
         matrix, shift = matrix[kept], shift[kept]
         landed = np.column_stack([landed, place])[kept]
     exact: list[Turn] = []
     near: list[Turn] = []
-    everything = list(range(len(boards.names)))
     for places in landed:
-        motion, miss = _fitted(boards, everything, places)
-        turn = _turn(boards, everything, places, motion, miss)
+        motion, miss = _fitted(sides, everything, places)
+        turn = _turn(target, sides, everything, places, motion, miss)
         if turn.angle_deg < 1 and turn.boards == turn.onto:
             continue
-        if is_symmetry(motion, boards.sides):
+        if sides.is_symmetry(motion):
             exact.append(turn)
         elif miss < NEARLY:
             near.append(turn)
     return exact, near
 
 
-def look_alikes(boards: PlainBoards, faced: BoolArray) -> tuple[list[Turn] | None, int | None]:
+def look_alikes(target: Target, faced: BoolArray) -> tuple[list[Turn] | None, int | None]:
     """The largest groups of boards that look like others, and how many boards are none."""
-    count = len(boards.names)
-    if count > _MOST_BOARDS:
+    sides = placement_of(target)
+    everything = list(range(len(sides.wholes)))
+    if len(everything) > _MOST_BOARDS:
         return None, None
-    if count == 1:
+    if len(everything) == 1:
         return [], 1
     groups: dict[frozenset[int], Turn] = {}
     looked: set[tuple[int, ...]] = set()
     views = np.unique(faced, axis=0)
-    for base in range(count):
-        matrix, shift = boards.motions(base)
-        landings = [boards.landing(matrix, shift, board) for board in range(count)]
+    for base in everything:
+        matrix, shift = _motions(sides, base)
+        landings = [sides.landing(matrix, shift, board) for board in everything]
         error = np.stack([one for one, _ in landings], axis=1)
         place = np.stack([one for _, one in landings], axis=1)
         for own, places in zip(error < ALIKE, place, strict=True):
@@ -178,13 +107,15 @@ def look_alikes(boards: PlainBoards, faced: BoolArray) -> tuple[list[Turn] | Non
             if key in looked:
                 continue
             looked.add(key)
-            if own.all() and _makes_no_difference(boards, places):
-                continue
+            if own.all():
+                motion, miss = _fitted(sides, everything, places)
+                if miss < NEARLY or sides.is_symmetry(motion):
+                    continue
             for group in _seen_at_once(own, views):
                 if any(frozenset(group) < other for other in groups):
                     continue
-                motion, miss = _fitted(boards, group, places[group])
-                turn = _turn(boards, group, places[group], motion, miss)
+                motion, miss = _fitted(sides, group, places[group])
+                turn = _turn(target, sides, group, places[group], motion, miss)
                 known = groups.get(frozenset(group))
                 # A board that could be another one says more than one that could be turned.
                 if known is None or set(known.boards) == set(known.onto):
@@ -194,12 +125,6 @@ def look_alikes(boards: PlainBoards, faced: BoolArray) -> tuple[list[Turn] | Non
     return maximal, 1 + max((len(turn.boards) for turn in maximal), default=0)
 
 
-def _makes_no_difference(boards: PlainBoards, places: IntArray) -> bool:
-    """Whether all boards, moved to these places, are a symmetry of the object, or nearly."""
-    motion, error = _fitted(boards, range(len(boards.names)), places)
-    return error < NEARLY or is_symmetry(motion, boards.sides)
-
-
 def _seen_at_once(own: BoolArray, faced: BoolArray) -> list[list[int]]:
     """The largest groups of some boards (B,) that face one of the eyes (E, B) together."""
     together = {frozenset(np.flatnonzero(row).tolist()) for row in np.unique(faced & own, axis=0)}
@@ -207,29 +132,34 @@ def _seen_at_once(own: BoolArray, faced: BoolArray) -> list[list[int]]:
     return sorted(sorted(group) for group in largest)
 
 
-def _fitted(
-    boards: PlainBoards, group: Sequence[int], places: IntArray
-) -> tuple[Similarity, float]:
+def _fitted(sides: Placement, group: Sequence[int], places: IntArray) -> tuple[Similarity, float]:
     """The motion of some boards onto their places that fits best, and its error in squares."""
-    there = np.stack([boards.places[b][p] for b, p in zip(group, places, strict=True)])
-    motion = similarity(boards.outline[list(group)].reshape(-1, 3), there.reshape(-1, 3))
-    sides = [boards.side[b][p] for b, p in zip(group, places, strict=True)]
-    return motion, motion.error / float(boards.sides.square[sides].min())
+    chosen = [(*sides.wholes[board], place) for board, place in zip(group, places, strict=True)]
+    here = np.concatenate([at[0] for _, at, _ in chosen])
+    motion = similarity(here, np.concatenate([at[place] for _, at, place in chosen]))
+    covered = [side[place] for side, _, place in chosen]
+    return motion, motion.error / float(sides.square[covered].min())
 
 
 def _turn(
-    boards: PlainBoards, group: Sequence[int], places: IntArray, motion: Similarity, error: float
+    target: Target,
+    sides: Placement,
+    group: Sequence[int],
+    places: IntArray,
+    motion: Similarity,
+    error: float,
 ) -> Turn:
-    covered = [boards.side[b][p] // 4 for b, p in zip(group, places, strict=True)]
+    covered = [sides.wholes[b][0][p] // 4 for b, p in zip(group, places, strict=True)]
+    names = [target.boards[index].name for index in sides.board[::4]]
     angle, axis = _angle_axis(motion.rotation)
-    middle = boards.outline[list(group)].reshape(-1, 3).mean(axis=0)
+    middle = np.concatenate([sides.wholes[board][1][0] for board in group]).mean(axis=0)
     # Of the points that the motion moves along its axis only, the one nearest to the middle.
     moves = motion.scale * motion.rotation - np.eye(3)
     across = np.eye(3) - np.outer(axis, axis)
     to_middle = np.linalg.pinv(moves @ across, rcond=1e-6) @ (motion.shift + moves @ middle)
     return Turn(
-        boards=tuple(boards.names[b] for b in group),
-        onto=tuple(boards.names[b] for b in covered),
+        boards=tuple(names[b] for b in group),
+        onto=tuple(names[b] for b in covered),
         angle_deg=float(np.degrees(angle)),
         axis=axis,
         point=middle - to_middle,

@@ -14,6 +14,7 @@ is the same object. The others are slides along something that shows no end.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -28,6 +29,8 @@ TURNS = np.array(
 # Places that agree this well, in squares, are the same place.
 SAME = 0.01
 _SAME_SCALE = 1e-3
+# Candidate motions times places that are compared at a time, to bound memory.
+_AT_A_TIME = 100_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,6 +77,55 @@ class Placement:
             ],
             axis=-1,
         )
+
+    @cached_property
+    def wholes(self) -> list[tuple[IntArray, FloatArray]]:
+        """Where each board's pattern, whole, lies on the object.
+
+        For each board, (P,) the sides that it covers, colours included, the first of them its own
+        upright one, and (P, 4, 3) world points of its outermost corners there.
+        """
+        found = []
+        for upright in range(0, len(self.board), 4):
+            last = self.size[upright] - 1
+            cells = np.array([[0, 0], [last[0], 0], last, [0, last[1]]])
+            colour = int(self.colour[upright])
+            whole = Grid(
+                cells=cells, pixel=1.0 * cells, parity=colour, step=1.0, contrast=np.ones(4)
+            )
+            side, offset = reach_of(whole, self).places()
+            fills = (np.abs(self.matrix[side]) @ (last + 1) == self.size[side]).all(axis=1)
+            order = np.argsort(side[fills] != upright, kind="stable")
+            side, offset = side[fills][order], offset[fills][order]
+            form = np.swapaxes(self.world_from_grid(side, offset), -1, -2)
+            found.append((side, np.column_stack([cells, np.ones(4)]) @ form))
+        return found
+
+    def landing(
+        self, matrix: FloatArray, shift: FloatArray, board: int
+    ) -> tuple[FloatArray, IntArray]:
+        """How far a board, moved, is from the nearest of its places, in squares, and which.
+
+        (C, 3, 3), (C, 3) -> (C,) the largest distance of an outermost corner, (C,) the place.
+        """
+        side, places = self.wholes[board]
+        moved = places[0] @ np.swapaxes(matrix, -1, -2) + shift[:, None]
+        error, place = [np.empty(0)], [np.empty(0, np.intp)]
+        step = max(1, _AT_A_TIME // len(side))
+        for first in range(0, len(moved), step):
+            apart = np.linalg.norm(moved[first : first + step, None] - places, axis=-1)
+            distance = apart.max(axis=-1) / self.square[side]
+            place.append(distance.argmin(axis=1))
+            error.append(distance.min(axis=1))
+        return np.concatenate(error), np.concatenate(place)
+
+    def is_symmetry(self, motion: Similarity) -> bool:
+        """Whether ``motion`` carries the target onto itself, colours included."""
+        if abs(motion.scale - 1) > _SAME_SCALE:
+            return False
+        boards = range(len(self.wholes))
+        turn, shift = motion.rotation[None], motion.shift[None]
+        return all(self.landing(turn, shift, board)[0][0] < SAME for board in boards)
 
     def board_cells(self, side: int, offset: IntArray, cells: IntArray) -> IntArray:
         """(N, 2) columns and rows of the grid's cells at one place."""
@@ -167,43 +219,3 @@ def reach_of(grid: Grid, sides: Placement) -> Reach:
         high=sides.size - 1 - ends.max(axis=1),
         parity=flipped.astype(np.intp),
     )
-
-
-def is_symmetry(motion: Similarity, sides: Placement) -> bool:
-    """Whether ``motion`` carries the target onto itself, colours included."""
-    if abs(motion.scale - 1) > _SAME_SCALE:
-        return False
-    upright = np.flatnonzero(sides.turn == 0)
-    for one in upright:
-        ends = np.array([[0, 0], sides.size[one] - 1])
-        world = sides.origin[one] + sides.square[one] * ends @ sides.axes[one].T
-        frame = motion.rotation @ sides.frame[one]
-        world = world @ motion.rotation.T + motion.shift
-        if not any(_lands_on(frame, world, int(one), other, sides) for other in upright):
-            return False
-    return True
-
-
-def _lands_on(
-    frame: FloatArray, world: FloatArray, one: int, other: np.intp, sides: Placement
-) -> bool:
-    """Whether board ``one``, moved to ``frame`` and end corners ``world``, covers ``other``."""
-    square = sides.square[other]
-    if abs(sides.square[one] - square) > 1e-3 * square:
-        return False
-    turned = sides.frame[other : other + 4]
-    same = np.abs(turned - frame).max(axis=(1, 2)) < SAME / max(sides.size[other])
-    if not same.any():
-        return False
-    turn = int(np.argmax(same))
-    arm = (world - sides.origin[other]) / square
-    cells = arm @ sides.axes[other]
-    off_plane = np.abs(arm @ sides.frame[other][:, 2]).max()
-    if np.abs(cells - np.rint(cells)).max() > SAME or off_plane > SAME:
-        return False
-    corners = np.rint(cells).astype(np.intp)
-    if (corners.min(axis=0) != 0).any() or (corners.max(axis=0) != sides.size[other] - 1).any():
-        return False
-    # A quarter turn, and each odd step of the first corner, swap the two colours.
-    flips = turn + int(corners[0].sum())
-    return bool(sides.colour[one] == sides.colour[other] * (-1) ** flips)

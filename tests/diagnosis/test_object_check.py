@@ -18,7 +18,7 @@ from cubicfish_cli.geometry import similarity
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.look_alikes import ALIKE, Turn
 from cubicfish_cli.identification.name_grids import name_grids
-from cubicfish_cli.identification.placement import is_symmetry, placement_of
+from cubicfish_cli.identification.placement import placement_of
 from cubicfish_cli.target import Target
 
 
@@ -166,7 +166,7 @@ def test_turns_are_those_of_the_object_wherever_it_is(motion):
     image = (world - turn.point) @ about.T + turn.point
     apart = np.linalg.norm(image[::7, None] - world[None], axis=-1).min(axis=1)
     assert apart.max() < 1e-6
-    assert is_symmetry(similarity(world, image), placement_of(target))
+    assert placement_of(target).is_symmetry(similarity(world, image))
 
 
 @pytest.mark.parametrize(("shift", "near"), [(0.02, True), (0.05, True), (0.3, False)])

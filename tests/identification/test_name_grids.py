@@ -21,7 +21,7 @@ from cubicfish_cli.geometry import similarity
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.identified import Identified, Place
 from cubicfish_cli.identification.name_grids import name_grids
-from cubicfish_cli.identification.placement import is_symmetry, placement_of
+from cubicfish_cli.identification.placement import placement_of
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.target import Target, load_target
 
@@ -309,7 +309,7 @@ def test_names_agree_from_photo_to_photo_where_the_drawing_is_symmetric():
     assert len(found) >= 18
     motion = similarity(np.concatenate(right), np.concatenate(found))
     assert motion.error < 1e-6  # one and the same symmetry in all photos
-    assert is_symmetry(motion, placement_of(drawn))
+    assert placement_of(drawn).is_symmetry(motion)
 
 
 def world(target: Target, place: Place, grid: Grid) -> np.ndarray:

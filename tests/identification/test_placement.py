@@ -6,7 +6,7 @@ from synthetic import checkerboard, corner_of_three
 
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.geometry import similarity
-from cubicfish_cli.identification.placement import TURNS, is_symmetry, placement_of, reach_of
+from cubicfish_cli.identification.placement import TURNS, placement_of, reach_of
 from cubicfish_cli.target import Target
 
 
@@ -102,14 +102,14 @@ def test_symmetries_of_a_single_board(size, turns):
         turn[:2, :2] = TURNS[k]
         motion = similarity(world, (world - middle) @ turn.T + middle)
         assert motion.error < 1e-9
-        assert is_symmetry(motion, sides) == (k in turns)
+        assert sides.is_symmetry(motion) == (k in turns)
 
 
 def test_a_slide_or_another_scale_is_no_symmetry():
     sides = placement_of(one_board(6, 4))
     world = np.array([[0, 0, 0], [50, 0, 0], [50, 30, 0], [0, 30, 0]], float)
-    assert not is_symmetry(similarity(world, world + np.array([20.0, 0, 0])), sides)
-    assert not is_symmetry(similarity(world, world * 1.2), sides)
+    assert not sides.is_symmetry(similarity(world, world + np.array([20.0, 0, 0])))
+    assert not sides.is_symmetry(similarity(world, world * 1.2))
 
 
 @given(st.integers(0, 10_000))
