@@ -9,7 +9,8 @@ say how the boards lie to each other, and names that fit this object agree from 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from cubicfish_cli.geometry import mean_rotation
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.placement import Placement
 from cubicfish_cli.identification.scene import Decisions, Scene, rigid
-from cubicfish_cli.types import FloatArray, IntArray
+from cubicfish_cli.types import FloatArray
 
 # Grids that fit the object this much worse than planes of their own, and miss it by this share
 # of the distance of neighbouring corners: it is not as drawn.
@@ -48,27 +49,23 @@ def decided_as_built(scene: Scene, decisions: Decisions) -> tuple[Placement, Dec
     return scene.sides, decisions
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Sighting:
-    """One named grid in one photo.
+class Sighting(NamedTuple):
+    """Where one photo has one board.
 
     Attributes:
-        side, offset: its place.
-        middle: (2,) mean cell.
-        rotation: (3, 3) camera_from_grid.
-        camera_middle: (3,) the mean cell in the camera frame, squares.
-        camera_from_world: the photo's rotation (3, 3) and translation (3,).
-        corners: how many corners it has.
+        board: index into the target's boards.
+        weight: the square of how many corners say so.
+        turned: (3, 3) world directions of its columns, rows and depth.
+        place: (2,) the middle of what is seen, on the board.
+        point: (3,) that in the world.
 
     """
 
-    side: int
-    offset: IntArray
-    middle: FloatArray
-    rotation: FloatArray
-    camera_middle: FloatArray
-    camera_from_world: tuple[FloatArray, FloatArray]
-    corners: int
+    board: int
+    weight: float
+    turned: FloatArray
+    place: FloatArray
+    point: FloatArray
 
 
 def built_sides(sides: Placement, sightings: Sequence[Sighting]) -> Placement:
@@ -77,35 +74,16 @@ def built_sides(sides: Placement, sightings: Sequence[Sighting]) -> Placement:
     Boards without a sighting stay where they are.
     """
     origin, axes, frame = sides.origin.copy(), sides.axes.copy(), sides.frame.copy()
-    for board in np.unique(sides.board):
-        own = [one for one in sightings if sides.board[one.side] == board]
-        if not own:
-            continue
+    for board in {one.board for one in sightings}:
+        own = [one for one in sightings if one.board == board]
+        _, weight, turned, place, point = map(np.array, zip(*own, strict=True))
+        mean = mean_rotation(turned, weight)
         rows = np.flatnonzero(sides.board == board)
-        turned, corner = _placed(sides, own)
-        origin[rows] = corner
-        axes[rows] = turned[:, :2]
+        origin[rows] = np.average(point - place @ mean[:, :2].T, axis=0, weights=weight)
+        axes[rows] = mean[:, :2]
         ij = axes[rows] @ sides.matrix[rows]
         frame[rows] = np.concatenate([ij, np.cross(ij[..., 0], ij[..., 1])[..., None]], axis=-1)
     return replace(sides, origin=origin, axes=axes, frame=frame)
-
-
-def _placed(sides: Placement, own: Sequence[Sighting]) -> tuple[FloatArray, FloatArray]:
-    """World directions of a board's columns, rows and depth (3, 3), and its corner (0, 0)."""
-    weight = np.array([one.corners**2 for one in own], float)
-    turns, points, cells = [], [], []
-    for one in own:
-        rotation, translation = one.camera_from_world
-        back = np.eye(3)
-        back[:2, :2] = sides.matrix[one.side].T
-        turns.append(rotation.T @ one.rotation @ back)
-        seen = sides.square[one.side] * one.camera_middle
-        points.append(rotation.T @ (seen - translation))
-        cells.append(sides.matrix[one.side] @ one.middle + one.offset)
-    turned = mean_rotation(np.stack(turns), weight)
-    square = sides.square[own[0].side]
-    corner = np.stack(points) - square * np.stack(cells) @ turned[:, :2].T
-    return turned, np.average(corner, axis=0, weights=weight)
 
 
 def _off_the_drawing(scene: Scene, decisions: Decisions) -> bool:
@@ -131,23 +109,23 @@ def _extent(scene: Scene, decisions: Decisions, photo: int) -> tuple[int, int]:
 
 
 def _sightings(scene: Scene, decisions: Decisions, photo: int) -> list[Sighting]:
-    decision, seen = decisions[photo], []
+    decision, sides, seen = decisions[photo], scene.sides, []
     for n in rigid(decision):
         index = scene.photos[photo][n]
-        pose = scene.poses[index]
+        pose, cells = scene.poses[index], scene.grids[index].cells
         if pose is None or decision is None:
             continue
-        middle = scene.grids[index].cells.mean(axis=0)
-        rotation = pose.rotation[0]
+        side, middle = decision.side[n], cells.mean(axis=0)
+        square, back = sides.square[side], np.eye(3)
+        back[:2, :2] = sides.matrix[side].T
+        in_camera = square * (pose.rotation[0][:, :2] @ middle + pose.translation[0])
         seen.append(
             Sighting(
-                side=int(decision.side[n]),
-                offset=decision.offset[n],
-                middle=middle,
-                rotation=rotation,
-                camera_middle=rotation[:, :2] @ middle + pose.translation[0],
-                camera_from_world=(decision.rotation, decision.translation),
-                corners=len(scene.grids[index]),
+                board=int(sides.board[side]),
+                weight=float(len(cells) ** 2),
+                turned=decision.rotation.T @ pose.rotation[0] @ back,
+                place=square * (sides.matrix[side] @ middle + decision.offset[n]),
+                point=decision.rotation.T @ (in_camera - decision.translation),
             )
         )
     return seen
