@@ -19,7 +19,6 @@ from dataclasses import dataclass, fields, replace
 from itertools import combinations
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.detection.grids import Rows
 from cubicfish_cli.fitting.poses import rotation_from_vector
@@ -189,9 +188,9 @@ def search(views: Sequence[GridView], sides: Placement) -> Labelings:
     """
     found: list[Labelings] = []
     for first, second in combinations(range(min(len(views), _START_GRIDS)), 2):
-        beam = _pairs(views, first, second, sides)
-        for grid in range(len(views)):
-            if grid not in (first, second) and len(beam):
+        beam = _alone(views, first, sides)
+        for grid in (second, *(n for n in range(len(views)) if n not in (first, second))):
+            if len(beam):
                 beam = _grown(beam, views, grid, sides)
         if not len(beam):
             continue
@@ -287,92 +286,55 @@ def _promised(beam: Labelings, views: Sequence[GridView], sides: Placement, keep
     return replace(beam, rotation=rotation, translation=translation)
 
 
-def _pairs(views: Sequence[GridView], first: int, second: int, sides: Placement) -> Labelings:
-    """Labelings of two grids, the rest left out."""
-    a, b = views[first], views[second]
-    place_side, place_offset = a.reach.places()
-    candidates = [
-        _pairs_of_poses(a, b, i, j, place_side, place_offset, sides)
-        for i in range(len(a.rotation))
-        for j in range(len(b.rotation))
-    ]
-    side_a, offset_a, side_b, offset_b, rotation, translation, pivot, misfit = (
-        np.concatenate(part) for part in zip(*candidates, strict=True)
-    )
-    if len(misfit) > _MAX_PAIRS:
-        rows = np.sort(np.argpartition(misfit, _MAX_PAIRS)[:_MAX_PAIRS])
-    else:
-        rows = np.arange(len(misfit))
-    side = np.full((len(rows), len(views)), -1, np.intp)
-    offset = np.zeros((len(rows), len(views), 2), np.intp)
-    side[:, first], side[:, second] = side_a[rows], side_b[rows]
-    offset[:, first], offset[:, second] = offset_a[rows], offset_b[rows]
-    beam = Labelings(
+def _alone(views: Sequence[GridView], grid: int, sides: Placement) -> Labelings:
+    """Labelings of one grid by all its places, under each of its own poses; the rest left out."""
+    view = views[grid]
+    place_side, place_offset = view.reach.places()
+    pose = np.repeat(np.arange(len(view.rotation)), len(place_side))
+    side = np.full((len(pose), len(views)), -1, np.intp)
+    offset = np.zeros((len(pose), len(views), 2), np.intp)
+    side[:, grid] = np.tile(place_side, len(view.rotation))
+    offset[:, grid] = np.tile(place_offset, (len(view.rotation), 1))
+    # camera_from_world, as the grid alone would have it
+    rotation = view.rotation[pose] @ np.swapaxes(sides.frame[side[:, grid]], 1, 2)
+    middle = sides.square[side[:, grid]][:, None] * view.camera_middle[pose]
+    world = sides.world_from_grid(side[:, grid], offset[:, grid]) @ view.middle
+    return Labelings(
         side=side,
         offset=offset,
-        rotation=rotation[rows],
-        translation=translation[rows],
-        pivot=pivot[rows],
-        grid_cost=np.zeros((len(rows), len(views))),
+        rotation=rotation,
+        translation=middle - (rotation @ world[:, :, None])[:, :, 0],
+        pivot=middle,
+        grid_cost=np.zeros(side.shape),
     )
-    beam = _promised(beam, views, sides, 2 * _BEAM)
-    return _distinct(refined(beam, views, sides, rounds=2))[:_BEAM]
-
-
-def _pairs_of_poses(
-    a: GridView,
-    b: GridView,
-    i: int,
-    j: int,
-    place_side: IntArray,
-    place_offset: IntArray,
-    sides: Placement,
-) -> tuple[npt.NDArray, ...]:
-    """Pairs of places under the grids' own poses number i and j."""
-    # camera_from_world, as each grid alone would have it on each side
-    rotation_a = a.rotation[i] @ np.swapaxes(sides.frame, 1, 2)
-    rotation_b = b.rotation[j] @ np.swapaxes(sides.frame, 1, 2)
-    agree = _within(rotation_a, rotation_b, _MAX_TILT_DEG)
-    agree &= (b.reach.high >= b.reach.low).all(axis=1)
-    place, side_b = np.nonzero(agree[place_side])
-    side_a, offset_a = place_side[place], place_offset[place]
-
-    between = np.zeros((*agree.shape, 3, 3))
-    pair = np.nonzero(agree)
-    share = a.corners / (a.corners + b.corners)
-    between[pair] = nearest_rotation(
-        share * rotation_a[pair[0]] + (1 - share) * rotation_b[pair[1]]
-    )
-    rotation = between[side_a, side_b]
-    middle_a = sides.square[side_a][:, None] * a.camera_middle[i]
-    middle_b = sides.square[side_b][:, None] * b.camera_middle[j]
-    world_a = sides.world_from_grid(side_a, offset_a) @ a.middle
-    world_b = world_a + _rotated_back(rotation, middle_b - middle_a)
-    pick, offset_b, misfit = _offsets_near(world_b, side_b, b, sides, _PAIR_WINDOW)
-    rotation, middle_a = rotation[pick], middle_a[pick]
-    translation = middle_a - (rotation @ world_a[pick][:, :, None])[:, :, 0]
-    return (
-        side_a[pick], offset_a[pick], side_b[pick], offset_b,
-        rotation, translation, middle_a, misfit,
-    )  # fmt: skip
 
 
 def _grown(beam: Labelings, views: Sequence[GridView], grid: int, sides: Placement) -> Labelings:
-    """The labelings with one more grid named, and as they were."""
-    view = views[grid]
-    parts = [beam]
+    """The labelings with one more grid named, and as they were where they name two."""
+    view, named = views[grid], beam.side >= 0
+    alone = len(beam) > 0 and int(named[0].sum()) == 1
+    parts, share = [] if alone else [beam], 1.0
+    if alone:
+        corners = sum(one.corners for one, own in zip(views, named[0], strict=True) if own)
+        share = corners / (corners + view.corners)
     for number in range(len(view.rotation)):
         own = view.rotation[number] @ np.swapaxes(sides.frame, 1, 2)
         agree = _within(beam.rotation, own, _MAX_TILT_DEG)
         agree &= (view.reach.high >= view.reach.low).all(axis=1)
         row, side = np.nonzero(agree)
-        middle = sides.square[side][:, None] * view.camera_middle[number]
-        world = _rotated_back(beam.rotation[row], middle - beam.translation[row])
-        pick, offset, misfit = _offsets_near(world, side, view, sides, _GROW_WINDOW)
+        more, middle = beam[row], sides.square[side][:, None] * view.camera_middle[number]
+        if alone:  # neither grid knows better than the other how the camera is turned
+            turned = nearest_rotation(share * more.rotation + (1 - share) * own[side])
+            pivot = _rotated_back(more.rotation, more.pivot - more.translation)
+            shift = more.pivot - (turned @ pivot[:, :, None])[:, :, 0]
+            more = replace(more, rotation=turned, translation=shift)
+        world = _rotated_back(more.rotation, middle - more.translation)
+        window = _PAIR_WINDOW if alone else _GROW_WINDOW
+        pick, offset, misfit = _offsets_near(world, side, view, sides, window)
         if len(pick) > _MAX_PAIRS:
             nearest = np.sort(np.argpartition(misfit, _MAX_PAIRS)[:_MAX_PAIRS])
             pick, offset = pick[nearest], offset[nearest]
-        more = beam[row[pick]]
+        more = more[pick]
         more.side[:, grid] = side[pick]
         more.offset[:, grid] = offset
         parts.append(_promised(more, views, sides, 2 * _BEAM))
