@@ -9,10 +9,10 @@ import numpy as np
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.diagnosis.evidence import GridEvidence
-from cubicfish_cli.diagnosis.more_corners import Count, grid_boards
+from cubicfish_cli.diagnosis.more_corners import grid_boards
 from cubicfish_cli.fitting.evidence import FitEvidence
 from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.identified import CODES, FEWEST_CORNERS, GridReport, Identified
+from cubicfish_cli.identification.identified import CODES, FEWEST_CORNERS, Identified
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
@@ -68,14 +68,24 @@ def miscounted(evidence: GridEvidence) -> list[Finding]:
     counts = evidence.counts
     if not counts:
         return []
+    seen = [
+        {
+            "form": "both" if all(count.sure) else "columns" if count.sure[0] else "rows",
+            "board": board.name,
+            "columns": count.size[0],
+            "rows": count.size[1],
+            "drawn_columns": board.columns,
+            "drawn_rows": board.rows,
+        }
+        for count, board in ((one, evidence.target.boards[one.board]) for one in counts)
+    ]
     fewest, most = min(one.photos for one in counts), max(one.photos for one in counts)
-    boards = [evidence.target.boards[count.board] for count in counts]
     told = Finding(
         code=Code.CORNER_COUNT,
         severity=Severity.CARE,
-        boards=tuple(board.name for board in boards),
+        boards=tuple(str(one["board"]) for one in seen),
         figures={
-            "counts": [_seen(*both) for both in zip(counts, boards, strict=True)],
+            "counts": seen,
             "alike": fewest == most,
             "fewest": fewest,
             "most": most,
@@ -108,18 +118,6 @@ def squares_counted(boards: Sequence[Board], photos: int | None = None) -> Findi
             "photos": photos,
         },
     )
-
-
-def _seen(count: Count, board: Board) -> dict[str, str | int]:
-    columns, rows = count.size
-    return {
-        "form": "both" if all(count.sure) else "columns" if count.sure[0] else "rows",
-        "board": board.name,
-        "columns": columns,
-        "rows": rows,
-        "drawn_columns": board.columns,
-        "drawn_rows": board.rows,
-    }
 
 
 def nothing_named(evidence: GridEvidence) -> list[Finding]:
@@ -176,10 +174,13 @@ def another_target(evidence: GridEvidence) -> list[Finding]:
 
 def _another_object(identified: Identified, target: Target) -> Finding:
     """That photos and target.yaml are of different objects: what both show."""
-    largest = _largest(identified)
+    largest = [max(own, key=lambda grid: grid.corners) for own in identified.grids if own]
     size = max(largest, key=lambda grid: grid.corners).size
     boards = grid_boards(target)
-    says = ", ".join(f"{board.name} {_times((board.columns, board.rows))}" for board in boards[:6])
+    # With the longer side first, as boards lie in photos any way round.
+    sizes = [(max(board.columns, board.rows), min(board.columns, board.rows)) for board in boards]
+    named = list(zip(boards, sizes, strict=True))[:6]
+    says = ", ".join(f"{board.name} {long}x{short}" for board, (long, short) in named)
     more = f" and {len(boards) - 6} more boards" if len(boards) > 6 else ""
     return Finding(
         code=Code.ANOTHER_TARGET,
@@ -212,13 +213,3 @@ def _is_another_object(identified: Identified, target: Target) -> bool:
     seen = sum(bool(own) for own in identified.grids)
     least = max(_FEWEST_PHOTOS, _COMMON * seen)
     return any(photos >= least for size, photos in full.items() if size not in drawn)
-
-
-def _largest(identified: Identified) -> list[GridReport]:
-    """The largest grid of each photo that has one."""
-    return [max(own, key=lambda grid: grid.corners) for own in identified.grids if own]
-
-
-def _times(size: tuple[int, int]) -> str:
-    """A size with the longer side first, as boards lie in photos any way round."""
-    return f"{max(size)}x{min(size)}"

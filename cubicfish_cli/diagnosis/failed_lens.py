@@ -47,16 +47,13 @@ def failed_lens(pairs: Observations) -> list[Finding]:
     if not lenses:
         return []
     noise = min(noise_px(lens.residual) for lens in lenses)
-    best: tuple[int, IntArray] | None = None
     alike = [lens for lens in lenses if noise_px(lens.residual) <= 2 * noise]
-    for lens in sorted(alike, key=lambda lens: lens.focal_uncertainty)[:_MOST_LENSES]:
-        agreeing = _agreeing(lens, pairs, noise)
-        if best is None or len(agreeing) > best[0]:
-            best = (len(agreeing), agreeing)
-    if best is None or not _FEWEST_PHOTOS <= best[0] < count:
+    surest = sorted(alike, key=lambda lens: lens.focal_uncertainty)[:_MOST_LENSES]
+    agreeing = max((_agreeing(lens, pairs, noise) for lens in surest), key=len)
+    if not _FEWEST_PHOTOS <= len(agreeing) < count:
         return []
-    lens = fit_radial(select_photos(pairs, best[1]))
-    others = np.setdiff1d(np.arange(count), best[1])
+    lens = fit_radial(select_photos(pairs, agreeing))
+    others = np.setdiff1d(np.arange(count), agreeing)
     found = left_out_lens(
         lens.camera, select_photos(pairs, others), noise_px(lens.residual), order=pairs.images
     )
@@ -68,7 +65,7 @@ def failed_lens(pairs: Observations) -> list[Finding]:
             case="left_out",
             severity=Severity.BAD,
             images=tuple(pairs.images[photo] for photo in others),
-            figures={"others": best[0], "noise_px": noise_px(lens.residual)},
+            figures={"others": len(agreeing), "noise_px": noise_px(lens.residual)},
         )
     ]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -72,46 +73,31 @@ def more_corners(identified: Identified, target: Target) -> list[Count]:
         if not report.named and report.corners >= FEWEST_CORNERS
     ]
     boards = boards_with_squares(target)
-    found = []
-    for index in boards:
+    found: list[Count] = []
+    for index, axis in product(boards, (0, 1)):
+        if any(count.board == index for count in found):
+            continue
         board = target.boards[index]
-        for axis in (0, 1):
-            size = (board.columns + (axis == 0), board.rows + (axis == 1))
-            if len(boards) == 1:
-                larger = [
-                    (photo, number)
-                    for photo, number, report in lost
-                    if sorted(report.size) == sorted(size)
-                    and is_full(identified.found[photo][number])
-                ]
-                photos = _outnumbering(larger, identified, board)
-            else:
-                larger = [
-                    (photo, number)
-                    for photo, number, report in lost
-                    if _spans(report, size[axis], size[1 - axis])
-                ]
-                photos = _with_place(larger, identified, target, index, axis)
-            if photos:
-                whole = any(
-                    sorted(identified.grids[photo][number].size) == sorted(size)
-                    for photo, number in larger
-                )
-                other = whole and not any(_exceeds(report, size) for *_, report in lost)
-                sure = (True, other) if axis == 0 else (other, True)
-                found.append(Count(board=index, size=size, photos=photos, sure=sure))
-                break
+        size = (board.columns + (axis == 0), board.rows + (axis == 1))
+        # Of boards of an object a grid may show a part.
+        whole = [(photo, n) for photo, n, one in lost if sorted(one.size) == sorted(size)]
+        if len(boards) == 1:
+            full = [(photo, n) for photo, n in whole if is_full(identified.found[photo][n])]
+            photos = _outnumbering(full, identified, board)
+        else:
+            length, most = size[axis], size[1 - axis]
+            larger = [
+                (photo, n)
+                for photo, n, one in lost
+                if any(a == length and b <= most for a, b in (one.size, one.size[::-1]))
+            ]
+            photos = _with_place(larger, identified, target, index, axis)
+        if photos:
+            exceeds = any(np.greater(sorted(one.size), sorted(size)).any() for *_, one in lost)
+            other = bool(whole) and not exceeds
+            sure = (True, other) if axis == 0 else (other, True)
+            found.append(Count(board=index, size=size, photos=photos, sure=sure))
     return found
-
-
-def _spans(report: GridReport, length: int, most: int) -> bool:
-    """Whether a grid is so long, and at most so wide."""
-    return any(own == length and other <= most for own, other in (report.size, report.size[::-1]))
-
-
-def _exceeds(report: GridReport, size: tuple[int, int]) -> bool:
-    """Whether a grid is larger than a board of this size, any way round."""
-    return bool(np.any(np.greater(sorted(report.size), sorted(size))))
 
 
 def _outnumbering(larger: Sequence[tuple[int, int]], identified: Identified, board: Board) -> int:

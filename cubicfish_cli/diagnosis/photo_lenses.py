@@ -255,21 +255,17 @@ def two_lenses(photos: PhotoLenses) -> TwoLenses | None:
     if count < _LEAST_FOR_GROUPS:
         return None
     own, weight = photos.own[:, _LENS], _without_shear(photos.information)
-    in_order = _best(np.arange(count)[None], own, weight)
-    mixed = _best(_sorted_along(own, weight), own, weight)
+    off = own - _mean(own, weight)
+    pull = (weight @ off[:, :, None])[:, :, 0]
+    in_order = best_cut(np.arange(count)[None], weight, pull, _FEWEST_IN_GROUP)
+    mixed = best_cut(_sorted_along(own, weight), weight, pull, _FEWEST_IN_GROUP)
     trials = {"order": count - 1, "mixed": sum(comb(count - 1, k) for k in range(4))}
-    chosen: tuple[float, Literal["order", "mixed"], BoolArray] | None = None
-    kinds: tuple[Literal["order", "mixed"], ...] = ("order", "mixed")
-    for kind, found in zip(kinds, (in_order, mixed), strict=True):
-        if found is not None and (chosen is None or found[0] > _CLEARLY * chosen[0]):
-            chosen = (found[0], kind, found[1])
-    if chosen is None:
+    if in_order is None or mixed is None:
         return None
-    ratio, kind, second = chosen
+    kind: Literal["order", "mixed"] = "mixed" if mixed[0] > _CLEARLY * in_order[0] else "order"
+    ratio, between, second = mixed if kind == "mixed" else in_order
     if kind == "mixed" and 2 * second.sum() > count:
         second = ~second
-    # The ratio is that of what is between to what is within, times the latter's freedom.
-    between = _scatter(own, weight) * ratio / (ratio + count - 2)
     return TwoLenses(
         second=second,
         kind=kind,
@@ -378,44 +374,46 @@ def _scatter(own: FloatArray, weight: FloatArray) -> float:
     return float(np.einsum("ki,kij,kj->", off, weight, off))
 
 
-def _best(orders: IntArray, own: FloatArray, weight: FloatArray) -> tuple[float, BoolArray] | None:
+def best_cut(
+    orders: IntArray, weight: FloatArray, pull: FloatArray, fewest: int
+) -> tuple[float, float, BoolArray] | None:
     """The split with the largest ratio of what is between to what is within its groups.
 
     Args:
-        orders: (S, K) photos in orders that are cut in two anywhere.
-        own: (K, 3) scale and shift of the photos.
-        weight: (K, 3, 3) information on them.
+        orders: (S, K) what is split, in orders that are cut in two anywhere.
+        weight: (K, n, n) information of each on what it has of its own, and ``pull`` (K, n) that
+            times it.
+        pull: see ``weight``.
+        fewest: how many a group has at least.
 
     Returns:
-        The ratio, and which photos are behind the cut; None where there are too few.
+        The ratio, what is between, and which are behind the cut; None where there are too few.
 
     """
-    total, count = _scatter(own, weight), len(own)
-    off = own - _mean(own, weight)
-    pull = (weight @ off[:, :, None])[:, :, 0]
-    square = np.sum(off * pull, axis=1)
-    # Of the photos up to each cut, and of those behind it: sums suffice for their scatter.
-    cuts = np.arange(_FEWEST_IN_GROUP, count - _FEWEST_IN_GROUP + 1)
-    best: tuple[float, BoolArray] | None = None
+    count = len(pull)
+    square = np.einsum("ki,ki->k", pull, np.linalg.solve(weight, pull[:, :, None])[:, :, 0])
+    mean = np.linalg.solve(weight.sum(axis=0), pull.sum(axis=0))
+    total = float(square.sum() - mean @ pull.sum(axis=0))
+    # Of those up to each cut, and of those behind it: sums suffice for their scatter.
+    cuts = np.arange(fewest, count - fewest + 1)
+    best: tuple[float, float, BoolArray] | None = None
     for order in orders if cuts.size else []:
-        weights, pulls, squares = (
-            np.cumsum(terms[order], axis=0) for terms in (weight, pull, square)
-        )
+        before = [np.cumsum(terms[order], axis=0) for terms in (weight, pull, square)]
         within = np.zeros(len(cuts))
         for w, p, s in (
-            (weights[cuts - 1], pulls[cuts - 1], squares[cuts - 1]),
-            (weights[-1] - weights[cuts - 1], pulls[-1] - pulls[cuts - 1],
-             squares[-1] - squares[cuts - 1]),
-        ):  # fmt: skip
-            mean = np.linalg.solve(w, p[:, :, None])[:, :, 0]
-            within += np.maximum(s - np.sum(mean * p, axis=1), 0)
+            [terms[cuts - 1] for terms in before],
+            [terms[-1] - terms[cuts - 1] for terms in before],
+        ):
+            means = np.linalg.solve(w, p[:, :, None])[:, :, 0]
+            within += np.maximum(s - np.sum(means * p, axis=1), 0)
         within = np.maximum(within, max(1e-12 * total, 1e-300))
         cut = int(np.argmin(within))
-        ratio = float((total - within[cut]) / within[cut] * (count - 2))
+        between = float(total - within[cut])
+        ratio = between / float(within[cut]) * (count - 2)
         if best is None or ratio > best[0]:
             second = np.zeros(count, bool)
             second[order[cuts[cut] :]] = True
-            best = (ratio, second)
+            best = (ratio, between, second)
     return best
 
 
