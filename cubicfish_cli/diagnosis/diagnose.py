@@ -13,36 +13,19 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from cubicfish_cli.diagnosis.corner_count import (
-    another_target,
-    miscounted,
-    nothing_named,
-    squares_of_corners,
-    squares_of_grids,
+from cubicfish_cli.diagnosis import (
+    corner_count,
+    failed_lens,
+    left_out,
+    lens_faults,
+    mirrored,
+    misdrawn,
+    repeats,
+    rig,
+    unsteady,
+    wrong_drawing,
 )
 from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence, PhotoEvidence
-from cubicfish_cli.diagnosis.failed_lens import failed_lens
-from cubicfish_cli.diagnosis.left_out import left_out
-from cubicfish_cli.diagnosis.lens_faults import lens_findings, odd_photos
-from cubicfish_cli.diagnosis.mirrored import (
-    handed,
-    mirrored_object,
-    mirrored_photos,
-    no_markers,
-    other_colours,
-    otherwise_printed,
-)
-from cubicfish_cli.diagnosis.misdrawn import misdrawn
-from cubicfish_cli.diagnosis.repeats import copies, repeats
-from cubicfish_cli.diagnosis.rig import (
-    camera_moved,
-    clocks_differ,
-    few_common_shots,
-    mismatched,
-    not_at_once,
-)
-from cubicfish_cli.diagnosis.unsteady import unsteady
-from cubicfish_cli.diagnosis.wrong_drawing import wrong_drawing, wrong_drawing_of_failure
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.evidence import CornerEvidence, Evidence, FailedFit, FitEvidence
 from cubicfish_cli.fitting.rig.evidence import RigEvidence
@@ -102,111 +85,93 @@ def _unexplained(evidence: FailedFit, found: Sequence[Finding]) -> bool:
     return not evidence.fits and not found
 
 
-def _lacks(code: Code, found: Sequence[Finding]) -> bool:
-    return all(finding.code is not code for finding in found)
+def _lacks(codes: Sequence[Code], found: Sequence[Finding]) -> bool:
+    return all(finding.code not in codes for finding in found)
+
+
+def _no_corners(evidence: GridEvidence | MarkerEvidence, found: Sequence[Finding]) -> bool:
+    return _only_notes(evidence, found) and not len(evidence.corners.pixel)
+
+
+def _some_corners(evidence: GridEvidence, found: Sequence[Finding]) -> bool:
+    return _only_notes(evidence, found) and len(evidence.corners.pixel) > 0
+
+
+def _counted_rightly(evidence: GridEvidence, found: Sequence[Finding]) -> bool:
+    return _only_notes(evidence, found) and not evidence.counts
 
 
 _DRAWING = (Code.MIRRORED, Code.BOARD_NAMES, Code.BOARD_ORDER, Code.BOARD_SQUARE, Code.BOARD_PLACE)
 _LENSES = (Code.TURNED, Code.SCALED, Code.ZOOM, Code.SHIFTED, Code.TWO_LENSES)
+_LENS = (*_LENSES, Code.PHOTO_LENS)
+_NAMES = (*_LENSES, *_DRAWING, Code.CORNER_NAMES)
+_NOTHING = (Code.NOTHING_NAMED, Code.ANOTHER_TARGET, Code.CORNER_COUNT)
+_CHANGES = (Code.AUTOFOCUS, Code.STABILISATION, Code.SHEET_BENDS)
+_COUNT, _ANOTHER, _MIRRORED = (Code.CORNER_COUNT,), (Code.ANOTHER_TARGET,), (Code.MIRRORED,)
+TABLES, PASS, TRIALS = Cost
 
 # In the order in which they are told.
 HYPOTHESES: tuple[Hypothesis[Any], ...] = (
     # Of photos, and of the grids and markers in them.
-    Hypothesis(PhotoEvidence, (Code.REPEATS,), Cost.TABLES, copies),
-    Hypothesis(GridEvidence, (Code.CORNER_COUNT,), Cost.TABLES, squares_of_grids),
-    Hypothesis(
-        GridEvidence,
-        _DRAWING,
-        Cost.TRIALS,
-        misdrawn,
-        lambda e, found: _only_notes(e, found) and not e.counts,
-    ),
-    Hypothesis(
-        GridEvidence,
-        (Code.ANOTHER_TARGET,),
-        Cost.TRIALS,
-        another_target,
-        lambda e, found: _only_notes(e, found) and len(e.identified.corners.pixel) > 0,
-    ),
-    Hypothesis(GridEvidence, (Code.CORNER_COUNT,), Cost.TRIALS, miscounted, _only_notes),
-    Hypothesis(
-        GridEvidence,
-        (Code.NOTHING_NAMED, Code.ANOTHER_TARGET, Code.CORNER_COUNT),
-        Cost.TRIALS,
-        nothing_named,
-        lambda e, found: _only_notes(e, found) and not len(e.identified.corners.pixel),
-    ),
-    Hypothesis(GridEvidence, (Code.MIRRORED,), Cost.TABLES, other_colours),
-    Hypothesis(MarkerEvidence, (Code.MIRRORED, Code.INVERTED), Cost.TRIALS, otherwise_printed),
-    Hypothesis(
-        MarkerEvidence,
-        (Code.NO_MARKERS,),
-        Cost.TRIALS,
-        no_markers,
-        lambda e, found: _only_notes(e, found) and not len(e.corners.pixel),
-    ),
+    Hypothesis(PhotoEvidence, (Code.REPEATS,), TABLES, repeats.copies),
+    Hypothesis(GridEvidence, _COUNT, TABLES, corner_count.squares_of_grids),
+    Hypothesis(GridEvidence, _DRAWING, TRIALS, misdrawn.misdrawn, _counted_rightly),
+    Hypothesis(GridEvidence, _ANOTHER, TRIALS, corner_count.another_target, _some_corners),
+    Hypothesis(GridEvidence, _COUNT, TRIALS, corner_count.miscounted, _only_notes),
+    Hypothesis(GridEvidence, _NOTHING, TRIALS, corner_count.nothing_named, _no_corners),
+    Hypothesis(GridEvidence, _MIRRORED, TABLES, mirrored.other_colours),
+    Hypothesis(MarkerEvidence, (*_MIRRORED, Code.INVERTED), TRIALS, mirrored.otherwise_printed),
+    Hypothesis(MarkerEvidence, (Code.NO_MARKERS,), TRIALS, mirrored.no_markers, _no_corners),
     # Of a fit.
-    Hypothesis(FitEvidence, (Code.MIRRORED,), Cost.TABLES, lambda e: handed(e.pairs)),
-    Hypothesis(FitEvidence, _LENSES, Cost.PASS, lens_findings, _named),
+    Hypothesis(FitEvidence, _MIRRORED, TABLES, lambda e: mirrored.handed(e.pairs)),
+    Hypothesis(FitEvidence, _LENSES, PASS, lens_faults.lens_findings, _named),
     Hypothesis(
         FitEvidence,
         (Code.SHEARED, Code.PHOTO_LENS),
-        Cost.PASS,
-        lambda e: odd_photos(e.fit),
-        lambda e, found: _named(e, found) and not any(one.code in _LENSES for one in found),
+        PASS,
+        lambda e: lens_faults.odd_photos(e.fit),
+        lambda e, found: _named(e, found) and _lacks(_LENSES, found),
     ),
-    Hypothesis(FitEvidence, _DRAWING, Cost.TRIALS, wrong_drawing, _not_bad),
+    Hypothesis(FitEvidence, _DRAWING, TRIALS, wrong_drawing.wrong_drawing, _not_bad),
     Hypothesis(
         FitEvidence,
-        (Code.AUTOFOCUS, Code.STABILISATION, Code.SHEET_BENDS),
-        Cost.TRIALS,
-        lambda e: unsteady(e.fit),
-        lambda e, found: _not_bad(e, found) and _lacks(Code.SHEARED, found),
+        _CHANGES,
+        TRIALS,
+        lambda e: unsteady.unsteady(e.fit),
+        lambda e, found: _not_bad(e, found) and _lacks([Code.SHEARED], found),
         # Where all photos differ, those that do so most are not odd.
         instead_of=(Code.PHOTO_LENS,),
     ),
-    Hypothesis(
-        FitEvidence, (*_LENSES, *_DRAWING, Code.CORNER_NAMES), Cost.TRIALS, left_out, _named
-    ),
+    Hypothesis(FitEvidence, _NAMES, TRIALS, left_out.left_out, _named),
     Hypothesis(
         FitEvidence,
-        (Code.CORNER_COUNT,),
-        Cost.TABLES,
-        squares_of_corners,
-        lambda e, found: _named(e, found) and _lacks(Code.CORNER_COUNT, found),
+        _COUNT,
+        TABLES,
+        corner_count.squares_of_corners,
+        lambda e, found: _named(e, found) and _lacks(_COUNT, found),
     ),
-    Hypothesis(FitEvidence, (Code.ONE_PLACE, Code.REPEATS), Cost.TABLES, lambda e: repeats(e.fit)),
+    Hypothesis(FitEvidence, (Code.ONE_PLACE, Code.REPEATS), TABLES, repeats.repeats),
     # Of corners that do not fit: the first that explains it is the likeliest.
+    Hypothesis(FailedFit, _MIRRORED, TABLES, mirrored.mirrored_photos, lambda e, found: not found),
+    Hypothesis(FailedFit, _DRAWING, TRIALS, wrong_drawing.of_failure, _unexplained),
     Hypothesis(
-        FailedFit, (Code.MIRRORED,), Cost.TABLES, mirrored_photos, lambda e, found: not found
-    ),
-    Hypothesis(FailedFit, _DRAWING, Cost.TRIALS, wrong_drawing_of_failure, _unexplained),
-    Hypothesis(
-        FailedFit,
-        (Code.MIRRORED,),
-        Cost.TRIALS,
-        lambda e: mirrored_object(e.scaled[0]),
-        _unexplained,
+        FailedFit, _MIRRORED, TRIALS, lambda e: mirrored.mirrored_object(e.scaled[0]), _unexplained
     ),
     Hypothesis(
-        FailedFit,
-        (*_LENSES, Code.PHOTO_LENS),
-        Cost.TRIALS,
-        lambda e: failed_lens(e.scaled[0]),
-        _unexplained,
+        FailedFit, _LENS, TRIALS, lambda e: failed_lens.failed_lens(e.scaled[0]), _unexplained
     ),
     # Of a fitted rig.
-    Hypothesis(RigEvidence, (Code.SHOT_MISMATCHED,), Cost.TABLES, mismatched),
-    Hypothesis(RigEvidence, (Code.CLOCKS_DIFFER,), Cost.TABLES, clocks_differ),
-    Hypothesis(RigEvidence, (Code.CAMERA_MOVED,), Cost.PASS, camera_moved),
+    Hypothesis(RigEvidence, (Code.SHOT_MISMATCHED,), TABLES, rig.mismatched),
+    Hypothesis(RigEvidence, (Code.CLOCKS_DIFFER,), TABLES, rig.clocks_differ),
+    Hypothesis(RigEvidence, (Code.CAMERA_MOVED,), PASS, rig.camera_moved),
     Hypothesis(
         RigEvidence,
         (Code.NOT_AT_ONCE, Code.SHOT_APART),
-        Cost.PASS,
-        not_at_once,
-        lambda e, found: _lacks(Code.CAMERA_MOVED, found),
+        PASS,
+        rig.not_at_once,
+        lambda e, found: _lacks([Code.CAMERA_MOVED], found),
     ),
-    Hypothesis(RigEvidence, (Code.FEW_COMMON_SHOTS,), Cost.TABLES, few_common_shots),
+    Hypothesis(RigEvidence, (Code.FEW_COMMON_SHOTS,), TABLES, rig.few_common_shots),
 )
 
 

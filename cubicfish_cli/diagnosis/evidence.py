@@ -48,6 +48,11 @@ class GridEvidence(PhotoEvidence):
 
     identified: Identified
 
+    @property
+    def corners(self) -> Observations:
+        """Those that have a name."""
+        return self.identified.corners
+
     @cached_property
     def counts(self) -> list[Count]:
         """Boards that have another number of corners than the target says, as photos show it."""

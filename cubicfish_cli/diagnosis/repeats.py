@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cubicfish_cli.diagnosis.evidence import PhotoEvidence
-from cubicfish_cli.fitting.refinement import ObjectFit
+from cubicfish_cli.fitting.evidence import FitEvidence
 from cubicfish_cli.fitting.repeats import NEAR_SHARE, repeated_groups
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
@@ -13,8 +13,9 @@ from cubicfish_cli.words.finding import Finding
 _FEWEST_PHOTOS = 3
 
 
-def repeats(fit: ObjectFit) -> list[Finding]:
+def repeats(evidence: FitEvidence) -> list[Finding]:
     """Photos that are from the same place, or all from nearly the same."""
+    fit = evidence.fit
     pairs, poses = fit.reference.pairs, fit.cubic.poses
     focal = fit.reference.camera.fx
     count = len(pairs.images)

@@ -188,7 +188,7 @@ def _told(fault: Fault, because: str, **figures: float) -> Finding:
     return replace(finding, because=because, figures={**figures, **finding.figures})
 
 
-def wrong_drawing_of_failure(evidence: FailedFit) -> list[Finding]:
+def of_failure(evidence: FailedFit) -> list[Finding]:
     """The fault of the drawing without which the corners fit."""
     target = evidence.target
     if target is None or len(target.boards) < 2:

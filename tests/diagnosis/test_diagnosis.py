@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.boards.shape import BoardShape
-from cubicfish_cli.diagnosis import diagnose, lens_faults, photo_lenses, wrong_drawing
 from cubicfish_cli.diagnosis import failed_lens as failed_lens_module
+from cubicfish_cli.diagnosis import lens_faults, photo_lenses, wrong_drawing
 from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.diagnosis.failed_lens import failed_lens
 from cubicfish_cli.diagnosis.left_out import board_fault, board_findings
@@ -859,6 +859,8 @@ def test_photos_that_only_say_too_little_are_not_taken_apart(pairs, monkeypatch)
         for turn in rng.uniform(-3, 3, 8)
     ]
     facing = synthetic.synthetic_correspondences(flat, poses, lens=LENS, noise=0.1)
-    monkeypatch.setattr(diagnose, "failed_lens", lambda pairs: pytest.fail("must not be tried"))
+    monkeypatch.setattr(
+        failed_lens_module, "failed_lens", lambda pairs: pytest.fail("must not be tried")
+    )
     with pytest.raises(FitError, match=r"do not determine the lens.*: add photos in which"):
         calibrate(facing, target=flat, hold_out=False)
