@@ -86,14 +86,6 @@ class _Photo:
     def worlds(self, side: IntArray, offset: IntArray) -> FloatArray:
         return np.concatenate([self.world(g, int(side[g]), offset[g]) for g in _named(side)])
 
-    def whole(self, grid: int, side: int) -> bool:
-        """Whether the grid fills a board of this side's size without a gap."""
-        extent = np.ptp(self.grids[grid].cells, axis=0) + 1
-        turned = np.abs(self.sides.matrix[side]) @ extent
-        return bool(
-            len(self.grids[grid]) == extent.prod() and (turned == self.sides.size[side]).all()
-        )
-
     def span(self, grid: int, side: int, offset: IntArray) -> tuple[IntArray, IntArray]:
         """The first and the last column and row (2,) that a grid has on its board."""
         cells = self.grids[grid].cells
@@ -110,7 +102,14 @@ class _Photo:
         return tuple(parts)
 
     def whole_count(self, side: IntArray) -> int:
-        return sum(self.whole(g, int(side[g])) for g in _named(side))
+        """How many grids fill a board of their side's size without a gap."""
+        count = 0
+        for g in _named(side):
+            first, last = self.span(g, int(side[g]), np.zeros(2, np.intp))
+            extent = last - first + 1
+            full = len(self.grids[g]) == extent.prod()
+            count += full and bool((extent == self.sides.size[side[g]]).all())
+        return count
 
     def symmetric(self, labelings: Labelings, first: int, second: int) -> bool:
         """Whether a symmetry of the whole target takes one labeling to the other."""
@@ -128,8 +127,11 @@ class _Photo:
 
         def order(k: int) -> tuple[float, ...]:
             side, offset = _place(labelings, k)
-            upright, aside = -round(self.uprightness(side, offset)), self.off_middle(side, offset)
-            return upright, aside, *self.shift(side, offset), k
+            off = self.off_middle(side, offset)
+            along, across = off.sum(axis=0).tolist()
+            shift = {None: (), 0: (along, across), 1: (across, -along)}[self.long_axis]
+            upright = -round(self.uprightness(side, offset))
+            return upright, float(np.abs(off).sum()), *shift, k
 
         return min(among, key=order)
 
@@ -139,25 +141,11 @@ class _Photo:
         columns, rows = self.sides.size[0].tolist()
         return None if len(self.sides.board) != 4 or columns == rows else int(rows > columns)
 
-    def shift(self, side: IntArray, offset: IntArray) -> tuple[float, ...]:
-        """Squares from the middle of a lone board to its grids', along its long and short side."""
-        if self.long_axis is None:
-            return ()
-        total = np.zeros(2)
-        for g in _named(side):
-            first, last = self.span(g, int(side[g]), offset[g])
-            total += (first + last - (self.sides.size[side[g]] - 1)) / 2
-        along, across = total.tolist()
-        return (along, across) if self.long_axis == 0 else (across, -along)
-
-    def off_middle(self, side: IntArray, offset: IntArray) -> float:
-        """Squares between the middles of the grids and of their boards, summed."""
-        total = 0.0
-        for g in _named(side):
-            first, last = self.span(g, int(side[g]), offset[g])
-            middle = (first + last) / 2
-            total += float(np.abs(middle - (self.sides.size[side[g]] - 1) / 2).sum())
-        return total
+    def off_middle(self, side: IntArray, offset: IntArray) -> FloatArray:
+        """(G, 2) squares from the middles of boards to those of the grids on them."""
+        spans = [self.span(g, int(side[g]), offset[g]) for g in _named(side)]
+        middle = np.sum(spans, axis=1) / 2
+        return np.asarray(middle - (self.sides.size[side[side >= 0]] - 1) / 2)
 
     def uprightness(self, side: IntArray, offset: IntArray) -> float:
         """How far columns run to the right and rows down in the photo, over all grids.
@@ -176,18 +164,12 @@ class _Photo:
 
     def overlap(self, side: IntArray, offset: IntArray) -> bool:
         """Whether two grids claim the same corner of a board."""
-        board = np.where(side >= 0, self.sides.board[side], -1)
-        names, counts = np.unique(board[board >= 0], return_counts=True)
-        for name in names[counts > 1]:
-            cells = np.concatenate(
-                [
-                    self.sides.board_cells(int(side[g]), offset[g], self.grids[g].cells)
-                    for g in np.flatnonzero(board == name).tolist()
-                ]
-            )
-            if len(np.unique(cells, axis=0)) < len(cells):
-                return True
-        return False
+        cells = []
+        for g in _named(side):
+            own = self.sides.board_cells(int(side[g]), offset[g], self.grids[g].cells)
+            cells.append(np.insert(own, 0, self.sides.board[side[g]], axis=1))
+        claimed = np.concatenate(cells)
+        return len(np.unique(claimed, axis=0)) < len(claimed)
 
 
 def decide(
