@@ -15,7 +15,7 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
-from cubicfish_cli.types import BoolArray, FloatArray, IntArray
+from cubicfish_cli.types import BoolArray, FloatArray
 
 _BAND_DEG = 20.0
 # A part counts as empty when so many of its squares hold no corner.
@@ -103,14 +103,14 @@ def find_gaps(
     """
     cell, valid, hit = field_cells(pairs.pixel, camera.outline(), camera.image_size)
     empty = valid & ~hit
-    known = poses is not None and target is not None
+    of_target = None if poses is None or target is None else (pairs, poses, target)
     return Gaps(
         parts=tuple(_empty_parts(camera, cell, valid, empty)),
         coverage=float((valid & hit).sum() / max(valid.sum(), 1)),
         cell=cell,
         empty=empty,
-        tilts=tuple(_missing_tilts(pairs, poses, target)) if known else (),
-        distances=tuple(_missing_distances(pairs, poses, target)) if known else (),
+        tilts=tuple(_missing_tilts(*of_target)) if of_target else (),
+        distances=tuple(_missing_distances(*of_target)) if of_target else (),
     )
 
 
@@ -130,10 +130,8 @@ def _empty_parts(
     side = np.where(band == 0, 8, side_of(rays[:, :2]))
     gone = empty[row, column]
     bands = band.max() + 1
-    cells = np.zeros((bands, 9))
-    holes = np.zeros((bands, 9))
-    np.add.at(cells, (band, side), 1)
-    np.add.at(holes, (band, side), gone)
+    size = [np.arange(bands + 1), np.arange(10)]
+    cells, holes = (np.histogram2d(band[some], side[some], size)[0] for some in (slice(None), gone))
     lost = (cells > 0) & (holes >= _EMPTY_SHARE * cells)
     for number in range(2, bands):
         # Bands that no square's middle lies in are like those inside them.
@@ -212,10 +210,8 @@ def _part(camera: CubicCamera, sides: tuple[int, ...], first: int, stop: int, sh
     )
 
 
-def _faces(
-    pairs: Observations, poses: Poses, target: Target
-) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Where each board of each photo looks and is (F, 3) each, camera frame, and the photo."""
+def _faces(pairs: Observations, poses: Poses, target: Target) -> tuple[FloatArray, FloatArray]:
+    """Where each board of each photo looks and is (F, 3) each, camera frame."""
     key = pairs.image * len(target.boards) + pairs.board
     keys, inverse, counts = np.unique(key, return_inverse=True, return_counts=True)
     points = poses.apply(pairs.image, pairs.world)
@@ -227,13 +223,11 @@ def _faces(
     front = (poses.rotation[photo] @ normal[..., None])[..., 0]
     printed = np.array([one.points is None for one in target.boards])[board]
     kept = printed & (counts >= _FEW_CORNERS)
-    return front[kept], middle[kept], photo[kept]
+    return front[kept], middle[kept]
 
 
-def _missing_tilts(pairs: Observations, poses: Poses | None, target: Target | None) -> list[str]:
-    if poses is None or target is None:
-        return []
-    front, middle, _ = _faces(pairs, poses, target)
+def _missing_tilts(pairs: Observations, poses: Poses, target: Target) -> list[str]:
+    front, middle = _faces(pairs, poses, target)
     if len(front) < _FEW_FACES:
         return []
     angle, towards = slant(front, middle)
@@ -263,10 +257,8 @@ def photo_distances(pairs: Observations, poses: Poses) -> tuple[FloatArray, Floa
     return np.array([np.median(own) for own in known]), np.array([own.min() for own in known])
 
 
-def _missing_distances(
-    pairs: Observations, poses: Poses | None, target: Target | None
-) -> list[str]:
-    if poses is None or target is None or len(poses) < 2:
+def _missing_distances(pairs: Observations, poses: Poses, target: Target) -> list[str]:
+    if len(poses) < 2:
         return []
     distance, _ = photo_distances(pairs, poses)
     near, far = float(distance.min()), float(distance.max())
