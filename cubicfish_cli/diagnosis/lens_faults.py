@@ -107,9 +107,11 @@ def lens_findings(evidence: FitEvidence) -> list[Finding]:
             continue
         few = _of_each(own, split)
         # A few of each group tell whether there are two lenses, all of them which photos are whose.
-        if len(few) < len(own.photos) and _followed(fit_of_few(fit, own.photos[few])) is None:
-            continue
-        found = _followed(fit)
+        if len(few) < len(own.photos):
+            part = fit_of_few(fit, own.photos[few])
+            if _followed(part, rms_px(part.cubic.residual)) is None:
+                continue
+        found = _followed(fit, rms_px(evidence.fit.cubic.residual))
         if found is not None:
             return [found]
     return []
@@ -128,9 +130,15 @@ def _of_each(photos: PhotoLenses, split: TwoLenses) -> IntArray:
     return np.sort(np.concatenate([spread_out(group, enough - least) for group in groups]))
 
 
-def _followed(fit: ObjectFit) -> Finding | None:
-    """Fit with a scale and centre for each of two groups, until they settle; then judge."""
-    pairs, photos, together = fit.reference.pairs, _own(fit), rms_px(fit.cubic.residual)
+def _followed(fit: ObjectFit, together: float) -> Finding | None:
+    """Fit with a scale and centre for each of two groups, until they settle; then judge.
+
+    Args:
+        fit: the fit to start from.
+        together: RMS with one lens for all, to be beaten.
+
+    """
+    pairs, photos = fit.reference.pairs, _own(fit)
     apart, split, reach = fit, two_lenses(photos), photos.reach
     noticed = _NOTICED_PX * max(1.0, max(pairs.image_size) / _SIDE)
     given, gains = np.zeros((len(pairs.images), 3)), [0.0]
