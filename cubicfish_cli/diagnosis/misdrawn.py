@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -36,6 +36,8 @@ _CLEARLY = 0.02
 _PHOTOS = 6
 _MOST_BOARDS = 6
 _UNITS = {25.4: "inches_for_mm", 10.0: "cm_for_mm"}
+# The order of several boards, where their sizes or colours differ.
+_IN_GENERAL = {"exchanged_size": "exchanged", "colours": "some_colours"}
 _bad = partial(Finding, severity=Severity.BAD)
 _NO_PLACE = (Decided.NO_FIT, Decided.NOT_PLANE, Decided.TOO_LARGE, Decided.COLOURS)
 
@@ -126,13 +128,15 @@ def _trials(target: Target, photos: IntArray) -> Iterator[_Trial]:
     plain = [index for index, board in enumerate(target.boards) if board.points is None]
     changes = [list(_changes(target.boards[index])) for index in plain]
     for index, own in zip(plain, changes, strict=True):
-        for change in own:
-            yield _redrawn(target, {index: change}, change.figures, "one")
+        for code, figures, board in own:
+            yield _redrawn(target, code, {**figures, "which": "one"}, {index: board})
     for every in zip(*changes, strict=False):
-        first = every[0]
-        alike = all(change.figures == first.figures for change in every)
-        figures = first.figures if alike else {**first.figures, "order": first.in_general}
-        yield _redrawn(target, dict(zip(plain, every, strict=True)), figures, "all")
+        code, figures, _ = every[0]
+        if any(other != figures for _, other, _ in every):
+            figures = {**figures, "order": _IN_GENERAL[figures["order"]]}
+        boards = (board for *_, board in every)
+        redrawn = dict(zip(plain, boards, strict=True))
+        yield _redrawn(target, code, {**figures, "which": "all"}, redrawn)
     for one, other in combinations(plain, 2):
         a, b = target.boards[one], target.boards[other]
         yield _Trial(
@@ -142,55 +146,36 @@ def _trials(target: Target, photos: IntArray) -> Iterator[_Trial]:
 
 
 def _redrawn(
-    target: Target, changes: Mapping[int, _Change], figures: Mapping[str, Any], which: str
+    target: Target, code: Code, figures: Mapping[str, Any], boards: Mapping[int, Board]
 ) -> _Trial:
-    code = next(change.code for change in changes.values())
-    names = tuple(target.boards[index].name for index in changes)
-    return _Trial(
-        finding=_bad(code=code, case="grids", boards=names, figures={**figures, "which": which}),
-        target=target.with_boards({index: change.board for index, change in changes.items()}),
-    )
+    names = tuple(board.name for board in boards.values())
+    finding = _bad(code=code, case="grids", boards=names, figures=figures)
+    return _Trial(finding=finding, target=target.with_boards(boards))
 
 
-class _Change(NamedTuple):
-    """One thing of a board put right.
+def _changes(board: Board) -> Iterator[tuple[Code, dict[str, Any], Board]]:
+    """One thing of a board put right: what was wrong, the figures of that, and the board."""
 
-    Attributes:
-        code: what was wrong.
-        figures: the figures of that.
-        board: the board as it would be right.
-        in_general: the order, where that of other boards has other figures.
+    def order(key: str, **changed: Any) -> tuple[Code, dict[str, Any], Board]:
+        size = {"columns": board.columns, "rows": board.rows} if "columns" in changed else {}
+        return Code.BOARD_ORDER, {"order": key, **size}, replace(board, **changed)
 
-    """
-
-    code: Code
-    figures: dict[str, Any]
-    board: Board
-    in_general: str = ""
-
-
-def _changes(board: Board) -> Iterator[_Change]:
-    def order(key: str, in_general: str = "", /, **changed: Any) -> _Change:
-        size = {"columns": board.columns, "rows": board.rows} if changed.get("columns") else {}
-        own = replace(board, **changed)
-        return _Change(Code.BOARD_ORDER, {"order": key, **size}, own, in_general)
-
-    yield order("exchanged_size", "exchanged", columns=board.rows, rows=board.columns)
+    yield order("exchanged_size", columns=board.rows, rows=board.columns)
     if board.has_squares:
         other: FirstSquare = "light" if board.first_square == "dark" else "dark"
         drawn = board.in_mirror() if board.mirrored else board
         says = "light" if drawn.first_square == "dark" else "dark"
-        colours = order("colours", "some_colours", first_square=other)
-        yield colours._replace(figures={**colours.figures, "first_square": says})
+        code, figures, own = order("colours", first_square=other)
+        yield code, {**figures, "first_square": says}, own
     for key in ("y_axis", "x_axis", "both_axes"):
-        yield _Change(Code.BOARD_ORDER, {"order": key}, AXES[key](board))
+        yield Code.BOARD_ORDER, {"order": key}, AXES[key](board)
     last = board.world_points(board.columns - 1, 0)
     yield order("other_end", origin=last, x_axis=-board.x_axis)
     for ratio, mixed in _UNITS.items():
         for factor in (ratio, 1 / ratio):
             figures = {"times": ratio, "small": factor > 1, "units_mixed": mixed}
             resized = replace(board, square=board.square * factor)
-            yield _Change(Code.BOARD_SQUARE, figures, resized)
+            yield Code.BOARD_SQUARE, figures, resized
 
 
 def _placed(board: Board, other: Board) -> Board:
