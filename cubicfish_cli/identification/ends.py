@@ -16,6 +16,7 @@ that is cut on its other side.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -48,21 +49,9 @@ _SAME_CORNER_STEPS = 0.4
 _FACTOR, _MORE = 2, 4
 
 
-def without_strays(grid: Grid, sizes: IntArray) -> Grid | None:
-    """The grid, cut as little as makes it fit a box; None where no few corners are in the way.
-
-    Args:
-        grid: the grid.
-        sizes: (S, 2) boxes along the grid's i and j that it may fill.
-
-    """
-    return _cut(grid, sizes)
-
-
 def solid(grid: Grid) -> Grid:
     """The grid without any weak line at its rim."""
-    cut = _cut(grid, None)
-    return grid if cut is None else cut
+    return without_strays(grid) or grid
 
 
 def solid_size(grid: Grid) -> tuple[int, int]:
@@ -92,7 +81,14 @@ def doubtful_rims(grid: Grid) -> list[BoolArray]:
     return found
 
 
-def _cut(grid: Grid, sizes: IntArray | None) -> Grid | None:
+def without_strays(grid: Grid, sizes: IntArray | None = None) -> Grid | None:
+    """The grid, cut as little as makes it fit a box; None where no few corners are in the way.
+
+    Args:
+        grid: the grid.
+        sizes: (S, 2) boxes along the grid's i and j that it may fill; None cuts all weak lines.
+
+    """
     keep = np.ones(len(grid), bool)
     while True:
         cells = grid.cells[keep]
@@ -106,9 +102,19 @@ def _cut(grid: Grid, sizes: IntArray | None) -> Grid | None:
                 return None
             break
         keep[keep] = ~weakest
-        if not _are_few(int((~keep).sum()), len(grid)):
+        cut = int((~keep).sum())
+        if cut > max(_FEW, _FEW_SHARE * len(grid)) or cut > _MOST_SHARE * len(grid):
             return None
-    return _part(grid, keep)
+    cells = grid.cells[keep]
+    first = cells.min(axis=0)
+    return replace(
+        grid,
+        cells=cells - first,
+        pixel=grid.pixel[keep],
+        # Every step along i or j flips the colours.
+        parity=grid.parity * (-1) ** int(first.sum()),
+        contrast=grid.contrast[keep],
+    )
 
 
 def _axes_in_the_way(extent: IntArray, sizes: IntArray) -> list[int]:
@@ -136,23 +142,6 @@ def _weakest_lines(cells: IntArray, axes: list[int]) -> BoolArray | None:
             lines = here if own < fewest else lines | here
             fewest = own
     return lines if np.isfinite(fewest) else None
-
-
-def _are_few(cut: int, corners: int) -> bool:
-    return cut <= max(_FEW, _FEW_SHARE * corners) and cut <= _MOST_SHARE * corners
-
-
-def _part(grid: Grid, keep: BoolArray) -> Grid:
-    cells = grid.cells[keep]
-    first = cells.min(axis=0)
-    return replace(
-        grid,
-        cells=cells - first,
-        pixel=grid.pixel[keep],
-        # Every step along i or j flips the colours.
-        parity=grid.parity * (-1) ** int(first.sum()),
-        contrast=grid.contrast[keep],
-    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -260,13 +249,9 @@ def _visible(
 
 
 def _table(missing: BoolArray) -> IntArray:
-    room = range(_LINES + 1)
     width, height = missing.shape
     table = [
         missing[_LINES - a : width - _LINES + b, _LINES - c : height - _LINES + d].sum()
-        for a in room
-        for b in room
-        for c in room
-        for d in room
+        for a, b, c, d in product(range(_LINES + 1), repeat=4)
     ]
     return np.array(table, np.intp).reshape((_LINES + 1,) * 4)
