@@ -108,70 +108,70 @@ _NAMES = (*_LENSES, *_DRAWING, Code.CORNER_NAMES)
 _NOTHING = (Code.NOTHING_NAMED, Code.ANOTHER_TARGET, Code.CORNER_COUNT)
 _CHANGES = (Code.AUTOFOCUS, Code.STABILISATION, Code.SHEET_BENDS)
 _COUNT, _ANOTHER, _MIRRORED = (Code.CORNER_COUNT,), (Code.ANOTHER_TARGET,), (Code.MIRRORED,)
-TABLES, PASS, TRIALS = Cost
+_TABLES, _PASS, _TRIALS = Cost
 
 # In the order in which they are told.
 HYPOTHESES: tuple[Hypothesis[Any], ...] = (
     # Of photos, and of the grids and markers in them.
-    Hypothesis(PhotoEvidence, (Code.REPEATS,), TABLES, repeats.copies),
-    Hypothesis(GridEvidence, _COUNT, TABLES, corner_count.squares_of_grids),
-    Hypothesis(GridEvidence, _DRAWING, TRIALS, misdrawn.misdrawn, _counted_rightly),
-    Hypothesis(GridEvidence, _ANOTHER, TRIALS, corner_count.another_target, _some_corners),
-    Hypothesis(GridEvidence, _COUNT, TRIALS, corner_count.miscounted, _only_notes),
-    Hypothesis(GridEvidence, _NOTHING, TRIALS, corner_count.nothing_named, _no_corners),
-    Hypothesis(GridEvidence, _MIRRORED, TABLES, mirrored.other_colours),
-    Hypothesis(MarkerEvidence, (*_MIRRORED, Code.INVERTED), TRIALS, mirrored.otherwise_printed),
-    Hypothesis(MarkerEvidence, (Code.NO_MARKERS,), TRIALS, mirrored.no_markers, _no_corners),
+    Hypothesis(PhotoEvidence, (Code.REPEATS,), _TABLES, repeats.copies),
+    Hypothesis(GridEvidence, _COUNT, _TABLES, corner_count.squares_of_grids),
+    Hypothesis(GridEvidence, _DRAWING, _TRIALS, misdrawn.misdrawn, _counted_rightly),
+    Hypothesis(GridEvidence, _ANOTHER, _TRIALS, corner_count.another_target, _some_corners),
+    Hypothesis(GridEvidence, _COUNT, _TRIALS, corner_count.miscounted, _only_notes),
+    Hypothesis(GridEvidence, _NOTHING, _TRIALS, corner_count.nothing_named, _no_corners),
+    Hypothesis(GridEvidence, _MIRRORED, _TABLES, mirrored.other_colours),
+    Hypothesis(MarkerEvidence, (*_MIRRORED, Code.INVERTED), _TRIALS, mirrored.otherwise_printed),
+    Hypothesis(MarkerEvidence, (Code.NO_MARKERS,), _TRIALS, mirrored.no_markers, _no_corners),
     # Of a fit.
-    Hypothesis(FitEvidence, _MIRRORED, TABLES, lambda e: mirrored.handed(e.pairs)),
-    Hypothesis(FitEvidence, _LENSES, PASS, lens_faults.lens_findings, _named),
+    Hypothesis(FitEvidence, _MIRRORED, _TABLES, lambda e: mirrored.handed(e.pairs)),
+    Hypothesis(FitEvidence, _LENSES, _PASS, lens_faults.lens_findings, _named),
     Hypothesis(
         FitEvidence,
         (Code.SHEARED, Code.PHOTO_LENS),
-        PASS,
+        _PASS,
         lambda e: lens_faults.odd_photos(e.fit),
         lambda e, found: _named(e, found) and _lacks(_LENSES, found),
     ),
-    Hypothesis(FitEvidence, _DRAWING, TRIALS, wrong_drawing.wrong_drawing, _not_bad),
+    Hypothesis(FitEvidence, _DRAWING, _TRIALS, wrong_drawing.wrong_drawing, _not_bad),
     Hypothesis(
         FitEvidence,
         _CHANGES,
-        TRIALS,
+        _TRIALS,
         lambda e: unsteady.unsteady(e.fit),
         lambda e, found: _not_bad(e, found) and _lacks([Code.SHEARED], found),
         # Where all photos differ, those that do so most are not odd.
         instead_of=(Code.PHOTO_LENS,),
     ),
-    Hypothesis(FitEvidence, _NAMES, TRIALS, left_out.left_out, _named),
+    Hypothesis(FitEvidence, _NAMES, _TRIALS, left_out.left_out, _named),
     Hypothesis(
         FitEvidence,
         _COUNT,
-        TABLES,
+        _TABLES,
         corner_count.squares_of_corners,
         lambda e, found: _named(e, found) and _lacks(_COUNT, found),
     ),
-    Hypothesis(FitEvidence, (Code.ONE_PLACE, Code.REPEATS), TABLES, repeats.repeats),
+    Hypothesis(FitEvidence, (Code.ONE_PLACE, Code.REPEATS), _TABLES, repeats.repeats),
     # Of corners that do not fit: the first that explains it is the likeliest.
-    Hypothesis(FailedFit, _MIRRORED, TABLES, mirrored.mirrored_photos, lambda e, found: not found),
-    Hypothesis(FailedFit, _DRAWING, TRIALS, wrong_drawing.of_failure, _unexplained),
+    Hypothesis(FailedFit, _MIRRORED, _TABLES, mirrored.mirrored_photos, lambda e, found: not found),
+    Hypothesis(FailedFit, _DRAWING, _TRIALS, wrong_drawing.of_failure, _unexplained),
     Hypothesis(
-        FailedFit, _MIRRORED, TRIALS, lambda e: mirrored.mirrored_object(e.scaled[0]), _unexplained
+        FailedFit, _MIRRORED, _TRIALS, lambda e: mirrored.mirrored_object(e.scaled[0]), _unexplained
     ),
     Hypothesis(
-        FailedFit, _LENS, TRIALS, lambda e: failed_lens.failed_lens(e.scaled[0]), _unexplained
+        FailedFit, _LENS, _TRIALS, lambda e: failed_lens.failed_lens(e.scaled[0]), _unexplained
     ),
     # Of a fitted rig.
-    Hypothesis(RigEvidence, (Code.SHOT_MISMATCHED,), TABLES, rig.mismatched),
-    Hypothesis(RigEvidence, (Code.CLOCKS_DIFFER,), TABLES, rig.clocks_differ),
-    Hypothesis(RigEvidence, (Code.CAMERA_MOVED,), PASS, rig.camera_moved),
+    Hypothesis(RigEvidence, (Code.SHOT_MISMATCHED,), _TABLES, rig.mismatched),
+    Hypothesis(RigEvidence, (Code.CLOCKS_DIFFER,), _TABLES, rig.clocks_differ),
+    Hypothesis(RigEvidence, (Code.CAMERA_MOVED,), _PASS, rig.camera_moved),
     Hypothesis(
         RigEvidence,
         (Code.NOT_AT_ONCE, Code.SHOT_APART),
-        PASS,
+        _PASS,
         rig.not_at_once,
         lambda e, found: _lacks([Code.CAMERA_MOVED], found),
     ),
-    Hypothesis(RigEvidence, (Code.FEW_COMMON_SHOTS,), TABLES, rig.few_common_shots),
+    Hypothesis(RigEvidence, (Code.FEW_COMMON_SHOTS,), _TABLES, rig.few_common_shots),
 )
 
 

@@ -49,9 +49,11 @@ _AGREES = 6.0
 
 
 def measured_object(pairs: Observations, target: Target) -> dict[int, FloatArray]:
-    """Measure the object: (rows * columns, 3) of each board that could be, by index, in one frame.
+    """Measure the object.
 
-    None where there are no boards.
+    Returns:
+        (rows * columns, 3) corners of each board that could be measured, by index, row by row, in
+        one frame; none where there are no boards, or too little of them is seen.
 
     Raises:
         FitError: the boards by themselves do not fit a lens.
