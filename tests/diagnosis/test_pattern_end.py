@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 from cubicfish_cli.detection.grids import Grid
-from cubicfish_cli.diagnosis.fewer_corners import pattern_end
+from cubicfish_cli.diagnosis.fewer_corners import _Sight, pattern_end
+from cubicfish_cli.identification.ends import Ends
+from cubicfish_cli.identification.identified import Place
 from cubicfish_cli.lenses.radial import RadialCamera
 
 SIDE, FIRST = 20, 60  # pixels a square, and the first corner's place
@@ -78,3 +80,31 @@ def test_nothing_is_told_of_tiny_squares():
     small = cv2.resize(board(), None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
     form = FORM * [[0.25, 0.25, 0.25], [0.25, 0.25, 0.25], [1, 1, 1]]
     assert pattern_end(small, CAMERA, form, grid(), 0, after=True, in_view=True) is None
+
+
+@pytest.mark.parametrize(("missing", "ended"), [(3, True), (2, False)])
+def test_an_end_is_in_view_where_most_of_the_next_line_is_missing(missing, ended):
+    table = np.zeros((3, 3, 3, 3), np.intp)
+    table[0, 1, 0, 0] = missing  # with room for one more line after the last i: of 4 corners
+    sight = _Sight(
+        photo=0,
+        grid=grid(),
+        form=FORM,
+        place=Place(board=0, turn=1, column=ROWS - 1, row=0),
+        ends=Ends(table=table, last=np.array([COLUMNS - 1, ROWS - 1])),
+    )
+    assert sight.ended(0, after=True) == ended
+    others = ((0, False), (1, True), (1, False))
+    assert not any(sight.ended(axis, after=after) for axis, after in others)
+
+
+def test_a_grid_that_lies_turned_spans_its_board_the_other_way():
+    sight = _Sight(
+        photo=0,
+        grid=grid(),
+        form=FORM,
+        place=Place(board=0, turn=1, column=ROWS - 1, row=0),
+        ends=Ends(table=np.zeros((3, 3, 3, 3), np.intp), last=np.array([COLUMNS - 1, ROWS - 1])),
+    )
+    np.testing.assert_array_equal(sight.span, [[0, ROWS - 1], [0, COLUMNS - 1]])
+    assert sight.size == (ROWS, COLUMNS)
