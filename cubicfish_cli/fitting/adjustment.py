@@ -32,7 +32,7 @@ _SAME_LIMIT = 0.02
 _OF_PAIRS = ("image", "pixel", "weight")
 _POSE = 6
 COLD_DAMPING = 1e-4
-WARM_DAMPING = 1e-8
+WARM_DAMPING = 1e-10
 """For a start at the optimum of nearly the same pairs."""
 
 

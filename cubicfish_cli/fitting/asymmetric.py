@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cubicfish_cli.fitting.adjustment import COLD_DAMPING, WARM_DAMPING, adjust
+from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.geometry import decentring, decentring_slope, mean_rotation
@@ -257,19 +257,14 @@ def bend(
     """
     noise = max(noise_px(residual), 1e-3)
     lens = BentFit.unbent(camera, terms=terms, noise_px=noise, spread=spread)
-    if spread:
-        if near is not None:
-            lens = replace(lens, values=lens.values + near.values)
-            poses = Poses(
-                rotation=near.turn @ poses.rotation, translation=poses.translation @ near.turn.T
-            )
+    if near is not None:
+        lens = replace(lens, values=lens.values + near.values)
+        poses = Poses(
+            rotation=near.turn @ poses.rotation, translation=poses.translation @ near.turn.T
+        )
+    elif spread:
         fit = adjust(
-            lens,
-            poses,
-            pairs,
-            huber_px=huber_px(residual),
-            relative_decrease=_DECREASE,
-            damping=COLD_DAMPING if near is None else WARM_DAMPING,
+            lens, poses, pairs, huber_px=huber_px(residual), relative_decrease=_DECREASE
         )
         if not isinstance(fit.lens, BentFit):
             raise TypeError("the adjustment must be of a bent lens")

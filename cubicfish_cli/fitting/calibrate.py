@@ -300,6 +300,7 @@ def _calibrated(
     drawn = fit
     fit, held_out, refused = _climb(drawn, drawing, refine_target, hold_out, stages)
     fit = to_the_bottom(fit)
+    drawn = fit if fit.level == "off" else drawn
     stages.begin("checks")
     held_out_by_level = {level: error.rms_px for level, error in held_out.items() if error}
     cubic, reference = fit.cubic, fit.reference
@@ -469,7 +470,7 @@ def _judged(
         FIRMEST,
         world=fit.cubic.fit.world,
         start=fit.cubic,
-        relative_decrease=1e-10 if fit.level == "off" else NEAR_DECREASE,
+        relative_decrease=NEAR_DECREASE,
     )
     firm = replace(fit, cubic=cubic)
     measured = held_out_error(firm, progress)

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, Rival, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import NEAR_DECREASE, CubicResult, Hold, Rival, fit_cubic
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.radial_reference import RadialReference
@@ -49,7 +49,6 @@ def choose_hold(
     world: World | None = None,
     start: CubicResult | None = None,
     everywhere: bool = False,
-    relative_decrease: float = 1e-10,
 ) -> CubicResult:
     """Fit the cubic under the hold that photos left out speak for.
 
@@ -62,7 +61,9 @@ def choose_hold(
         world: the object, where it is free.
         start: a fit to the same photos whose hold is where to begin.
         everywhere: look at all holds from there, as without a start; else at those around.
-        relative_decrease: when the fit under the hold that was chosen stops.
+
+    Returns:
+        A fit that is good to compare and to go on from, not yet to the last digit.
 
     Raises:
         FitError: no hold gives a sound camera.
@@ -71,7 +72,7 @@ def choose_hold(
     hold = UNTOLD if start is None else start.hold
     if len(groups) < 2:
         return fit_cubic(
-            reference, hold, world=world, start=start, relative_decrease=relative_decrease
+            reference, hold, world=world, start=start, relative_decrease=NEAR_DECREASE
         )
     place, seen = _place_of(hold), list[_Place]()
     squares: dict[_Place, FloatArray] = {}
@@ -93,7 +94,7 @@ def choose_hold(
     # A search that comes back to an earlier hold ends there; a hold that was made firmer stays so.
     hold = start.hold if place == seen[-1] else _hold(place)
     fitted = fit_cubic(
-        reference, hold, world=start.fit.world, start=start, relative_decrease=relative_decrease
+        reference, hold, world=start.fit.world, start=start, relative_decrease=NEAR_DECREASE
     )
     best = _best(squares)
     likely = likely_positive(squares[place] - squares[best])

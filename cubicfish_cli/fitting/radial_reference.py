@@ -51,6 +51,8 @@ _PULLED_AWAY = 2.0
 # A profile with fewer coefficients may be noisier by this factor.
 _WORTH_A_TERM = 1.05
 _ALL_TERMS = 4
+# A step that lowers the cost by a smaller share is taken unseen.
+_NEAR_DECREASE = 1e-8
 LOST_PX = 10.0
 """What a corner that a known lens does not see counts as being off, at first."""
 
@@ -199,7 +201,15 @@ def refit_radial(reference: RadialReference, pairs: Observations, poses: Poses) 
     Used for pairs without the dropped ones and for the training part of a fold.
     """
     lens = RadialFit(values=reference.camera.parameters, terms=reference.terms)
-    fit = adjust(lens, poses, pairs, huber_px=huber_px(reference.residual))
+    fit = adjust(
+        lens,
+        poses,
+        pairs,
+        huber_px=huber_px(reference.residual),
+        relative_decrease=_NEAR_DECREASE,
+        damping=WARM_DAMPING,
+        trust_last=True,
+    )
     return _sound(fit, pairs, reference.unfit, dict(reference.bends))
 
 

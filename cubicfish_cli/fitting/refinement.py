@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.fitting.cubic_fit import NEAR_DECREASE, CubicResult, cubic_of, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import CubicResult, cubic_of, fit_cubic
 from cubicfish_cli.fitting.hold import choose_hold
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.poses import Poses
@@ -115,8 +115,6 @@ def refine_object(
 
 def to_the_bottom(fit: ObjectFit) -> ObjectFit:
     """The same fit to the last digit, which it need not be to lead on or to be compared."""
-    if fit.level == "off":
-        return fit
     cubic = fit_cubic(fit.reference, fit.cubic.hold, world=fit.cubic.fit.world, start=fit.cubic)
     reference = fit.reference.followed(cubic.fit.world.points)
     return replace(fit, reference=reference, cubic=replace(cubic, rival=fit.cubic.rival))
@@ -237,7 +235,7 @@ def _joint(
         poses=adjusted.poses,
         residual=adjusted.residual,
     )
-    cubic = choose_hold(reference, groups, world=world, start=near, relative_decrease=NEAR_DECREASE)
+    cubic = choose_hold(reference, groups, world=world, start=near)
     return ObjectFit(
         level=level,
         reference=reference.followed(cubic.fit.world.points),
