@@ -252,7 +252,8 @@ def bend(
         pairs: the corners.
         residual: (N, 2) of the radial lens, pixels.
         spread: expected asymmetry, see :class:`BentFit`.
-        near: a bend from which to start, of much the same lens.
+        near: the bend of much the same lens, which is this one's too: P's own nearest lens
+            follows from any that is near.
 
     """
     noise = max(noise_px(residual), 1e-3)

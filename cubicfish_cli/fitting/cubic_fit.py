@@ -233,6 +233,8 @@ def _starts(
 def held(lens: CubicFit, reference: RadialReference, hold: Hold) -> CubicFit:
     """The same P, held otherwise."""
     bent, _ = reference.bent(hold.spread)
+    if lens.ray_prior.lens is bent and lens.ray_prior.weight == hold.weight:
+        return lens  # which knows what it worked out
     return replace(lens, ray_prior=replace(lens.ray_prior, lens=bent, weight=hold.weight))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.adjustment import COLD_DAMPING, WARM_DAMPING, Adjustment, adjust
+from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.asymmetric import Bend, BentFit, bend, bend_between
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.lenses import RadialFit
@@ -46,6 +46,8 @@ _PHOTOS_FOR_CENTRE = 8
 # A photo is set aside in the first fit when its start is this many times worse than the median.
 _BAD_START = 6.0
 _ROUNDS = 3
+# Fits whose loss follows the residuals of the one before.
+_FOLLOWING = 2
 # Photos that are added may make the others this many times as noisy.
 _PULLED_AWAY = 2.0
 # A profile with fewer coefficients may be noisier by this factor.
@@ -53,6 +55,8 @@ _WORTH_A_TERM = 1.05
 _ALL_TERMS = 4
 # A step that lowers the cost by a smaller share is taken unseen.
 _NEAR_DECREASE = 1e-8
+# Where another fit follows at once.
+_ROUGH_DECREASE = 1e-5
 LOST_PX = 10.0
 """What a corner that a known lens does not see counts as being off, at first."""
 
@@ -69,7 +73,7 @@ class RadialReference:
         unfit: why each photo that was left out was, by name.
         terms: how many coefficients of the radial profile are in use.
         focal_uncertainty: standard deviation of the focal length, as a share of it.
-        bends: what bent this lens before, by expected asymmetry: where to start from.
+        bends: what bent this lens before, by expected asymmetry: it is bent so again.
 
     """
 
@@ -92,16 +96,12 @@ class RadialReference:
     def bent(self, spread: float) -> tuple[BentFit, Poses]:
         """The nearest lens of this expected asymmetry, and the poses that go with it."""
         if spread not in self._bent:
+            near = self.bends.get(spread)
             bent, poses = self._bent[spread] = bend(
-                self.camera,
-                self.terms,
-                self.poses,
-                self.pairs,
-                self.residual,
-                spread,
-                self.bends.get(spread),
+                self.camera, self.terms, self.poses, self.pairs, self.residual, spread, near
             )
-            self.bends[spread] = bend_between(self.camera, self.poses, bent, poses)
+            if near is None:
+                self.bends[spread] = bend_between(self.camera, self.poses, bent, poses)
         return self._bent[spread]
 
     @property
@@ -143,7 +143,8 @@ def fit_radial(pairs: Observations, *, thorough: bool = True) -> RadialReference
         missing = np.setdiff1d(np.arange(len(pairs.images)), used)
         fit, used, refused = _with_missing(fit, used, pairs, missing)
         own = select_photos(pairs, used)
-        fit = _adjusted(fit, own)
+        if missing.size:
+            fit = _adjusted(fit, own)
         unfit = {
             pairs.images[photo]: refused.get(photo, Finding(code=Code.TOO_FEW_CORNERS))
             for photo in np.setdiff1d(missing, used).tolist()
@@ -295,6 +296,7 @@ def _fit_from_centre(pairs: Observations, centre: FloatArray) -> tuple[Adjustmen
         own,
         huber_px=max(20.0, 2 * float(np.median(start.error[used]))),
         max_iterations=1 if typical > _HOPELESS_SHARE * size else _FIRST_ITERATIONS,
+        relative_decrease=_ROUGH_DECREASE,
     )
     if noise_px(fit.residual) > _HOPELESS * _POOR_SHARE * size:
         return fit, used
@@ -305,14 +307,15 @@ def _with_terms(fit: Adjustment, pairs: Observations, terms: int) -> Adjustment:
     values = radial_of(fit).values.copy()
     values[4 + terms :] = 0
     lens = RadialFit(values=values, terms=terms)
-    return adjust(lens, fit.poses, pairs, huber_px=huber_px(fit.residual))
+    limit = huber_px(fit.residual)
+    return adjust(lens, fit.poses, pairs, huber_px=limit, relative_decrease=_NEAR_DECREASE)
 
 
 def _adjusted(fit: Adjustment, pairs: Observations) -> Adjustment:
     """Continue with a loss that follows the residuals down to the noise."""
-    for damping in (COLD_DAMPING, WARM_DAMPING):
+    for _ in range(_FOLLOWING):
         limit = huber_px(fit.residual)
-        fit = adjust(fit.lens, fit.poses, pairs, huber_px=limit, damping=damping, known=fit)
+        fit = adjust(fit.lens, fit.poses, pairs, huber_px=limit, damping=WARM_DAMPING, known=fit)
     return fit
 
 

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from cubicfish_cli.angles import angle_from_axis, azimuth, unit_rays
 from cubicfish_cli.lenses.lift import evaluate_cubics, lift
 from cubicfish_cli.lenses.radial import RadialCamera
-from cubicfish_cli.lenses.sphere import cone_rays, ray_at, rays_of_pixels, tangent_basis
+from cubicfish_cli.lenses.sphere import cone_rays, ray_at, rays_of_pixels
 from cubicfish_cli.types import FloatArray
 
 # Pixel -> ray is exact to this many pixels; what does not get there is NaN.
@@ -29,6 +29,8 @@ _BLOCK = 8192
 # A ray this close beyond the edge of the cone is rounding, not a ray outside.
 _EDGE_SLACK_RAD = 1e-9
 _CHECK_RAYS = 6000
+# Of the angle in which the field ends: to some billionths of a radian.
+_HALVINGS = 30
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -153,7 +155,7 @@ class CubicCamera:
             return (u >= -0.5) & (v >= -0.5) & (u <= width - 0.5) & (v <= height - 0.5)
 
         near = np.where(inside(far), far, near)
-        for _ in range(48):
+        for _ in range(_HALVINGS):
             middle = (near + far) / 2
             ok = inside(middle)
             near, far = np.where(ok, middle, near), np.where(ok, far, middle)
@@ -186,14 +188,19 @@ class Validity:
 def check_validity(P: npt.ArrayLike, angle_deg: float) -> Validity:
     """Examine P (3, 20) for poles and folds over the cone of half-angle ``angle_deg``."""
     P = np.asarray(P, float)
-    rays, basis = _checked(float(angle_deg))
+    rays = _checked(float(angle_deg))
     homogeneous, gradient = evaluate_cubics(P, rays)
-    denominator = homogeneous[:, 2]
-    gradient = gradient @ basis
+    numerators, denominator = homogeneous.T[:2], homogeneous.T[2]
+    # One coordinate of all rays after the other is the quickest to work on.
+    across, (x, y, z) = gradient.transpose(1, 2, 0), rays.T
     # d(u, v) = (d(P1Φ, P2Φ) − (u, v) d(P3Φ)) / P3Φ; times P3Φ² it stays finite at a pole.
-    a = gradient[:, :2] * denominator[:, None, None]
-    numerator = a - homogeneous[:, :2, None] * gradient[:, 2:, :]
-    determinant = numerator[:, 0, 0] * numerator[:, 1, 1] - numerator[:, 0, 1] * numerator[:, 1, 0]
+    u, v = across[:2] * denominator - numerators[:, None] * across[2]
+    # Of a turn of the ray, which has no part along it: d · (∇u × ∇v).
+    determinant = (
+        x * (u[1] * v[2] - u[2] * v[1])
+        + y * (u[2] * v[0] - u[0] * v[2])
+        + z * (u[0] * v[1] - u[1] * v[0])
+    )
     good = (denominator > 0) & (determinant > 0)
     theta = np.rad2deg(np.arccos(np.clip(rays[:, 2], -1, 1)))
     return Validity(
@@ -205,8 +212,8 @@ def check_validity(P: npt.ArrayLike, angle_deg: float) -> Validity:
 
 
 @lru_cache(maxsize=4)
-def _checked(angle_deg: float) -> tuple[FloatArray, FloatArray]:
-    """Rays of a cone, (N, 3), and their tangents, (N, 3, 2): a fit asks for the same many times."""
+def _checked(angle_deg: float) -> FloatArray:
+    """Rays of a cone, (N, 3): a fit asks for the same many times."""
     angle = np.deg2rad(angle_deg)
     rim_azimuth = np.linspace(0, 2 * np.pi, 720, endpoint=False)
     rim = np.stack(
@@ -218,10 +225,8 @@ def _checked(angle_deg: float) -> tuple[FloatArray, FloatArray]:
         axis=-1,
     )
     rays = np.vstack([[[0.0, 0.0, 1.0]], cone_rays(angle, _CHECK_RAYS), rim])
-    basis = tangent_basis(rays)
-    for array in (rays, basis):
-        array.flags.writeable = False
-    return rays, basis
+    rays.flags.writeable = False
+    return rays
 
 
 def _smallest(values: FloatArray) -> float:
