@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cubicfish_cli.fitting.adjustment import adjust
+from cubicfish_cli.fitting.adjustment import WARM_DAMPING, adjust
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.geometry import decentring, decentring_slope, mean_rotation
@@ -265,7 +265,12 @@ def bend(
         )
     elif spread:
         fit = adjust(
-            lens, poses, pairs, huber_px=huber_px(residual), relative_decrease=_DECREASE
+            lens,
+            poses,
+            pairs,
+            huber_px=huber_px(residual),
+            relative_decrease=_DECREASE,
+            damping=WARM_DAMPING,
         )
         if not isinstance(fit.lens, BentFit):
             raise TypeError("the adjustment must be of a bent lens")

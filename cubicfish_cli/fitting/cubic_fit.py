@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.adjustment import COLD_DAMPING, WARM_DAMPING, Adjustment, adjust
+from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.lenses import WEIGHT_BEYOND, CubicFit, RayPrior
 from cubicfish_cli.fitting.linear import linear_coefficients
 from cubicfish_cli.fitting.poses import Poses
@@ -133,7 +133,7 @@ def fit_cubic(
             huber_px=huber_px(reference.residual if start is None else start.residual),
             world=world,
             relative_decrease=max(relative_decrease, NEAR_DECREASE),
-            damping=COLD_DAMPING if start is None else WARM_DAMPING,
+            damping=WARM_DAMPING,
             known=None if start is None else start.fit,
         )
         if relative_decrease < NEAR_DECREASE:  # to the bottom, the loss's scale settled

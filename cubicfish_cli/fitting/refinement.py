@@ -143,6 +143,7 @@ def _adjusted(lens: CubicFit, poses: Poses, pairs: Observations, world: RefinedW
         huber_px=2 * huber_px(np.full((1, 2), world.noise)),
         world=world,
         relative_decrease=1e-3,
+        damping=WARM_DAMPING,
     )
 
 
