@@ -71,9 +71,7 @@ def choose_hold(
     """
     hold = UNTOLD if start is None else start.hold
     if len(groups) < 2:
-        return fit_cubic(
-            reference, hold, world=world, start=start, relative_decrease=NEAR_DECREASE
-        )
+        return fit_cubic(reference, hold, world=world, start=start, relative_decrease=NEAR_DECREASE)
     place, seen = _place_of(hold), list[_Place]()
     squares: dict[_Place, FloatArray] = {}
     places = _EVERY_PLACE if everywhere or start is None else _around(place)

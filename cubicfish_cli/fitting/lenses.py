@@ -127,6 +127,18 @@ class RayPrior:
         return lift(self.rays) @ sphere_basis()
 
     @cached_property
+    def denominators(self) -> FloatArray:
+        """(L, 17) from P3's coefficients and 1 to what has the squares of P3Φ's relative changes.
+
+        Changes at all rays are linear in 16 coefficients: their triangular factor says as much.
+        """
+        share = self.denominator_weight / self.denominator
+        changes = np.column_stack(
+            [share[:, None] * self.values, np.full(len(share), -self.denominator_weight)]
+        )
+        return np.asarray(np.linalg.qr(changes, mode="r"))
+
+    @cached_property
     def weights(self) -> FloatArray:
         """(M,) what the residuals at each ray are multiplied by.
 
@@ -293,7 +305,7 @@ class CubicFit:
         if not np.isfinite(pixel).all():  # a bad step: its cost turns it down
             return np.full(1, np.inf), np.zeros((1, 47))
         miss, by_lens = prior.nearest(pixel)
-        change, of_change = self._denominators(denominator)
+        change, of_change = self._denominators()
         slope = np.empty((len(miss) + len(change), 47))
         direct = slope[: len(miss)]
         by_pixel = slope[: pixel.size].reshape(-1, 2, 47)
@@ -303,13 +315,12 @@ class CubicFit:
         slope[len(miss) :] = of_change
         return np.concatenate([miss, change]), slope
 
-    def _denominators(self, denominator: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Weighted relative changes of P3Φ at the prior's rays, and their derivatives (M, 47)."""
-        prior = self.ray_prior
-        change = prior.denominator_weight * (denominator / prior.denominator - 1)
+    def _denominators(self) -> tuple[FloatArray, FloatArray]:
+        """Weighted relative changes of P3Φ over the prior's rays, and their derivatives (L, 47)."""
+        by_values = self.ray_prior.denominators
+        change = by_values[:, :-1] @ self.coefficients[2] + by_values[:, -1]
         slope = np.zeros((len(change), 47))
-        share = (prior.denominator_weight / prior.denominator)[:, None]
-        slope[:, 32:] = share * (prior.values @ self.denominator_basis)
+        slope[:, 32:] = by_values[:, :-1] @ self.denominator_basis
         return change, slope
 
     def priors(self, lens: BentFit, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -353,7 +364,7 @@ class CubicFit:
         cross = gram[:, count:-1, kept]
         followed = _follow(gram[:, count:-1, count:-1], cross)
         left = gram[:, kept[:, None], kept] - cross.transpose(0, 2, 1) @ followed
-        change, slope = self._denominators(denominator)
+        change, slope = self._denominators()
         return left[:, :-1, :-1] + slope.T @ slope, left[:, :-1, -1] + slope.T @ change
 
     def _pixel(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.types import FloatArray, IntArray
@@ -366,32 +367,29 @@ class NormalSums:
         # Few corners are so far off that they weigh less than others.
         light = np.flatnonzero(root != 1)
         whole[light] *= root[light, None, None]
-        jacobian = whole[:, :, : count + 7]
+        rows = whole[:, :, : count + 7]
         bounds = np.searchsorted(image, np.arange(photos.start, photos.stop + 1))
         each = np.diff(bounds)
         if len(each) > 1 and each[0] > 0 and (each == each[0]).all():
             # A small board is seen whole in most photos: these are worked out all at once.
-            self._add_photos(
-                jacobian.reshape(len(each), -1, count + 7), own, key, terms.pose[bounds[:-1]]
-            )
+            self._add_photos(rows.reshape(len(each), -1, count + 7), own, terms.pose[bounds[:-1]])
         else:
             for start, stop in pairwise(bounds):
                 if start < stop:
-                    rows = jacobian[start:stop].reshape(1, -1, count + 7)
-                    self._add_photos(rows, own, key, terms.pose[start : start + 1])
+                    photo = rows[start:stop].reshape(1, -1, count + 7)
+                    self._add_photos(photo, own, terms.pose[start : start + 1])
+        shared = rows.reshape(-1, count + 7)[:, 6:]
+        self._total[key] += (shared.T @ shared)[:-1]
         if free:
-            self._add_corners(whole, own, terms.pose, self._corner[pairs], bounds)
+            self._add_corners(whole, own, terms.pose, self._corner[pairs])
 
-    def _add_photos(
-        self, rows: FloatArray, own: IntArray | slice, key: tuple[int, int], pose: IntArray
-    ) -> None:
-        """The blocks of some photos (P, 2n, k + 7) of equally many pairs."""
-        # One Gram matrix a photo holds every block, the gradient in its last column.
-        gram = rows.transpose(0, 2, 1) @ rows
-        self._total[key] += gram[:, 6:-1, 6:].sum(axis=0) if len(gram) > 1 else gram[0, 6:-1, 6:]
-        self._pose[pose] += gram[:, :6, :6]
-        self._pose_gradient[pose] += gram[:, :6, -1]
-        across = gram[:, 6:-1, :6].transpose(1, 0, 2)
+    def _add_photos(self, rows: FloatArray, own: IntArray | slice, pose: IntArray) -> None:
+        """The poses' blocks of some photos (P, 2n, k + 7) of equally many pairs."""
+        # The gradient is in the last column.
+        gram = rows[:, :, :6].transpose(0, 2, 1) @ rows
+        self._pose[pose] += gram[:, :, :6]
+        self._pose_gradient[pose] += gram[:, :, -1]
+        across = gram[:, :, 6:-1].transpose(2, 0, 1)
         if isinstance(own, slice):
             self._shared_pose[:, pose] += across
         else:
@@ -403,19 +401,20 @@ class NormalSums:
         own: IntArray | slice,
         pose: IntArray,
         corner: IntArray,
-        bounds: IntArray,
     ) -> None:
         """The blocks of free corners: (n, 2, k + 10) with derivatives by them last, weighted."""
         product = whole[:, :, -3:].transpose(0, 2, 1) @ whole
         # A photo sees each corner once, so no place comes twice.
         self._corner_pose[corner, pose] += product[:, :, :6]
-        for start, stop in pairwise(bounds):
-            seen, added = corner[start:stop], product[start:stop, :, 6:]
-            if isinstance(own, slice):
-                self._by_corner[seen] += added
-            else:
-                columns = np.r_[own, self._shared : self._shared + 4]
-                self._by_corner[seen[:, None], :, columns] += added.transpose(0, 2, 1)
+        columns = own
+        if not isinstance(own, slice):
+            columns = np.r_[own, self._shared : self._shared + 4]
+        added = product[:, :, 6:].reshape(len(corner), -1)
+        each = csr_array(
+            (np.ones(len(corner)), corner, np.arange(len(corner) + 1)),
+            shape=(len(corner), self._corners),
+        )
+        self._by_corner[:, :, columns] += (each.T @ added).reshape(self._corners, 3, -1)
 
     def _totals(self) -> tuple[FloatArray, FloatArray]:
         """Hessian (K, K) and gradient (K,) of the shared unknowns."""

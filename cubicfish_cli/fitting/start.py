@@ -57,19 +57,21 @@ def start_at_centre(pairs: Observations, centre: FloatArray) -> Start:
     photos = [_photo(pairs, image, centre) for image in range(len(pairs.images))]
     farthest = max(float(photo.radius.max(initial=0)) for photo in photos)
     focals = farthest / np.deg2rad(_FARTHEST_ANGLE_DEG)
-    errors = np.stack([_errors(photo, focals).min(axis=0) for photo in photos])
+    by_candidate = [_errors(photo, focals) for photo in photos]
+    errors = np.stack([each.min(axis=0) for each in by_candidate])
     placed = np.isfinite(errors).any(axis=1)
     # The mean over photos of an error that is capped: one broken photo must not choose.
     cap = 0.05 * max(pairs.image_size)
     total = np.minimum(errors[placed], cap).mean(axis=0) if placed.any() else np.zeros(len(focals))
-    focal = float(focals[np.argmin(total)])
+    chosen = int(np.argmin(total))
+    focal = float(focals[chosen])
     rotation = np.full((len(photos), 3, 3), np.nan)
     translation = np.full((len(photos), 3), np.nan)
     error = np.full(len(photos), np.inf)
     for image, photo in enumerate(photos):
         if not photo.candidates:
             continue
-        own = _errors(photo, np.array([focal]))[:, 0]
+        own = by_candidate[image][:, chosen]
         best = int(np.argmin(own))
         pose = photo.candidates[best]
         depth, _ = depth_shift(pose, photo.world, photo.radius / focal)
