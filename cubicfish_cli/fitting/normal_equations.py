@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.linalg.lapack import dposv
 from scipy.sparse import csr_array
 
 from cubicfish_cli.fitting.world import World
@@ -235,6 +236,11 @@ def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
     least = np.maximum(1e-300, 1e-40 * diagonal.max(axis=-1, keepdims=True, initial=0.0))
     scale = (1 / np.sqrt(np.maximum(diagonal, least)))[..., None]
     scaled = matrix * scale * np.swapaxes(scale, -1, -2)
+    if scaled.ndim == 2 and scaled.size:
+        # By Cholesky's factor, at a third of the cost, where rounding left the matrix positive.
+        _, solved, failed = dposv(scaled.T, scale * right, lower=1)
+        if not failed:
+            return np.asarray(scale * solved)
     try:
         return scale * np.linalg.solve(scaled, scale * right)
     except np.linalg.LinAlgError:

@@ -89,6 +89,8 @@ class PhotoSpread:
 
     def _guessed(self, rays: FloatArray) -> FloatArray:
         """(N, 2) by how much the two guesses at rays of an empty middle differ; 0 elsewhere."""
+        if not self.empty:
+            return np.zeros((len(rays), 2))
         differ = self.noise.result.lens.project(rays) - self.held_to.project(rays)
         return np.where(rays[:, 2:] > np.cos(self.empty), differ, 0.0)
 

@@ -108,7 +108,6 @@ def refine_object(
     if isinstance(previous, RefinedWorld):
         free = replace(free, parameters=previous.parameters, spread=previous.spread)
     adjusted = _adjusted(fit.cubic.lens, fit.cubic.poses, drawing.pairs, free)
-    adjusted = _continued(adjusted, drawing.pairs)
     adjusted, spread = settled_spread(adjusted, drawing.pairs, spread)
     return _joint(fit, drawing, level, adjusted, spread, groups)
 
@@ -147,21 +146,6 @@ def _adjusted(lens: CubicFit, poses: Poses, pairs: Observations, world: RefinedW
     )
 
 
-def _continued(
-    fit: Adjustment, pairs: Observations, world: RefinedWorld | None = None
-) -> Adjustment:
-    return adjust(
-        fit.lens,
-        fit.poses,
-        pairs,
-        huber_px=huber_px(fit.residual),
-        world=world or fit.world,
-        relative_decrease=_ROUGH_DECREASE,
-        damping=WARM_DAMPING,
-        known=fit,
-    )
-
-
 def settled_spread(
     fit: Adjustment, pairs: Observations, spread: float | None
 ) -> tuple[Adjustment, float | None]:
@@ -176,7 +160,16 @@ def settled_spread(
         shapes = world.with_spreads(_left_open(fit, noise)) if len(world.parameters) else world
         if spread is not None:
             spread = _offset_spread(fit, noise) or spread
-        fit = _continued(fit, pairs, shapes.with_noise(noise, spread))
+        fit = adjust(
+            fit.lens,
+            fit.poses,
+            pairs,
+            huber_px=huber_px(fit.residual),
+            world=shapes.with_noise(noise, spread),
+            relative_decrease=_ROUGH_DECREASE,
+            damping=WARM_DAMPING,
+            known=fit,
+        )
         change = np.log(shapes.spread / world.spread)
         if spread is not None and before is not None:
             change = np.append(change, np.log(spread / before))
