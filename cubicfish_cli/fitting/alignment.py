@@ -88,8 +88,7 @@ def _small_turn(
         now = miss(turn)
         if np.linalg.norm(step) > _SAME_SLOPE:
             for axis, side in enumerate(_SIDE * np.eye(3)):
-                ahead, behind = (Rotation.from_rotvec(way) * turn for way in (side, -side))
-                slope[:, axis] = (miss(ahead) - miss(behind)) / (2 * _SIDE)
+                slope[:, axis] = (miss(Rotation.from_rotvec(side) * turn) - now) / _SIDE
         # A ray that leaves the field as R changes pulls neither way.
         seen = np.isfinite(now) & np.isfinite(slope).all(axis=1)
         weight = huber_weight(np.abs(now[seen]), _HUBER_PX)[:, None] * slope[seen]

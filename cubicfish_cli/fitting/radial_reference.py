@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import islice
 
 import numpy as np
@@ -109,7 +110,7 @@ class RadialReference:
         """Angle from the axis of the farthest corner that is not gross, radians."""
         return self.reached[1]
 
-    @property
+    @cached_property
     def reached(self) -> tuple[float, float]:
         """Angles from the axis of the nearest and of the farthest corner that is not gross.
 
