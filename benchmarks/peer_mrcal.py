@@ -14,6 +14,7 @@ import numpy as np
 # Stereographic focal lengths to try, as shares of the photo's width; mrcal needs one that is
 # about right.
 FOCALS = np.geomspace(0.12, 1.2, 14)
+RUNS = 5  # of each model, of which the quickest counts
 
 
 def observations_of(grid):
@@ -152,15 +153,17 @@ def main():
     photo = np.arange(len(grid))
     result = {}
     for name, (lensmodel, warp) in models.items():
-        begun = time.process_time()
+        runs = []
         try:
-            intrinsics, frames, bend = calibrate(
-                lensmodel, start, observations, size, spacing, warp
-            )
+            for _ in range(RUNS):
+                begun = time.process_time()
+                intrinsics, frames, bend = calibrate(
+                    lensmodel, start, observations, size, spacing, warp
+                )
+                runs.append(time.process_time() - begun)
         except Exception as error:
             result[name] = {"problem": str(error)[:100]}
             continue
-        seconds = time.process_time() - begun
         fitted = residual(lensmodel, intrinsics, frames, bend, grid, spacing)
         left_out = []
         for fold in range(folds):
@@ -176,7 +179,7 @@ def main():
         result[name] = {
             "residual": fitted.tolist(),
             "held_out": np.vstack(left_out).tolist(),
-            "seconds": seconds,
+            "seconds": min(runs),
         }
     json.dump(result, sys.stdout)
 

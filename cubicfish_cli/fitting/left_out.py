@@ -166,22 +166,21 @@ class Leaving:
     def _equations_of_all(self) -> Eliminated:
         return self._fit.normal.eliminated(_DAMPING)
 
-    def influence(self) -> list[FloatArray]:
-        """Steps (K,) of the shared unknowns with each group's pull gone, but not its weight.
+    def influence(self) -> FloatArray:
+        """Steps (G, K) of the shared unknowns with each group's pull gone, but not its weight.
 
         The empirical influence of a group (Jaeckel's infinitesimal jackknife): what it adds to the
         gradient counts, its share of the equations stays.
         """
         normal = self._fit.normal
-        steps = []
-        for _, parts in self._groups:
-            shared, corner = np.zeros(len(normal.shared)), np.zeros_like(normal.corner_gradient)
+        shared = np.zeros((len(self._groups), len(normal.shared)))
+        corner = np.zeros((len(self._groups), *normal.corner_gradient.shape))
+        for group, (_, parts) in enumerate(self._groups):
             for part in parts:
-                shared -= part.shared.T @ part.residual
+                shared[group] -= part.shared.T @ part.residual
                 if len(part.corner):
-                    np.subtract.at(corner, part.corner, part.pull())
-            steps.append(self._equations_of_all.shared_step(shared, corner))
-        return steps
+                    np.subtract.at(corner[group], part.corner, part.pull())
+        return self._equations_of_all.shared_steps(shared, corner)
 
 
 def _squared(lens: FitLens) -> tuple[FloatArray, FloatArray]:

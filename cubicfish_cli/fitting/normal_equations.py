@@ -188,22 +188,22 @@ class Eliminated:
         seen = self.half.reshape(-1, columns) @ np.vstack([step, np.ones((1, step.shape[1]))])
         return -self.inverse_root.transpose(0, 2, 1) @ seen.reshape(count, size, -1)
 
-    def shared_step(self, shared: FloatArray, corner: FloatArray) -> FloatArray:
-        """The step (K,) of the shared unknowns under another gradient, of no pose.
+    def shared_steps(self, shared: FloatArray, corner: FloatArray) -> FloatArray:
+        """Steps (G, K) of the shared unknowns under other gradients, of no pose.
 
         Args:
-            shared: (K,).
-            corner: (Q, 3).
+            shared: (G, K).
+            corner: (G, Q, 3).
 
         """
-        right = np.zeros(len(self.gradient))
-        right[: self.shared] = shared
+        right = np.zeros((len(shared), len(self.gradient)))
+        right[:, : self.shared] = shared
         if self.keeps_poses:
-            half = np.einsum("nij,nj->ni", self.inverse_root, corner)
+            half = np.einsum("nij,gnj->gni", self.inverse_root, corner)
             right -= np.tensordot(half, self.half[..., :-1], 2)
         elif self.corners:
-            right[self.shared :] = corner.reshape(-1)
-        return -solve_scaled(self.matrix, right[:, None])[: self.shared, 0]
+            right[:, self.shared :] = corner.reshape(len(corner), -1)
+        return -solve_scaled(self.matrix, right.T)[: self.shared].T
 
 
 def _inverse_root(blocks: FloatArray) -> FloatArray:
@@ -236,7 +236,7 @@ def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
     least = np.maximum(1e-300, 1e-40 * diagonal.max(axis=-1, keepdims=True, initial=0.0))
     scale = (1 / np.sqrt(np.maximum(diagonal, least)))[..., None]
     scaled = matrix * scale * np.swapaxes(scale, -1, -2)
-    if scaled.ndim == 2 and scaled.size:
+    if scaled.ndim == 2 and right.size:
         # By Cholesky's factor, at a third of the cost, where rounding left the matrix positive.
         _, solved, failed = dposv(scaled.T, scale * right, lower=1)
         if not failed:

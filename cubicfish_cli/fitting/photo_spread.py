@@ -174,7 +174,7 @@ def photo_spread(
     return PhotoSpread(
         noise=camera_uncertainty(result),
         left_out=np.array([shared[:count] for shared, _, _ in leaving.steps()]),
-        influence=np.array([step[:count] for step in leaving.influence()]),
+        influence=leaving.influence()[:, :count],
         rival=np.array(others),
         aligned=aligned,
         held_to=prior.nearest_lens(result.lens.project(prior.rays)),

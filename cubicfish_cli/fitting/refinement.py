@@ -14,6 +14,7 @@ from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.cubic_fit import CubicResult, cubic_of, fit_cubic
 from cubicfish_cli.fitting.hold import choose_hold
 from cubicfish_cli.fitting.lenses import CubicFit
+from cubicfish_cli.fitting.normal_equations import solve_scaled
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import RadialReference, refit_radial
 from cubicfish_cli.fitting.refined_world import RefinedWorld
@@ -180,11 +181,9 @@ def settled_spread(
 
 def _left_open(fit: Adjustment, noise: float) -> FloatArray:
     """(S,) variance of the boards' parameters."""
-    hessian = fit.normal.reduced_shared()
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(hessian), 1e-300))
-    inverse = np.linalg.pinv(hessian * scale * scale[:, None], hermitian=True)
-    variance = noise**2 * scale**2 * np.diagonal(inverse)
-    return np.asarray(variance[-len(_refined(fit).parameters) :])
+    hessian, count = fit.normal.reduced_shared(), len(_refined(fit).parameters)
+    inverse = solve_scaled(hessian, np.eye(len(hessian))[:, -count:])
+    return np.asarray(noise**2 * np.diagonal(inverse[-count:]))
 
 
 def _offset_spread(fit: Adjustment, noise: float) -> float | None:

@@ -57,7 +57,7 @@ def place_covariances(
     if clusters:
         leaving = Leaving(fit, pairs, limit, clusters)
         left_out = np.array([shared[:count] for shared, _, _ in leaving.steps()])
-        influence = np.array([step[:count] for step in leaving.influence()])
+        influence = leaving.influence()[:, :count]
         found = [
             _larger(one, _of_shots(left_out @ by.T, influence @ by.T))
             for one, by in zip(found, by_shared, strict=True)
