@@ -10,7 +10,7 @@ In a program::
 
 What the names below offer is described in docs/library.md. They are loaded when they are first
 used, so that importing the package loads nothing else. Nothing here prints, and files are written
-by ``choose_frames``, ``undistort_files`` and what is called ``save`` or ``save_...`` alone.
+by ``choose_frames`` and what is called ``..._files``, ``save`` or ``save_...`` alone.
 
 Conventions, the same everywhere in the package:
 
@@ -38,6 +38,13 @@ _PLACES = {
     "assess.verdict": ("Verdict",),
     "formats.camera_yaml": ("CameraFile", "load_camera"),
     "formats.rig_yaml": ("RigFile", "load_rig"),
+    "library.asked": ("Run",),
+    "library.calibration_files": ("calibrate_files", "evaluate_files"),
+    "library.detection_files": ("detect_files",),
+    "library.rig_files": ("calibrate_rig_files", "evaluate_rig_files"),
+    "listener": ("Listener",),
+    "words.codes": ("Event",),
+    "words.finding": ("Finding",),
     "library.calibration": ("calibrate", "evaluate", "judge", "uncertainty"),
     "library.cameras": ("save_camera", "save_target"),
     "library.detection": ("detect",),

@@ -15,19 +15,25 @@ from cubicfish_cli.formats.rig_yaml import RigFile as RigFile
 from cubicfish_cli.formats.rig_yaml import load_rig as load_rig
 from cubicfish_cli.identification.identified import Detection as Detection
 from cubicfish_cli.lenses.cubic import CubicCamera as CubicCamera
+from cubicfish_cli.library.asked import Run as Run
 from cubicfish_cli.library.calibration import calibrate as calibrate
 from cubicfish_cli.library.calibration import evaluate as evaluate
 from cubicfish_cli.library.calibration import judge as judge
 from cubicfish_cli.library.calibration import uncertainty as uncertainty
+from cubicfish_cli.library.calibration_files import calibrate_files as calibrate_files
+from cubicfish_cli.library.calibration_files import evaluate_files as evaluate_files
 from cubicfish_cli.library.cameras import save_camera as save_camera
 from cubicfish_cli.library.cameras import save_target as save_target
 from cubicfish_cli.library.detection import detect as detect
+from cubicfish_cli.library.detection_files import detect_files as detect_files
 from cubicfish_cli.library.exporting import export_camera as export_camera
 from cubicfish_cli.library.frames import ChosenFrames as ChosenFrames
 from cubicfish_cli.library.frames import choose_frames as choose_frames
 from cubicfish_cli.library.importing import import_camera as import_camera
 from cubicfish_cli.library.pictures import undistort as undistort
 from cubicfish_cli.library.planes import build_plane as build_plane
+from cubicfish_cli.library.rig_files import calibrate_rig_files as calibrate_rig_files
+from cubicfish_cli.library.rig_files import evaluate_rig_files as evaluate_rig_files
 from cubicfish_cli.library.rig_pictures import rectify as rectify
 from cubicfish_cli.library.rig_pictures import stitch as stitch
 from cubicfish_cli.library.rigs import calibrate_rig as calibrate_rig
@@ -38,6 +44,7 @@ from cubicfish_cli.library.simulation import simulate_film as simulate_film
 from cubicfish_cli.library.simulation import simulate_photos as simulate_photos
 from cubicfish_cli.library.target_check import check_target as check_target
 from cubicfish_cli.library.undistorting import undistort_files as undistort_files
+from cubicfish_cli.listener import Listener as Listener
 from cubicfish_cli.observations import Corners as Corners
 from cubicfish_cli.observations import Correspondences as Correspondences
 from cubicfish_cli.observations import Observations as Observations
@@ -50,6 +57,8 @@ from cubicfish_cli.undistortion.maps import load_map as load_map
 from cubicfish_cli.undistortion.maps import save_map as save_map
 from cubicfish_cli.undistortion.stereo import RectifiedPair as RectifiedPair
 from cubicfish_cli.undistortion.view import View as View
+from cubicfish_cli.words.codes import Event as Event
+from cubicfish_cli.words.finding import Finding as Finding
 
 __version__: str
 __all__: list[str]

@@ -62,3 +62,7 @@ class ClusterError(CubicfishError, OSError):
 
 class OutputError(CubicfishError, OSError):
     """An output exists already, or cannot be written."""
+
+
+class UsageError(CubicfishError, ValueError):
+    """What was asked does not go together."""

@@ -11,9 +11,10 @@ import click
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange, IntRange
-from cubicfish_cli.cli.options import as_command, option
+from cubicfish_cli.cli.options import as_command, option, record
+from cubicfish_cli.cli.progress import working
 from cubicfish_cli.cli.streams import text_width
-from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say, working
+from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
 
 if TYPE_CHECKING:
     from cubicfish_cli.advice.advise import Advice, Proposal
@@ -29,6 +30,39 @@ _LINE = 96
 _MOST_PARTS = 4
 
 
+@record
+class Asked:
+    """What is asked of ``cubicfish advise``."""
+
+    calibration: Path | None = options.calibration_argument
+    model: Path | None = options.model_option
+    target: Path | None = options.target_option
+    corners: Path | None = option(
+        "--corners FILE",
+        "The corners.csv that the camera was calibrated from, where it is not beside it.",
+        options.FILE,
+    )
+    output: Path | None = options.output_option(
+        "Also draw where the target should appear.", metavar="FILE.svg"
+    )
+    poses: Path | None = option(
+        "--poses FILE",
+        "Also write the proposed poses, for 'cubicfish simulate --poses'.",
+        options.FILE,
+    )
+    goal: float | None = option(
+        "--goal PX",
+        "The uncertainty wanted over the field. [default: 0.2, more for photos of more than 2000 "
+        "pixels per side]",
+        FloatRange(min=0, min_open=True),
+    )
+    seed: int = option(
+        "--seed N", "Other poses are tried; the same seed gives the same proposals.", IntRange(0), 0
+    )
+    overwrite: bool = options.overwrite_option
+    as_json: bool = options.json_option("advise")
+
+
 @as_command(
     "advise",
     "What to photograph next, and how much it would help.",
@@ -37,41 +71,7 @@ _MOST_PARTS = 4
     "cubicfish advise --model camera.yaml --corners corners.csv --target target.yaml",
     "cubicfish advise --goal 0.05 --poses next.csv",
 )
-@options.calibration_argument
-@options.model_option
-@options.target_option
-@option(
-    "--corners FILE",
-    "The corners.csv that the camera was calibrated from, where it is not beside it.",
-    options.FILE,
-)
-@options.output_option("Also draw where the target should appear.", metavar="FILE.svg")
-@option(
-    "--poses FILE", "Also write the proposed poses, for 'cubicfish simulate --poses'.", options.FILE
-)
-@option(
-    "--goal PX",
-    "The uncertainty wanted over the field. [default: 0.2, more for photos of more than 2000 "
-    "pixels per side]",
-    FloatRange(min=0, min_open=True),
-)
-@option(
-    "--seed N", "Other poses are tried; the same seed gives the same proposals.", IntRange(0), 0
-)
-@options.overwrite_option
-@options.json_option("advise")
-def command(
-    calibration: Path | None,
-    model: Path | None,
-    target: Path | None,
-    corners: Path | None,
-    output: Path | None,
-    poses: Path | None,
-    goal: float | None,
-    seed: int,
-    overwrite: bool,
-    as_json: bool,
-) -> None:
+def command(given: Asked) -> None:
     """Say what the photos of a calibration leave open, and what to photograph next.
 
     Reads FOLDER (by default: calibration): the camera, its poses, and the corners beside it. Says
@@ -88,12 +88,14 @@ def command(
     from cubicfish_cli.rendering.pose import pose_table_text
     from cubicfish_cli.report.from_files import facts_of_files
 
-    if output is not None and output.suffix.lower() != ".svg":
-        raise OutputError(f"{output}: drawings are SVG: end the name in .svg")
-    refuse_existing(*(path for path in (output, poses) if path), overwrite=overwrite)
-    camera_file = options.model_path(calibration or model)
-    facts = facts_of_files(camera_file, target=target, photos=(), corners=corners)
-    if corners is not None and facts.target is None:
+    if given.output is not None and given.output.suffix.lower() != ".svg":
+        raise OutputError(f"{given.output}: drawings are SVG: end the name in .svg")
+    refuse_existing(
+        *(path for path in (given.output, given.poses) if path), overwrite=given.overwrite
+    )
+    camera_file = options.model_path(given.calibration or given.model)
+    facts = facts_of_files(camera_file, target=given.target, photos=(), corners=given.corners)
+    if given.corners is not None and facts.target is None:
         raise click.UsageError("name the target of these corners with --target target.yaml")
     if not isinstance(facts.camera, CubicCamera):
         raise CubicfishError(
@@ -107,17 +109,22 @@ def command(
         raise CubicfishError(f"{camera_file}: {why}: name {_WHAT[name_it]}")
     with working("Looking for photos that would help"):
         advice = advise(
-            facts.camera, facts.fit, facts.errors.pairs, facts.target, goal_px=goal, seed=seed
+            facts.camera,
+            facts.fit,
+            facts.errors.pairs,
+            facts.target,
+            goal_px=given.goal,
+            seed=given.seed,
         )
     texts = {}
-    if output is not None:
-        texts[output] = advice_svg(advice)
-    if poses is not None:
+    if given.output is not None:
+        texts[given.output] = advice_svg(advice)
+    if given.poses is not None:
         named = {f"next_{i}.jpg": one.view.pose for i, one in enumerate(advice.proposals, start=1)}
-        texts[poses] = pose_table_text(named)
-    written = write_files(texts, overwrite=overwrite)
-    if as_json:
-        files = {"model": camera_file, "picture": output, "poses": poses}
+        texts[given.poses] = pose_table_text(named)
+    written = write_files(texts, overwrite=given.overwrite)
+    if given.as_json:
+        files = {"model": camera_file, "picture": given.output, "poses": given.poses}
         print_json({**advice.as_record(), **files})
         return
     _print(advice, facts.verdict)

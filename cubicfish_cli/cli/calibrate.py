@@ -2,56 +2,106 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from cubicfish_cli.cli import options
-from cubicfish_cli.cli.calibrate_results import (
-    print_calibration,
-    print_points,
-    say_findings,
-    say_next,
-)
-from cubicfish_cli.cli.choosing import films_among, frames_to_calibrate
+from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.figures import (
     count,
     hold_gate,
+    mark_of,
+    print_errors,
+    print_figure,
+    print_models,
     print_verdict,
-)
-from cubicfish_cli.cli.inputs import (
-    Pairs,
-    check_inputs,
-    load_pairs,
-    photo_remarks,
-    photos_of,
-    say_photo_problems,
+    px,
 )
 from cubicfish_cli.cli.numbers import IntRange
-from cubicfish_cli.cli.options import as_command, option
-from cubicfish_cli.cli.provenance import check_title, made_at, made_by_record
-from cubicfish_cli.cli.report import can_make_pages, make_page, report_option, say_if_no_page
-from cubicfish_cli.cli.target_choice import (
-    DEFAULT_TARGET,
-    TargetChoice,
-    recorded_as,
-    target_options,
-)
+from cubicfish_cli.cli.options import DEFAULT_MODEL, as_command, option, record, verbosity
+from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table, why_lost
+from cubicfish_cli.cli.progress import running
+from cubicfish_cli.cli.report import report_option, say_if_no_page
+from cubicfish_cli.cli.target_choice import target_options
 from cubicfish_cli.cli.terminal import (
     apart,
+    detail,
     print_json,
+    print_table,
+    print_wrote,
     result,
     say,
-    stages,
-    working,
 )
 from cubicfish_cli.films import MOST
 
 if TYPE_CHECKING:
+    from cubicfish_cli.assess.verdict import Verdict
     from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
-    from cubicfish_cli.target import Target
+    from cubicfish_cli.fitting.point_fit import PointCalibration
+    from cubicfish_cli.library.asked import TargetSource
+    from cubicfish_cli.library.calibration_files import CalibratedFiles
+
+_LONGEST_TITLE = 100
+
+
+@record
+class Asked:
+    """What is asked of ``cubicfish calibrate``."""
+
+    inputs: tuple[Path, ...] = options.argument(
+        "Photos (files, folders or globs), films, or one corners.csv or correspondences.csv.",
+        nargs=-1,
+        metavar="[PHOTOS|FILM|CSV]...",
+    )
+    target: TargetSource = target_options
+    correspondences: Path | None = option(
+        "--correspondences FILE",
+        "2D-3D pairs instead of photos: a CSV file with the columns image,X,Y,Z,x,y.",
+        options.FILE,
+    )
+    size: tuple[int, int] | None = options.size_option
+    output: Path = options.output_option(
+        "Where camera.yaml, undistort_map.npz, corners.csv and report.html go.",
+        default="calibration",
+        folder=True,
+    )
+    title: str | None = option("--title TEXT", "What to call this camera, in its file and report.")
+    refine_target: RefineTarget = options.refine_target_option(
+        "Fit the target too: boards' shapes and places, or each corner's own place as well; "
+        "auto goes as far as it lowers the held-out error."
+    )
+    hold_out: bool = option(
+        "--hold-out/--no-hold-out",
+        "Measure the error on photos left out of the fit (five more fits; "
+        "--refine-target auto needs it).",
+        default=True,
+    )
+    lift: Literal["ray", "point"] = option(
+        "--lift",
+        "What the cubics are of: the viewing ray, a camera for everything else here; or the 3D "
+        "point itself, as the paper prints it, which holds only where the corners were.",
+        click.Choice(["ray", "point"]),
+        "ray",
+    )
+    best: int | None = option(
+        "--best N",
+        "Calibrate from those N of many photos that add most. [default: all photos, and of films "
+        f"{MOST} frames]",
+        IntRange(min=1),
+    )
+    compare: bool = option(
+        "--compare", "Also fit other lens models to the same corners, and print one table."
+    )
+    report: bool = report_option
+    max_rms: float | None = options.max_rms_option
+    overwrite: bool = options.overwrite_option
+    as_json: bool = options.json_option("calibrate")
+    jobs: int | None = options.jobs_option
+    no_cache: bool = options.no_cache_option
 
 
 @as_command(
@@ -63,74 +113,7 @@ if TYPE_CHECKING:
     "cubicfish calibrate corners.csv --target target.yaml -o lens_a --max-rms 0.5",
     "cubicfish calibrate --correspondences pairs.csv --size 1280x800",
 )
-@options.argument(
-    "inputs",
-    "Photos (files, folders or globs), films, or one corners.csv or correspondences.csv.",
-    nargs=-1,
-    metavar="[PHOTOS|FILM|CSV]...",
-)
-@target_options
-@option(
-    "--correspondences FILE",
-    "2D-3D pairs instead of photos: a CSV file with the columns image,X,Y,Z,x,y.",
-    options.FILE,
-)
-@options.size_option
-@options.output_option(
-    "Where camera.yaml, undistort_map.npz, corners.csv and report.html go.",
-    default="calibration",
-    folder=True,
-)
-@option("--title TEXT", "What to call this camera, in its file and report.")
-@options.refine_target_option(
-    "Fit the target too: boards' shapes and places, or each corner's own place as well; "
-    "auto goes as far as it lowers the held-out error.",
-)
-@option(
-    "--hold-out/--no-hold-out",
-    "Measure the error on photos left out of the fit (five more fits; "
-    "--refine-target auto needs it).",
-    default=True,
-)
-@option(
-    "--lift",
-    "What the cubics are of: the viewing ray, a camera for everything else here; or the 3D "
-    "point itself, as the paper prints it, which holds only where the corners were.",
-    click.Choice(["ray", "point"]),
-    "ray",
-)
-@option(
-    "--best N",
-    "Calibrate from those N of many photos that add most. [default: all photos, and of films "
-    f"{MOST} frames]",
-    IntRange(min=1),
-)
-@option("--compare", "Also fit other lens models to the same corners, and print one table.")
-@report_option
-@options.max_rms_option
-@options.overwrite_option
-@options.json_option("calibrate")
-@options.jobs_option
-@options.no_cache_option
-def command(
-    inputs: tuple[Path, ...],
-    target: TargetChoice,
-    correspondences: Path | None,
-    size: tuple[int, int] | None,
-    output: Path,
-    title: str | None,
-    refine_target: RefineTarget,
-    hold_out: bool,
-    lift: str,
-    best: int | None,
-    compare: bool,
-    report: bool,
-    max_rms: float | None,
-    overwrite: bool,
-    as_json: bool,
-    jobs: int | None,
-    no_cache: bool,
-) -> None:
+def command(given: Asked) -> None:
     """Calibrate a camera from PHOTOS (files, folders or globs) of the target in target.yaml.
 
     One flat checkerboard needs no file: --board 9x6 --square 25mm says it all. A corners.csv,
@@ -139,167 +122,215 @@ def command(
     at the end, or nothing is. With --overwrite, what an earlier calibration left in the
     folder goes.
     """
-    if lift == "point" and compare:
-        raise click.UsageError("--compare is of cameras with rays: it goes with --lift ray")
-    check_inputs(inputs, correspondences=correspondences, target=target)
-    from cubicfish_cli.advice.advise import summary
-    from cubicfish_cli.assess.camera_facts import camera_facts
-    from cubicfish_cli.assess.verdict import verdict
-    from cubicfish_cli.fitting.calibrate import Calibration
-    from cubicfish_cli.fitting.point_fit import PointCalibration, calibrate_points
-    from cubicfish_cli.library.calibration import calibrate
-    from cubicfish_cli.library.calibration_folder import CalibrationFolder, contents_of
-    from cubicfish_cli.target import target_text
+    from cubicfish_cli.fitting.point_fit import PointCalibration
+    from cubicfish_cli.library.calibration_files import calibrate_files
 
-    made_at()  # said before the work if it cannot be
-    if title is not None:
-        check_title(title)
-    given = [path for path in (*inputs, target.path, correspondences) if path is not None]
-    folder = CalibrationFolder(path=output, inputs=given)
-    # Corners that were read from this very file need not be written again.
-    with_corners = bool(inputs) and not folder.has_input("corners")
-    with_page = report and can_make_pages()
-    kinds = {"report": with_page, "corners": with_corners, "drawn": target.counts is not None}
-    own = [kind for kind, wanted in kinds.items() if wanted]
-    folder.refuse("camera", "map", "target", *own, overwrite=overwrite)
-    if refine_target != "off":
-        folder.refuse_input("target")
-    photos = _photos(inputs, output, target, best, jobs, no_cache=no_cache, overwrite=overwrite)
-    loaded = load_pairs(
-        photos,
-        correspondences=correspondences,
-        target=target,
-        size=size,
-        jobs=jobs,
-        no_cache=no_cache,
-        best=best,
-    )
-    if loaded.detection is not None:
-        say_photo_problems(loaded.detection)
-    uncertain = loaded.pairs.uncertain_images
-    if refine_target == "auto" and uncertain:
-        say(
-            f"{count(len(uncertain), 'photo')} show{'s' * (len(uncertain) == 1)} too little of the "
-            "board to tell which corners these are: good for the lens, no part of the target's "
-            "measurement."
+    title = given.title
+    if title is not None and (
+        not title.strip() or not title.isprintable() or len(title) > _LONGEST_TITLE
+    ):
+        raise click.UsageError(
+            f"--title must be a line of plain text, of at most {_LONGEST_TITLE} characters"
         )
-    say(f"Fitting to {count(len(loaded.pairs.pixel), 'corner')}.")
-    fitted: Calibration | PointCalibration
-    if lift == "point":
-        asked: dict[str, Any] = {"lift": lift}
-        with working("Fitting"):
-            fitted = calibrate_points(loaded.pairs, hold_out=hold_out)
-    else:
-        asked = {"hold_out": hold_out, "refine_target": refine_target}
-        with stages("Fitting") as progress:
-            fitted = calibrate(
-                loaded.given, refine_target=refine_target, hold_out=hold_out, progress=progress
-            )
-    drawn = None
-    if target.counts is not None and loaded.pairs.target is not None:
-        drawn = target_text(loaded.pairs.target)
-    made_by = _made_by(asked, loaded, drawn, output, title)
-    record, camera = fitted.as_record(), fitted.camera
-    facts = camera_facts(camera, record, made_by)
-    contents = contents_of(fitted, made_by, loaded.corners if with_corners else None, drawn)
-    if isinstance(fitted, Calibration):
-        judged, thing = facts.verdict or fitted.verdict, fitted.target
-        if contents["map"] is None:
-            say(
-                "No undistort_map.npz was written: a map of {}x{} pixels takes gigabytes. "
-                "'cubicfish map --size' makes a smaller one.".format(*camera.image_size)
-            )
-    else:
-        judged, thing = verdict(record, camera.image_size, fitted.camera.valid), loaded.pairs.target
-    if with_page:
-        contents["report"] = make_page(camera, record, made_by, loaded, thing)
-    with working("Writing"):
-        outputs, removed = folder.write(contents, overwrite=overwrite)
-    advice, models = {}, []
-    if isinstance(fitted, Calibration):
-        advice = {"advice": summary(fitted.camera, record, fitted.pairs)}
-        models = _compared(fitted, loaded.pairs.target, hold_out=hold_out) if compare else []
-    if as_json:
-        print_json(
-            {
-                **record,
-                **({"models": models} if compare else {}),
-                **photo_remarks(loaded.detection, fitted.remarks),
-                **advice,
-                "summary": facts.line,
-                "verdict": judged.as_record(),
-                "report": outputs.get("report"),
-                "files": outputs,
-                "model": outputs["camera"],
-            }
+    keep_fonts(not given.no_cache)
+    with running(jobs=given.jobs, no_cache=given.no_cache, overwrite=given.overwrite) as run:
+        made = calibrate_files(
+            given.inputs,
+            given.target,
+            given.output,
+            correspondences=given.correspondences,
+            image_size=given.size,
+            refine_target=given.refine_target,
+            hold_out=given.hold_out,
+            lift=given.lift,
+            best=given.best,
+            compare=given.compare,
+            report=given.report,
+            title=title,
+            command=options.command_line(),
+            run=run,
         )
+    fitted = made.fitted
+    if given.as_json:
+        print_json(made.as_record())
     for photo, reason in fitted.unfit.items():
         say(f"left out: {photo}: {reason}")
-    if isinstance(fitted, Calibration):
-        say_findings(fitted, record)
-    if not as_json:
+    if not isinstance(fitted, PointCalibration):
+        _say_findings(fitted, made.record)
+    if not given.as_json:
         apart()
-        result(facts.line, mark=(judged.words, judged.level))
-        if isinstance(fitted, Calibration):
-            print_verdict(judged)
-            result(f"advice: {advice['advice']}\n")
-            print_calibration(fitted, record, models, outputs, loaded)
-            first = loaded.files[0].path if loaded.detection and loaded.files else None
-            say_next(judged, outputs["camera"], first, outputs.get("report"))
+        result(made.facts.line, mark=(made.verdict.words, made.verdict.level))
+        if isinstance(fitted, PointCalibration):
+            _print_points(made, fitted)
         else:
-            print_points(fitted, record, judged, outputs)
-    for path in removed:
+            _print_calibration(made, fitted)
+    for path in made.removed:
         say(f"removed {path}, which was of an earlier calibration")
-    say_if_no_page(outputs, wanted=report)
-    hold_gate(fitted.errors.rms_px, max_rms)
+    say_if_no_page(made.files, wanted=given.report)
+    hold_gate(fitted.errors.rms_px, given.max_rms)
 
 
-def _photos(
-    inputs: tuple[Path, ...],
-    output: Path,
-    target: TargetChoice,
-    best: int | None,
-    jobs: int | None,
-    *,
-    no_cache: bool,
-    overwrite: bool,
-) -> tuple[Path, ...]:
-    """The inputs, with the frames that are chosen of films in their place."""
-    films = films_among(inputs)
-    if not films:
-        return inputs
-    photos = tuple(path for path in inputs if path not in films)
-    if photos:
-        from cubicfish_cli.library.frames import refuse_other_photos
+def _say_findings(calibration: Calibration, record: Mapping[str, Any]) -> None:
+    """Say what is odd about a fit, on stderr."""
+    for corner in record["dropped_corners"]:
+        detail(
+            "dropped: {image} {board} column {column} row {row}: {error_px:.1f} px off".format(
+                **corner
+            )
+        )
+    for finding in calibration.findings:
+        say(f"{mark_of(finding)}: {finding.line}")
+    for note in calibration.notes:
+        say(f"note: {note}")
+    for departure in calibration.departures:
+        for doubt in departure.doubts:
+            say(f"warning: board {departure.board} seems {doubt.what}: {doubt.do}")
 
-        refuse_other_photos(photos_of(photos), films)
-    return photos + frames_to_calibrate(
-        films,
-        output / "frames",
-        target,
-        most=best or MOST,
-        jobs=jobs,
-        no_cache=no_cache,
-        overwrite=overwrite,
+
+def _print_calibration(made: CalibratedFiles, calibration: Calibration) -> None:
+    """The figures that the verdict rests on, the photos, what was written, and what to do next."""
+    camera, pairs, detection = calibration.camera, calibration.pairs, made.inputs.detection
+    print_verdict(made.verdict)
+    result(f"advice: {made.advice}\n")
+    _print_figures(calibration, made.record)
+    result()
+    lost = dict.fromkeys(calibration.unfit, "left out")  # lines on stderr say more
+    lost |= why_lost(detection)
+    rows = fitted_rows(made.record, camera.image_size, corners_by_board(pairs), lost)
+    print_photo_table(rows, pairs.boards, made.record, everything=str(made.files["camera"]))
+    result()
+    _print_object(calibration)
+    if made.models:
+        print_models(made.models)
+        result()
+    print_wrote(made.files.values())
+    photo = next(iter(made.inputs.photos), None)
+    say_next(made.verdict, made.files["camera"], photo, made.files.get("report"))
+
+
+def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
+    from cubicfish_cli.assess.field_uncertainty import recorded
+    from cubicfish_cli.fitting.findings import COVERED
+    from cubicfish_cli.frame_names import counted
+
+    dropped = len(calibration.dropped)
+    result(
+        f"{counted(row['image'] for row in record['per_image'])}, "
+        f"{count(record['corners'], 'corner')} used, "
+        f"{count(dropped, 'outlier')}{' (-v lists them)' * bool(dropped)}\n"
     )
+    held_out = calibration.held_out
+    more: list[tuple[str, float | None, str]] = [
+        ("  radial reference", calibration.companion_rms_px, "a Kannala–Brandt lens, same corners"),
+    ]
+    if held_out is None:
+        more += [("held-out RMS", None, "not measured")]
+    else:
+        more += [
+            ("held-out RMS", held_out.rms_px, "photos judged by cameras that never saw them"),
+            ("  radial reference", held_out.companion_rms_px, ""),
+        ]
+    print_errors(record, more)
+    reach = f"corners reach {calibration.covered_deg:.1f}°"
+    meaning = f"from the axis, where the camera may be trusted; {reach}"
+    print_figure("field", f"{calibration.camera.max_angle_deg:.1f}", "°", meaning)
+    print_figure("coverage", f"{100 * calibration.coverage:.0f}", "%", COVERED)
+    uncertainty = recorded(record)
+    if uncertainty is not None:
+        print_figure("uncertainty", px(uncertainty.median_px), meaning=uncertainty.meaning)
 
 
-def _compared(
-    calibration: Calibration, drawn: Target | None, *, hold_out: bool
-) -> list[dict[str, Any]]:
-    from cubicfish_cli.fitting.model_comparison import compare_models
+def _print_object(calibration: Calibration) -> None:
+    """Say in one line per board what was found of the object, where any of it was fitted."""
+    if not calibration.departures or calibration.target is None:
+        return
+    units = calibration.target.units
+    what = {"shape": "boards' shapes and places", "points": "shapes, places and single corners"}
+    tried = ", ".join(f"{level} {px(rms)}" for level, rms in calibration.held_out_by_level.items())
+    result(
+        f"target fitted too: {what[calibration.refined]}" + f" (held-out: {tried})" * bool(tried)
+    )
+    print_table(
+        ("board", f"bend x {units}", f"bend y {units}", f"twist {units}", "stretch x %",
+         "stretch y %", f"moved {units}", "turned °", f"corners {units}"),
+        [
+            (
+                part.board,
+                *(f"{bend:.2g}" for bend in part.bend),
+                f"{part.twist:.2g}",
+                *(f"{100 * share:.2f}" for share in part.stretch),
+                f"{part.shift:.2g}",
+                f"{part.turn_deg:.2f}",
+                f"{part.offset_rms:.2g}",
+            )
+            for part in calibration.departures
+        ],
+    )  # fmt: skip
+    result()
 
-    say("Fitting other lens models to the same corners.")
-    with working("Fitting other lens models"):
-        rows = compare_models(calibration, drawn=drawn, hold_out=hold_out)
-    return [row.as_record() for row in rows]
+
+def _print_points(made: CalibratedFiles, calibration: PointCalibration) -> None:
+    """Print the photos, the errors, what P means and what was written."""
+    camera, pairs, record = calibration.camera, calibration.pairs, made.record
+    rows = fitted_rows(record, camera.image_size, corners_by_board(pairs), {})
+    print_photo_table(rows, pairs.boards, record)
+    result(
+        f"\n{count(record['images'], 'photo')}, {count(record['corners'], 'corner')} used, "
+        f"{record['dropped']} dropped\n"
+    )
+    print_errors(
+        record,
+        [
+            ("  linear, plain", calibration.plain_rms_px, "Eq. 8 and 9"),
+            ("  linear, reweighted", calibration.reweighted_rms_px, "over its denominators"),
+            (
+                "held-out RMS",
+                calibration.held_out_rms_px,
+                "not measured" if calibration.held_out_rms_px is None else "poses by a radial lens",
+            ),
+        ],
+    )
+    meaning = (
+        "the corners determine P in the volume that they fill"
+        if camera.rank == 20
+        else "P means something on the boards only; points off them are refused"
+    )
+    print_figure("rank", str(camera.rank), "", f"of 20: {meaning}")
+    print_figure("frame", camera.frame, "", "of the points that it takes")
+    result()
+    print_verdict(made.verdict)
+    result()
+    print_wrote(made.files.values())
+    result(f"\nNext: cubicfish project POINTS --model {made.files['camera']}", whole=True)
 
 
-def _made_by(
-    asked: Mapping[str, Any], loaded: Pairs, drawn: str | None, folder: Path, title: str | None
-) -> dict[str, Any]:
-    """How it was made; the object too where it came as counts and its file is still to be."""
-    record = made_by_record(asked, loaded.target_file, loaded.files)
-    if drawn is not None:
-        record["target"] = recorded_as(drawn, folder / DEFAULT_TARGET)
-    return {**({} if title is None else {"title": title}), **record}
+def say_next(judged: Verdict, camera: Path, photo: Path | None, report: Path | None) -> None:
+    """Say what is to be done next, unless ``--quiet``.
+
+    Args:
+        judged: what the camera is worth.
+        camera: its file.
+        photo: one of those that it was made from.
+        report: the page about it, where there is one.
+
+    """
+    from cubicfish_cli.words.finding import asks_for_photos
+
+    if verbosity() < 0:
+        return
+    result()
+    if judged.level == "bad":
+        result(f"Next: {judged.reasons[0].do}")
+        if asks_for_photos(judged.reasons[:1]):
+            result(f"      cubicfish advise{_folder(camera)}", whole=True)
+    else:
+        name = "PHOTO" if photo is None else shlex.quote(str(photo))
+        flat = f"flat{photo.suffix.lower()}" if photo is not None else "flat.png"
+        option = f" --model{_folder(camera)}" if camera != DEFAULT_MODEL else ""
+        result(f"Next: cubicfish undistort {name} {flat}{option}", whole=True)
+    if report is not None:
+        result(f"      open {shlex.quote(str(report))}", whole=True)
+
+
+def _folder(camera: Path) -> str:
+    return "" if camera == DEFAULT_MODEL else f" {shlex.quote(str(camera.parent))}"

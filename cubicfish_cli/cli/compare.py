@@ -9,7 +9,7 @@ import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import hold_gate, print_figure, print_spread, px
-from cubicfish_cli.cli.options import as_command, option
+from cubicfish_cli.cli.options import as_command, option, record
 from cubicfish_cli.cli.terminal import print_json, print_table, result
 
 _DRAWN_PIXELS = 150_000
@@ -17,6 +17,26 @@ _BOTH = "two cameras are needed: 'cubicfish compare a.yaml b.yaml'"
 
 if TYPE_CHECKING:
     from cubicfish_cli.fitting.comparison import ComparedCamera, Comparison
+
+
+@record
+class Asked:
+    """What is asked of ``cubicfish compare``."""
+
+    first: Path = options.argument(
+        "The camera.yaml, or its folder, in whose pixels differences are.",
+        metavar="A",
+        missing=_BOTH,
+    )
+    second: Path = options.argument(
+        "The camera.yaml, or its folder, that is compared with it.", metavar="B", missing=_BOTH
+    )
+    picture: Path | None = option(
+        "--picture FILE", "Also draw the difference at every pixel of camera A.", options.FILE
+    )
+    max_rms: float | None = options.max_rms_option
+    overwrite: bool = options.overwrite_option
+    as_json: bool = options.json_option("compare")
 
 
 @as_command(
@@ -27,30 +47,7 @@ if TYPE_CHECKING:
     "cubicfish compare simulated/true_camera.yaml calibration/camera.yaml",
     "cubicfish compare last_year/rig.yaml rig/rig.yaml",
 )
-@options.argument(
-    "first",
-    "The camera.yaml, or its folder, in whose pixels differences are.",
-    metavar="A",
-    missing=_BOTH,
-)
-@options.argument(
-    "second",
-    "The camera.yaml, or its folder, that is compared with it.",
-    metavar="B",
-    missing=_BOTH,
-)
-@option("--picture FILE", "Also draw the difference at every pixel of camera A.", options.FILE)
-@options.max_rms_option
-@options.overwrite_option
-@options.json_option("compare")
-def command(
-    first: Path,
-    second: Path,
-    picture: Path | None,
-    max_rms: float | None,
-    overwrite: bool,
-    as_json: bool,
-) -> None:
+def command(given: Asked) -> None:
     """Say how far from A's pixels the camera B sees the same rays, over their common field.
 
     A and B are camera.yaml files, or lenses given by their formula, such as the true_camera.yaml
@@ -65,33 +62,36 @@ def command(
     from cubicfish_cli.fitting.comparison import compare
     from cubicfish_cli.undistortion.images import check_suffix
 
-    rigs = options.rig_path(first), options.rig_path(second)
+    rigs = options.rig_path(given.first), options.rig_path(given.second)
     if rigs[0] is not None and rigs[1] is not None:
-        from cubicfish_cli.cli.rig_judged import print_comparison
-
-        if picture is not None or max_rms is not None:
+        if given.picture is not None or given.max_rms is not None:
             raise click.UsageError("--picture and --max-rms are for two cameras, not for two rigs")
-        print_comparison(rigs[0], rigs[1], as_json=as_json)
+        _compare_rigs(rigs[0], rigs[1], as_json=given.as_json)
         return
-    for one, other, rig in ((first, second, rigs[0]), (second, first, rigs[1])):
+    for one, other, rig in (
+        (given.first, given.second, rigs[0]),
+        (given.second, given.first, rigs[1]),
+    ):
         if rig is not None:
             raise click.UsageError(
                 f"{one} is a rig and {other} is none: name two rigs, or one of the rig's cameras"
             )
-    if picture is not None:
-        refuse_existing(picture, overwrite=overwrite)
-        check_suffix(picture)
-    comparison = compare(_camera(options.in_folder(first)), _camera(options.in_folder(second)))
-    if picture is not None:
-        _draw(comparison, picture, overwrite=overwrite)
+    if given.picture is not None:
+        refuse_existing(given.picture, overwrite=given.overwrite)
+        check_suffix(given.picture)
+    comparison = compare(
+        _camera(options.in_folder(given.first)), _camera(options.in_folder(given.second))
+    )
+    if given.picture is not None:
+        _draw(comparison, given.picture, overwrite=given.overwrite)
     record = comparison.as_record()
-    if as_json:
-        print_json({**record, **({"picture": str(picture)} if picture else {})})
+    if given.as_json:
+        print_json({**record, **({"picture": str(given.picture)} if given.picture else {})})
     else:
         _print(record)
-        if picture is not None:
-            result(f"\nwrote {picture}")
-    hold_gate(record["rms_px"], max_rms)
+        if given.picture is not None:
+            result(f"\nwrote {given.picture}")
+    hold_gate(record["rms_px"], given.max_rms)
 
 
 def _camera(path: Path) -> ComparedCamera:
@@ -138,3 +138,39 @@ def _print(record: dict[str, Any]) -> None:
             for ring in record["by_angle"]
         ],
     )
+
+
+def _compare_rigs(first: Path, second: Path, *, as_json: bool) -> None:
+    """Say how far apart the cameras of two rigs stand, and how far apart their lenses are."""
+    from cubicfish_cli.formats.rig_yaml import load_rig
+    from cubicfish_cli.library.rigs import compare_rigs
+
+    rig = load_rig(first)
+    found = compare_rigs(rig, load_rig(second))
+    if as_json:
+        print_json({"units": rig.units, "cameras": [one.as_record() for one in found]})
+        return
+    units = f" {rig.units}" if rig.units else ""
+    print_table(
+        ("camera", f"shift{units}", "± shift", "turned °", "± turn °", "in σ", "lens RMS px"),
+        [
+            (
+                one.name,
+                f"{float((one.shift**2).sum()) ** 0.5:.3f}",
+                _sigma(one.shift_sigma, 3),
+                f"{one.turn_deg:.4f}",
+                _sigma(one.turn_sigma_deg, 4),
+                _sigma(one.sigmas, 1),
+                px(one.lens.statistics.rms_px),
+            )
+            for one in found
+        ],
+    )
+    result(
+        f"\nPlaces are beside {found[0].name}, of the rays of the same pixels; ± is of both rigs "
+        "together.\nDifferences of up to about 2 σ are what two calibrations of one rig have."
+    )
+
+
+def _sigma(value: float | None, digits: int) -> str:
+    return "–" if value is None else f"{value:.{digits}f}"

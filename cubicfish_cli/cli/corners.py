@@ -9,7 +9,7 @@ import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.options import as_command, option
+from cubicfish_cli.cli.options import as_command, option, record
 from cubicfish_cli.cli.target_choice import needed_target
 from cubicfish_cli.cli.terminal import print_json, result, say
 
@@ -39,6 +39,45 @@ seen from behind are refused.
 """
 
 
+@record
+class Asked:
+    """What is asked of ``cubicfish corners``."""
+
+    files: tuple[Path, ...] = options.argument(
+        "What the detector wrote: files, or folders of .orpc files.",
+        nargs=-1,
+        required=True,
+        metavar="FILES...",
+        missing="name what the detector wrote: 'cubicfish corners run1/ --target target.yaml'",
+    )
+    target: Path | None = options.target_option
+    output: Path = options.output_option("Where the corners go.", default="corners.csv")
+    kind: Literal["deltille", "mrcal", "kalibr"] | None = option(
+        "--format",
+        "What wrote the files. [default: .orpc deltille, .vnl mrcal, .csv kalibr]",
+        click.Choice(FORMATS),
+    )
+    size: tuple[int, int] | None = option(
+        "--size", "Size of the photos; .orpc files state it.", options.SIZE
+    )
+    boards: tuple[str, ...] = option(
+        "--board [ID=]NAME",
+        "The target's board that the files call ID; NAME alone where they tell no boards apart. "
+        "May be given again.",
+        multiple=True,
+    )
+    numbering: Literal["rows", "rows-from-bottom", "columns", "tags"] | None = option(
+        "--numbering",
+        "How corners are numbered, seen from the front: from corner (0, 0) row by row or column "
+        "by column, row by row up from the lowest row, or four a tag. [default: rows; "
+        "rows-from-bottom on an aprilgrid, as in Kalibr]",
+        click.Choice(NUMBERINGS),
+    )
+    only: str | None = option("--only GLOB", "Only photos whose names match, such as 'cam0/*'.")
+    overwrite: bool = options.overwrite_option
+    as_json: bool = options.json_option("corners")
+
+
 @as_command(
     "corners",
     "Take over corners that another detector found.",
@@ -47,71 +86,26 @@ seen from behind are refused.
     "cubicfish corners found.csv --target grid.yaml --size 752x480 --only 'cam0/*'",
     help=_HELP,
 )
-@options.argument(
-    "files",
-    "What the detector wrote: files, or folders of .orpc files.",
-    nargs=-1,
-    required=True,
-    metavar="FILES...",
-    missing="name what the detector wrote: 'cubicfish corners run1/ --target target.yaml'",
-)
-@options.target_option
-@options.output_option("Where the corners go.", default="corners.csv")
-@option(
-    "--format",
-    "What wrote the files. [default: .orpc deltille, .vnl mrcal, .csv kalibr]",
-    click.Choice(FORMATS),
-    to="kind",
-)
-@option("--size", "Size of the photos; .orpc files state it.", options.SIZE)
-@option(
-    "--board [ID=]NAME",
-    "The target's board that the files call ID; NAME alone where they tell no boards apart. "
-    "May be given again.",
-    to="boards",
-    multiple=True,
-)
-@option(
-    "--numbering",
-    "How corners are numbered, seen from the front: from corner (0, 0) row by row or column "
-    "by column, row by row up from the lowest row, or four a tag. [default: rows; "
-    "rows-from-bottom on an aprilgrid, as in Kalibr]",
-    click.Choice(NUMBERINGS),
-)
-@option("--only GLOB", "Only photos whose names match, such as 'cam0/*'.")
-@options.overwrite_option
-@options.json_option("corners")
-def command(
-    files: tuple[Path, ...],
-    target: Path | None,
-    output: Path,
-    kind: Literal["deltille", "mrcal", "kalibr"] | None,
-    size: tuple[int, int] | None,
-    boards: tuple[str, ...],
-    numbering: Literal["rows", "rows-from-bottom", "columns", "tags"] | None,
-    only: str | None,
-    overwrite: bool,
-    as_json: bool,
-) -> None:
+def command(given: Asked) -> None:
     """See ``_HELP``."""
     from cubicfish_cli.corner_files.observations_csv import save_corners
     from cubicfish_cli.corner_files.read import read_corner_files
     from cubicfish_cli.files import refuse_existing
     from cubicfish_cli.target import load_target
 
-    target = needed_target(target)
-    refuse_existing(output, overwrite=overwrite)
+    target = needed_target(given.target)
+    refuse_existing(given.output, overwrite=given.overwrite)
     read = read_corner_files(
-        files,
+        given.files,
         load_target(target),
-        kind=kind,
-        numbering=numbering,
-        boards=_boards(boards),
-        image_size=size,
-        only=only,
+        kind=given.kind,
+        numbering=given.numbering,
+        boards=_boards(given.boards),
+        image_size=given.size,
+        only=given.only,
     )
-    save_corners(output, read.corners, overwrite=overwrite)
-    _report(output, read, as_json=as_json)
+    save_corners(given.output, read.corners, overwrite=given.overwrite)
+    _report(given.output, read, as_json=given.as_json)
 
 
 def _boards(given: tuple[str, ...]) -> dict[str, str]:

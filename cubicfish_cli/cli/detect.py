@@ -6,18 +6,47 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cubicfish_cli.cli import options
-from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.inputs import detect, lost_word, mark_of, photos_of, say_photo_problems
-from cubicfish_cli.cli.options import as_command, option
-from cubicfish_cli.cli.photo_table import GOOD, PhotoRow, corners_by_board, print_photo_table
+from cubicfish_cli.cli.figures import count, mark_of
+from cubicfish_cli.cli.options import as_command, option, record
+from cubicfish_cli.cli.photo_table import (
+    GOOD,
+    PhotoRow,
+    corners_by_board,
+    lost_word,
+    print_photo_table,
+)
+from cubicfish_cli.cli.progress import running, say_found
 from cubicfish_cli.cli.scheduler_options import SchedulerOptions, scheduler_options
-from cubicfish_cli.cli.target_choice import TargetChoice, say_default, target_options
-from cubicfish_cli.cli.terminal import print_json, progress, result, say
+from cubicfish_cli.cli.target_choice import target_options
+from cubicfish_cli.cli.terminal import print_json, result, say
 
 if TYPE_CHECKING:
     from cubicfish_cli.identification.identified import Detection
+    from cubicfish_cli.library.asked import TargetSource
 
 _FEW_CORNERS = 20
+
+
+@record
+class Asked:
+    """What is asked of ``cubicfish detect``."""
+
+    photos: tuple[Path, ...] = options.argument(
+        "Photos: files, folders or globs.", nargs=-1, required=True, metavar="PHOTOS..."
+    )
+    target: TargetSource = target_options
+    output: Path = options.output_option("Where the corners go.", default="corners.csv")
+    draw: Path | None = option(
+        "--draw FOLDER",
+        "Also write FOLDER/<photo>.png for each photo: its corners in a colour a board, a disc at "
+        "corner (0, 0), arrows along x and y, in red what was left out and why.",
+        options.FOLDER,
+    )
+    overwrite: bool = options.overwrite_option
+    as_json: bool = options.json_option("detect")
+    jobs: int | None = options.jobs_option
+    scheduler: SchedulerOptions = scheduler_options
+    no_cache: bool = options.no_cache_option
 
 
 @as_command(
@@ -26,85 +55,36 @@ _FEW_CORNERS = 20
     "cubicfish detect photos/ --target target.yaml",
     "cubicfish detect 'run7/*.png' --target target.yaml -o run7.csv --draw seen/",
 )
-@options.argument(
-    "photos", "Photos: files, folders or globs.", nargs=-1, required=True, metavar="PHOTOS..."
-)
-@target_options
-@options.output_option("Where the corners go.", default="corners.csv")
-@option(
-    "--draw FOLDER",
-    "Also write FOLDER/<photo>.png for each photo: its corners in a colour a board, a disc at "
-    "corner (0, 0), arrows along x and y, in red what was left out and why.",
-    options.FOLDER,
-)
-@options.overwrite_option
-@options.json_option("detect")
-@options.jobs_option
-@scheduler_options
-@options.no_cache_option
-def command(
-    photos: tuple[Path, ...],
-    target: TargetChoice,
-    output: Path,
-    draw: Path | None,
-    overwrite: bool,
-    as_json: bool,
-    jobs: int | None,
-    scheduler: SchedulerOptions,
-    no_cache: bool,
-) -> None:
+def command(given: Asked) -> None:
     """Find the corners of the target in PHOTOS (files, folders or globs) and name them.
 
     The result is a table, one corner per line: image, board, column, row, x, y.
     """
-    from cubicfish_cli.corner_files.observations_csv import save_corners
-    from cubicfish_cli.files import refuse_existing
-    from cubicfish_cli.library.drawings import drawings, write_drawings
+    from cubicfish_cli.library.detection_files import detect_files
 
-    scheduler.check(jobs)
-    target.check()
-    refuse_existing(output, overwrite=overwrite)
-    found = photos_of(photos)
-    pictures = drawings(draw, found) if draw else {}
-    refuse_existing(*pictures.values(), overwrite=overwrite)
-    say_default(target)
-    loaded = target.load()
-    with scheduler.connected() as executor:
-        detection = detect(found, loaded, jobs, no_cache=no_cache, executor=executor)
-    save_corners(output, detection.corners, overwrite=overwrite)
-    drawn = {}
-    if draw is not None:
-        with progress("Drawing") as callback:
-            written = write_drawings(found, detection, pictures, callback, overwrite=overwrite)
-        drawn = {"drawings": written}
-    corners, images = len(detection.corners.pixel), len(detection.corners.images)
-    if as_json:
-        keys = ("boards", "corners", "added", "exact", "problem", "notes")
-        per_image = [
-            {
-                "image": photo.name,
-                **{key: getattr(photo, key) for key in keys},
-                "findings": [finding.as_record() for finding in photo.findings],
-            }
-            for photo in detection.photos
-        ]
-        print_json(
-            {
-                "file": output,
-                "image_size": detection.corners.image_size,
-                "images": images,
-                "corners": corners,
-                "findings": [finding.as_record() for finding in detection.findings],
-                "per_image": per_image,
-                **drawn,
-            }
-        )
-    say_photo_problems(detection)
+    given.scheduler.check(given.jobs)
+    given.target.check()
+    with (
+        given.scheduler.connected() as executor,
+        running(
+            jobs=given.jobs,
+            no_cache=given.no_cache,
+            overwrite=given.overwrite,
+            executor=executor,
+        ) as run,
+    ):
+        made = detect_files(given.photos, given.target, given.output, draw=given.draw, run=run)
+    detection = made.detection
+    if given.as_json:
+        print_json(made.as_record())
+    say_found([one for photo in detection.photos for one in photo.findings])
     for finding in detection.findings:
         say(f"{mark_of(finding)}: {finding.line}")
-    if not as_json:
-        print_photo_table(_rows(detection), detection.corners.boards)
-        result(f"\nwrote {output}: {count(corners, 'corner')} in {count(images, 'photo')}")
+    if not given.as_json:
+        corners = detection.corners
+        found = f"{count(len(corners.pixel), 'corner')} in {count(len(corners.images), 'photo')}"
+        print_photo_table(_rows(detection), corners.boards)
+        result(f"\nwrote {given.output}: {found}")
 
 
 def _rows(detection: Detection) -> list[PhotoRow]:

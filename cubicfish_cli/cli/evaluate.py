@@ -17,23 +17,33 @@ from cubicfish_cli.cli.figures import (
     print_verdict,
     px,
 )
-from cubicfish_cli.cli.inputs import (
-    check_inputs,
-    load_pairs,
-    photo_remarks,
-    refuse_other_sizes,
-    say_photo_problems,
-    why_lost,
-)
-from cubicfish_cli.cli.options import as_command
-from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table
-from cubicfish_cli.cli.target_choice import TargetChoice, target_options
-from cubicfish_cli.cli.terminal import print_json, result, say, working
+from cubicfish_cli.cli.options import as_command, record
+from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table, why_lost
+from cubicfish_cli.cli.progress import running, say_found
+from cubicfish_cli.cli.target_choice import target_options
+from cubicfish_cli.cli.terminal import print_json, print_table, result, say
 
 if TYPE_CHECKING:
-    from cubicfish_cli.assess.verdict import Verdict
-    from cubicfish_cli.cli.inputs import Pairs
-    from cubicfish_cli.fitting.evaluate import Evaluation
+    from cubicfish_cli.library.asked import TargetSource
+    from cubicfish_cli.library.calibration_files import EvaluatedFiles
+
+
+@record
+class Asked:
+    """What is asked of ``cubicfish evaluate``."""
+
+    inputs: tuple[Path, ...] = options.argument(
+        "Photos (files, folders or globs), or one corners.csv or correspondences.csv.",
+        nargs=-1,
+        metavar="PHOTOS|CSV...",
+    )
+    target: TargetSource = target_options
+    model: Path | None = options.model_option
+    size: tuple[int, int] | None = options.size_option
+    max_rms: float | None = options.max_rms_option
+    as_json: bool = options.json_option("evaluate")
+    jobs: int | None = options.jobs_option
+    no_cache: bool = options.no_cache_option
 
 
 @as_command(
@@ -43,29 +53,7 @@ if TYPE_CHECKING:
     "cubicfish evaluate corners.csv --target target.yaml --max-rms 0.5",
     "cubicfish evaluate rig/rig.yaml left/ right/ --target target.yaml",
 )
-@options.argument(
-    "inputs",
-    "Photos (files, folders or globs), or one corners.csv or correspondences.csv.",
-    nargs=-1,
-    metavar="PHOTOS|CSV...",
-)
-@target_options
-@options.model_option
-@options.size_option
-@options.max_rms_option
-@options.json_option("evaluate")
-@options.jobs_option
-@options.no_cache_option
-def command(
-    inputs: tuple[Path, ...],
-    target: TargetChoice,
-    model: Path | None,
-    size: tuple[int, int] | None,
-    max_rms: float | None,
-    as_json: bool,
-    jobs: int | None,
-    no_cache: bool,
-) -> None:
+def command(given: Asked) -> None:
     """Measure the reprojection error of a camera on PHOTOS, corners.csv or correspondences.csv.
 
     The camera stays as it is; only the pose of each photo is fitted. No corner is dropped.
@@ -73,56 +61,34 @@ def command(
     With a rig (rig.yaml as the first name, or as --model), name photos or corners of each of its
     cameras: the rig stays as it is, and only where it was in each shot is fitted.
     """
-    rig = _rig(inputs, model)
+    rig = _rig(given.inputs, given.model)
     if rig is not None:
-        from cubicfish_cli.cli.rig_judged import print_evaluation
-
-        if size is not None:
-            raise click.UsageError("--size is for one camera: the rig knows its cameras' sizes")
-        sources = inputs if model is not None else inputs[1:]
-        print_evaluation(
-            rig, sources, target, jobs, no_cache=no_cache, max_rms=max_rms, as_json=as_json
-        )
+        _evaluate_rig(rig, given)
         return
-    check_inputs(inputs, correspondences=None, target=target)
-    from cubicfish_cli.assess.field_uncertainty import uncertainty_at
-    from cubicfish_cli.assess.verdict import evaluation_verdict
-    from cubicfish_cli.fitting.evaluate import evaluate
-    from cubicfish_cli.formats.camera_yaml import load_camera
+    from cubicfish_cli.library.calibration_files import evaluate_files
+    from cubicfish_cli.library.inputs import check_inputs
 
-    file = load_camera(options.model_path(model))
-    camera = file.camera
-    refuse_other_sizes(inputs, camera.image_size)
-    loaded = load_pairs(
-        inputs,
-        correspondences=None,
-        target=target,
-        size=size or camera.image_size,
-        jobs=jobs,
-        no_cache=no_cache,
-    )
-    with working("Fitting poses"):
-        evaluation = evaluate(camera, loaded.pairs)
-    record = evaluation.as_record()
-    record["uncertainty"] = uncertainty_at(file.fit, evaluation.pairs.pixel)
-    record |= photo_remarks(loaded.detection)
+    check_inputs(given.inputs, None, given.target)
+    model = options.model_path(given.model)
+    with running(jobs=given.jobs, no_cache=given.no_cache) as run:
+        made = evaluate_files(model, given.inputs, given.target, image_size=given.size, run=run)
+    evaluation = made.evaluation
     if evaluation.outside:
         say(
             f"{count(evaluation.outside, 'corner')} not counted: beyond the "
-            f"{camera.max_angle_deg:.0f}° where the camera may be trusted."
+            f"{made.camera.max_angle_deg:.0f}° where the camera may be trusted."
         )
-    if loaded.detection is not None:
-        say_photo_problems(loaded.detection)
-        for finding in loaded.detection.findings:
+    if made.inputs.detection is not None:
+        say_found(made.inputs.photo_findings)
+        for finding in made.inputs.detection.findings:
             say(f"warning: {finding.line}")
     for photo in evaluation.unplaced:
         say(f"{photo}: too few corners to place it; not counted.")
-    if as_json:
-        print_json(record)
+    if given.as_json:
+        print_json(made.record)
     else:
-        judged = evaluation_verdict(record, file.fit, camera.image_size)
-        _print(record, judged, evaluation, loaded)
-    hold_gate(record["rms_px"], max_rms)
+        _print(made)
+    hold_gate(made.record["rms_px"], given.max_rms)
 
 
 def _rig(inputs: tuple[Path, ...], model: Path | None) -> Path | None:
@@ -134,14 +100,52 @@ def _rig(inputs: tuple[Path, ...], model: Path | None) -> Path | None:
     return options.rig_path(given)
 
 
-def _print(
-    record: Mapping[str, Any], judged: Verdict, evaluation: Evaluation, loaded: Pairs
-) -> None:
-    lost = dict.fromkeys(evaluation.unplaced, "too few corners")
-    if loaded.detection is not None:
-        lost |= why_lost(loaded.detection)
-    rows = fitted_rows(record, loaded.pairs.image_size, corners_by_board(evaluation.pairs), lost)
-    print_photo_table(rows, loaded.pairs.boards, record)
+def _evaluate_rig(path: Path, given: Asked) -> None:
+    """Measure a rig on the photos or corners of each of its cameras, and say what came of it."""
+    from cubicfish_cli.library.rig_files import evaluate_rig_files
+
+    if given.size is not None:
+        raise click.UsageError("--size is for one camera: the rig knows its cameras' sizes")
+    sources = given.inputs if given.model is not None else given.inputs[1:]
+    with running(jobs=given.jobs, no_cache=given.no_cache) as run:
+        evaluation = evaluate_rig_files(path, sources, given.target, run=run)
+    for one in evaluation.cameras:
+        if one.outside:
+            say(f"camera {one.name}: {count(one.outside, 'corner')} not counted: beyond its field.")
+        for photo in one.unplaced:
+            say(f"camera {one.name}, {photo}: too few corners to place it; not counted.")
+    record = evaluation.as_record()
+    if given.as_json:
+        print_json({"model": str(path), **record})
+    else:
+        _print_rig(record)
+    hold_gate(record["rms_px"], given.max_rms)
+
+
+def _print_rig(record: Mapping[str, Any]) -> None:
+    from cubicfish_cli.cli.rig import print_pairs
+
+    result(f"{count(len(record['per_shot']), 'shot')}, {count(record['corners'], 'corner')}\n")
+    meaning = "the same corners with each photo's own pose: what is more is the rig's"
+    print_errors(record, [("each alone", record["alone_rms_px"], meaning)])
+    result()
+    print_table(
+        ("camera", "photos", "RMS px", "alone px"),
+        [
+            (one["name"], str(one["images"]), px(one.get("rms_px")), px(one["alone_rms_px"]))
+            for one in record["cameras"]
+        ],
+    )
+    print_pairs(record)
+
+
+def _print(made: EvaluatedFiles) -> None:
+    record, pairs = made.record, made.inputs.pairs
+    lost = dict.fromkeys(made.evaluation.unplaced, "too few corners")
+    lost |= why_lost(made.inputs.detection)
+    by_board = corners_by_board(made.evaluation.pairs)
+    rows = fitted_rows(record, pairs.image_size, by_board, lost)
+    print_photo_table(rows, pairs.boards, record)
     result(f"\n{count(record['images'], 'photo')}, {count(record['corners'], 'corner')}\n")
     print_errors(record, [])
     if record["uncertainty"] is not None:
@@ -152,4 +156,4 @@ def _print(
         )
         print_figure("uncertainty", px(sigma["median_px"]), meaning=meaning)
     result()
-    print_verdict(judged)
+    print_verdict(made.verdict)

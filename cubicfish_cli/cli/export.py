@@ -10,8 +10,9 @@ import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import as_command, option, rig_path
-from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say, working
+from cubicfish_cli.cli.options import as_command, option, record, rig_path
+from cubicfish_cli.cli.progress import listening, working
+from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
 from cubicfish_cli.formats.registry import WRITTEN
 
 if TYPE_CHECKING:
@@ -51,6 +52,44 @@ camera.yaml's frame is printed, and poses that go into the file are turned along
 """
 
 
+@record
+class Asked:
+    """What is asked of ``cubicfish export``."""
+
+    calibration: Path | None = options.argument(
+        "The folder that calibrate or rig wrote, or the camera's or the rig's file. "
+        "[default: --model]",
+        required=False,
+        metavar="[CAMERA|RIG]",
+    )
+    name: str = option(
+        "--to FORMAT",
+        "What to write: a name of the list above.",
+        click.Choice(list(FORMATS)),
+        required=True,
+    )
+    output: Path | None = options.output_option(
+        "Where it goes. [default: the format's usual name, in the current folder]"
+    )
+    model: Path | None = options.model_option
+    max_error: float = option(
+        "--max-error PX",
+        "Write nothing when the format's lens is farther than this from the camera anywhere up "
+        "to where the calibration's corners reach. Beyond, the error is printed alone.",
+        FloatRange(min=0, min_open=True),
+        0.5,
+    )
+    max_angle: float | None = option(
+        "--max-angle DEG",
+        "Leave out of the conversion what is farther from the axis, so that the rest is met more "
+        "nearly. [default: the whole field]",
+        FloatRange(min=0, max=180, min_open=True),
+    )
+    pair: tuple[str, str] | None = options.pair_option
+    overwrite: bool = options.overwrite_option
+    as_json: bool = options.json_option("export")
+
+
 @as_command(
     "export",
     "The camera for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
@@ -61,48 +100,7 @@ camera.yaml's frame is printed, and poses that go into the file are turned along
     "cubicfish export rig --to opencv --pair left,right",
     help=_HELP,
 )
-@options.argument(
-    "calibration",
-    "The folder that calibrate or rig wrote, or the camera's or the rig's file. [default: --model]",
-    required=False,
-    metavar="[CAMERA|RIG]",
-)
-@option(
-    "--to FORMAT",
-    "What to write: a name of the list above.",
-    click.Choice(list(FORMATS)),
-    to="name",
-    required=True,
-)
-@options.output_option("Where it goes. [default: the format's usual name, in the current folder]")
-@options.model_option
-@option(
-    "--max-error PX",
-    "Write nothing when the format's lens is farther than this from the camera anywhere up "
-    "to where the calibration's corners reach. Beyond, the error is printed alone.",
-    FloatRange(min=0, min_open=True),
-    0.5,
-)
-@option(
-    "--max-angle DEG",
-    "Leave out of the conversion what is farther from the axis, so that the rest is met more "
-    "nearly. [default: the whole field]",
-    FloatRange(min=0, max=180, min_open=True),
-)
-@options.pair_option
-@options.overwrite_option
-@options.json_option("export")
-def command(
-    calibration: Path | None,
-    name: str,
-    output: Path | None,
-    model: Path | None,
-    max_error: float,
-    max_angle: float | None,
-    pair: tuple[str, str] | None,
-    overwrite: bool,
-    as_json: bool,
-) -> None:
+def command(given: Asked) -> None:
     """See ``_HELP``."""
     from cubicfish_cli.files import refuse_existing, write_files
     from cubicfish_cli.formats import foreign
@@ -112,39 +110,57 @@ def command(
     from cubicfish_cli.undistortion.maps import build_map, save_map
     from cubicfish_cli.undistortion.views import default_view
 
-    rig = rig_path(calibration or model)
+    rig = rig_path(given.calibration or given.model)
     if rig is not None:
-        _export_rig(rig, name, output, max_error, max_angle, pair, overwrite, as_json)
+        _export_rig(
+            rig,
+            given.name,
+            given.output,
+            given.max_error,
+            given.max_angle,
+            given.pair,
+            given.overwrite,
+            given.as_json,
+        )
         return
-    if pair is not None:
+    if given.pair is not None:
         raise click.UsageError("--pair names two cameras of a rig: name the rig.yaml")
-    path = output or Path(FILE_NAMES.get(name, "undistort_map.npz"))
-    if name != "usd":
-        refuse_existing(path, overwrite=overwrite)
-    loaded = load_camera(options.model_path(calibration or model))
-    if name == "usd":
-        _write_usd(output, [("camera", loaded.camera, None)], None, max_error, overwrite, as_json)
+    path = given.output or Path(FILE_NAMES.get(given.name, "undistort_map.npz"))
+    if given.name != "usd":
+        refuse_existing(path, overwrite=given.overwrite)
+    loaded = load_camera(options.model_path(given.calibration or given.model))
+    if given.name == "usd":
+        _write_usd(
+            given.output,
+            [("camera", loaded.camera, None)],
+            None,
+            given.max_error,
+            given.overwrite,
+            given.as_json,
+        )
         return
-    if name == "maps":
+    if given.name == "maps":
         if path.suffix.lower() != ".npz":
             raise click.UsageError(f"{path}: --to maps writes .npz; 'cubicfish map' writes others")
         made = build_map(loaded.camera, default_view(loaded.camera))
-        save_map(path, made, overwrite=overwrite)
-        if as_json:
+        save_map(path, made, overwrite=given.overwrite)
+        if given.as_json:
             print_json({"file": path, "format": "maps"})
         else:
             print_wrote([path])
         return
     with working("Fitting the other lens"):
-        lens = export_camera(loaded, name, max_error=max_error, max_angle_deg=max_angle)
-    write_files({path: lens.text}, overwrite=overwrite)
-    if as_json:
-        print_json({"file": path, "format": name, **lens.as_record()})
+        lens = export_camera(
+            loaded, given.name, max_error=given.max_error, max_angle_deg=given.max_angle
+        )
+    write_files({path: lens.text}, overwrite=given.overwrite)
+    if given.as_json:
+        print_json({"file": path, "format": given.name, **lens.as_record()})
         return
     print_wrote([path])
     for line in lens.note[1:]:
-        result(_without_matrix(line) if foreign.WRITTEN[name].comments else line)
-    _warn(lens, max_error)
+        result(_without_matrix(line) if foreign.WRITTEN[given.name].comments else line)
+    _warn(lens, given.max_error)
 
 
 def _export_rig(
@@ -210,7 +226,8 @@ def _write_usd(
     paths = usd_paths(folder, [name for name, *_ in cameras])
     refuse_existing(*paths, overwrite=overwrite)
     require_exr(paths[1])
-    files, made = usd_files(folder, cameras, units, max_error=max_error, working=working)
+    with listening() as listener:
+        files, made = usd_files(folder, cameras, units, max_error=max_error, listener=listener)
     written = write_files(files, overwrite=overwrite)
     if as_json:
         records = [

@@ -12,6 +12,7 @@ from cubicfish_cli.cli.terminal import result, tell
 
 if TYPE_CHECKING:
     from cubicfish_cli.assess.verdict import Verdict
+    from cubicfish_cli.words.finding import Finding
 
 EXIT_GATE = 3
 
@@ -85,6 +86,11 @@ def print_models(records: Sequence[Mapping[str, Any]]) -> None:
 
 def _degrees(value: float | None) -> str:
     return "-" if value is None else f"{value:.1f}"
+
+
+def mark_of(finding: Finding) -> str:
+    """How a line about a finding begins."""
+    return "note" if finding.severity.value == "note" else "warning"
 
 
 def hold_gate(rms_px: float, max_rms: float | None) -> None:

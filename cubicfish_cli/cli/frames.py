@@ -6,13 +6,35 @@ import shlex
 from pathlib import Path
 
 from cubicfish_cli.cli import options
-from cubicfish_cli.cli.choosing import choose_frames
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import IntRange
-from cubicfish_cli.cli.options import as_command, option
-from cubicfish_cli.cli.target_choice import TargetChoice, say_default, target_options
+from cubicfish_cli.cli.options import as_command, option, record
+from cubicfish_cli.cli.progress import running
+from cubicfish_cli.cli.target_choice import target_options
 from cubicfish_cli.cli.terminal import print_json, result
 from cubicfish_cli.films import MOST
+from cubicfish_cli.library.asked import TargetSource
+
+
+@record
+class Asked:
+    """What is asked of ``cubicfish frames``."""
+
+    films: tuple[Path, ...] = options.argument(
+        "Films of one camera, all of one size.", nargs=-1, required=True, metavar="FILM..."
+    )
+    target: TargetSource = target_options
+    output: Path = options.output_option(
+        "Where the frames (PNG, with their time in the name), frames.csv and contact_sheet.html "
+        "go.",
+        folder=True,
+        required=True,
+    )
+    most: int = option("--most N", "Choose no more frames than these.", IntRange(min=1), MOST)
+    overwrite: bool = options.overwrite_option
+    as_json: bool = options.json_option("frames")
+    jobs: int | None = options.jobs_option
+    no_cache: bool = options.no_cache_option
 
 
 @as_command(
@@ -21,50 +43,30 @@ from cubicfish_cli.films import MOST
     "cubicfish frames film.mp4 -o photos/ --target target.yaml",
     "cubicfish frames 'films/*.mp4' -o photos/ --most 40",
 )
-@options.argument(
-    "films", "Films of one camera, all of one size.", nargs=-1, required=True, metavar="FILM..."
-)
-@target_options
-@options.output_option(
-    "Where the frames (PNG, with their time in the name), frames.csv and contact_sheet.html go.",
-    folder=True,
-    required=True,
-)
-@option("--most N", "Choose no more frames than these.", IntRange(min=1), MOST)
-@options.overwrite_option
-@options.json_option("frames")
-@options.jobs_option
-@options.no_cache_option
-def command(
-    films: tuple[Path, ...],
-    target: TargetChoice,
-    output: Path,
-    most: int,
-    overwrite: bool,
-    as_json: bool,
-    jobs: int | None,
-    no_cache: bool,
-) -> None:
+def command(given: Asked) -> None:
     """Choose the frames of each FILM that a camera is best calibrated from.
 
     They are sharp, still, and each shows something that the others do not: corners in another
     part of the picture, or a board from another side. A run that was interrupted goes on where it
     ended.
     """
-    known = target.counts is not None or target.path is not None
-    if known:
+    from cubicfish_cli.library.frames import choose_frames
+
+    target = given.target
+    if target.is_known:
         target.check()
-        say_default(target)
-    chosen = choose_frames(
-        films,
-        output,
-        target if known else None,
-        most=most,
-        jobs=jobs,
-        no_cache=no_cache,
-        overwrite=overwrite,
-    )
-    if as_json:
+    with running(jobs=given.jobs, no_cache=given.no_cache) as run:
+        chosen = choose_frames(
+            given.films,
+            given.output,
+            target.load(run.listener) if target.is_known else None,
+            most=given.most,
+            jobs=run.jobs,
+            cache=run.cache,
+            overwrite=given.overwrite,
+            listener=run.listener,
+        )
+    if given.as_json:
         print_json(
             {
                 "photos": [str(path) for path in chosen.photos],
@@ -80,9 +82,9 @@ def command(
         f"{count(len(chosen.photos), 'frame')} of {chosen.frames:,} chosen; boards were looked for "
         f"in {chosen.looked_at}"
     )
-    result(f"wrote {output}: frames, {chosen.table.name} and {chosen.sheet.name}")
+    result(f"wrote {given.output}: frames, {chosen.table.name} and {chosen.sheet.name}")
     if target.path is not None:
         command_line = shlex.join(
-            ["cubicfish", "calibrate", str(output), "--target", str(target.path)]
+            ["cubicfish", "calibrate", str(given.output), "--target", str(target.path)]
         )
         result(f"\nNext: {command_line}", whole=True)

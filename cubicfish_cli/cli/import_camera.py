@@ -9,9 +9,9 @@ import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import as_command, option
-from cubicfish_cli.cli.provenance import made_at, made_by_record
-from cubicfish_cli.cli.terminal import print_json, result, working
+from cubicfish_cli.cli.options import as_command, option, record
+from cubicfish_cli.cli.progress import working
+from cubicfish_cli.cli.terminal import print_json, result
 from cubicfish_cli.formats.registry import READABLE
 
 if TYPE_CHECKING:
@@ -25,6 +25,40 @@ are printed. Corners of other detectors are read by 'cubicfish corners'.
 """
 
 
+@record
+class Asked:
+    """What is asked of ``cubicfish import``."""
+
+    file: Path = options.argument(
+        "The other tool's camera file.",
+        metavar="FILE",
+        missing="name the other tool's camera file: 'cubicfish import camchain.yaml'",
+    )
+    name: str | None = option(
+        "--from",
+        "What wrote the file. [default: told by what it holds]",
+        click.Choice(list(READABLE)),
+    )
+    camera: str | None = option(
+        "--camera NAME",
+        "Which camera, where the file holds several: cam1, COLMAP's CAMERA_ID, 1 for M1 and D1.",
+    )
+    size: tuple[int, int] | None = option(
+        "--size", "Size of the photos, where the file does not say.", options.SIZE
+    )
+    max_angle: float | None = option(
+        "--max-angle DEG",
+        "Trust the lens up to this angle from its axis: files do not say how far it was "
+        "calibrated. [default: what it shows in the photo, at most 110]",
+        FloatRange(min=0, max=175, min_open=True),
+    )
+    output: Path = options.output_option(
+        "Where the camera goes.", default="calibration/camera.yaml"
+    )
+    overwrite: bool = options.overwrite_option
+    as_json: bool = options.json_option("import")
+
+
 @as_command(
     "import",
     "Another tool's camera as camera.yaml.",
@@ -34,62 +68,32 @@ are printed. Corners of other detectors are read by 'cubicfish corners'.
     "cubicfish import calibration.json --from pyocamcalib --size 1280x800",
     help=_HELP,
 )
-@options.argument(
-    "file",
-    "The other tool's camera file.",
-    metavar="FILE",
-    missing="name the other tool's camera file: 'cubicfish import camchain.yaml'",
-)
-@option(
-    "--from",
-    "What wrote the file. [default: told by what it holds]",
-    click.Choice(list(READABLE)),
-    to="name",
-)
-@option(
-    "--camera NAME",
-    "Which camera, where the file holds several: cam1, COLMAP's CAMERA_ID, 1 for M1 and D1.",
-)
-@option("--size", "Size of the photos, where the file does not say.", options.SIZE)
-@option(
-    "--max-angle DEG",
-    "Trust the lens up to this angle from its axis: files do not say how far it was "
-    "calibrated. [default: what it shows in the photo, at most 110]",
-    FloatRange(min=0, max=175, min_open=True),
-)
-@options.output_option("Where the camera goes.", default="calibration/camera.yaml")
-@options.overwrite_option
-@options.json_option("import")
-def command(
-    file: Path,
-    name: str | None,
-    camera: str | None,
-    size: tuple[int, int] | None,
-    max_angle: float | None,
-    output: Path,
-    overwrite: bool,
-    as_json: bool,
-) -> None:
+def command(given: Asked) -> None:
     """See ``_HELP``."""
     from cubicfish_cli.files import fingerprint, refuse_existing
     from cubicfish_cli.formats.calibrated import save_camera
     from cubicfish_cli.library.importing import import_camera
+    from cubicfish_cli.library.provenance import made_at, made_by_record
 
     made_at()  # said before the work if it cannot be
-    refuse_existing(output, overwrite=overwrite)
-    source = fingerprint(file)
+    refuse_existing(given.output, overwrite=given.overwrite)
+    source = fingerprint(given.file)
     with working("Fitting the cubic camera to the lens"):
         imported = import_camera(
-            file, written_by=name, camera=camera, image_size=size, max_angle_deg=max_angle
+            given.file,
+            written_by=given.name,
+            camera=given.camera,
+            image_size=given.size,
+            max_angle_deg=given.max_angle,
         )
     made, conversion = imported.camera, imported.conversion
     error, (width, height) = conversion.error, made.image_size
-    made_by = {**made_by_record({}, None, [source]), **imported.made_by}
-    save_camera(output, made, fit={}, made_by=made_by, overwrite=overwrite)
-    if as_json:
+    made_by = {**made_by_record(options.command_line(), {}, None, [source]), **imported.made_by}
+    save_camera(given.output, made, fit={}, made_by=made_by, overwrite=given.overwrite)
+    if given.as_json:
         print_json(
             {
-                "model": str(output),
+                "model": str(given.output),
                 "format": imported.written_by,
                 "lens": imported.lens.name,
                 "image_size": made.image_size,
@@ -101,10 +105,10 @@ def command(
         )
         return
     result(
-        f"wrote {output}: a lens of {imported.written_by}, {width}x{height}, trusted to "
+        f"wrote {given.output}: a lens of {imported.written_by}, {width}x{height}, trusted to "
         f"{made.max_angle_deg:.1f}° from its axis"
     )
-    result(f"field: {_why_it_ends(imported, asked=max_angle is not None)}")
+    result(f"field: {_why_it_ends(imported, asked=given.max_angle is not None)}")
     result(
         f"conversion error: RMS {error.rms_px:.4f} px, largest {error.max_px:.4f} px up to "
         f"{error.max_angle_deg:.1f}°"

@@ -7,11 +7,20 @@ from typing import TYPE_CHECKING
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count, print_verdict, px
-from cubicfish_cli.cli.options import as_command
+from cubicfish_cli.cli.options import as_command, record
 from cubicfish_cli.cli.terminal import print_json, result
 
 if TYPE_CHECKING:
     from cubicfish_cli.assess.camera_facts import CameraFacts
+
+
+@record
+class Asked:
+    """What is asked of ``cubicfish info``."""
+
+    calibration: Path | None = options.calibration_argument
+    model: Path | None = options.model_option
+    as_json: bool = options.json_option("info")
 
 
 @as_command(
@@ -21,10 +30,7 @@ if TYPE_CHECKING:
     "cubicfish info lens_a/",
     "cubicfish info camera.yaml --json",
 )
-@options.calibration_argument
-@options.model_option
-@options.json_option("info")
-def command(calibration: Path | None, model: Path | None, as_json: bool) -> None:
+def command(given: Asked) -> None:
     """Say what the camera in FOLDER (by default: calibration) is.
 
     Size, focal length and principal point with one standard deviation, the field of view that a
@@ -34,14 +40,14 @@ def command(calibration: Path | None, model: Path | None, as_json: bool) -> None
     from cubicfish_cli.assess.camera_facts import camera_facts
     from cubicfish_cli.formats.camera_yaml import load_any_camera
 
-    rig = options.rig_path(calibration or model)
+    rig = options.rig_path(given.calibration or given.model)
     if rig is not None:
-        _rig(rig, as_json=as_json)
+        _rig(rig, as_json=given.as_json)
         return
-    path = options.model_path(calibration or model)
+    path = options.model_path(given.calibration or given.model)
     loaded = load_any_camera(path)
     facts = camera_facts(loaded.camera, loaded.fit, loaded.made_by)
-    if as_json:
+    if given.as_json:
         print_json({"model": str(path), **facts.as_record()})
         return
     result(facts.line + "\n")

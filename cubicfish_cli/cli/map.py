@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli import options
-from cubicfish_cli.cli.options import as_command, option
+from cubicfish_cli.cli.options import as_command, option, record
 from cubicfish_cli.cli.rendering_options import MaskOptions, crop_option, mask_options
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
 from cubicfish_cli.cli.view_options import ViewOptions, say_what_is_unseen, view_options
@@ -36,6 +36,43 @@ P2 and Q.
 """
 
 
+@record
+class Asked:
+    """What is asked of ``cubicfish map``."""
+
+    output: Path = options.argument(
+        "Where the map goes: a name that ends in .npz, .exr, .png or .pgm.",
+        metavar="OUT",
+        missing="OUT is needed: 'cubicfish map undistort.npz', or a name in .exr, .png or .pgm",
+    )
+    model: Path | None = options.model_option
+    rig: Path | None = options.rig_option
+    pair: tuple[str, str] | None = options.pair_option
+    view: ViewOptions = view_options
+    photo_size: tuple[int, int] | None = option(
+        "--photo-size",
+        "Size of the photos, when it is an exact rescale of the calibrated ones.",
+        options.SIZE,
+    )
+    crop: Crop | None = crop_option
+    redistort: bool = option(
+        "--redistort", "The way back: from the view to the photo of the camera."
+    )
+    fixed_point: bool = option(
+        "--fixed-point", "In .npz, map_1 and map_2 of cv2.convertMaps instead of floats."
+    )
+    origin: Any = option(
+        "--origin",
+        "Where y of an STMap (.exr, .png) is 0. [default: bottom-left, as in Nuke and Flame]",
+        click.Choice(["bottom-left", "top-left"]),
+        "bottom-left",
+        show_default=False,
+    )
+    mask: MaskOptions = mask_options
+    overwrite: bool = options.overwrite_option
+    as_json: bool = options.json_option("map")
+
+
 @as_command(
     "map",
     "The undistortion map alone: for cv2.remap, as an STMap, for ffmpeg.",
@@ -46,49 +83,7 @@ P2 and Q.
     "cubicfish map stereo.npz --pair left,right --rig rig --view equirectangular",
     help=_HELP,
 )
-@options.argument(
-    "output",
-    "Where the map goes: a name that ends in .npz, .exr, .png or .pgm.",
-    metavar="OUT",
-    missing="OUT is needed: 'cubicfish map undistort.npz', or a name in .exr, .png or .pgm",
-)
-@options.model_option
-@options.rig_option
-@options.pair_option
-@view_options
-@option(
-    "--photo-size",
-    "Size of the photos, when it is an exact rescale of the calibrated ones.",
-    options.SIZE,
-)
-@crop_option
-@option("--redistort", "The way back: from the view to the photo of the camera.")
-@option("--fixed-point", "In .npz, map_1 and map_2 of cv2.convertMaps instead of floats.")
-@option(
-    "--origin",
-    "Where y of an STMap (.exr, .png) is 0. [default: bottom-left, as in Nuke and Flame]",
-    click.Choice(["bottom-left", "top-left"]),
-    "bottom-left",
-    show_default=False,
-)
-@mask_options
-@options.overwrite_option
-@options.json_option("map")
-def command(
-    output: Path,
-    model: Path | None,
-    rig: Path | None,
-    pair: tuple[str, str] | None,
-    view: ViewOptions,
-    photo_size: tuple[int, int] | None,
-    crop: Crop | None,
-    redistort: bool,
-    fixed_point: bool,
-    origin: Any,
-    mask: MaskOptions,
-    overwrite: bool,
-    as_json: bool,
-) -> None:
+def command(given: Asked) -> None:
     """See ``_HELP``."""
     from cubicfish_cli.files import Content, refuse_existing, write_files
     from cubicfish_cli.formats.camera_yaml import load_camera
@@ -101,50 +96,56 @@ def command(
     from cubicfish_cli.undistortion.maps import build_map
     from cubicfish_cli.undistortion.view_files import part_name, view_files
 
-    suffix = output.suffix.lower()
+    suffix = given.output.suffix.lower()
     if suffix not in SUFFIXES:
         raise click.UsageError(
-            f"{output}: maps are written as {', '.join(SUFFIXES)}: choose a name that ends so"
+            f"{given.output}: maps are written as {', '.join(SUFFIXES)}: choose a name that ends so"
         )
-    if fixed_point and suffix != ".npz":
+    if given.fixed_point and suffix != ".npz":
         raise click.UsageError("--fixed-point is for maps in .npz")
-    mask.check()
-    if redistort and mask.mask_limit is not None:
+    given.mask.check()
+    if given.redistort and given.mask.mask_limit is not None:
         raise click.UsageError(
             "--mask-limit is for the map that undistorts: leave it out, or --redistort"
         )
-    writer = partial(map_writer, fixed_point=fixed_point, origin=origin)
-    if rig is not None or pair is not None:
+    writer = partial(map_writer, fixed_point=given.fixed_point, origin=given.origin)
+    if given.rig is not None or given.pair is not None:
         options.refuse_given(
             "is for the map of one camera: leave it out",
-            {"--redistort": redistort, "--crop": crop, "--mask-limit": mask.mask_limit},
+            {
+                "--redistort": given.redistort,
+                "--crop": given.crop,
+                "--mask-limit": given.mask.mask_limit,
+            },
         )
         from cubicfish_cli.cli.map_pair import write_pair
 
         write_pair(
-            output,
-            options.rig_file(rig),
-            pair,
-            view,
-            photo_size,
+            given.output,
+            options.rig_file(given.rig),
+            given.pair,
+            given.view,
+            given.photo_size,
             writer,
-            mask=mask.mask,
-            overwrite=overwrite,
-            as_json=as_json,
+            mask=given.mask.mask,
+            overwrite=given.overwrite,
+            as_json=given.as_json,
         )
         return
-    parts = {part: writer(part_name(output, part)) for part in view.parts}
+    parts = {part: writer(part_name(given.output, part)) for part in given.view.parts}
     own = [path for paths, _ in parts.values() for path in paths]
-    refuse_existing(*own, overwrite=overwrite)
-    camera_file = options.model_path(model)
+    refuse_existing(*own, overwrite=given.overwrite)
+    camera_file = options.model_path(given.model)
     loaded = load_camera(camera_file)
-    size = photo_size or ((crop.width, crop.height) if crop else loaded.camera.image_size)
-    camera = camera_for_photos(loaded.camera, size, crop)
-    trusted = mask.trusted(loaded, camera_file, crop)
+    size = given.photo_size or (
+        (given.crop.width, given.crop.height) if given.crop else loaded.camera.image_size
+    )
+    camera = camera_for_photos(loaded.camera, size, given.crop)
+    trusted = given.mask.trusted(loaded, camera_file, given.crop)
     masked = None if trusted is None else partial(trusted.mask, size=size)
-    chosen = view.chosen(camera)
+    chosen = given.view.chosen(camera)
     maps = {
-        part: build_redistort_map(camera, one) if redistort else build_map(camera, one)
+        part: build_redistort_map(camera, one) if given.redistort else build_map(camera, one)
         for part, one in chosen.views.items()
     }
     files: dict[Path, Content] = {
@@ -152,10 +153,10 @@ def command(
         for part, (paths, write) in parts.items()
         for index, path in enumerate(paths)
     }
-    files |= view_files(maps, mask=mask.mask, beside=output, masked=masked)
-    written = write_files(files, overwrite=overwrite)
+    files |= view_files(maps, mask=given.mask.mask, beside=given.output, masked=masked)
+    written = write_files(files, overwrite=given.overwrite)
     ffmpeg = [ffmpeg_command(*paths) for paths, _ in parts.values()] if suffix == ".pgm" else []
-    if as_json:
+    if given.as_json:
         print_json(
             {
                 "model": str(camera_file),
@@ -168,7 +169,7 @@ def command(
         )
         return
     result(f"wrote {written[0]}: {chosen.describe()}")
-    if not redistort:
+    if not given.redistort:
         say_what_is_unseen(chosen.seen_by(camera))
     print_wrote(written[1:])
     for line in ffmpeg:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from cubicfish_cli.cli.options import changed
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result
 from cubicfish_cli.cli.view_options import ViewOptions
 from cubicfish_cli.errors import CameraFileError
@@ -105,7 +105,7 @@ def row_aligned(view: ViewOptions) -> ViewOptions:
             "0,PITCH,0"
         )
     if view.kind in ("cylindrical", "equirectangular"):
-        view = replace(view, kind=f"epipolar-{view.kind}")
+        view = changed(view, kind=f"epipolar-{view.kind}")
     if view.kind not in ROW_ALIGNED:
         kinds = either([kind.removeprefix("epipolar-") for kind in ROW_ALIGNED])
         raise click.UsageError(

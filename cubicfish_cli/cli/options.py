@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 import functools
+import shlex
+import sys
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
 from cubicfish_cli.cli.json_keys import keys_of
 from cubicfish_cli.cli.numbers import FloatRange, IntRange
-from cubicfish_cli.errors import CameraFileError
+from cubicfish_cli.errors import CameraFileError, UsageError
+from cubicfish_cli.library.asked import in_folder
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
 Decorated = TypeVar("Decorated", bound=Callable[..., Any])
 
+Kind = TypeVar("Kind")
+
+_OPTIONS = "options"
+_CHANGES_NO_CAMERA = {
+    "as_json", "compare", "jobs", "max_rms", "no_cache", "output", "overwrite", "report",
+}  # fmt: skip
 DEBUG_KEY = "cubicfish.debug"
 VERBOSITY_KEY = "cubicfish.verbosity"
 DEFAULT_MODEL = Path("calibration") / "camera.yaml"
@@ -67,11 +77,13 @@ class Argument(click.Argument):
             raise click.UsageError(self.missing, ctx) from None
 
 
-def argument(
-    name: str, meaning: str, *, type: click.ParamType = FILE, **more: Any
-) -> Callable[[Decorated], Decorated]:
-    """An argument, by default the name of a file; ``more`` as click has it."""
-    return click.argument(name, type=type, cls=Argument, meaning=meaning, **more)
+def argument(meaning: str, *, type: click.ParamType = FILE, **more: Any) -> Any:
+    """An argument of a record, by default the name of a file; ``more`` as click has it."""
+
+    def decorate(function: Any, to: str) -> Any:
+        return click.argument(to, type=type, cls=Argument, meaning=meaning, **more)(function)
+
+    return decorate
 
 
 class Parsed(click.ParamType):
@@ -105,8 +117,10 @@ def examples(*lines: str) -> str:
 
 def as_command(
     name: str, short_help: str, *lines: str, **more: Any
-) -> Callable[[Callable[..., None]], click.Command]:
+) -> Callable[[Callable[[Any], None]], click.Command]:
     """A command, with what all have in common.
+
+    Its function takes what is asked as one record, ``given``, whose class says the options.
 
     Args:
         name: of the command.
@@ -116,24 +130,67 @@ def as_command(
 
     """
 
-    def decorate(function: Callable[..., None]) -> click.Command:
-        made = click.command(name, short_help=short_help, epilog=examples(*lines), **more)
-        return made(common_options(function))
+    def decorate(function: Callable[[Any], None]) -> click.Command:
+        kind = vars(sys.modules[function.__module__])[function.__annotations__["given"]]
+        with_options = common_options(bundle(kind)(function, "given"))
+        return click.command(name, short_help=short_help, epilog=examples(*lines), **more)(
+            with_options
+        )
 
     return decorate
 
 
-def option(
-    words: str, help: str, type: Any = None, default: Any = None, *, to: str = "", **more: Any
-) -> Callable[[Decorated], Decorated]:
-    """An option, whose default its help shows.
+def record(kind: type[Kind]) -> type[Kind]:
+    """A frozen record of options: each field has what :func:`option` and the like return."""
+    options = {name: vars(kind)[name] for name in kind.__annotations__}
+    for name in options:
+        delattr(kind, name)
+    setattr(kind, _OPTIONS, options)
+    return dataclass(frozen=True, kw_only=True)(kind)
+
+
+def changed(given: Kind, **values: Any) -> Kind:
+    """A record with other values in some of its fields."""
+    made: Kind = replace(cast(Any, given), **values)
+    return made
+
+
+def bundle(kind: Callable[..., Any], *options: Any) -> Any:
+    """Options that come together as one field of a record.
+
+    Args:
+        kind: a :func:`record`, or what makes one of the options' values by their names.
+        options: of what is no record, in the order of ``--help``.
+
+    """
+    fields = getattr(kind, _OPTIONS, None) or dict(
+        zip(signature(kind).parameters, options, strict=True)
+    )
+
+    def decorate(function: Any, to: str) -> Any:
+        @functools.wraps(function)
+        def command(**values: Any) -> Any:
+            try:
+                together = kind(**{one: values.pop(one) for one in fields})
+                return function(**{to: together}, **values)
+            except UsageError as problem:
+                raise click.UsageError(str(problem)) from problem
+
+        for name, option in reversed(fields.items()):
+            command = option(command, name)
+        return command
+
+    return decorate
+
+
+def option(words: str, help: str, type: Any = None, default: Any = None, **more: Any) -> Any:
+    """An option of a record, whose default its help shows.
 
     Args:
         words: its names, and what its value is called: ``-n --number N``; a flag has no value.
         help: what it is for.
         type: of its value; without one, and without a name of the value, it is a flag.
         default: where it is not given.
-        to: the argument that gets its value, where that is not called as it is.
         more: as click has it.
 
     """
@@ -144,7 +201,11 @@ def option(
         more["is_flag"] = True
     if default is not None:
         more = {"default": default, "show_default": True, **more}
-    return click.option(*names, *([to] if to else []), type=type, help=help, **more)
+
+    def decorate(function: Any, to: str) -> Any:
+        return click.option(*names, to, type=type, help=help, **more)(function)
+
+    return decorate
 
 
 def _remember(
@@ -208,33 +269,53 @@ def is_given(parameter: str) -> bool:
     return source is ParameterSource.COMMANDLINE
 
 
+def command_line() -> str:
+    """The command that is being run, without what is by default and what changes no camera."""
+    from click.core import ParameterSource
+
+    from cubicfish_cli.library.provenance import as_text
+
+    context = click.get_current_context()
+    words = context.command_path.split()
+    for parameter in context.command.params:
+        value = context.params.get(parameter.name or "")
+        if isinstance(parameter, click.Argument):
+            words += map(str, value if isinstance(value, tuple) else [value])
+            continue
+        given = context.get_parameter_source(parameter.name or "")
+        if parameter.name not in context.params or parameter.name in _CHANGES_NO_CAMERA:
+            continue
+        if given is not ParameterSource.COMMANDLINE:
+            continue
+        names = parameter.secondary_opts if value is False else parameter.opts
+        words.append(max(names or parameter.opts, key=len))
+        if not isinstance(value, bool):
+            words.append("x".join(map(str, value)) if isinstance(value, tuple) else str(value))
+    return as_text(shlex.join(words))
+
+
 def verbosity() -> int:
     """-1 after ``--quiet``, 1 after ``--verbose``, else 0."""
     value: int = click.get_current_context().meta.get(VERBOSITY_KEY, 0)
     return value
 
 
-target_option = click.option(
-    "-t",
-    "--target",
-    type=FILE,
-    metavar="FILE",
-    help="The calibration target: a target.yaml, or one of Kalibr's target files. Where one is "
+target_option = option(
+    "-t --target FILE",
+    "The calibration target: a target.yaml, or one of Kalibr's target files. Where one is "
     "needed, ./target.yaml stands for it.",
+    FILE,
 )
 
-model_option = click.option(
-    "-m",
-    "--model",
-    type=FILE,
-    envvar="CUBICFISH_MODEL",
-    metavar="FILE",
-    help="The camera: its file, or the folder that calibrate wrote. [default: "
+model_option = option(
+    "-m --model FILE",
+    "The camera: its file, or the folder that calibrate wrote. [default: "
     "$CUBICFISH_MODEL, else calibration/camera.yaml]",
+    FILE,
+    envvar="CUBICFISH_MODEL",
 )
 
 calibration_argument = argument(
-    "calibration",
     "The folder that calibrate wrote, or the camera's file in it. [default: --model]",
     required=False,
     metavar="[FOLDER|CAMERA_YAML]",
@@ -242,45 +323,11 @@ calibration_argument = argument(
 
 
 def output_option(
-    help: str, *, default: str | None = None, folder: bool = False, metavar: str = "", **more: Any
-) -> Callable[[Decorated], Decorated]:
+    help: str, default: str | None = None, *, folder: bool = False, metavar: str = "", **more: Any
+) -> Any:
     """``-o``, which says where the result goes."""
-    if default is not None:
-        more |= {"default": default, "show_default": True}
-    return click.option(
-        "-o",
-        "--output",
-        type=FOLDER if folder else FILE,
-        metavar=metavar or ("FOLDER" if folder else "FILE"),
-        help=help,
-        **more,
-    )
-
-
-def bundle(
-    name: str, kind: Callable[..., Any], *options: Callable[[Any], Any]
-) -> Callable[[Decorated], Decorated]:
-    """Options that a command gets together as one argument.
-
-    Args:
-        name: of the argument.
-        kind: makes it of the options' values, by their names: a dataclass with a field for each.
-        options: in the order of ``--help``.
-
-    """
-    names = list(signature(kind).parameters)
-
-    def decorate(function: Any) -> Any:
-        @functools.wraps(function)
-        def command(**values: Any) -> Any:
-            together = kind(**{one: values.pop(one) for one in names})
-            return function(**{name: together}, **values)
-
-        for option in reversed(options):
-            command = option(command)
-        return command
-
-    return decorate
+    words = metavar or ("FOLDER" if folder else "FILE")
+    return option(f"-o --output {words}", help, FOLDER if folder else FILE, default, **more)
 
 
 class JsonOption(click.Option):
@@ -291,45 +338,35 @@ class JsonOption(click.Option):
         self.keys = dict(keys)
 
 
-def json_option(command: str) -> Callable[[Decorated], Decorated]:
+def json_option(command: str) -> Any:
     """``--json``, which tells the keys of the object that a command prints."""
     keys = keys_of(command)
-    return click.option(
-        "--json",
-        "as_json",
-        cls=JsonOption,
-        keys=keys,
-        is_flag=True,
-        help=f"Print one JSON object to stdout, and nothing else. Its keys: {', '.join(keys)}.",
-    )
+    help = f"Print one JSON object to stdout, and nothing else. Its keys: {', '.join(keys)}."
+    return option("--json", help, cls=JsonOption, keys=keys)
 
 
-overwrite_option = click.option("--overwrite", is_flag=True, help="Replace files that exist.")
+overwrite_option = option("--overwrite", "Replace files that exist.")
 
-jobs_option = click.option(
-    "-j",
-    "--jobs",
-    type=IntRange(min=1),
-    metavar="N",
-    help="Photos to work on at a time. [default: the number of processors]",
+jobs_option = option(
+    "-j --jobs N",
+    "Photos to work on at a time. [default: the number of processors]",
+    IntRange(min=1),
 )
 
-no_cache_option = click.option(
+no_cache_option = option(
     "--no-cache",
-    is_flag=True,
-    help="Search every photo anew. Otherwise what was found in a photo is kept in "
+    "Search every photo anew. Otherwise what was found in a photo is kept in "
     "~/.cache/cubicfish (or where CUBICFISH_CACHE says) until the photo changes.",
 )
 
-max_rms_option = click.option(
-    "--max-rms",
-    type=FloatRange(min=0, min_open=True),
-    metavar="PX",
-    help="Exit with 3 when the RMS is above this; outputs are written all the same.",
+max_rms_option = option(
+    "--max-rms PX",
+    "Exit with 3 when the RMS is above this; outputs are written all the same.",
+    FloatRange(min=0, min_open=True),
 )
 
 
-def refine_target_option(help: str) -> Callable[[Decorated], Decorated]:
+def refine_target_option(help: str) -> Any:
     """``--refine-target``: how far the target is fitted too."""
     levels = click.Choice(["off", "shape", "points", "auto"])
     return option("--refine-target", help, levels, "auto")
@@ -343,9 +380,7 @@ def _size(text: str) -> tuple[int, int]:
 
 SIZE = Parsed("WIDTHxHEIGHT", _size)
 
-size_option = click.option(
-    "--size", type=SIZE, help="Size of the photos, for CSV files that do not state it."
-)
+size_option = option("--size", "Size of the photos, for CSV files that do not state it.", SIZE)
 
 
 def _pair(text: str) -> tuple[str, str]:
@@ -355,20 +390,17 @@ def _pair(text: str) -> tuple[str, str]:
     return names[0], names[1]
 
 
-pair_option = click.option(
-    "--pair",
-    type=Parsed("NAME,NAME", _pair),
-    metavar="NAME,NAME",
-    help="Two cameras of the rig, such as left,right. [default: those that it has]",
+pair_option = option(
+    "--pair NAME,NAME",
+    "Two cameras of the rig, such as left,right. [default: those that it has]",
+    Parsed("NAME,NAME", _pair),
 )
 
-rig_option = click.option(
-    "--rig",
-    "rig",
-    type=FILE,
-    metavar="FILE",
-    help="Several cameras on one body: the rig.yaml, or the folder that rig wrote. "
+rig_option = option(
+    "--rig FILE",
+    "Several cameras on one body: the rig.yaml, or the folder that rig wrote. "
     "[default, where a rig is needed: rig/rig.yaml]",
+    FILE,
 )
 
 
@@ -410,24 +442,6 @@ def model_path(given: Path | None) -> Path:
 
         say(f"Camera: {path}.")
     return path
-
-
-def in_folder(path: Path) -> Path:
-    """The camera file that is meant: a folder stands for the camera.yaml in it.
-
-    Raises:
-        CameraFileError: the folder has none.
-
-    """
-    if not path.is_dir():
-        return path
-    inside = path / DEFAULT_MODEL.name
-    if not inside.exists():
-        raise CameraFileError(
-            f"{path} is a folder without a {inside.name}: name the folder that 'cubicfish "
-            "calibrate' wrote, or a camera file"
-        )
-    return inside
 
 
 def rig_path(given: Path | None) -> Path | None:

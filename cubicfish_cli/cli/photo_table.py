@@ -18,6 +18,7 @@ from cubicfish_cli.cli.table import Column, Row, fitting, print_columns
 from cubicfish_cli.cli.terminal import result
 
 if TYPE_CHECKING:
+    from cubicfish_cli.identification.identified import Detection, PhotoReport
     from cubicfish_cli.observations import Observations
     from cubicfish_cli.words.finding import Level
 
@@ -73,6 +74,22 @@ def corners_by_board(corners: Observations) -> dict[str, dict[str, int]]:
         image: {board: n for board, n in zip(corners.boards, row, strict=True) if n}
         for image, row in zip(corners.images, counts.tolist(), strict=True)
     }
+
+
+def lost_word(photo: PhotoReport) -> str:
+    """A word for why a photo gave no corners."""
+    from cubicfish_cli.words.codes import Code
+
+    why = photo.refusal.code if photo.refusal is not None else None
+    if why in (Code.OTHER_SIZE, Code.CANNOT_BE_READ):
+        return "another size" if why is Code.OTHER_SIZE else "cannot be read"
+    return "left out" if why is None else "nothing found"
+
+
+def why_lost(detection: Detection | None) -> dict[str, str]:
+    """Photos that gave nothing, and a word for why."""
+    photos = () if detection is None else detection.photos
+    return {photo.name: lost_word(photo) for photo in photos if photo.lost}
 
 
 def fitted_rows(

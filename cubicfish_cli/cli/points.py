@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cubicfish_cli.cli import options
-from cubicfish_cli.cli.options import as_command
+from cubicfish_cli.cli.options import as_command, record
 from cubicfish_cli.cli.terminal import say
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.reading import read_bytes
@@ -131,6 +131,17 @@ def print_points(points: npt.NDArray[np.float64], columns: Sequence[str] | None)
         click.echo("\n".join(lines))
 
 
+@record
+class AskedProject:
+    """What is asked of ``cubicfish project``."""
+
+    points: Path = options.argument(
+        "A CSV file of points X,Y,Z, or one point such as 0.2,0.1,1. [default: stdin]",
+        default=Path("-"),
+    )
+    model: Path | None = options.model_option
+
+
 @as_command(
     "project",
     "Points in the camera frame to pixels.",
@@ -139,13 +150,7 @@ def print_points(points: npt.NDArray[np.float64], columns: Sequence[str] | None)
     "echo 0.5,0,1 | cubicfish project",
     cls=PointsCommand,
 )
-@options.argument(
-    "points",
-    "A CSV file of points X,Y,Z, or one point such as 0.2,0.1,1. [default: stdin]",
-    default=Path("-"),
-)
-@options.model_option
-def project(points: Path, model: Path | None) -> None:
+def project(given: AskedProject) -> None:
     """Project POINTS to pixels: X,Y,Z a line (a CSV file or stdin) in, x,y a line out. One
     point may stand on the command line: 0.2,0.1,1.
 
@@ -157,11 +162,22 @@ def project(points: Path, model: Path | None) -> None:
     """
     from cubicfish_cli.formats.camera_yaml import PointCameraFile, load_any_camera
 
-    loaded = load_any_camera(options.model_path(model))
-    read = read_points(points, ("X", "Y", "Z"))
+    loaded = load_any_camera(options.model_path(given.model))
+    read = read_points(given.points, ("X", "Y", "Z"))
     if isinstance(loaded, PointCameraFile):
         loaded.camera.refuse_off_boards(read.values)
     print_points(loaded.camera.project(read.values), ("x", "y") if read.has_header else None)
+
+
+@record
+class AskedUnproject:
+    """What is asked of ``cubicfish unproject``."""
+
+    pixels: Path = options.argument(
+        "A CSV file of pixels x,y, or one pixel such as 640,400. [default: stdin]",
+        default=Path("-"),
+    )
+    model: Path | None = options.model_option
 
 
 @as_command(
@@ -171,13 +187,7 @@ def project(points: Path, model: Path | None) -> None:
     "echo 640,400 | cubicfish unproject --model lens_a/",
     cls=PointsCommand,
 )
-@options.argument(
-    "pixels",
-    "A CSV file of pixels x,y, or one pixel such as 640,400. [default: stdin]",
-    default=Path("-"),
-)
-@options.model_option
-def unproject(pixels: Path, model: Path | None) -> None:
+def unproject(given: AskedUnproject) -> None:
     """Turn PIXELS into viewing rays: x,y a line (a CSV file or stdin) in, X,Y,Z a line out.
     One pixel may stand on the command line: 640,400.
 
@@ -187,6 +197,6 @@ def unproject(pixels: Path, model: Path | None) -> None:
     """
     from cubicfish_cli.formats.camera_yaml import load_camera
 
-    camera = load_camera(options.model_path(model)).camera
-    read = read_points(pixels, ("x", "y"))
+    camera = load_camera(options.model_path(given.model)).camera
+    read = read_points(given.pixels, ("x", "y"))
     print_points(camera.unproject(read.values), ("X", "Y", "Z") if read.has_header else None)

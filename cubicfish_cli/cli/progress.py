@@ -1,39 +1,99 @@
-"""How far a long step is: a line on stderr, on a terminal only, that leaves nothing behind."""
+"""Listening to the library on the terminal: a line of progress, and what is told below it.
+
+The line is on stderr, on a terminal only, and leaves nothing behind.
+"""
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from threading import Timer
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from cubicfish_cli.cli.cache_folder import cache_folder
 from cubicfish_cli.cli.options import verbosity
 from cubicfish_cli.cli.streams import ERRORS, can_redraw
+from cubicfish_cli.cli.terminal import detail, say
+from cubicfish_cli.library.asked import Run
+from cubicfish_cli.listener import Listener
+from cubicfish_cli.words.codes import Event
 
 if TYPE_CHECKING:
     from cubicfish_cli.cli.progress_line import ProgressLine
-
-CountCallback = Callable[[int, int], None]
-StageCallback = Callable[[str, float], None]
+    from cubicfish_cli.executors.executor import Executor
+    from cubicfish_cli.words.finding import Finding
 
 # What is done sooner shows no line: it would only flash.
 _PATIENCE_SECONDS = 0.4
 
 
-@contextmanager
-def progress(label: str) -> Iterator[CountCallback]:
-    """Yield ``callback(done, total)``: a bar, counts and the time left."""
-    with _line(label) as line:
-        yield lambda done, total: line.count(done, total) if line else None
+class _Shown(Listener):
+    """Shows steps one after the other, and says what is told between them."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        self._stack = stack
+        self._step: str | None = None
+        self._line: ProgressLine | None = None
+
+    def progress(self, step: str, done: float = 0, total: float = 0, now: str = "") -> None:
+        if step != self._step:
+            self._end()
+            self._step, self._line = step, self._stack.enter_context(_line(step))
+        if self._line is None:
+            return
+        if now:
+            self._line.stage(now, done)
+        elif done or total:
+            self._line.count(int(done), int(total))
+
+    def tell(self, event: Event, **figures: Any) -> None:
+        self._end()
+        (detail if event is Event.PAGE_TOOK else say)(event.line(**figures))
+
+    def found(self, findings: Sequence[Finding]) -> None:
+        self._end()
+        say_found(findings)
+
+    def _end(self) -> None:
+        self._stack.close()
+        self._step = None
+
+
+def say_found(findings: Sequence[Finding]) -> None:
+    """Say what is told of photos; what several share once, unless all is wanted (``--verbose``)."""
+    from cubicfish_cli.identification.identified import line_of, remark_lines
+
+    for line in map(line_of, findings) if verbosity() > 0 else remark_lines(findings):
+        say(line)
 
 
 @contextmanager
-def stages(label: str) -> Iterator[StageCallback]:
-    """Yield ``callback(words, share)`` for work in stages: what is done now, and the share done."""
-    with _line(label) as line:
-        yield lambda words, share: line.stage(words, share) if line else None
+def listening() -> Iterator[Listener]:
+    """Show how far the library is while the block runs."""
+    with ExitStack() as stack:
+        yield _Shown(stack)
+
+
+@contextmanager
+def running(
+    *,
+    jobs: int | None = None,
+    no_cache: bool = False,
+    overwrite: bool = False,
+    executor: Executor | None = None,
+) -> Iterator[Run]:
+    """How the library is to work while the block runs, with what it tells shown."""
+    with listening() as listener:
+        yield Run(
+            jobs=jobs,
+            cache=cache_folder(),
+            anew=no_cache,
+            overwrite=overwrite,
+            listener=listener,
+            executor=executor,
+        )
 
 
 @contextmanager

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from cubicfish_cli.cli.numbers import FloatRange, IntRange
-from cubicfish_cli.cli.options import FILE, Parsed, bundle, option
-from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
+from cubicfish_cli.cli.options import FILE, Parsed, bundle, option, record
 
 if TYPE_CHECKING:
     from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
@@ -46,13 +44,28 @@ crop_option = option(
 )
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class RenderingOptions:
     """What the user asked of the pixels."""
 
-    interpolation: str
-    border: tuple[float, float, float]
-    quality: int | None
+    interpolation: str = option(
+        "--interpolation",
+        "How pixels are read between pixels.",
+        click.Choice(["nearest", "linear", "cubic", "lanczos"]),
+        "linear",
+    )
+    border: tuple[float, float, float] = option(
+        "--border",
+        "What the camera does not see: black, white, grey or #RRGGBB. [default: black]",
+        Parsed("COLOUR", _colour),
+        (0.0, 0.0, 0.0),
+        show_default=False,
+    )
+    quality: int | None = option(
+        "--quality 1-100",
+        "Of JPEG and lossy WebP files. [default: the photo's own]",
+        IntRange(1, 100),
+    )
 
     def rendering(self) -> Rendering:
         """For the library."""
@@ -61,36 +74,22 @@ class RenderingOptions:
         return Rendering(interpolation=self.interpolation, border=self.border, quality=self.quality)
 
 
-rendering_options = bundle(
-    "pixels",
-    RenderingOptions,
-    option(
-        "--interpolation",
-        "How pixels are read between pixels.",
-        click.Choice(["nearest", "linear", "cubic", "lanczos"]),
-        "linear",
-    ),
-    option(
-        "--border",
-        "What the camera does not see: black, white, grey or #RRGGBB. [default: black]",
-        Parsed("COLOUR", _colour),
-        (0.0, 0.0, 0.0),
-        show_default=False,
-    ),
-    option(
-        "--quality 1-100",
-        "Of JPEG and lossy WebP files. [default: the photo's own]",
-        IntRange(1, 100),
-    ),
-)
+rendering_options = bundle(RenderingOptions)
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class MaskOptions:
     """What the user asked of a mask; None where nothing was asked."""
 
-    mask: Path | None
-    mask_limit: float | None
+    mask: Path | None = option(
+        "--mask FILE", "Also write where the result may be trusted: 255, and 0 elsewhere.", FILE
+    )
+    mask_limit: float | None = option(
+        "--mask-limit PX",
+        "With --mask: 0 also where the camera's own uncertainty is above this, in pixels of the "
+        "photo as calibrated.",
+        FloatRange(0, min_open=True),
+    )
 
     def check(self) -> None:
         """Refuse a limit without a mask."""
@@ -113,33 +112,21 @@ class MaskOptions:
         return TrustedWithin(self.mask_limit, loaded, path, crop)
 
 
-mask_options = bundle(
-    "mask",
-    MaskOptions,
-    option(
-        "--mask FILE", "Also write where the result may be trusted: 255, and 0 elsewhere.", FILE
-    ),
-    option(
-        "--mask-limit PX",
-        "With --mask: 0 also where the camera's own uncertainty is above this, in pixels of the "
-        "photo as calibrated.",
-        FloatRange(0, min_open=True),
-    ),
-)
+mask_options = bundle(MaskOptions)
 
 
-def is_video_name(path: Path) -> bool:
-    """Whether a file's name is that of a video."""
-    return path.suffix.lower() in VIDEO_SUFFIXES
-
-
-@dataclass(frozen=True, kw_only=True)
+@record
 class EncodingOptions:
     """What the user asked of a video."""
 
-    codec: str | None
-    crf: int | None
-    preset: str | None
+    codec: str | None = option(
+        "--codec NAME",
+        "Of videos, as FFmpeg calls it: libx265, libvpx-vp9, ffv1. [default: libx264]",
+    )
+    crf: int | None = option(
+        "--crf 0-63", "Of videos: lower is better and larger. [default: 18]", IntRange(0, 63)
+    )
+    preset: str | None = option("--preset NAME", "Of the video encoder, such as fast or slow.")
 
     def encoding(self) -> Encoding:
         """For the library."""
@@ -149,13 +136,4 @@ class EncodingOptions:
         return Encoding(codec=self.codec, crf=crf, preset=self.preset)
 
 
-encoding_options = bundle(
-    "encoding",
-    EncodingOptions,
-    option(
-        "--codec NAME",
-        "Of videos, as FFmpeg calls it: libx265, libvpx-vp9, ffv1. [default: libx264]",
-    ),
-    option("--crf 0-63", "Of videos: lower is better and larger. [default: 18]", IntRange(0, 63)),
-    option("--preset NAME", "Of the video encoder, such as fast or slow."),
-)
+encoding_options = bundle(EncodingOptions)

@@ -4,26 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import click
 
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import bundle, option
+from cubicfish_cli.cli.options import bundle, option, record
 from cubicfish_cli.cli.terminal import say
 
 if TYPE_CHECKING:
     from cubicfish_cli.executors.executor import Executor
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class SchedulerOptions:
     """Where the work is done; ``address`` is None for this machine."""
 
-    address: str | None
-    wait_s: float | None
+    address: str | None = option(
+        "--scheduler ADDRESS",
+        "Have the work done by the dask workers of tcp://HOST:8786, which must see the "
+        "same files under the same names (a shared file system). Only use a scheduler that "
+        "you trust. Needs pip install 'cubicfish[scale]'.",
+    )
+    wait_s: float | None = option(
+        "--wait SECONDS",
+        "How long to wait while the scheduler has no worker. [default: 60]",
+        FloatRange(min=0, max=1_000_000),
+    )
 
     def check(self, jobs: int | None) -> None:
         """Refuse what does not go together."""
@@ -57,20 +65,4 @@ class SchedulerOptions:
             yield there
 
 
-scheduler_options = bundle(
-    "scheduler",
-    SchedulerOptions,
-    option(
-        "--scheduler ADDRESS",
-        "Have the work done by the dask workers of tcp://HOST:8786, which must see the "
-        "same files under the same names (a shared file system). Only use a scheduler that "
-        "you trust. Needs pip install 'cubicfish[scale]'.",
-        to="address",
-    ),
-    option(
-        "--wait SECONDS",
-        "How long to wait while the scheduler has no worker. [default: 60]",
-        FloatRange(min=0, max=1_000_000),
-        to="wait_s",
-    ),
-)
+scheduler_options = bundle(SchedulerOptions)

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.options import as_command, option
+from cubicfish_cli.cli.options import as_command, option, record
+from cubicfish_cli.cli.progress import working
 from cubicfish_cli.cli.streams import columns_of, text_width
 from cubicfish_cli.cli.table import Column, Row, print_columns
-from cubicfish_cli.cli.terminal import print_json, result, working
+from cubicfish_cli.cli.terminal import print_json, result
 
 if TYPE_CHECKING:
     from cubicfish_cli.boards.board import Board
@@ -22,22 +23,29 @@ if TYPE_CHECKING:
 _LABEL, _LINE = 12, 96
 
 
+@record
+class Asked:
+    """What is asked of ``cubicfish check``."""
+
+    target: Path = options.argument(
+        "The target.yaml.",
+        metavar="TARGET",
+        missing="name the target: 'cubicfish target check target.yaml'",
+    )
+    draw: Path | None = option(
+        "--draw FILE.svg", "Also draw the target: does it look like yours?", options.FILE
+    )
+    overwrite: bool = options.overwrite_option
+    as_json: bool = options.json_option("target-check")
+
+
 @as_command(
     "check",
     "Say what a target is worth, and draw it.",
     "cubicfish target check target.yaml",
     "cubicfish target check target.yaml --draw object.svg",
 )
-@options.argument(
-    "target",
-    "The target.yaml.",
-    metavar="TARGET",
-    missing="name the target: 'cubicfish target check target.yaml'",
-)
-@option("--draw FILE.svg", "Also draw the target: does it look like yours?", options.FILE)
-@options.overwrite_option
-@options.json_option("target-check")
-def command(target: Path, draw: Path | None, overwrite: bool, as_json: bool) -> None:
+def command(given: Asked) -> None:
     """Check TARGET, a target.yaml, before you take photos.
 
     Says which boards are where, how many photos to take, whether boards or the whole target can
@@ -50,21 +58,21 @@ def command(target: Path, draw: Path | None, overwrite: bool, as_json: bool) -> 
     from cubicfish_cli.rendering.object_drawing import object_svg
     from cubicfish_cli.target import load_target
 
-    if draw is not None:
-        if draw.suffix.lower() != ".svg":
-            raise OutputError(f"{draw}: drawings are SVG: end the name in .svg")
-        refuse_existing(draw, overwrite=overwrite)
-    loaded = load_target(target).as_printed()
+    if given.draw is not None:
+        if given.draw.suffix.lower() != ".svg":
+            raise OutputError(f"{given.draw}: drawings are SVG: end the name in .svg")
+        refuse_existing(given.draw, overwrite=given.overwrite)
+    loaded = load_target(given.target).as_printed()
     with working("Looking at the target from all sides"):
         checked = check_target(loaded)
-    if draw is not None:
-        write_text(draw, object_svg(loaded), overwrite=overwrite)
-    if as_json:
-        print_json({**checked.as_record(), **({"drawing": draw} if draw else {})})
+    if given.draw is not None:
+        write_text(given.draw, object_svg(loaded), overwrite=given.overwrite)
+    if given.as_json:
+        print_json({**checked.as_record(), **({"drawing": given.draw} if given.draw else {})})
         return
     _print(checked)
-    if draw is not None:
-        result(f"\nwrote {draw}")
+    if given.draw is not None:
+        result(f"\nwrote {given.draw}")
 
 
 def _print(checked: TargetCheck) -> None:

@@ -12,10 +12,10 @@ import click
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.options import as_command, option
-from cubicfish_cli.cli.provenance import made_at
+from cubicfish_cli.cli.options import as_command, option, record
+from cubicfish_cli.cli.progress import working
 from cubicfish_cli.cli.target_choice import COUNTS
-from cubicfish_cli.cli.terminal import print_json, print_table, result, say, working
+from cubicfish_cli.cli.terminal import print_json, print_table, result, say
 
 if TYPE_CHECKING:
     from cubicfish_cli.printing.layout import Page
@@ -27,6 +27,59 @@ _OBJECTS = ("corner", "box", "block", "board")
 _TYPES = ("checkerboard", "charuco", "aprilgrid")
 
 
+@record
+class Asked:
+    """What is asked of ``cubicfish print``."""
+
+    target: Path | None = options.argument(
+        "The target.yaml of boards that are there already; leave it out with --object.",
+        required=False,
+        metavar="[TARGET]",
+    )
+    kind: str | None = option(
+        "--object",
+        "Make a target: a corner (floor and two walls, seen from inside), an open box of five "
+        "boards seen from inside, a block of five seen from outside, or one flat board.",
+        click.Choice(_OBJECTS),
+    )
+    paper: str = option(
+        "--paper SIZE",
+        "A0 to A5, B0 to B4, Letter, Legal, Tabloid, 'ANSI C' to 'ANSI E', or WIDTHxHEIGHT such "
+        "as 600x400mm. Upright or across is chosen for each page.",
+        default="A4",
+    )
+    board_type: str | None = option(
+        "--type", "Of a target's boards. [default: checkerboard]", click.Choice(_TYPES)
+    )
+    square: str | None = option(
+        "--square LENGTH",
+        "Side of a target's squares (of an aprilgrid's tags): 30mm, 3cm, 1.25in. [default: as "
+        "large as covers most of the paper]",
+    )
+    counts: tuple[int, int] | None = option(
+        "--corners --tags COLUMNSxROWS",
+        "Inner corners (of an aprilgrid: tags) of a target's largest board. With --square too, "
+        "boards may be larger than the paper, and are printed in parts.",
+        COUNTS,
+    )
+    dictionary: str | None = option(
+        "--dictionary NAME",
+        "Markers' family, such as DICT_5X5_250 or tag36h11. [default: the smallest DICT_5X5 that "
+        "is large enough; tag36h11]",
+    )
+    margin: str = option(
+        "--margin LENGTH", "Along the paper's edges, where the printer cannot print.", default="8mm"
+    )
+    boards: tuple[str, ...] = option(
+        "--board NAME", "Of TARGET, print this board only. May be given again.", multiple=True
+    )
+    output: Path = options.output_option(
+        "Where boards.pdf, assembly.pdf and target.yaml go.", default="printed", folder=True
+    )
+    overwrite: bool = options.overwrite_option
+    as_json: bool = options.json_option("target-print")
+
+
 @as_command(
     "print",
     "Boards on paper, at true scale.",
@@ -34,80 +87,19 @@ _TYPES = ("checkerboard", "charuco", "aprilgrid")
     "cubicfish target print --object board --type charuco --square 30mm --paper A3",
     "cubicfish target print target.yaml --paper Letter -o pages/",
 )
-@options.argument(
-    "target",
-    "The target.yaml of boards that are there already; leave it out with --object.",
-    required=False,
-    metavar="[TARGET]",
-)
-@option(
-    "--object",
-    "Make a target: a corner (floor and two walls, seen from inside), an open box of five "
-    "boards seen from inside, a block of five seen from outside, or one flat board.",
-    click.Choice(_OBJECTS),
-    to="kind",
-)
-@option(
-    "--paper SIZE",
-    "A0 to A5, B0 to B4, Letter, Legal, Tabloid, 'ANSI C' to 'ANSI E', or WIDTHxHEIGHT such "
-    "as 600x400mm. Upright or across is chosen for each page.",
-    default="A4",
-)
-@option(
-    "--type", "Of a target's boards. [default: checkerboard]", click.Choice(_TYPES), to="board_type"
-)
-@option(
-    "--square LENGTH",
-    "Side of a target's squares (of an aprilgrid's tags): 30mm, 3cm, 1.25in. [default: as "
-    "large as covers most of the paper]",
-)
-@option(
-    "--corners --tags COLUMNSxROWS",
-    "Inner corners (of an aprilgrid: tags) of a target's largest board. With --square too, "
-    "boards may be larger than the paper, and are printed in parts.",
-    COUNTS,
-    to="counts",
-)
-@option(
-    "--dictionary NAME",
-    "Markers' family, such as DICT_5X5_250 or tag36h11. [default: the smallest DICT_5X5 that "
-    "is large enough; tag36h11]",
-)
-@option(
-    "--margin LENGTH", "Along the paper's edges, where the printer cannot print.", default="8mm"
-)
-@option(
-    "--board NAME",
-    "Of TARGET, print this board only. May be given again.",
-    to="boards",
-    multiple=True,
-)
-@options.output_option(
-    "Where boards.pdf, assembly.pdf and target.yaml go.", default="printed", folder=True
-)
-@options.overwrite_option
-@options.json_option("target-print")
-def command(
-    target: Path | None,
-    kind: str | None,
-    paper: str,
-    board_type: str | None,
-    square: str | None,
-    counts: tuple[int, int] | None,
-    dictionary: str | None,
-    margin: str,
-    boards: tuple[str, ...],
-    output: Path,
-    overwrite: bool,
-    as_json: bool,
-) -> None:
+def command(given: Asked) -> None:
     """Print the boards of TARGET, or those of a new target that fits the paper.
 
     Writes boards.pdf, pages to be printed at 100 %, each with a ruler, the board's name and which
     way up it is; boards that are larger than the paper are in parts to be glued together. A new
     target comes with its target.yaml and with assembly.pdf, which says how to join the boards.
     """
-    _refuse_mixed(target, kind, (board_type, square, counts, dictionary), boards)
+    _refuse_mixed(
+        given.target,
+        given.kind,
+        (given.board_type, given.square, given.counts, given.dictionary),
+        given.boards,
+    )
 
     from cubicfish_cli.errors import CubicfishError
     from cubicfish_cli.printing.extra import INSTALL, PRINTING, missing, quiet
@@ -122,18 +114,20 @@ def command(
     from cubicfish_cli.printing.paper import length_mm
     from cubicfish_cli.printing.paper import paper as paper_of
 
-    on, rim = paper_of(paper), length_mm(margin)
+    on, rim = paper_of(given.paper), length_mm(given.margin)
     text = None
-    if target is not None:
-        sheets = _of_file(target, boards)
+    if given.target is not None:
+        sheets = _of_file(given.target, given.boards)
     else:
-        loaded, sheets = _made(kind, board_type, square, counts, dictionary, on, rim)
-        text = _target_text(loaded, kind or "", on)
+        loaded, sheets = _made(
+            given.kind, given.board_type, given.square, given.counts, given.dictionary, on, rim
+        )
+        text = _target_text(loaded, given.kind or "", on)
     pages = [page for sheet in sheets for page in lay_out(sheet, on, margin=rim)]
     wanted = {"boards": True, "assembly": len(sheets) > 1, "target": text is not None}
     names = {"boards": "boards.pdf", "assembly": "assembly.pdf", "target": "target.yaml"}
-    outputs = {kind: output / names[kind] for kind, there in wanted.items() if there}
-    refuse_existing(*outputs.values(), overwrite=overwrite)
+    outputs = {kind: given.output / names[kind] for kind, there in wanted.items() if there}
+    refuse_existing(*outputs.values(), overwrite=given.overwrite)
     date = _date()
 
     with quiet():
@@ -142,14 +136,14 @@ def command(
     contents: dict[str, Content] = {
         "boards": lambda path: write_boards(path, pages, date=date),
         "assembly": lambda path: write_assembly(
-            path, sheets, words_for(kind, on.name), on.name, date=date
+            path, sheets, words_for(given.kind, on.name), on.name, date=date
         ),
         "target": text or "",
     }
     with working(f"Drawing {count(len(pages), 'page')}"):
         files = {path: contents[kind] for kind, path in outputs.items()}
-        write_files(files, overwrite=overwrite)
-    if as_json:
+        write_files(files, overwrite=given.overwrite)
+    if given.as_json:
         print_json({**outputs, "paper": on.name, "pages": list(map(_page_record, pages))})
         return
     _print(outputs, sheets, pages, on)
@@ -224,6 +218,8 @@ def _target_text(target: Target, kind: str, paper: Paper) -> str:
 
 def _date() -> datetime | None:
     """The date that pages carry: none, so that they can be made again, or SOURCE_DATE_EPOCH's."""
+    from cubicfish_cli.library.provenance import made_at
+
     return datetime.fromisoformat(made_at()) if "SOURCE_DATE_EPOCH" in os.environ else None
 
 

@@ -17,7 +17,6 @@ from typing import Any, TextIO
 import click
 
 from cubicfish_cli.cli.options import verbosity
-from cubicfish_cli.cli.progress import progress, stages, working
 from cubicfish_cli.cli.streams import (
     Style,
     as_shown,
@@ -37,13 +36,10 @@ __all__ = [
     "print_json",
     "print_table",
     "print_wrote",
-    "progress",
     "result",
     "say",
     "say_interrupted",
-    "stages",
     "tell",
-    "working",
 ]
 
 _TALK: Mapping[str, Style] = {

@@ -11,7 +11,8 @@ import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.options import as_command, option
+from cubicfish_cli.cli.options import as_command, option, record
+from cubicfish_cli.cli.progress import listening, running
 from cubicfish_cli.cli.rendering_options import (
     EncodingOptions,
     MaskOptions,
@@ -22,7 +23,7 @@ from cubicfish_cli.cli.rendering_options import (
     rendering_options,
 )
 from cubicfish_cli.cli.scheduler_options import SchedulerOptions, scheduler_options
-from cubicfish_cli.cli.terminal import print_json, print_wrote, progress, result, say, tell
+from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say, tell
 from cubicfish_cli.cli.undistort_failures import ending, failure_lines, share_a_reason
 from cubicfish_cli.cli.undistort_sources import plan_of
 from cubicfish_cli.cli.view_options import (
@@ -47,6 +48,44 @@ if TYPE_CHECKING:
     from cubicfish_cli.undistortion.frames import Crop
 
 
+@record
+class Asked:
+    """What is asked of ``cubicfish undistort``."""
+
+    sources: tuple[str, ...] = options.argument(
+        "Photos or videos: files, folders or globs; '-' reads their names from stdin.",
+        type=options.NAME,
+        nargs=-1,
+        required=True,
+        metavar="IN...",
+        missing="IN and OUT are both needed: 'cubicfish undistort in.png out.png', or for a folder "
+        "'cubicfish undistort photos/ flat/'",
+    )
+    destination: Path = options.argument(
+        "The picture or video that is made of one; of several, a folder.", metavar="OUT"
+    )
+    model: Path | None = options.model_option
+    rig: RigOptions = rig_options
+    view: ViewOptions = view_options
+    plane: PlaneOptions = plane_options
+    crop: Crop | None = crop_option
+    pixels: RenderingOptions = rendering_options
+    encoding: EncodingOptions = encoding_options
+    mask: MaskOptions = mask_options
+    camera_out: Path | None = option(
+        "--camera FILE",
+        "Also write the virtual camera of the result: for flat.png, flat.view.yaml and "
+        "flat.view.opencv.yaml.",
+        options.FILE,
+    )
+    skip_existing: bool = option("--skip-existing", "Leave out photos whose result exists.")
+    dry_run: bool = option("--dry-run", "Say what would be done, and write nothing.")
+    overwrite: bool = options.overwrite_option
+    as_json: bool = options.json_option("undistort")
+    jobs: int | None = options.jobs_option
+    scheduler: SchedulerOptions = scheduler_options
+
+
 @as_command(
     "undistort",
     "Photos and videos to pictures in which straight lines are straight.",
@@ -61,59 +100,7 @@ if TYPE_CHECKING:
     "cubicfish undistort left/1.png right/1.png all.png --rig rig",
     "cubicfish undistort shots/ above/ --rig rig --ground 1200,-10",
 )
-@options.argument(
-    "sources",
-    "Photos or videos: files, folders or globs; '-' reads their names from stdin.",
-    type=options.NAME,
-    nargs=-1,
-    required=True,
-    metavar="IN...",
-    missing="IN and OUT are both needed: 'cubicfish undistort in.png out.png', or for a folder "
-    "'cubicfish undistort photos/ flat/'",
-)
-@options.argument(
-    "destination", "The picture or video that is made of one; of several, a folder.", metavar="OUT"
-)
-@options.model_option
-@rig_options
-@view_options
-@plane_options
-@crop_option
-@rendering_options
-@encoding_options
-@mask_options
-@option(
-    "--camera FILE",
-    "Also write the virtual camera of the result: for flat.png, flat.view.yaml and "
-    "flat.view.opencv.yaml.",
-    options.FILE,
-    to="camera_out",
-)
-@option("--skip-existing", "Leave out photos whose result exists.")
-@option("--dry-run", "Say what would be done, and write nothing.")
-@options.overwrite_option
-@options.json_option("undistort")
-@options.jobs_option
-@scheduler_options
-def command(
-    sources: tuple[str, ...],
-    destination: Path,
-    model: Path | None,
-    rig: RigOptions,
-    view: ViewOptions,
-    plane: PlaneOptions,
-    crop: Crop | None,
-    pixels: RenderingOptions,
-    encoding: EncodingOptions,
-    mask: MaskOptions,
-    camera_out: Path | None,
-    skip_existing: bool,
-    dry_run: bool,
-    overwrite: bool,
-    as_json: bool,
-    jobs: int | None,
-    scheduler: SchedulerOptions,
-) -> None:
+def command(given: Asked) -> None:
     """Render a picture OUT of the photo IN, or a video of a video; flat unless --view says so.
 
     With several photos, a folder or a quoted glob as IN, OUT is a folder and the pictures keep
@@ -125,81 +112,82 @@ def command(
     panorama in any --view (equirectangular unless another is named), the ground from above with
     --ground or --plane, or with --view cube flat faces about each camera, with masks and poses.
     """
-    if skip_existing and overwrite:
+    if given.skip_existing and given.overwrite:
         raise click.UsageError("--skip-existing and --overwrite exclude each other")
-    if rig.is_asked:
+    if given.rig.is_asked:
         options.refuse_given(
             "is for the photos of one camera: leave it out",
             {
-                "--crop": crop,
-                "--mask-limit": mask.mask_limit,
-                "--skip-existing": skip_existing,
-                "--dry-run": dry_run,
-                "--scheduler": scheduler.address,
+                "--crop": given.crop,
+                "--mask-limit": given.mask.mask_limit,
+                "--skip-existing": given.skip_existing,
+                "--dry-run": given.dry_run,
+                "--scheduler": given.scheduler.address,
             },
         )
         from cubicfish_cli.cli.undistort_rig import undistort_rig
 
         undistort_rig(
-            sources,
-            destination,
-            rig,
-            view,
-            plane,
-            pixels.rendering(),
-            mask=mask.mask,
-            camera_out=camera_out,
-            overwrite=overwrite,
-            as_json=as_json,
+            given.sources,
+            given.destination,
+            given.rig,
+            given.view,
+            given.plane,
+            given.pixels.rendering(),
+            mask=given.mask.mask,
+            camera_out=given.camera_out,
+            overwrite=given.overwrite,
+            as_json=given.as_json,
         )
         return
     from cubicfish_cli.formats.camera_yaml import load_any_camera, load_camera
     from cubicfish_cli.library.undistorting import dry_run_of, failure_record, undistort_plan
     from cubicfish_cli.library.views import ViewsBySize
 
-    scheduler.check(jobs)
-    mask.check()
-    plane.check(view)
-    plan, one = plan_of(sources, destination, view, plane)
-    if plan.videos and scheduler.address is not None:
+    given.scheduler.check(given.jobs)
+    given.mask.check()
+    given.plane.check(given.view)
+    plan, one = plan_of(given.sources, given.destination, given.view, given.plane)
+    if plan.videos and given.scheduler.address is not None:
         raise click.UsageError("--scheduler is for photos: do videos without it")
-    path = options.model_path(model)
+    path = options.model_path(given.model)
     planes: PlanesOfPhotos | None = None
     views: Views
     loaded: CameraFile | PointCameraFile
-    if plane.board is not None:
+    if given.plane.board is not None:
         loaded = load_any_camera(path)
-        views = planes = plane.views(loaded, crop)
+        views = planes = given.plane.views(loaded, given.crop)
     else:
         loaded = central = load_camera(path)
-        views = ViewsBySize(central.camera, crop, view.chosen)
-    trusted = mask.trusted(loaded, path, crop)
-    plan = plan.free(skip_existing=skip_existing, overwrite=overwrite)
-    with scheduler.connected(needed=bool(plan.jobs) and not dry_run) as executor:
+        views = ViewsBySize(central.camera, given.crop, given.view.chosen)
+    trusted = given.mask.trusted(loaded, path, given.crop)
+    plan = plan.free(skip_existing=given.skip_existing, overwrite=given.overwrite)
+    with given.scheduler.connected(needed=bool(plan.jobs) and not given.dry_run) as executor:
         if planes is not None:
             _place(planes, [job.source for job in (*plan.jobs, *plan.skipped)], executor)
-        if dry_run:
+        if given.dry_run:
             found = dry_run_of(plan, views)
-            if as_json:
+            if given.as_json:
                 print_json({"model": str(path), **found.as_record()})
             else:
                 _print_dry_run(found)
             return
-        extras = _extras(plan, views, mask.mask, camera_out, trusted, overwrite, skip_existing)
-        failures = undistort_plan(
+        extras = _extras(
             plan,
             views,
-            pixels.rendering(),
-            encoding.encoding(),
-            progress=progress,
-            jobs=jobs,
-            overwrite=overwrite,
-            executor=executor,
-            note=say,
+            given.mask.mask,
+            given.camera_out,
+            trusted,
+            given.overwrite,
+            given.skip_existing,
         )
+        with running(jobs=given.jobs, overwrite=given.overwrite, executor=executor) as run:
+            failures = undistort_plan(
+                plan, views, given.pixels.rendering(), given.encoding.encoding(), run
+            )
     done = plan.done(failures)
     shown = views.view(done[0].source, plan.size_of(done[0])) if done else None
-    if as_json:
+    if given.as_json:
         failed = [failure_record(failure) for failure in failures]
         record = plan.as_record(done, failed, shown, extra_files=[str(path) for path in extras])
         print_json({"model": str(path), **record})
@@ -211,7 +199,7 @@ def command(
             say(f"skipped {count(len(plan.skipped), plan.kind)} whose result exists")
         if shown is not None:
             files = [path for job in done for path in job.wanted]
-            folder = destination.parent if one else destination
+            folder = given.destination.parent if one else given.destination
             what = f"{count(len(files), 'video' if plan.videos else 'picture')} to {folder}"
             result(f"wrote {files[0] if one and len(files) == 1 else what}: {shown.describe()}")
             say_what_is_unseen(views.seen(done[0].source, plan.size_of(done[0])))
@@ -220,15 +208,15 @@ def command(
             result("nothing to do")
         if not failures:
             print_wrote(extras)
-    _end_with(plan, failures, as_json=as_json)
+    _end_with(plan, failures, as_json=given.as_json)
 
 
 def _place(planes: PlanesOfPhotos, photos: Sequence[Path], executor: Executor | None) -> None:
     missing = planes.without_pose(photos)
     if missing:
         say(f"Looking for corners in {count(len(missing), 'photo')} that have no known pose.")
-        with progress("Finding corners") as callback:
-            planes.place(missing, callback, executor)
+        with listening() as listener:
+            planes.place(missing, listener.counting("Finding corners"), executor)
 
 
 def _extras(

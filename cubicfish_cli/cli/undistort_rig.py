@@ -11,8 +11,9 @@ import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.inputs import photos_of
-from cubicfish_cli.cli.terminal import print_json, print_wrote, progress, result, tell
+from cubicfish_cli.cli.options import changed
+from cubicfish_cli.cli.progress import listening
+from cubicfish_cli.cli.terminal import print_json, print_wrote, result, tell
 from cubicfish_cli.cli.undistort_sources import refuse_a_file
 from cubicfish_cli.cli.view_options import ViewOptions
 from cubicfish_cli.errors import PhotoError
@@ -76,7 +77,7 @@ def undistort_rig(
     shots = shots_of(sources, [one.name for one in rig.cameras])
     body = body_for_photos(replace(body_of_rig(rig), distance=asked.distance), shots)
     if view.kind == "perspective" and not options.is_given("kind"):
-        view = replace(view, kind="equirectangular")
+        view = changed(view, kind="equirectangular")
     extras: list[Path] = []
     if not above and view.kind == "cube" and view.layout != "cross":
         if mask is not None or camera_out is not None:
@@ -86,8 +87,8 @@ def undistort_rig(
             )
         parts = {one.name: view.chosen(one.camera).views for one in body.cameras}
         work = Faces(rig, body, parts, shots, destination, overwrite=overwrite)
-        with progress("Undistorting") as callback:
-            done = work.write(rendering, callback)
+        with listening() as listener:
+            done = work.write(rendering, listener.counting("Undistorting"))
         extras = [] if done.failures else list(work.tables)
         first = ChosenView(views=parts[body.cameras[0].name])
         side = work.faces[0].map.view.size[0]
@@ -108,9 +109,10 @@ def undistort_rig(
             extras = write_files(
                 view_files(made, mask=mask, beside=camera_out), overwrite=overwrite
             )
-        with progress("Undistorting") as callback:
+        with listening() as listener:
+            progress = listener.counting("Undistorting")
             done = write_pictures(
-                pictures, shots, outputs, rendering, callback, overwrite=overwrite
+                pictures, shots, outputs, rendering, progress, overwrite=overwrite
             )
         first = views[next(iter(done.files), next(iter(shots)))]
         where = f"{count(len(done.files), 'picture')} to {destination}"
@@ -225,6 +227,7 @@ def shots_of(sources: Sequence[str], cameras: Sequence[str]) -> dict[str, Shot]:
 
     """
     from cubicfish_cli.fitting.rig.shots import shots_by_name
+    from cubicfish_cli.library.inputs import named_photos
     from cubicfish_cli.photos import natural_key, shown
 
     paths = [Path(source) for source in sources]
@@ -242,7 +245,8 @@ def shots_of(sources: Sequence[str], cameras: Sequence[str]) -> dict[str, Shot]:
             )
     photos: dict[str, list[Path]] = {name: [] for name in cameras}
     for path, owner in zip(paths, owners, strict=True):
-        photos[str(owner)] += [photo.path for photo in photos_of([str(path)])]
+        with listening() as listener:
+            photos[str(owner)] += [photo.path for photo in named_photos([path], listener)]
     there = {name: own for name, own in photos.items() if own}
     if all(len(own) == 1 for own in there.values()):
         one = next(iter(there.values()))[0].stem

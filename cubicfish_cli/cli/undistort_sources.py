@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.inputs import photos_of
+from cubicfish_cli.cli.progress import listening
 from cubicfish_cli.cli.view_options import PlaneOptions, ViewOptions
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ def plan_of(
     sources: Sequence[str], destination: Path, view: ViewOptions, plane: PlaneOptions
 ) -> tuple[Plan, bool]:
     """Which photo becomes which files, and whether a single file was named."""
+    from cubicfish_cli.library.inputs import named_photos
     from cubicfish_cli.library.undistorting import Plan, videos_among
     from cubicfish_cli.photos import shown
     from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
@@ -31,7 +32,10 @@ def plan_of(
     if found and others:
         raise click.UsageError("photos and videos together: do them one after the other")
     videos = [(path.name, path) for path in found]
-    photos = videos or [(photo.name, photo.path) for photo in photos_of(names)]
+    photos = videos
+    if not videos:
+        with listening() as listener:
+            photos = [(photo.name, photo.path) for photo in named_photos(names, listener)]
     if videos and view.parts != ("",):
         raise click.UsageError("a cube of a video is one picture: add --layout cross")
     if videos and plane.board is not None:

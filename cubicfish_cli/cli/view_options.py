@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import FILE, SIZE, Parsed, bundle, option, rig_option
+from cubicfish_cli.cli.options import FILE, SIZE, Parsed, bundle, option, record, rig_option
 from cubicfish_cli.cli.target_choice import target_path
 from cubicfish_cli.cli.terminal import say
 from cubicfish_cli.wording import either
@@ -71,18 +70,53 @@ def _share(text: str) -> float:
     return share
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class ViewOptions:
     """What the user asked of the view; None where nothing was asked."""
 
-    kind: str
-    size: tuple[int, int] | None
-    hfov_deg: float | None
-    vfov_deg: float | None
-    focal: float | None
-    fit: float | None
-    rotate: tuple[float, float, float]
-    layout: str | None
+    kind: str = option(
+        "--view KIND",
+        f"What the result is: {either(KINDS)}. [default: perspective, in which straight "
+        "lines are straight]",
+        click.Choice(KINDS),
+        "perspective",
+        show_default=False,
+    )
+    size: tuple[int, int] | None = option(
+        "--size", "Size of the result. [default: the photo's]", SIZE
+    )
+    hfov_deg: float | None = option(
+        "--hfov --fov DEG",
+        "Field of view across the width. [default: perspective keeps the photo's scale "
+        "in its middle, up to 120 along the longer side; others take --fit outer]",
+        FloatRange(0, 360, min_open=True, unit="degrees"),
+    )
+    vfov_deg: float | None = option(
+        "--vfov DEG",
+        "Field of view down the height; with --hfov it sets the height.",
+        FloatRange(0, 360, min_open=True, unit="degrees"),
+    )
+    focal: float | None = option(
+        "--focal PX", "Focal length: pixels per radian in the middle.", FloatRange(0.01, 1_000_000)
+    )
+    fit: float | None = option(
+        "--fit inner|outer|SHARE",
+        "Field from what the camera sees: no empty pixel, nothing lost, or a share "
+        "between (0 to 1).",
+        Parsed("inner|outer|SHARE", _share),
+    )
+    rotate: tuple[float, float, float] = option(
+        "--rotate YAW,PITCH,ROLL",
+        "Look right, then up, then turn the view clockwise: degrees.",
+        Parsed("YAW,PITCH,ROLL", _rotation),
+        (0.0, 0.0, 0.0),
+        show_default=False,
+    )
+    layout: str | None = option(
+        "--layout",
+        "A cube as six pictures or as one. [default: files]",
+        click.Choice(["files", "cross"]),
+    )
 
     def __post_init__(self) -> None:
         given = {
@@ -179,64 +213,33 @@ def _too_wide(kind: str, axis: int, option: str, angle_deg: float) -> str:
     return f"{option} is too wide: {view} shows {most} {way}: choose {flat}--view {either(others)}"
 
 
-view_options = bundle(
-    "view",
-    ViewOptions,
-    option(
-        "--view KIND",
-        f"What the result is: {either(KINDS)}. [default: perspective, in which straight "
-        "lines are straight]",
-        click.Choice(KINDS),
-        "perspective",
-        show_default=False,
-        to="kind",
-    ),
-    option("--size", "Size of the result. [default: the photo's]", SIZE),
-    option(
-        "--hfov --fov DEG",
-        "Field of view across the width. [default: perspective keeps the photo's scale "
-        "in its middle, up to 120 along the longer side; others take --fit outer]",
-        FloatRange(0, 360, min_open=True, unit="degrees"),
-        to="hfov_deg",
-    ),
-    option(
-        "--vfov DEG",
-        "Field of view down the height; with --hfov it sets the height.",
-        FloatRange(0, 360, min_open=True, unit="degrees"),
-        to="vfov_deg",
-    ),
-    option(
-        "--focal PX", "Focal length: pixels per radian in the middle.", FloatRange(0.01, 1_000_000)
-    ),
-    option(
-        "--fit inner|outer|SHARE",
-        "Field from what the camera sees: no empty pixel, nothing lost, or a share "
-        "between (0 to 1).",
-        Parsed("inner|outer|SHARE", _share),
-    ),
-    option(
-        "--rotate YAW,PITCH,ROLL",
-        "Look right, then up, then turn the view clockwise: degrees.",
-        Parsed("YAW,PITCH,ROLL", _rotation),
-        (0.0, 0.0, 0.0),
-        show_default=False,
-    ),
-    option(
-        "--layout",
-        "A cube as six pictures or as one. [default: files]",
-        click.Choice(["files", "cross"]),
-    ),
-)
+view_options = bundle(ViewOptions)
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class PlaneOptions:
     """What the user asked of a board's plane; ``board`` is None where nothing was asked."""
 
-    board: str | None
-    target: Path | None
-    pixels_a_unit: float | None
-    margin: float | None
+    board: str | None = option(
+        "--plane BOARD", "The metric picture of a board's plane instead of a view; needs --target."
+    )
+    target: Path | None = option(
+        "-t --target FILE",
+        "The calibration target: a target.yaml, or one of Kalibr's target files. Where "
+        "one is needed, ./target.yaml stands for it; for --plane.",
+        FILE,
+    )
+    pixels_a_unit: float | None = option(
+        "--pixels-per-unit N",
+        "Scale of a plane: pixels per mm, or whatever the target's units are. [default: "
+        "the largest that the photo has there]",
+        FloatRange(1e-9, 1_000_000_000),
+    )
+    margin: float | None = option(
+        "--margin UNITS",
+        "Of a plane: how far it goes on beyond the outer corners. [default: a square]",
+        FloatRange(0, 1_000_000),
+    )
 
     def check(self, view: ViewOptions) -> None:
         """Refuse what does not go together."""
@@ -292,33 +295,7 @@ class PlaneOptions:
             raise click.UsageError(str(problem)) from None
 
 
-plane_options = bundle(
-    "plane",
-    PlaneOptions,
-    option(
-        "--plane BOARD",
-        "The metric picture of a board's plane instead of a view; needs --target.",
-        to="board",
-    ),
-    option(
-        "-t --target FILE",
-        "The calibration target: a target.yaml, or one of Kalibr's target files. Where "
-        "one is needed, ./target.yaml stands for it; for --plane.",
-        FILE,
-    ),
-    option(
-        "--pixels-per-unit N",
-        "Scale of a plane: pixels per mm, or whatever the target's units are. [default: "
-        "the largest that the photo has there]",
-        FloatRange(1e-9, 1_000_000_000),
-        to="pixels_a_unit",
-    ),
-    option(
-        "--margin UNITS",
-        "Of a plane: how far it goes on beyond the outer corners. [default: a square]",
-        FloatRange(0, 1_000_000),
-    ),
-)
+plane_options = bundle(PlaneOptions)
 
 
 def _ground(text: str) -> tuple[float, float, float]:
@@ -335,14 +312,28 @@ def _ground(text: str) -> tuple[float, float, float]:
     return height, pitch, roll
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class RigOptions:
     """What the user asked of a rig; None where nothing was asked."""
 
-    rig: Path | None
-    ground: tuple[float, float, float] | None
-    shot: str | None
-    distance: float | None
+    rig: Path | None = rig_option
+    ground: tuple[float, float, float] | None = option(
+        "--ground HEIGHT[,PITCH[,ROLL]]",
+        "Of a rig: the ground from above. It is HEIGHT below the first camera, which looks "
+        "PITCH degrees up (below 0: down) and is rolled ROLL degrees clockwise. With --plane it is "
+        "where that board lies.",
+        Parsed("HEIGHT[,PITCH[,ROLL]]", _ground),
+    )
+    shot: str | None = option(
+        "--shot NAME",
+        "Of a rig, with --plane: the shot of rig.yaml that says where the board lies. "
+        "[default: the shot itself]",
+    )
+    distance: float | None = option(
+        "--distance UNITS",
+        "Of a rig: how far away things are that the cameras' pictures join at. [default: far away]",
+        FloatRange(0, min_open=True),
+    )
 
     @property
     def is_asked(self) -> bool:
@@ -359,25 +350,4 @@ class RigOptions:
         return self.rig is not None
 
 
-rig_options = bundle(
-    "rig",
-    RigOptions,
-    rig_option,
-    option(
-        "--ground HEIGHT[,PITCH[,ROLL]]",
-        "Of a rig: the ground from above. It is HEIGHT below the first camera, which looks "
-        "PITCH degrees up (below 0: down) and is rolled ROLL degrees clockwise. With --plane it is "
-        "where that board lies.",
-        Parsed("HEIGHT[,PITCH[,ROLL]]", _ground),
-    ),
-    option(
-        "--shot NAME",
-        "Of a rig, with --plane: the shot of rig.yaml that says where the board lies. "
-        "[default: the shot itself]",
-    ),
-    option(
-        "--distance UNITS",
-        "Of a rig: how far away things are that the cameras' pictures join at. [default: far away]",
-        FloatRange(0, min_open=True),
-    ),
-)
+rig_options = bundle(RigOptions)

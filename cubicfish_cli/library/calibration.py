@@ -14,10 +14,10 @@ from cubicfish_cli.fitting import calibrate as fitting
 from cubicfish_cli.fitting import evaluate as evaluation
 from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
 from cubicfish_cli.fitting.evaluate import Evaluation
-from cubicfish_cli.fitting.stages import Progress
 from cubicfish_cli.formats.calibrated import Calibrated
 from cubicfish_cli.identification.identified import Detection
 from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
@@ -47,7 +47,7 @@ def calibrate(
     *,
     refine_target: RefineTarget = "auto",
     hold_out: bool = True,
-    progress: Progress | None = None,
+    listener: Listener = SILENT,
 ) -> Calibration:
     """Fit a camera, the pose of every photo and, where photos gain by it, the object.
 
@@ -66,7 +66,7 @@ def calibrate(
             where it is not certain of any corner which it is.
         hold_out: also measure the error on photos left out of the fit (five more fits per level);
             ``auto`` needs it.
-        progress: called with what is done now, in words, and the share done, 0 to 1.
+        listener: who is told how far it is.
 
     Raises:
         CorrespondenceError: corners come without their target, or do not fit it.
@@ -87,7 +87,7 @@ def calibrate(
         refine_target=refine_target,
         hold_out=hold_out,
         diagnose=partial(find_faults, known=known),
-        progress=progress,
+        progress=listener.stages("Fitting"),
     )
 
 

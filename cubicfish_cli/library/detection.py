@@ -33,18 +33,18 @@ from cubicfish_cli.identification.identified import (
 )
 from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.identification.second_pass import second_pass
+from cubicfish_cli.library.asked import Run, StrPath
+from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.photos import MAX_PIXELS, Photo, Picture, find_photos
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.catalogue import catalogue
-from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.codes import Code, Event, Severity
 from cubicfish_cli.words.finding import Finding
 from cubicfish_cli.words.phrases import plural
 
-StrPath = str | os.PathLike[str]
 Image = npt.NDArray[Any]
 
 _CHANNELS = (1, 2, 3, 4)
-_FIRST_SHARE = 2 / 3  # of the time that both passes take, roughly
 
 
 def detect(
@@ -53,7 +53,7 @@ def detect(
     *,
     jobs: int | None = 1,
     cache: StrPath | None = None,
-    progress: Callable[[str, float], None] | None = None,
+    listener: Listener = SILENT,
 ) -> Detection:
     """Find the corners of ``target`` in photos and name them, as ``cubicfish detect`` does.
 
@@ -69,7 +69,7 @@ def detect(
         jobs: processes to use; None for one per processor. With more than one, a script must
             start its work below ``if __name__ == "__main__":``.
         cache: a folder in which what is found in files is kept; by default nothing is.
-        progress: called with what is done now, in words, and the share done, 0 to 1.
+        listener: who is told how far it is.
 
     Returns:
         Corners with pixels (N, 2) and their target, and what became of each photo.
@@ -80,18 +80,34 @@ def detect(
         PhotoError: there is no such file, or it is no photo.
 
     """
-    found = _photos(photos)
+    kept = None if cache is None else Path(cache)
+    run = Run(jobs=jobs, cache=kept, listener=listener)
+    return find_corners(_photos(photos), [target], run)
 
-    def first(done: int, photos: int) -> None:
-        if progress is not None:
-            progress("finding corners", _FIRST_SHARE * done / photos)
 
-    def again(done: int, photos: int) -> None:
-        if progress is not None:
-            progress("looking again", _FIRST_SHARE + (1 - _FIRST_SHARE) * done / photos)
+def find_corners(photos: Sequence[Photo], targets: Sequence[Target], run: Run) -> Detection:
+    """Both looks of :func:`detect`; of several targets, for the one that explains most corners.
 
-    detection = first_look(found, [target], jobs=jobs, progress=first, cache=cache)
-    return second_pass(found, detection, target, jobs=jobs, progress=again)
+    Raises:
+        DetectionError: no corner could be named in any photo.
+
+    """
+    listener, jobs, executor = run.listener, run.jobs, run.executor
+    listener.tell(Event.LOOKING, photos=len(photos))
+    progress = listener.counting("Finding corners")
+    detection = first_look(
+        photos, targets, jobs=jobs, progress=progress, cache=run.cache, executor=executor
+    )
+    target = detection.corners.target
+    if target is not None:
+        progress = listener.counting("Looking again")
+        detection = second_pass(
+            photos, detection, target, jobs=jobs, progress=progress, executor=executor
+        )
+    added = sum(photo.added for photo in detection.photos)
+    if added:
+        listener.tell(Event.LOOKED_AGAIN, corners=added)
+    return detection
 
 
 def first_look(

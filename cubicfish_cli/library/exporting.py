@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import ROUND_UP, Decimal
 from functools import partial
@@ -38,6 +37,7 @@ from cubicfish_cli.formats.usd_text import TableCamera, prim_name, usd_text
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.library.rig_pictures import rectify
+from cubicfish_cli.listener import Listener
 from cubicfish_cli.rendering.pose import rotation_matrix
 from cubicfish_cli.undistortion.fit import sees
 from cubicfish_cli.undistortion.lens_tables import LensTables, lens_tables
@@ -309,7 +309,7 @@ def usd_files(
     units: str | None,
     *,
     max_error: float,
-    working: Callable[[str], AbstractContextManager[None]],
+    listener: Listener,
 ) -> tuple[dict[Path, Content], dict[str, tuple[LensTables, str]]]:
     """The stage and the tables.
 
@@ -318,7 +318,7 @@ def usd_files(
         cameras: name, camera and camera_from_rig of each; None where there is no rig.
         units: of lengths.
         max_error: of what is lost between the tables' entries, pixels.
-        working: shows what is done, in words.
+        listener: who is told how far it is.
 
     Returns:
         What :func:`write_files` writes, and of each camera its tables and how near they come.
@@ -331,8 +331,8 @@ def usd_files(
     files: dict[Path, Content] = {}
     stage = usd_paths(folder, ())[0]
     for name, camera, place in cameras:
-        with working(f"Making the tables of {name}"):
-            tables = lens_tables(camera)
+        listener.progress(f"Making the tables of {name}")
+        tables = lens_tables(camera)
         if not tables.max_px <= max_error:
             raise FitError(
                 f"camera {name}: the tables miss it by up to {tables.max_px:.2f} px between their "

@@ -6,7 +6,7 @@ import hashlib
 import os
 import shutil
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from glob import glob, has_magic
 from pathlib import Path
@@ -25,21 +25,18 @@ from cubicfish_cli.films.source import open_films
 from cubicfish_cli.films.write import write_frame
 from cubicfish_cli.films.written import Chosen, listed, write_chosen
 from cubicfish_cli.library.frame_search import Found, Search, found_at_a_glance, found_in
-from cubicfish_cli.photos import Photo, photo_size
+from cubicfish_cli.listener import SILENT, Listener
+from cubicfish_cli.photos import Photo, photo_size, shown
 from cubicfish_cli.target import Target, target_text
+from cubicfish_cli.words.codes import Event
 
 StrPath = str | os.PathLike[str]
-Progress = Callable[[str, int, int], None]
 
 _UNFINISHED = ".unfinished"
 # Frames are looked at in rounds of so many from all over the films, until more would hardly add
 # anything.
 _ROUND = 24
 _ENOUGH = "not looked at: others of all times had no more to add"
-
-
-def _silent(what: str, done: int, total: int) -> None:
-    """Show nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,8 +71,7 @@ def choose_frames(
     jobs: int | None = 1,
     cache: StrPath | None = None,
     overwrite: bool = False,
-    progress: Progress = _silent,
-    tell: Callable[[Measured], None] = lambda film: None,
+    listener: Listener = SILENT,
 ) -> ChosenFrames:
     """Choose the frames of films that a camera is best calibrated from, as ``cubicfish frames``.
 
@@ -91,9 +87,7 @@ def choose_frames(
         jobs: processes to use where boards are searched closely; None for one per processor.
         cache: a folder in which what is found then is kept; by default nothing is.
         overwrite: whether frames of an earlier choice may be replaced.
-        progress: called with what is done now, how much of it is done, and of how much (0 where
-            that is not known).
-        tell: called with what is known of each film once it has been read.
+        listener: who is told how far it is, and what is odd about a film.
 
     Raises:
         PhotoError: a film cannot be used.
@@ -109,11 +103,11 @@ def choose_frames(
     unfinished = folder / _UNFINISHED
     every, measured = kept_of(opened, most), []
     for film in opened:
-        reading = _of(progress, f"Reading {film.path.name}")
+        reading = listener.counting(f"Reading {film.path.name}")
         measured.append(scan(film, unfinished / film.label, every, reading))
-        tell(measured[-1])
+        tell_of_film(measured[-1], listener)
     frames = candidates(measured)
-    why = passed_over(frames, opened[0].size, _of(progress, "Comparing frames"))
+    why = passed_over(frames, opened[0].size, listener.counting("Comparing frames"))
     search = Search(
         names=[frame.name for frame in frames],
         seen=[frame.seen for frame in frames],
@@ -126,7 +120,7 @@ def choose_frames(
     def glance(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
         some = [frames[at] for at in numbers]
         return found_at_a_glance(
-            some, targets, search.size, progress=_of(progress, "Glancing at frames")
+            some, targets, search.size, progress=listener.counting("Glancing at frames")
         )
 
     def closely(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
@@ -135,7 +129,7 @@ def choose_frames(
             targets,
             jobs=jobs,
             cache=None if cache is None else Path(cache),
-            progress=_of(progress, "Finding boards"),
+            progress=listener.counting("Finding boards"),
         )
 
     try:
@@ -165,7 +159,7 @@ def choose_frames(
         ],
     )
     of = table.depends_on(opened, most, _fingerprint(targets))
-    progress("Writing frames", 0, 0)
+    listener.progress("Writing frames")
     write_chosen(folder, of, chosen, overwrite=overwrite)
     shutil.rmtree(unfinished, ignore_errors=True)
     return ChosenFrames(
@@ -207,7 +201,7 @@ def choose_photos(
     most: int = MOST,
     jobs: int | None = 1,
     cache: StrPath | None = None,
-    progress: Progress = _silent,
+    listener: Listener = SILENT,
 ) -> list[Photo]:
     """Choose those of many photos that are worth calibrating from, in the order given.
 
@@ -217,7 +211,7 @@ def choose_photos(
         most: how many photos may be chosen.
         jobs: processes to use; None for one per processor.
         cache: a folder in which what is found in files is kept.
-        progress: as of :func:`choose_frames`.
+        listener: who is told how far it is.
 
     Raises:
         DetectionError: none shows the target.
@@ -229,10 +223,10 @@ def choose_photos(
         raise DetectionError("none of the photos can be read: check the files")
     size = known.most_common(1)[0][0]
     usual = [photo for photo, own in zip(photos, sizes, strict=True) if own == size]
-    seen = []
+    seen, progress = [], listener.counting("Measuring sharpness")
     for sharp in map_photos(_sharpness, usual, workers_for(jobs, len(usual))):
         seen.append(Seen(patches=(), sharpness=sharp))
-        progress("Measuring sharpness", len(seen), len(usual))
+        progress(len(seen), len(usual))
     search = Search(
         names=[photo.name for photo in usual],
         seen=seen,
@@ -243,11 +237,11 @@ def choose_photos(
     )
 
     def glance(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
-        some, reading = [usual[at] for at in numbers], _of(progress, "Glancing at photos")
+        some, reading = [usual[at] for at in numbers], listener.counting("Glancing at photos")
         return found_at_a_glance(some, targets, size, jobs=jobs, progress=reading)
 
     def closely(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
-        some, reading = [usual[at] for at in numbers], _of(progress, "Finding boards")
+        some, reading = [usual[at] for at in numbers], listener.counting("Finding boards")
         kept = None if cache is None else Path(cache)
         return found_in(some, targets, jobs=jobs, cache=kept, progress=reading)
 
@@ -298,9 +292,15 @@ def _expanded(films: StrPath | Sequence[StrPath]) -> list[Path]:
     return every
 
 
-def _of(progress: Progress, what: str) -> Callable[[int, int], None]:
-    """The progress of one step."""
-    return lambda done, total: progress(what, done, total)
+def tell_of_film(measured: Measured, listener: Listener) -> None:
+    """Tell what is odd about a film."""
+    name = shown(measured.film.path)
+    if measured.problem is not None:
+        listener.tell(Event.FILM_ENDS, problem=measured.problem)
+    if measured.turned_deg:
+        listener.tell(Event.FILM_TURNED, film=name, turned_deg=measured.turned_deg)
+    if measured.interlaced:
+        listener.tell(Event.FILM_INTERLACED, film=name)
 
 
 def _photo(frame: Candidate) -> Photo:

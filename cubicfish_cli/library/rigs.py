@@ -30,7 +30,6 @@ from cubicfish_cli.fitting.rig.shots import (
     shots_by_time,
     shots_of_table,
 )
-from cubicfish_cli.fitting.stages import Progress
 from cubicfish_cli.formats.calibrated import camera_text
 from cubicfish_cli.formats.camera_yaml import CameraFile
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera, rig_text
@@ -39,6 +38,7 @@ from cubicfish_cli.geometry import camera_centre, total_sigma
 from cubicfish_cli.identification.identified import Detection
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.calibration import observed
+from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.tables import read_table
 from cubicfish_cli.target import Target, target_text
@@ -70,7 +70,7 @@ def calibrate_rig(
     known: Mapping[str, CameraFile] | None = None,
     hold_lenses: bool = False,
     refine_target: RefineTarget = "auto",
-    progress: Progress | None = None,
+    listener: Listener = SILENT,
 ) -> RigCalibration:
     """Fit the lenses of several cameras on one body, and how the cameras stand to each other.
 
@@ -91,7 +91,7 @@ def calibrate_rig(
         hold_lenses: leave all lenses as each camera alone has them; only places and shots are
             fitted together.
         refine_target: as in :func:`calibrate`.
-        progress: called with what is done now, in words, and the share done, 0 to 1.
+        listener: who is told how far it is.
 
     Returns:
         Cameras with camera_from_rig (target's units) and its covariance, errors in pixels, and
@@ -128,7 +128,7 @@ def calibrate_rig(
         refine_target=refine_target,
         hold_lenses=hold_lenses,
         diagnose=find_faults,
-        progress=progress,
+        progress=listener.stages("Fitting"),
     )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +19,7 @@ from cubicfish_cli.formats.calibrated import Calibrated, camera_text
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.frame_names import frame_name
 from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.listener import SILENT, Count, Listener
 from cubicfish_cli.observations import MAX_SIDE
 from cubicfish_cli.rendering.lens_file import is_lens_file, lens_text, load_lens
 from cubicfish_cli.rendering.outside import (
@@ -42,14 +44,31 @@ from cubicfish_cli.wording import did_you_mean, quoted
 FILM = "film.mp4"
 _SIZE = (960, 720)
 _MOST_PHOTOS = 10_000
+_LOOK = {"noise": 2.0, "blur": 0.7, "vignetting": 0.4, "exposure": 1.0, "seed": 0}
+LOOK = tuple(_LOOK)
+_BOUNDS = {"noise": (0, 100), "blur": (0, 50), "vignetting": (0, 0.8), "exposure": (0.02, 4)}
 _MOST_SECONDS = 3600.0
 
 StrPath = str | os.PathLike[str]
-Count = Callable[[int, int], None]
 
 
-def _silent(done: int, total: int) -> None:
-    """Show nothing."""
+class LookOptions(TypedDict, total=False):
+    """How simulated pictures look.
+
+    Attributes:
+        noise: standard deviation of the sensor's noise, grey levels of 255, at most 100; 2.
+        blur: standard deviation of the lens's blur, pixels, at most 50; 0.7.
+        vignetting: share of the light that is lost 90° from the axis, at most 0.8; 0.4.
+        exposure: 1 is a well-lit picture, 0.2 a dark one; 0.02 to 4, and overexposed ones bleed.
+        seed: another one gives other poses, other motion and other noise, the same one the same.
+
+    """
+
+    noise: float
+    blur: float
+    vignetting: float
+    exposure: float
+    seed: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,14 +220,14 @@ class Simulated:
         return self.texts["true_corners.csv"].count("\n") - 2
 
     def save(
-        self, folder: StrPath, *, overwrite: bool = False, progress: Count = _silent
+        self, folder: StrPath, *, overwrite: bool = False, listener: Listener = SILENT
     ) -> list[Path]:
         """Render the pictures and write them beside their truth, all or nothing.
 
         Args:
             folder: where; it is made if it is not there.
             overwrite: whether existing files may be replaced.
-            progress: called with frames done and all frames.
+            listener: who is told how far it is.
 
         Returns:
             The files: pictures first, then true_corners.csv, true_poses.csv, true_camera.yaml.
@@ -217,7 +236,7 @@ class Simulated:
             OutputError: a file exists and ``overwrite`` is false, or cannot be written.
 
         """
-        contents = {**self.rendered(progress), **self.texts}
+        contents = {**self.rendered(listener.counting("Rendering")), **self.texts}
         files = {Path(folder) / name: content for name, content in contents.items()}
         return write_files(files, overwrite=overwrite)
 
@@ -239,12 +258,8 @@ def simulate_photos(
     image_size: Sequence[int] | None = None,
     poses: StrPath | None = None,
     number: int = 12,
-    noise: float = 2.0,
-    blur: float = 0.7,
-    vignetting: float = 0.4,
-    exposure: float = 1.0,
-    seed: int = 0,
     form: str = "jpg",
+    **look: Unpack[LookOptions],
 ) -> Simulated:
     """Photos of a target whose poses fill the camera's field, as ``cubicfish simulate``.
 
@@ -258,12 +273,9 @@ def simulate_photos(
         poses: a table to take them from instead, such as the true_poses.csv of earlier photos;
             lengths in the target's unit, rotation vectors in radians, ``camera_from_world``.
         number: of photos, without one.
-        noise: standard deviation of the sensor's noise, grey levels of 255, at most 100.
-        blur: standard deviation of the lens's blur, pixels, at most 50.
-        vignetting: share of the light that is lost 90° from the axis, at most 0.8.
-        exposure: 1 is a well-lit picture, 0.2 a dark one; 0.02 to 4, and overexposed ones bleed.
-        seed: another one gives other poses and other noise, the same one the same photos.
         form: of the files: ``jpg`` or ``png``.
+        look: ``noise``, ``blur``, ``vignetting``, ``exposure`` and ``seed`` of
+            :class:`LookOptions`.
 
     Returns:
         Photos still to be rendered, which ``save(folder)`` does: grey, each with its truth in
@@ -277,7 +289,7 @@ def simulate_photos(
         OutputError: no photo shows a corner, or an option is out of its bounds.
 
     """
-    look = _look(noise, blur, vignetting, exposure)
+    shown, seed = _look(look)
     _check("number", number, 1, _MOST_PHOTOS)
     if form not in FORMATS:
         told = did_you_mean(str(form), FORMATS)
@@ -295,7 +307,7 @@ def simulate_photos(
         raise OutputError("no photo shows a corner: check the poses, the target and its units")
 
     def rendered(progress: Count) -> dict[str, Content]:
-        photos = simulated_photos(flat, source.lens, source.image_size, named, look, seed=seed)
+        photos = simulated_photos(flat, source.lens, source.image_size, named, shown, seed=seed)
 
         def write(done: int, path: Path) -> None:
             path.write_bytes(photo_bytes(next(photos)[1], form))
@@ -307,12 +319,14 @@ def simulate_photos(
     return Simulated(pictures=list(named), frames=len(named), texts=texts, rendered=rendered)
 
 
-def _look(noise: float, blur: float, vignetting: float, exposure: float) -> Look:
-    _check("noise", noise, 0, 100)
-    _check("blur", blur, 0, 50)
-    _check("vignetting", vignetting, 0, 0.8)
-    _check("exposure", exposure, 0.02, 4)
-    return Look(noise=noise, blur=blur, vignetting=vignetting, exposure=exposure)
+def _look(given: LookOptions) -> tuple[Look, int]:
+    """What was asked of the pictures, and the seed."""
+    chosen: dict[str, Any] = {**_LOOK, **given}
+    for name in chosen.keys() - _LOOK.keys():
+        raise TypeError(f"{name} is no option of a simulation")
+    for name, (least, most) in _BOUNDS.items():
+        _check(name, chosen[name], least, most)
+    return Look(**{name: chosen[name] for name in _BOUNDS}), int(chosen["seed"])
 
 
 def _check(name: str, value: float, least: float, most: float) -> None:
@@ -343,11 +357,7 @@ def simulate_film(
     rate: float = 30.0,
     shutter_ms: float = 8.0,
     readout_ms: float = 15.0,
-    noise: float = 2.0,
-    blur: float = 0.7,
-    vignetting: float = 0.4,
-    exposure: float = 1.0,
-    seed: int = 0,
+    **look: Unpack[LookOptions],
 ) -> Simulated:
     """A film of a hand that moves a target in front of the camera, as ``cubicfish simulate``.
 
@@ -363,11 +373,7 @@ def simulate_film(
         shutter_ms: for how long each row gathers light, milliseconds up to 1000.
         readout_ms: how long after the first row the last one is read, milliseconds up to 1000;
             0 is a global shutter.
-        noise: standard deviation of the sensor's noise, grey levels of 255, at most 100.
-        blur: standard deviation of the lens's blur, pixels, at most 50.
-        vignetting: share of the light that is lost 90° from the axis, at most 0.8.
-        exposure: 1 is a well-lit picture, 0.2 a dark one; 0.02 to 4, and overexposed ones bleed.
-        seed: another one gives another motion and other noise.
+        look: as for :func:`simulate_photos`.
 
     Returns:
         The film still to be rendered, which ``save(folder)`` does: film.mp4, and the truth of each
@@ -384,7 +390,7 @@ def simulate_film(
     from cubicfish_cli.films.write import refuse_odd, write_film
     from cubicfish_cli.rendering.film import Shutter, film_frames, film_truth, hand_path
 
-    look = _look(noise, blur, vignetting, exposure)
+    shown, seed = _look(look)
     _check("seconds", seconds, 0.1, _MOST_SECONDS)
     _check("rate", rate, 1, 240)
     _check("shutter_ms", shutter_ms, 0, 1000)
@@ -404,7 +410,7 @@ def simulate_film(
 
     def rendered(progress: Count) -> dict[str, Content]:
         def pictures() -> Iterator[npt.NDArray[np.uint8]]:
-            made = film_frames(flat, source.lens, size, path, shutter, frames, look, seed=seed)
+            made = film_frames(flat, source.lens, size, path, shutter, frames, shown, seed=seed)
             for done, picture in enumerate(made, start=1):
                 yield picture
                 progress(done, frames)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from glob import glob, has_magic
@@ -12,12 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.errors import CubicfishError, OutputError, PhotoError
-from cubicfish_cli.executors.executor import Executor
 from cubicfish_cli.files import refuse_existing
 from cubicfish_cli.formats.calibrated import Calibrated
 from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.library.asked import RUN, Run
 from cubicfish_cli.library.pictures import Interpolation, rendering_of
 from cubicfish_cli.library.views import Size, Views, ViewsBySize
+from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.photos import find_photos, photo_size, shown
 from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
 from cubicfish_cli.undistortion.batch import FailedPhoto, PhotoJob, undistort_photos
@@ -27,12 +27,10 @@ from cubicfish_cli.undistortion.video import Encoding, undistort_video, video_si
 from cubicfish_cli.undistortion.view import Camera, View
 from cubicfish_cli.undistortion.view_files import part_name
 from cubicfish_cli.undistortion.views import default_view
-from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.codes import Code, Event, Severity
 from cubicfish_cli.words.finding import Finding
 
 StrPath = str | os.PathLike[str]
-Progress = Callable[[str], AbstractContextManager[Callable[[int, int], None]]]
-"""What is done, in words -> a block in which things done and all things are told."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,7 +170,7 @@ def undistort_files(
     jobs: int | None = 1,
     overwrite: bool = False,
     skip_existing: bool = False,
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    listener: Listener = SILENT,
 ) -> Undistorted:
     """Undistort photos or videos into a folder, as ``cubicfish undistort`` does.
 
@@ -192,7 +190,7 @@ def undistort_files(
         jobs: photos to work on at a time; None for one per processor.
         overwrite: whether existing files may be replaced.
         skip_existing: leaves out photos whose result is there.
-        progress: called with photos, or frames of a video, done and all of them.
+        listener: who is told how far it is.
 
     Returns:
         The ``files`` that were written, what was ``skipped``, and what ``failed`` and why.
@@ -220,14 +218,10 @@ def undistort_files(
     def chosen(camera: Camera) -> ChosenView:
         return ChosenView(views={"": default_view(camera) if view is None else view})
 
-    @contextmanager
-    def told(label: str) -> Iterator[Callable[[int, int], None]]:
-        yield progress
-
     own = camera.camera if isinstance(camera, Calibrated) else camera
     views = ViewsBySize(own, None, chosen)
     failures = undistort_plan(
-        plan, views, rendering, Encoding(), progress=told, jobs=jobs, overwrite=overwrite
+        plan, views, rendering, Encoding(), Run(jobs=jobs, overwrite=overwrite, listener=listener)
     )
     return Undistorted(
         files=tuple(path for job in plan.done(failures) for path in job.wanted),
@@ -252,12 +246,7 @@ def undistort_plan(
     views: Views,
     rendering: Rendering,
     encoding: Encoding | None = None,
-    *,
-    progress: Progress,
-    jobs: int | None = None,
-    overwrite: bool = False,
-    executor: Executor | None = None,
-    note: Callable[[str], None] = lambda line: None,
+    run: Run = RUN,
 ) -> list[FailedPhoto]:
     """Undistort photos or videos into files; one that fails does not stop the others.
 
@@ -266,11 +255,7 @@ def undistort_plan(
         views: what is rendered of each.
         rendering: how pixels are made.
         encoding: of videos.
-        progress: shows how far it is.
-        jobs: photos to work on at a time; None for one per processor.
-        overwrite: whether files may be replaced.
-        executor: who does photos instead of this process.
-        note: called with what is to be known of a result.
+        run: how the work is done.
 
     Returns:
         What failed, in order.
@@ -280,18 +265,17 @@ def undistort_plan(
 
     """
     if plan.videos:
-        return _videos(plan, views, rendering, encoding, progress, note, overwrite=overwrite)
-    with progress("Undistorting") as callback:
-        failures = undistort_photos(
-            plan.jobs,
-            views.maps,
-            rendering,
-            workers=jobs or os.cpu_count() or 1,
-            overwrite=overwrite,
-            progress=callback,
-            executor=executor,
-        )
-    return failures if executor is not None else [*failures, *_gone(plan, failures)]
+        return _videos(plan, views, rendering, encoding, run)
+    failures = undistort_photos(
+        plan.jobs,
+        views.maps,
+        rendering,
+        workers=run.jobs or os.cpu_count() or 1,
+        overwrite=run.overwrite,
+        progress=run.listener.counting("Undistorting"),
+        executor=run.executor,
+    )
+    return failures if run.executor is not None else [*failures, *_gone(plan, failures)]
 
 
 def _videos(
@@ -299,33 +283,27 @@ def _videos(
     views: Views,
     rendering: Rendering,
     encoding: Encoding | None,
-    progress: Progress,
-    note: Callable[[str], None],
-    *,
-    overwrite: bool,
+    run: Run,
 ) -> list[FailedPhoto]:
     """One video after the other."""
     failures = []
     for job in plan.jobs:
         try:
-            with progress(job.name) as callback:
-                done = undistort_video(
-                    job.source,
-                    job.outputs[0],
-                    partial(_first_map, views, job.source),
-                    rendering,
-                    encoding,
-                    overwrite=overwrite,
-                    progress=callback,
-                )
+            done = undistort_video(
+                job.source,
+                job.outputs[0],
+                partial(_first_map, views, job.source),
+                rendering,
+                encoding,
+                overwrite=run.overwrite,
+                progress=run.listener.counting(job.name),
+            )
         except CubicfishError as error:
             failures.append(FailedPhoto(job=job, error=error))
             continue
         if done.turned_deg:
-            note(
-                f"{job.outputs[0]}: the source tells players to turn it by {done.turned_deg}°, "
-                "which the result does not: turn it with --rotate 0,0,DEG"
-            )
+            told = {"video": job.outputs[0], "turned_deg": done.turned_deg}
+            run.listener.tell(Event.VIDEO_TURNED, **told)
     return failures
 
 

@@ -31,12 +31,14 @@ class Catalogue(NamedTuple):
         sayings: by code and case.
         because: evidence by its key.
         phrases: parts of sentences, by the name of a figure and its value.
+        events: what is said while work is done, by event.
 
     """
 
     sayings: Mapping[tuple[str, str], Saying]
     because: Mapping[str, str]
     phrases: Mapping[str, Mapping[str, str]]
+    events: Mapping[str, str]
 
 
 @cache
@@ -69,4 +71,4 @@ def catalogue() -> Catalogue:
         table: {key: whole(text) for key, text in own.items()}
         for table, own in data["phrases"].items()
     }
-    return Catalogue(sayings, data["because"], phrases)
+    return Catalogue(sayings, data["because"], phrases, data["events"])

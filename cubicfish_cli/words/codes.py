@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from typing import Any
 
 
 class Severity(StrEnum):
@@ -131,3 +132,38 @@ class Code(StrEnum):
     PLACE_UNCERTAIN = "place_uncertain"
     # Why a photo could not be undistorted.
     FAILED = "failed"
+
+
+class Event(StrEnum):
+    """What happens while work is done, for whoever waits for it."""
+
+    TARGET = "target"
+    CAMERA = "camera"
+    PASSED_OVER = "passed_over"
+    MANY_PHOTOS = "many_photos"
+    PHOTOS_CHOSEN = "photos_chosen"
+    FILM_ENDS = "film_ends"
+    FILM_TURNED = "film_turned"
+    FILM_INTERLACED = "film_interlaced"
+    FRAMES_KEPT = "frames_kept"
+    FRAMES_CHOSEN = "frames_chosen"
+    MOMENTS = "moments"
+    SHOTS_CHOSEN = "shots_chosen"
+    CLOCK = "clock"
+    CLOCK_IN_ALL = "clock_in_all"
+    LOOKING = "looking"
+    LOOKED_AGAIN = "looked_again"
+    NOT_CERTAIN = "not_certain"
+    FITTING = "fitting"
+    OTHER_MODELS = "other_models"
+    NO_MAP = "no_map"
+    NO_PAGE = "no_page"
+    PAGE_TOOK = "page_took"
+    VIDEO_TURNED = "video_turned"
+
+    def line(self, **figures: Any) -> str:
+        """What is said of it."""
+        from cubicfish_cli.words.catalogue import catalogue
+        from cubicfish_cli.words.phrases import Sentences
+
+        return Sentences().vformat(catalogue().events[self], (), figures)

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from running import SAMPLE, Run
 
-from cubicfish_cli.cli.inputs import lost_word
+from cubicfish_cli.cli.photo_table import lost_word
 from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.errors import OutputError
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.identified import GridReport, PhotoReport
-from cubicfish_cli.library.drawings import drawings
+from cubicfish_cli.library.detection_files import drawings
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import load_target
 from cubicfish_cli.words.codes import Code

@@ -145,8 +145,8 @@ def test_outputs_that_cannot_be_written_are_refused_before_the_work(
         pytest.skip("there is no /proc here")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").touch()
-    monkeypatch.setattr("cubicfish_cli.cli.inputs.detect", None)
-    monkeypatch.setattr("cubicfish_cli.cli.detect.detect", None)
+    monkeypatch.setattr("cubicfish_cli.library.inputs.find_corners", None)
+    monkeypatch.setattr("cubicfish_cli.library.detection_files.find_corners", None)
     if place != ".":
         error = run("calibrate", SAMPLE / "photos", "-t", TARGET, "-o", place, code=1).stderr
         assert says in error
@@ -202,7 +202,7 @@ def test_photos_of_another_camera_are_refused_before_they_are_searched(
 ) -> None:
     photos = tmp_path / "photos"
     run("undistort", SAMPLE / "photos", photos, "-m", calibrated, "--size", "640x480")
-    monkeypatch.setattr("cubicfish_cli.cli.inputs.detect", None)
+    monkeypatch.setattr("cubicfish_cli.library.inputs.find_corners", None)
     error = run("evaluate", photos, "-t", TARGET, "-m", calibrated, code=1).stderr
     assert "the photos have 640x480 pixels and the camera is for 960x720" in error
 
@@ -211,7 +211,7 @@ def test_photos_of_another_camera_are_refused_before_they_are_searched(
 def test_a_huge_camera_gets_no_map_of_gigabytes(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cubicfish_cli.library.calibration_folder.MAX_PIXELS", 960 * 720 - 1)
+    monkeypatch.setattr("cubicfish_cli.library.calibration_files.MAX_PIXELS", 960 * 720 - 1)
     line = ("calibrate", CORNERS, "-t", TARGET, "--no-hold-out", "-o", tmp_path / "c")
     said = run(*line)
     assert "No undistort_map.npz was written: a map of 960x720 pixels" in said.stderr

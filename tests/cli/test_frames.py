@@ -302,7 +302,7 @@ def test_the_best_of_many_photos_are_taken(
 def test_best_is_offered_where_photos_are_many(
     run: Run, target: Path, tmp_path: Path, monkeypatch, quick_fit: None
 ) -> None:
-    from cubicfish_cli.cli import inputs
+    from cubicfish_cli.library import inputs
 
     for number, photo in enumerate(photos()[:4]):
         cv2.imwrite(str(tmp_path / f"{number}.png"), photo)

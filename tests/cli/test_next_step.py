@@ -7,7 +7,7 @@ from running import SAMPLE, Run
 from terminals import Screen, widest
 
 from cubicfish_cli.assess.verdict import Verdict
-from cubicfish_cli.cli import calibrate_results, photo_table
+from cubicfish_cli.cli import calibrate, photo_table
 from cubicfish_cli.cli.photo_table import PhotoRow
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
@@ -39,14 +39,14 @@ def test_what_is_next_can_be_pasted_or_mends_it(
     photo: Path | None,
     says: str,
 ) -> None:
-    monkeypatch.setattr(calibrate_results, "verbosity", lambda: 0)
-    calibrate_results.say_next(judged, camera, photo, camera.with_name("report.html"))
+    monkeypatch.setattr(calibrate, "verbosity", lambda: 0)
+    calibrate.say_next(judged, camera, photo, camera.with_name("report.html"))
     said = capsys.readouterr().out
     assert says in said
     assert said.endswith(f"      open {camera.with_name('report.html')}\n")
     assert ("undistort" in said) == (judged.level != "bad")
-    monkeypatch.setattr(calibrate_results, "verbosity", lambda: -1)
-    calibrate_results.say_next(judged, camera, photo, None)
+    monkeypatch.setattr(calibrate, "verbosity", lambda: -1)
+    calibrate.say_next(judged, camera, photo, None)
     assert capsys.readouterr().out == ""
 
 

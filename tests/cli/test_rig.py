@@ -12,13 +12,19 @@ from running import Run, run_cli
 from simulated import CornerErrors
 from simulated_rig import simulated_rig
 
-from cubicfish_cli import load_rig, save_corners, save_target
+from cubicfish_cli import (
+    calibrate_rig_files,
+    evaluate_rig_files,
+    load_rig,
+    save_corners,
+    save_target,
+)
 from cubicfish_cli.assess.rig_verdict import rig_verdict
 from cubicfish_cli.cli.json_keys import keys_of
-from cubicfish_cli.cli.rig import named_by
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.lift import lift_rotation
+from cubicfish_cli.library.rig_files import named_by
 from cubicfish_cli.library.rigs import compare_rigs
 from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.rendering.pose import rotation_matrix
@@ -84,6 +90,22 @@ def test_it_says_in_json_what_it_writes(made: tuple[Path, dict[str, Any]]) -> No
     assert len(record["fit"]["per_shot"]) == 8
     inputs = held["made_by"]["inputs"]
     assert [Path(one["file"]).name for one in inputs] == ["left.csv", "right.csv"]
+
+
+@pytest.mark.slow
+def test_a_program_makes_the_same_rig(
+    folder: Path, made: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    by_call = calibrate_rig_files(
+        {"left": folder / "left.csv", "right": folder / "right.csv"},
+        folder / "target.yaml",
+        tmp_path,
+        refine_target="off",
+    )
+    assert by_call.record["cameras"] == made[1]["cameras"]
+    assert [path.relative_to(tmp_path) for path in by_call.files] == [
+        Path("rig.yaml"), Path("left/camera.yaml"), Path("right/camera.yaml")
+    ]  # fmt: skip
 
 
 def test_what_is_written_reads_back(made: tuple[Path, dict[str, Any]]) -> None:
@@ -202,6 +224,8 @@ def test_a_rig_is_evaluated_on_shots(
     assert found["pairs"][0]["rms_px"] == pytest.approx(found["rms_px"], rel=1e-6)
     said = run("evaluate", *args, "--model", rig).stdout
     assert "8 shots" in said
+    by_call = evaluate_rig_files(rig, args[:2], folder / "target.yaml")
+    assert by_call.as_record()["rms_px"] == found["rms_px"]
     # A rig that stands 5 mm elsewhere explains them worse, and each camera alone as before.
     held = yaml.safe_load((rig / "rig.yaml").read_text())
     held["cameras"][1]["camera_from_rig"]["translation"][0] += 5.0

@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("av")
 
 from filming import RATE, SIZE, TARGET, photos, spoilt_film, write_film
+from listening import Heard
 
 from cubicfish_cli.errors import DetectionError, PhotoError
 from cubicfish_cli.films.choose import Choice, Patch, Seen
@@ -109,21 +110,20 @@ def target(tmp_path: Path) -> Target:
 @pytest.mark.slow
 def test_a_program_chooses_frames_and_finds_them_again(tmp_path: Path, target: Target) -> None:
     film = write_film(tmp_path / "film.mp4", spoilt_film()[0])
-    steps, told = [], []
+    heard = Heard()
     chosen = choose_frames(
         film,
         tmp_path / "photos",
         target,
         most=5,
-        progress=lambda what, done, total: steps.append((what, done, total)),
-        tell=told.append,
+        listener=heard,
     )
     assert len(chosen.photos) == 5
     assert read_picture(chosen.photos[0]).shape[:2] == SIZE[::-1]
-    assert chosen.frames == len(spoilt_film()[0]) == len(told[0])
-    reading = [done for what, done, _ in steps if what == "Reading film.mp4"]
+    assert chosen.frames == len(spoilt_film()[0])
+    reading = heard.of("Reading film.mp4")
     assert reading == sorted(reading)
-    assert "Glancing at frames" in {what for what, _, _ in steps}
+    assert "Glancing at frames" in {step[0] for step in heard.steps}
     again = earlier_frames(film, tmp_path / "photos", target, most=5)
     assert again == chosen.photos
     assert earlier_frames(film, tmp_path / "photos", target, most=6) == ()

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from listening import Heard
 from running import SAMPLE, run_cli
 
 import cubicfish
@@ -22,6 +23,7 @@ from cubicfish_cli import (
     Calibration,
     CameraFile,
     CubicfishError,
+    Event,
     Observations,
     Target,
     build_map,
@@ -243,15 +245,15 @@ def test_photos_in_memory_give_the_corners_of_their_files(tmp_path: Path, target
         "--jobs", 1,
     )  # fmt: skip
     of_files = load_corners(tmp_path / "corners.csv", target)
-    steps: list[tuple[str, float]] = []
+    heard = Heard()
     colours = [np.asfortranarray(read_picture(path)) for path in PHOTOS]
     detection = detect(
         dict(zip([path.name for path in PHOTOS], colours, strict=True)),
         target,
-        progress=lambda words, share: steps.append((words, round(share, 2))),
+        listener=heard,
     )
-    first, again = "finding corners", "looking again"
-    assert steps == [(first, 0.33), (first, 0.67), (again, 0.83), (again, 1)]
+    assert heard.told[0] == (Event.LOOKING, {"photos": 2})
+    assert heard.of("Finding corners") == heard.of("Looking again") == [(0, 0), (1, 2), (2, 2)]
     assert detection.corners.images == of_files.images
     for field in ("image", "board", "column", "row"):
         np.testing.assert_array_equal(
@@ -260,12 +262,11 @@ def test_photos_in_memory_give_the_corners_of_their_files(tmp_path: Path, target
     np.testing.assert_allclose(detection.corners.pixel, of_files.pixel, atol=2e-3)
     assert [photo.corners for photo in detection.photos] == [145, 131]
     # The corners as they are found go straight into the fit, with what detection knows.
-    steps.clear()
-    calibration = calibrate(
-        detection, target, hold_out=False, progress=lambda *now: steps.append(now)
-    )
+    calibration = calibrate(detection, target, hold_out=False, listener=heard)
     assert calibration.errors.rms_px < 0.1
-    assert 0.3 < steps[-1][1] <= 1
+    step, share, total, now = heard.steps[-1]
+    assert (step, total, bool(now)) == ("Fitting", 1, True)
+    assert 0.3 < share <= 1
 
 
 def test_what_a_photo_was_placed_by_says_nothing_of_the_object(
@@ -477,12 +478,12 @@ def test_photos_of_known_truth_are_those_of_simulate(
         "simulate", "-t", SAMPLE / "target.yaml", "-m", tmp_path, *options,
         "--exposure", 0.5, "--format", "png", "-o", tmp_path / "command",
     )  # fmt: skip
-    counted: list[tuple[int, int]] = []
+    heard = Heard()
     look: dict[str, Any] = {"noise": 4, "blur": 1, "vignetting": 0.2, "exposure": 0.5}
     for lens in (fitted, fitted.camera, tmp_path / "camera.yaml"):
         made = simulate_photos(target, lens, number=1, seed=5, form="png", **look)
         folder = tmp_path / type(lens).__name__
-        files = made.save(folder, progress=lambda *done: counted.append(done))
+        files = made.save(folder, listener=heard)
         assert [file.name for file in files] == [
             "photo_01.png",
             "true_corners.csv",
@@ -494,7 +495,7 @@ def test_photos_of_known_truth_are_those_of_simulate(
         true = load_camera(files[3]).camera
         np.testing.assert_array_equal(true.P, load_camera(tmp_path / "camera.yaml").camera.P)
         assert made.corners == len(load_corners(files[1], target).pixel) > 50
-    assert counted == [(1, 1)] * 3
+    assert heard.of("Rendering") == [(0, 0), (1, 1)] * 3
     before, dark = files[0].read_bytes(), read_picture(files[0]).mean()
     other = simulate_photos(target, fitted, poses=files[2], form="png", noise=0)
     assert "exists already" in refusal(OutputError, lambda: other.save(folder))
@@ -568,7 +569,7 @@ def test_files_are_undistorted_as_the_command_does(fitted: Calibration, tmp_path
     view = build_view(fitted.camera, "cylindrical", hfov_deg=270, size=(300, 200))
     line = ("--view", "cylindrical", "--hfov", 270, "--size", "300x200", "--border", "#FF0000")
     run_cli("undistort", photos, tmp_path / "a", "-m", tmp_path, *line, code=1)
-    counted: list[tuple[int, int]] = []
+    heard = Heard()
     folder = tmp_path / "b"
     made = undistort_files(
         photos,
@@ -576,11 +577,11 @@ def test_files_are_undistorted_as_the_command_does(fitted: Calibration, tmp_path
         fitted,
         view,
         border=(1, 0, 0),
-        progress=lambda *done: counted.append(done),
+        listener=heard,
     )
     assert made.files == tuple(folder / photo.name for photo in PHOTOS)
     assert list(made.failed) == ["broken.png"]
-    assert counted[-1] == (3, 3)
+    assert heard.of("Undistorting")[-1] == (3, 3)
     for file in made.files:
         assert file.read_bytes() == (tmp_path / "a" / file.name).read_bytes()
     # Nothing is replaced unasked.

@@ -17,6 +17,7 @@ from cubicfish_cli import (
     CubicfishError,
     Detection,
     Evaluation,
+    Listener,
     Observations,
     Target,
     UndistortMap,
@@ -51,7 +52,7 @@ def fits(folder: Path, pictures: dict[str, npt.NDArray[np.uint8]]) -> Calibratio
     detection = assert_type(detect(pictures, target, jobs=None), Detection)
     detect("photos/", target)
     detect([folder / "a.png", folder / "b.png"], target)
-    detect([np.zeros((4, 4), np.uint8)], target, progress=lambda words, share: None)
+    detect([np.zeros((4, 4), np.uint8)], target, listener=Listener())
     corners = assert_type(load_corners(folder / "corners.csv", target), Corners)
     points, pixel = [np.zeros((9, 3))], [np.zeros((9, 2), np.float32)]
     seen = Observations.from_corners(points, pixel, (4, 4), boards=["board"])

@@ -15,6 +15,7 @@ ALLOWED: dict[str, set[str]] = {
     "types": set(),
     "wording": set(),
     "words": set(),
+    "listener": {"words"},
     "angles": set(),
     "geometry": set(),
     "arrays": {"errors", "wording"},
@@ -149,8 +150,8 @@ ALLOWED: dict[str, set[str]] = {
         "words",
     },
 }
+ALLOWED["report"] = {*ALLOWED}
 ALLOWED["library"] = {*ALLOWED}
-ALLOWED["report"] = {*ALLOWED} - {"library"}
 ALLOWED["cli"] = {*ALLOWED}
 ALLOWED["__main__"] = {"cli"}
 ALLOWED["__init__"] = {*ALLOWED} - {"cli", "report", "__main__"}  # what it offers when it is asked

@@ -11,7 +11,7 @@ import pytest
 import cubicfish_cli
 from cubicfish_cli.errors import PhotoError
 from cubicfish_cli.words.catalogue import catalogue
-from cubicfish_cli.words.codes import Code, Remedy, Severity
+from cubicfish_cli.words.codes import Code, Event, Remedy, Severity
 from cubicfish_cli.words.finding import Finding, asks_for_photos, joined, level_of, of_record
 from cubicfish_cli.words.phrases import Sentences
 
@@ -31,6 +31,8 @@ NAMES = {
                 "drawn_rows": 6}],
 }  # fmt: skip
 NAMES |= {"against": "it is off", "mend": "look", "nearness": ", 1 m away"}
+NAMES |= {"path": "a.yaml", "name": "left", "film": "a.mp4", "folder": "frames", "line": "it is"}
+NAMES |= {"video": "flat.mp4"}
 NAMES |= {"cameras": ["left", "right"], "of_shots": ["0007"]}
 IMAGES, BOARDS = ("a.png", "b.png"), ("floor", "wall")
 
@@ -77,6 +79,10 @@ def all_wording() -> str:
         for key, text in phrases.items():
             values = {**sample((text,), 2), "images": IMAGES, "boards": BOARDS}
             lines.append(f"  {key}: {sentences.vformat(text, (), values)}")
+    lines.append("\nevents")
+    for name, text in catalogue().events.items():
+        figures = sample((text,), 2)
+        lines.append(f"  {name}: {Event(name).line(**figures)}")
     return "\n".join(lines).lstrip() + "\n"
 
 
@@ -87,6 +93,7 @@ def test_the_wording_is_as_recorded() -> None:
 
 def test_every_code_has_words_and_all_words_a_code() -> None:
     assert {code for code, _ in SAYINGS} == {code.value for code in Code}
+    assert set(catalogue().events) == {event.value for event in Event}
     phrases = catalogue().phrases
     grids = set(phrases["why"])
     assert grids == set(phrases["help"]) <= {code.value for code in Code}

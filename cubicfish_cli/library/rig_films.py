@@ -6,21 +6,27 @@ import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from cubicfish_cli.cli.cache_folder import cache_folder
-from cubicfish_cli.cli.choosing import say_of_film
-from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.target_choice import TargetChoice
-from cubicfish_cli.cli.terminal import progress, say
+import numpy as np
+
 from cubicfish_cli.errors import DetectionError, PhotoError
+from cubicfish_cli.files import refuse_existing, whole_files, write_text
+from cubicfish_cli.films.choose import Seen, choose_shots
+from cubicfish_cli.films.clocks import film_offset
+from cubicfish_cli.films.scan import Measured, scan, still_px
+from cubicfish_cli.films.shots import Moments, begins_at, flow, moments, take_out
+from cubicfish_cli.films.source import open_films
+from cubicfish_cli.fitting.rig.clocks import Moving
 from cubicfish_cli.frame_names import frame_name
-
-if TYPE_CHECKING:
-    from cubicfish_cli.films.scan import Measured
-    from cubicfish_cli.films.shots import Moments
-    from cubicfish_cli.fitting.rig.clocks import Moving
-    from cubicfish_cli.observations import Observations
+from cubicfish_cli.library.asked import Run
+from cubicfish_cli.library.frame_search import found_in
+from cubicfish_cli.library.frames import tell_of_film
+from cubicfish_cli.listener import Listener
+from cubicfish_cli.observations import Observations
+from cubicfish_cli.photos import Photo, read_grey
+from cubicfish_cli.tables import csv_text
+from cubicfish_cli.target import Target
+from cubicfish_cli.words.codes import Event
 
 _Beside = tuple[Path | None, float]
 
@@ -53,44 +59,35 @@ class RigFrames:
     ahead: Mapping[str, float]
     folder: Path
 
-    def say_clocks(self, late: Mapping[str, float | None]) -> None:
-        """Say how far clocks differ in all, by when films move and by the fit.
+    def tell_clocks(self, late: Mapping[str, float | None], listener: Listener) -> None:
+        """Tell how far clocks differ in all, by when films move and by the fit.
 
         Args:
             late: of each camera, by how much it was found to be later still, seconds.
+            listener: who is told.
 
         """
         first = next(iter(self.ahead))
         for name, ahead in self.ahead.items():
             total = ahead - (late.get(name) or 0.0)
             if total:
-                say(
-                    f"note: in all, the clock of {name} is {1e3 * abs(total):.1f} ms "
-                    f"{'ahead of' if total > 0 else 'behind'} that of {first}."
-                )
+                _tell_clock(listener, Event.CLOCK_IN_ALL, name, first, total)
 
-    def moving(self, camera: str, pairs: Observations) -> Moving:
+    def moving(self, camera: str, pairs: Observations, listener: Listener) -> Moving:
         """How the corners of a camera's pictures move."""
-        import numpy as np
-
-        from cubicfish_cli.films.shots import flow
-        from cubicfish_cli.fitting.rig.clocks import Moving
-        from cubicfish_cli.photos import read_grey
-
         files = {path.name: path for path in self.photos[camera]}
-        parts = []
-        with progress(f"Measuring motion in {camera}") as callback:
-            for number, image in enumerate(pairs.images):
-                callback(number, len(pairs.images))
-                name, own = Path(image).name, pairs.image == number
-                late = np.full(int(own.sum()), self.late[camera][name])
-                picture, beside = read_grey(files[name]), self.beside[camera][name]
-                before, after = (
-                    None if path is None else flow(picture, read_grey(path), pairs.pixel[own])
-                    for path, _ in beside
-                )
-                moving = Moving.between(before, after, (beside[0][1], beside[1][1]))
-                parts.append(replace(moving, late=late))
+        parts, progress = [], listener.counting(f"Measuring motion in {camera}")
+        for number, image in enumerate(pairs.images):
+            progress(number, len(pairs.images))
+            name, own = Path(image).name, pairs.image == number
+            late = np.full(int(own.sum()), self.late[camera][name])
+            picture, beside = read_grey(files[name]), self.beside[camera][name]
+            before, after = (
+                None if path is None else flow(picture, read_grey(path), pairs.pixel[own])
+                for path, _ in beside
+            )
+            moving = Moving.between(before, after, (beside[0][1], beside[1][1]))
+            parts.append(replace(moving, late=late))
         return Moving.joined(parts)
 
     def done(self) -> None:
@@ -101,62 +98,53 @@ class RigFrames:
 def rig_frames(
     films: Mapping[str, Path],
     folder: Path,
-    target: TargetChoice,
+    targets: Sequence[Target],
+    run: Run,
     *,
     most: int,
     tolerance: float | None,
-    jobs: int | None,
-    no_cache: bool,
-    overwrite: bool,
 ) -> RigFrames:
     """Choose moments at which cameras see the target sharply at once, and write their frames.
 
     Args:
         films: of each camera by name.
         folder: where frames go, in a folder for each camera, and shots.csv.
-        target: the object.
+        targets: the object, or what it may be.
+        run: how the work is done.
         most: how many moments are chosen at most.
         tolerance: how far apart frames of a moment may be, seconds; None for half a frame.
-        jobs: how many photos are searched at once.
-        no_cache: whether nothing found before is used.
-        overwrite: whether frames of an earlier run may be replaced.
 
     Raises:
         CubicfishError: a film cannot be used, films share no time, or show no board.
 
     """
-    from cubicfish_cli.files import refuse_existing
-    from cubicfish_cli.films.scan import scan
-    from cubicfish_cli.films.source import open_films
-
     table = folder / "shots.csv"
-    refuse_existing(table, overwrite=overwrite)
+    refuse_existing(table, overwrite=run.overwrite)
     unfinished = folder / _UNFINISHED
     measured = []
     for name, path in films.items():
         (film,) = open_films([path])
-        with progress(f"Reading {film.path.name}") as callback:
-            measured.append(scan(film, unfinished / name, _STRETCH, callback))
-        say_of_film(measured[-1])
+        progress = run.listener.counting(f"Reading {film.path.name}")
+        measured.append(scan(film, unfinished / name, _STRETCH, progress))
+        tell_of_film(measured[-1], run.listener)
     names = list(films)
-    told, ahead = _clocks(names, measured)
+    told, ahead = _clocks(names, measured, run.listener)
     apart = [one + other for one, other in zip(told, ahead, strict=True)]
     found = _moments(names, measured, apart, _LOOKED_AT * most, tolerance)
-    say(f"{count(len(found.time), 'moment')} of the films are searched for boards.")
+    run.listener.tell(Event.MOMENTS, moments=len(found.time))
     taken = {
-        name: _taken(one, found, column, unfinished / f"{name} frames")
+        name: _taken(one, found, column, unfinished / f"{name} frames", run.listener)
         for column, (name, one) in enumerate(zip(names, measured, strict=True))
     }
-    chosen = _chosen(names, measured, found, taken, target, most, jobs, no_cache=no_cache)
-    written = _written(names, measured, found, taken, chosen, folder, overwrite=overwrite)
+    chosen = _chosen(names, measured, found, taken, targets, most, run)
+    written = _written(names, measured, found, taken, chosen, folder, overwrite=run.overwrite)
     return replace(written, ahead=dict(zip(names, ahead, strict=True)))
 
 
-def _clocks(names: Sequence[str], measured: Sequence[Measured]) -> tuple[list[float], list[float]]:
+def _clocks(
+    names: Sequence[str], measured: Sequence[Measured], listener: Listener
+) -> tuple[list[float], list[float]]:
     """By how much each film's own time is ahead of the first's, seconds: as told, and as found."""
-    from cubicfish_cli.films.clocks import film_offset
-    from cubicfish_cli.films.shots import begins_at
-
     begins = [begins_at(one.film) for one in measured]
     # What clocks say themselves, where they say it.
     told = [begins[0] - begin for begin in begins]
@@ -165,13 +153,14 @@ def _clocks(names: Sequence[str], measured: Sequence[Measured]) -> tuple[list[fl
         first = [time + known for time in measured[0].time]
         differs = film_offset((first, one.time), (measured[0].motion, one.motion))
         if differs:
-            say(
-                f"note: the clock of {name} is {1e3 * abs(differs):.0f} ms "
-                f"{'ahead of' if differs > 0 else 'behind'} that of {names[0]}, by when they move "
-                "(to about a frame): it is matched so."
-            )
+            _tell_clock(listener, Event.CLOCK, name, names[0], differs)
         ahead.append(differs)
     return told, ahead
+
+
+def _tell_clock(listener: Listener, event: Event, name: str, first: str, ahead_s: float) -> None:
+    by_ms = 1e3 * abs(ahead_s)
+    listener.tell(event, name=name, first=first, by_ms=by_ms, ahead=ahead_s > 0)
 
 
 def _moments(
@@ -181,7 +170,6 @@ def _moments(
     most: int,
     tolerance: float | None,
 ) -> Moments:
-    from cubicfish_cli.films.shots import moments
 
     found = moments(measured, ahead, most, tolerance)
     if not len(found.time):
@@ -192,10 +180,10 @@ def _moments(
     return found
 
 
-def _taken(measured: Measured, found: Moments, column: int, folder: Path) -> dict[int, Path]:
+def _taken(
+    measured: Measured, found: Moments, column: int, folder: Path, listener: Listener
+) -> dict[int, Path]:
     """Take the moments' frames out of a film, and their neighbours: by index, their pictures."""
-    from cubicfish_cli.films.shots import take_out
-
     folder.mkdir(parents=True, exist_ok=True)
     wanted = {
         index + step
@@ -204,8 +192,8 @@ def _taken(measured: Measured, found: Moments, column: int, folder: Path) -> dic
         if index >= 0 and 0 <= index + step < len(measured)
     }
     paths = {index: folder / f"{index}.png" for index in sorted(wanted)}
-    with progress(f"Taking frames of {measured.film.path.name}") as callback:
-        take_out(measured.film, paths, callback)
+    progress = listener.counting(f"Taking frames of {measured.film.path.name}")
+    take_out(measured.film, paths, progress)
     return paths
 
 
@@ -214,31 +202,21 @@ def _chosen(
     measured: Sequence[Measured],
     found: Moments,
     taken: Mapping[str, Mapping[int, Path]],
-    target: TargetChoice,
+    targets: Sequence[Target],
     most: int,
-    jobs: int | None,
-    *,
-    no_cache: bool,
+    run: Run,
 ) -> dict[int, list[int]]:
     """Rows of the moments that add most, and which cameras show something there."""
-    import numpy as np
-
-    from cubicfish_cli.films.choose import Seen, choose_shots
-    from cubicfish_cli.films.scan import still_px
-    from cubicfish_cli.library.frame_search import found_in
-    from cubicfish_cli.photos import Photo
-
-    cache = None if no_cache else cache_folder()
     shots: list[list[Seen | None]] = [[None] * len(names) for _ in found.time]
     for column, (name, film) in enumerate(zip(names, measured, strict=True)):
         rows = np.flatnonzero(found.frame[:, column] >= 0).tolist()
         frames = found.frame[rows, column].tolist()
         photos = [Photo(name=f"{name} {index}", path=taken[name][index]) for index in frames]
+        progress = run.listener.counting(f"Finding corners in {name}")
         try:
-            with progress(f"Finding corners in {name}") as callback:
-                patches = found_in(
-                    photos, target.load(), jobs=jobs, cache=cache, progress=callback
-                ).patches
+            patches = found_in(
+                photos, targets, jobs=run.jobs, cache=run.cache, progress=progress
+            ).patches
         except DetectionError as error:
             raise DetectionError(f"camera {name}: no frame can be chosen: {error}") from error
         for row, index, photo in zip(rows, frames, photos, strict=True):
@@ -249,7 +227,7 @@ def _chosen(
             )
     sizes = [one.film.size for one in measured]
     choice = choose_shots(shots, sizes, most, [still_px(size) for size in sizes])
-    say(f"{count(len(choice.order), 'shot')} of {len(shots)} chosen, which add most.")
+    run.listener.tell(Event.SHOTS_CHOSEN, chosen=len(choice.order), shots=len(shots))
     return {
         row: [column for column, one in enumerate(shots[row]) if one is not None and one.corners]
         for row in sorted(choice.order)
@@ -267,9 +245,6 @@ def _written(
     overwrite: bool,
 ) -> RigFrames:
     """Write the chosen frames and shots.csv, all or none."""
-    from cubicfish_cli.files import whole_files, write_text
-    from cubicfish_cli.tables import csv_text
-
     start = min(0.0, float(found.time.min()))
     rows: list[tuple[str, str, str]] = []
     sources: dict[Path, Path] = {}

@@ -1,0 +1,171 @@
+"""What is asked of the library beside what it works on: which target, and how the work is done.
+
+Nothing is loaded for it, so that a command line can make it before it is known to be right.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cubicfish_cli.errors import MISSING, CameraFileError, CubicfishError, UsageError
+from cubicfish_cli.files import Fingerprint, fingerprint
+from cubicfish_cli.listener import SILENT, Listener
+from cubicfish_cli.words.codes import Event
+
+if TYPE_CHECKING:
+    from cubicfish_cli.executors.executor import Executor
+    from cubicfish_cli.target import Target
+
+StrPath = str | os.PathLike[str]
+
+# Kalibr's target files are a few lines.
+_FIRST_BYTES = 4096
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """How work is done; nothing here changes what comes out.
+
+    Attributes:
+        jobs: photos to work on at a time; None for one per processor.
+        cache: a folder in which what is found in photos and frames is kept; None for nowhere.
+        anew: whether nothing that an earlier run found is used.
+        overwrite: whether files that exist may be replaced.
+        listener: who is told how far it is.
+        executor: who looks at photos instead of processes here.
+
+    """
+
+    jobs: int | None = None
+    cache: Path | None = None
+    anew: bool = False
+    overwrite: bool = False
+    listener: Listener = SILENT
+    executor: Executor | None = None
+
+    def __post_init__(self) -> None:
+        if self.anew:
+            object.__setattr__(self, "cache", None)
+
+
+RUN = Run()
+"""With all processors, silently; nothing is kept or replaced."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TargetSource:
+    """What photos show.
+
+    Attributes:
+        path: the target's file.
+        counts: inner corners (columns, rows) of one flat checkerboard in the place of a file.
+        square: the side of its squares, millimetres.
+        given: a target in memory in the place of both.
+        told: whether nobody named the file, so that it is told which it is.
+
+    """
+
+    path: Path | None = None
+    counts: tuple[int, int] | None = None
+    square: float | None = None
+    given: Target | None = None
+    told: bool = False
+
+    @classmethod
+    def of(cls, target: TargetSource | Target | StrPath | None) -> TargetSource:
+        """What a caller names."""
+        if isinstance(target, TargetSource):
+            return target
+        if target is None or isinstance(target, str | os.PathLike):
+            return cls(path=None if target is None else Path(target))
+        return cls(given=target)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether there is any."""
+        return not (self.path is None and self.counts is None and self.given is None)
+
+    @property
+    def needs_file(self) -> bool:
+        """Whether it is in no file yet."""
+        return self.path is None and self.is_known
+
+    def check(self) -> None:
+        """Refuse before anything is done where there is none, or its file is not there.
+
+        Raises:
+            UsageError: no target was named.
+            CubicfishError: the file is not there.
+
+        """
+        if not self.is_known:
+            raise UsageError(
+                "the photos show an unknown target: name it with --target target.yaml (make and "
+                "print one with 'cubicfish target print --object corner'), or a flat checkerboard "
+                "with --board 9x6 --square 25mm (inner corners, side of a square)"
+            )
+        if self.path is not None and not os.path.lexists(self.path):
+            raise CubicfishError(
+                f"{self.path} {MISSING}, or name a flat checkerboard with --board 9x6 --square 25mm"
+            )
+
+    def load(self, listener: Listener = SILENT) -> list[Target]:
+        """The target; where nobody has said whether its outer squares are dark, light ones too.
+
+        Raises:
+            TargetError: its file cannot be used.
+
+        """
+        from cubicfish_cli.target import Target, colourings, load_target
+
+        self.check()
+        if self.told:
+            listener.tell(Event.TARGET, path=self.path)
+        if self.given is not None:
+            return [self.given]
+        if self.path is not None:
+            target = load_target(self.path)
+            return colourings(target) if _is_of_kalibr(self.path) else [target]
+        board = {
+            "name": "board",
+            "type": "checkerboard",
+            "corners": list(self.counts or ()),
+            "square": self.square,
+        }
+        return colourings(Target.from_data({"units": "mm", "boards": [board]}))
+
+    def fingerprint(self) -> Fingerprint | None:
+        """The file's, before it is read; None where there is none."""
+        return None if self.path is None else fingerprint(self.path)
+
+
+def _is_of_kalibr(path: Path) -> bool:
+    with path.open("rb") as file:
+        return b"target_type" in file.read(_FIRST_BYTES)
+
+
+def in_folder(path: Path) -> Path:
+    """The camera file that is meant: a folder stands for the camera.yaml in it.
+
+    Raises:
+        CameraFileError: the folder has none.
+
+    """
+    if not path.is_dir():
+        return path
+    inside = path / "camera.yaml"
+    if not inside.exists():
+        raise CameraFileError(
+            f"{path} is a folder without a {inside.name}: name the folder that 'cubicfish "
+            "calibrate' wrote, or a camera file"
+        )
+    return inside
+
+
+def paths_of(given: StrPath | Iterable[StrPath]) -> list[Path]:
+    """Names that may come alone or several together."""
+    return [Path(given)] if isinstance(given, str | os.PathLike) else list(map(Path, given))

@@ -1,0 +1,420 @@
+"""Photos, films or tables -> a calibration's folder, written together or not at all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import Any, Literal
+
+from cubicfish_cli.advice.advise import summary
+from cubicfish_cli.assess.camera_facts import CameraFacts, camera_facts
+from cubicfish_cli.assess.field_uncertainty import uncertainty_at
+from cubicfish_cli.assess.verdict import Verdict, evaluation_verdict, verdict
+from cubicfish_cli.corner_files.observations_csv import save_corners
+from cubicfish_cli.errors import OutputError, UsageError
+from cubicfish_cli.files import Content, refuse_existing, write_files
+from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
+from cubicfish_cli.fitting.evaluate import Evaluation, evaluate
+from cubicfish_cli.fitting.model_comparison import compare_models
+from cubicfish_cli.fitting.point_fit import PointCalibration, calibrate_points
+from cubicfish_cli.formats.calibrated import camera_text
+from cubicfish_cli.formats.camera_yaml import load_camera
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.library.asked import RUN, Run, StrPath, TargetSource, in_folder, paths_of
+from cubicfish_cli.library.calibration import calibrate
+from cubicfish_cli.library.inputs import (
+    Inputs,
+    check_inputs,
+    load_inputs,
+    recorded_as,
+    refuse_other_sizes,
+    with_frames,
+)
+from cubicfish_cli.library.provenance import made_at, made_by_record
+from cubicfish_cli.observations import Observations
+from cubicfish_cli.photos import MAX_PIXELS
+from cubicfish_cli.printing import extra
+from cubicfish_cli.target import Target, target_text
+from cubicfish_cli.undistortion.maps import build_map, save_map
+from cubicfish_cli.undistortion.views import default_view
+from cubicfish_cli.words.codes import Event
+
+NAMES = {
+    "camera": "camera.yaml",
+    "map": "undistort_map.npz",
+    "target": "target.refined.yaml",
+    "report": "report.html",
+    "corners": "corners.csv",
+    "drawn": "target.yaml",
+}
+"""Of its files by what they hold; the camera is the first to go and the last to be there."""
+
+# Made by a calibration only, and true of its camera only. A corners.csv may be the user's own.
+_ITS_OWN = ("map", "target", "report")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationFolder:
+    """A folder that a calibration is to be written into.
+
+    Attributes:
+        path: the folder.
+        inputs: what the calibration is made from, which stays as it is.
+
+    """
+
+    path: Path
+    inputs: Sequence[Path]
+
+    def refuse(self, *kinds: str, overwrite: bool) -> None:
+        """Refuse at once what cannot be written at the end, by its name in :data:`NAMES`.
+
+        Raises:
+            OutputError: a file exists and ``overwrite`` is false, or cannot be written.
+
+        """
+        refuse_existing(*(self.path / NAMES[kind] for kind in kinds), overwrite=overwrite)
+
+    def refuse_input(self, kind: str) -> None:
+        """Refuse to replace a file, also with ``overwrite``, that the calibration is made from.
+
+        Raises:
+            OutputError: it is one.
+
+        """
+        if self.has_input(kind):
+            raise OutputError(
+                f"{self.path / NAMES[kind]} would be replaced, and is what this calibration is "
+                "made from: choose another folder with -o"
+            )
+
+    def has_input(self, kind: str) -> bool:
+        """Whether one of its files is what the calibration is made from."""
+        return self._is_input(self.path / NAMES[kind])
+
+    def write(
+        self, contents: Mapping[str, Content | None], *, overwrite: bool
+    ) -> tuple[dict[str, Path], list[Path]]:
+        """Write its files, all or none; of an earlier calibration nothing is left.
+
+        Args:
+            contents: by their names in :data:`NAMES`; None for what is not there.
+            overwrite: whether files may be replaced.
+
+        Returns:
+            Where each is, and what went of an earlier calibration.
+
+        Raises:
+            OutputError: one exists and ``overwrite`` is false, or cannot be written.
+
+        """
+        paths = {kind: self.path / NAMES[kind] for kind in NAMES if contents.get(kind) is not None}
+        others = [self.path / NAMES[kind] for kind in _ITS_OWN if kind not in paths]
+        obsolete = [path for path in others if path.is_file() and not self._is_input(path)]
+        files = {path: contents[kind] or "" for kind, path in paths.items()}
+        write_files(files, overwrite=overwrite, obsolete=obsolete if overwrite else ())
+        return paths, [path for path in obsolete if not path.exists()]
+
+    def _is_input(self, path: Path) -> bool:
+        return any(one.exists() and path.exists() and path.samefile(one) for one in self.inputs)
+
+
+def contents_of(
+    fitted: Calibration | PointCalibration,
+    made_by: Mapping[str, Any],
+    corners: Observations | None = None,
+    drawn: str | None = None,
+) -> dict[str, Content | None]:
+    """What :meth:`CalibrationFolder.write` takes of a fit of either lift, but for the report.
+
+    Args:
+        fitted: the fit.
+        made_by: where it comes from, plain data.
+        corners: what it was made from, where that is to be kept.
+        drawn: the text of the target as drawn, where that is in no file yet.
+
+    Returns:
+        By their names in :data:`NAMES`; ``map`` is None where it would take gigabytes.
+
+    """
+    contents: dict[str, Content | None] = {"drawn": drawn}
+    if corners is not None:
+        contents["corners"] = partial(save_corners, corners=corners, overwrite=False)
+    if isinstance(fitted, PointCalibration):
+        record = fitted.as_record()
+        line = camera_facts(fitted.camera, record, made_by).line
+        text = camera_text(fitted.camera, fit=record, made_by=made_by, comment=line)
+        return {**contents, "camera": text}
+    contents["camera"] = replace(fitted, made_by=made_by).text()
+    contents["map"] = _map(fitted.camera)
+    if fitted.refined != "off" and fitted.target is not None:
+        contents["target"] = target_text(fitted.target)
+    return contents
+
+
+def _map(camera: CubicCamera) -> Content | None:
+    if math.prod(camera.image_size) > MAX_PIXELS:
+        return None
+    return lambda path: save_map(path, build_map(camera, default_view(camera)), overwrite=False)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CalibratedFiles:
+    """What became of :func:`calibrate_files`.
+
+    Attributes:
+        fitted: the fit; a :class:`PointCalibration` where the lift was ``point``.
+        inputs: what it was fitted to.
+        record: the fit as camera.yaml has it.
+        facts: the camera in the figures that people ask for first.
+        verdict: what it is worth.
+        files: what was written, by its name in :data:`NAMES`.
+        removed: what went of an earlier calibration.
+        advice: what to photograph next, in a line; None for the lift ``point``.
+        models: a record a lens model, where they were compared.
+
+    """
+
+    fitted: Calibration | PointCalibration
+    inputs: Inputs
+    record: dict[str, Any]
+    facts: CameraFacts
+    verdict: Verdict
+    files: dict[str, Path]
+    removed: list[Path]
+    advice: str | None = None
+    models: list[dict[str, Any]] | None = None
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish calibrate --json`` prints."""
+        return {
+            **self.record,
+            **({} if self.models is None else {"models": self.models}),
+            **self.inputs.remarks(self.fitted.remarks),
+            **({} if self.advice is None else {"advice": self.advice}),
+            "summary": self.facts.line,
+            "verdict": self.verdict.as_record(),
+            "report": self.files.get("report"),
+            "files": self.files,
+            "model": self.files["camera"],
+        }
+
+
+def calibrate_files(
+    inputs: StrPath | Sequence[StrPath],
+    target: TargetSource | Target | StrPath | None = None,
+    folder: StrPath = "calibration",
+    *,
+    correspondences: StrPath | None = None,
+    image_size: tuple[int, int] | None = None,
+    refine_target: RefineTarget = "auto",
+    hold_out: bool = True,
+    lift: Literal["ray", "point"] = "ray",
+    best: int | None = None,
+    compare: bool = False,
+    report: bool = True,
+    title: str | None = None,
+    command: str | None = None,
+    run: Run = RUN,
+) -> CalibratedFiles:
+    """Calibrate a camera from files into a folder, as ``cubicfish calibrate`` does.
+
+    Everything is written together at the end, or nothing is, but for frames of films.
+
+    Args:
+        inputs: photos (files, folders and globs), films, or one corners.csv or correspondences.csv.
+        target: the object, or its file; 2D-3D pairs need none.
+        folder: where camera.yaml and what goes with it is written.
+        correspondences: a table of 2D-3D pairs in the place of ``inputs``.
+        image_size: (width, height) of the photos, for tables that do not say.
+        refine_target: as in :func:`calibrate`.
+        hold_out: likewise.
+        lift: what the cubics are of: the viewing ray, or the 3D point itself.
+        best: calibrates from so many of many photos, those that add most; of films 60 frames where
+            it is None, and otherwise all.
+        compare: also fits other lens models to the same corners.
+        report: also writes report.html, where the extra ``report`` is installed.
+        title: what the camera is called.
+        command: what is run, for the record.
+        run: how the work is done.
+
+    Raises:
+        UsageError: what is asked does not go together.
+        CubicfishError: an input cannot be used, a file exists and may not be replaced, or no camera
+            can be fitted.
+
+    """
+    paths, source = paths_of(inputs), TargetSource.of(target)
+    pairs = None if correspondences is None else Path(correspondences)
+    if lift == "point" and compare:
+        raise UsageError("--compare is of cameras with rays: it goes with --lift ray")
+    check_inputs(paths, pairs, source)
+    made_at()  # said before the work if it cannot be
+    read = [path for path in (*paths, source.path, pairs) if path is not None]
+    place = CalibrationFolder(path=Path(folder), inputs=read)
+    # Corners that were read from this very file need not be written again.
+    with_corners = bool(paths) and not place.has_input("corners")
+    with_page = report and not extra.missing(extra.REPORT)
+    kinds = {"report": with_page, "corners": with_corners, "drawn": source.needs_file}
+    own = [kind for kind, wanted in kinds.items() if wanted]
+    place.refuse("camera", "map", "target", *own, overwrite=run.overwrite)
+    if refine_target != "off":
+        place.refuse_input("target")
+    photos = with_frames(paths, place.path / "frames", source, best, run)
+    loaded = load_inputs(
+        photos, source, run, correspondences=pairs, image_size=image_size, best=best
+    )
+    fitted, asked = _fit(loaded, refine_target, lift, run, hold_out=hold_out)
+    drawn = loaded.drawn(source)
+    made_by = made_by_record(command, asked, loaded.target_file, loaded.files)
+    if drawn is not None:
+        made_by["target"] = recorded_as(drawn, place.path / NAMES["drawn"])
+    made_by = {**({} if title is None else {"title": title}), **made_by}
+    record, camera = fitted.as_record(), fitted.camera
+    facts = camera_facts(camera, record, made_by)
+    contents = contents_of(fitted, made_by, loaded.corners if with_corners else None, drawn)
+    if isinstance(fitted, Calibration):
+        judged, thing = facts.verdict or fitted.verdict, fitted.target
+        if contents["map"] is None:
+            width, height = camera.image_size
+            run.listener.tell(Event.NO_MAP, width=width, height=height)
+    else:
+        judged, thing = verdict(record, camera.image_size, fitted.camera.valid), loaded.pairs.target
+    if with_page:
+        contents["report"] = _page(fitted, record, made_by, loaded, thing, run)
+    run.listener.progress("Writing")
+    files, removed = place.write(contents, overwrite=run.overwrite)
+    advice, models = None, None
+    if isinstance(fitted, Calibration):
+        advice = summary(fitted.camera, record, fitted.pairs)
+        if compare:
+            run.listener.tell(Event.OTHER_MODELS)
+            run.listener.progress("Fitting other lens models")
+            rows = compare_models(fitted, drawn=loaded.pairs.target, hold_out=hold_out)
+            models = [row.as_record() for row in rows]
+    return CalibratedFiles(
+        fitted=fitted,
+        inputs=loaded,
+        record=record,
+        facts=facts,
+        verdict=judged,
+        files=files,
+        removed=removed,
+        advice=advice,
+        models=models,
+    )
+
+
+def _fit(
+    loaded: Inputs, refine_target: RefineTarget, lift: str, run: Run, *, hold_out: bool
+) -> tuple[Calibration | PointCalibration, dict[str, Any]]:
+    """The fit, and what of its options camera.yaml is to keep."""
+    run.listener.found(loaded.photo_findings)
+    uncertain = loaded.pairs.uncertain_images
+    if refine_target == "auto" and uncertain:
+        run.listener.tell(Event.NOT_CERTAIN, photos=len(uncertain))
+    run.listener.tell(Event.FITTING, corners=len(loaded.pairs.pixel))
+    if lift == "point":
+        run.listener.progress("Fitting")
+        return calibrate_points(loaded.pairs, hold_out=hold_out), {"lift": lift}
+    fitted = calibrate(
+        loaded.given, refine_target=refine_target, hold_out=hold_out, listener=run.listener
+    )
+    return fitted, {"hold_out": hold_out, "refine_target": refine_target}
+
+
+def _page(
+    fitted: Calibration | PointCalibration,
+    record: Mapping[str, Any],
+    made_by: Mapping[str, Any],
+    loaded: Inputs,
+    target: Target | None,
+    run: Run,
+) -> str | None:
+    """The page about it.
+
+    A camera that was hard to come by is not lost because a page about it cannot be made: then
+    there is none, and that is told.
+    """
+    start = perf_counter()
+    run.listener.progress("Making the report")
+    try:
+        with extra.quiet():
+            from cubicfish_cli.report.from_files import facts_of_fit
+            from cubicfish_cli.report.page import report_html
+
+        told = facts_of_fit(
+            fitted.camera, record, made_by, pairs=loaded.pairs, target=target, photos=loaded.photos
+        )
+        page = report_html(told)
+    except Exception as problem:  # matplotlib may be broken in ways of its own
+        what = f"{type(problem).__name__}: {problem}".splitlines()[0]
+        run.listener.tell(Event.NO_PAGE, problem=what)
+        return None
+    run.listener.tell(Event.PAGE_TOOK, seconds=perf_counter() - start)
+    return page
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EvaluatedFiles:
+    """What became of :func:`evaluate_files`.
+
+    Attributes:
+        evaluation: the errors.
+        inputs: what they were measured on.
+        record: both as plain data: what ``cubicfish evaluate --json`` prints.
+        camera: the camera.
+        verdict: how well it does there.
+
+    """
+
+    evaluation: Evaluation
+    inputs: Inputs
+    record: dict[str, Any]
+    camera: CubicCamera
+    verdict: Verdict
+
+
+def evaluate_files(
+    camera: StrPath,
+    inputs: StrPath | Sequence[StrPath],
+    target: TargetSource | Target | StrPath | None = None,
+    *,
+    image_size: tuple[int, int] | None = None,
+    run: Run = RUN,
+) -> EvaluatedFiles:
+    """Measure a camera on photos or tables in files, as ``cubicfish evaluate`` does.
+
+    Args:
+        camera: its file, or the folder of that.
+        inputs: photos (files, folders and globs), or one corners.csv or correspondences.csv.
+        target: the object, or its file; 2D-3D pairs need none.
+        image_size: (width, height) of the photos, for tables that do not say.
+        run: how the work is done.
+
+    Raises:
+        UsageError: what is asked does not go together.
+        CubicfishError: an input cannot be used, or no photo can be placed.
+
+    """
+    paths, source = paths_of(inputs), TargetSource.of(target)
+    check_inputs(paths, None, source)
+    file = load_camera(in_folder(Path(camera)))
+    size = file.camera.image_size
+    refuse_other_sizes(paths, size)
+    loaded = load_inputs(paths, source, run, image_size=image_size or size)
+    run.listener.progress("Fitting poses")
+    evaluation = evaluate(file.camera, loaded.pairs)
+    sigma = uncertainty_at(file.fit, evaluation.pairs.pixel)
+    record = {**evaluation.as_record(), "uncertainty": sigma, **loaded.remarks()}
+    return EvaluatedFiles(
+        evaluation=evaluation,
+        inputs=loaded,
+        record=record,
+        camera=file.camera,
+        verdict=evaluation_verdict(record, file.fit, size),
+    )

@@ -1,0 +1,316 @@
+"""What a camera is calibrated from or measured on: photos, films or tables -> 2D-3D pairs."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from glob import has_magic
+from pathlib import Path
+from typing import Any
+
+from cubicfish_cli.corner_files.observations_csv import load_corners, load_correspondences
+from cubicfish_cli.errors import (
+    MISSING,
+    CorrespondenceError,
+    CubicfishError,
+    PhotoError,
+    UsageError,
+)
+from cubicfish_cli.files import Fingerprint, fingerprint
+from cubicfish_cli.films import MOST
+from cubicfish_cli.films.recordings import is_recording
+from cubicfish_cli.identification.identified import Detection, line_of
+from cubicfish_cli.library.asked import Run, StrPath, TargetSource
+from cubicfish_cli.library.detection import find_corners
+from cubicfish_cli.library.frames import (
+    choose_frames,
+    choose_photos,
+    earlier_frames,
+    refuse_other_photos,
+)
+from cubicfish_cli.listener import Listener
+from cubicfish_cli.observations import Observations
+from cubicfish_cli.photos import Photo, find_photos, photo_size
+from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
+from cubicfish_cli.target import target_text
+from cubicfish_cli.wording import quoted
+from cubicfish_cli.words.codes import Event
+from cubicfish_cli.words.finding import Finding
+from cubicfish_cli.words.phrases import plural
+
+# Of more photos than these, some are as good as all.
+_MANY = 200
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Inputs:
+    """Corners or points with their world points, and what they came from.
+
+    Attributes:
+        pairs: the corners or points, sorted by photo.
+        corners: the named corners in the order that they came in; None for points without names.
+        detection: what was found in each photo; None for CSV files.
+        files: every file that was read, in order, as it was before.
+        target_file: the target's.
+
+    """
+
+    pairs: Observations
+    files: tuple[Fingerprint, ...]
+    corners: Observations | None = None
+    detection: Detection | None = None
+    target_file: Fingerprint | None = None
+
+    @property
+    def given(self) -> Detection | Observations:
+        """What was given, as a fit takes it."""
+        return self.detection or self.pairs
+
+    @property
+    def photos(self) -> list[Path]:
+        """The photos' files; none of CSV files."""
+        return [] if self.detection is None else [file.path for file in self.files]
+
+    @property
+    def photo_findings(self) -> list[Finding]:
+        """What is told of photos and grids."""
+        photos = () if self.detection is None else self.detection.photos
+        return [one for photo in photos for one in photo.findings]
+
+    def drawn(self, target: TargetSource) -> str | None:
+        """The text of a target that is in no file yet."""
+        thing = self.pairs.target
+        return target_text(thing) if target.needs_file and thing is not None else None
+
+    def remarks(self, more: Sequence[Finding] = ()) -> dict[str, Any]:
+        """What is told of photos and grids, in lines and as records, and records of others."""
+        found = self.photo_findings
+        return {
+            "photo_problems": None if self.detection is None else list(map(line_of, found)),
+            "remarks": [one.as_record() for one in (*found, *more)],
+        }
+
+
+def check_inputs(
+    inputs: Sequence[Path], correspondences: Path | None, target: TargetSource
+) -> None:
+    """Refuse at once, before anything is loaded or done, what cannot be read as pairs.
+
+    Raises:
+        UsageError: the inputs do not go together.
+        CubicfishError: one is not there.
+
+    """
+    if correspondences is not None:
+        if inputs:
+            raise UsageError("give photos (or corners.csv) or --correspondences, not both")
+        _refuse_missing([correspondences])
+        return
+    if not inputs:
+        raise UsageError("name photos, a folder of photos, or a corners.csv")
+    tables = _tables(inputs)
+    if tables and len(inputs) > 1:
+        raise UsageError(f"{quoted(str(tables[0]))} must be the only input, as all CSV files")
+    _refuse_missing(inputs)
+    if not (tables and _holds_world_points(tables[0])):
+        target.check()
+
+
+def load_inputs(
+    inputs: Sequence[Path],
+    target: TargetSource,
+    run: Run,
+    *,
+    correspondences: Path | None = None,
+    image_size: tuple[int, int] | None = None,
+    best: int | None = None,
+) -> Inputs:
+    """Read pairs from photos, from one corners.csv, or from one correspondences.csv.
+
+    Args:
+        inputs: the photos, or the table.
+        target: what they show.
+        run: how the work is done.
+        correspondences: a table of 2D-3D pairs instead.
+        image_size: (width, height) of the photos, for tables that do not say.
+        best: of more photos than these, those that add most are taken.
+
+    Raises:
+        UsageError: the inputs do not go together.
+        CubicfishError: an input cannot be used.
+
+    """
+    check_inputs(inputs, correspondences, target)
+    tables = _tables(inputs)
+    if correspondences is not None:
+        loaded = _from_correspondences(correspondences, image_size)
+    elif not tables:
+        loaded = _from_photos(inputs, target, run, best)
+    elif _holds_world_points(tables[0]):
+        loaded = _from_correspondences(tables[0], image_size)
+    else:
+        loaded = _from_corners(tables[0], target, image_size, run.listener)
+    pixel = loaded.pairs.pixel
+    if len(pixel) > 1 and float((pixel.max(axis=0) - pixel.min(axis=0)).max()) < 1:
+        x, y = pixel[0]
+        raise CorrespondenceError(
+            f"all {plural(len(pixel), 'corner')} are at x {x:g}, y {y:g}: check the columns x and y"
+        )
+    return loaded
+
+
+def _tables(inputs: Sequence[Path]) -> list[Path]:
+    return [path for path in inputs if path.suffix.lower() == ".csv"]
+
+
+def _refuse_missing(paths: Sequence[Path]) -> None:
+    for path in paths:
+        if not os.path.lexists(path) and not has_magic(str(path)):
+            raise CubicfishError(f"{path} {MISSING}")
+
+
+def _holds_world_points(path: Path) -> bool:
+    """Whether the header of a CSV file is that of correspondences."""
+    try:
+        if not path.is_file():  # a pipe might be waited for
+            return False
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            lines = [file.readline(10_000) for _ in range(2)]
+    except OSError:
+        return False  # the reader says what is wrong with it
+    header = lines[1] if lines[0].startswith("#") else lines[0]
+    return {"X", "Y", "Z"} <= {cell.strip() for cell in header.split(",")}
+
+
+def _from_correspondences(path: Path, size: tuple[int, int] | None) -> Inputs:
+    file = fingerprint(path)
+    return Inputs(pairs=load_correspondences(path, image_size=size), files=(file,))
+
+
+def _from_corners(
+    path: Path, target: TargetSource, size: tuple[int, int] | None, listener: Listener
+) -> Inputs:
+    target_file, file = target.fingerprint(), fingerprint(path)
+    corners = load_corners(path, target.load(listener)[0], image_size=size)
+    return Inputs(pairs=corners.by_photo(), corners=corners, files=(file,), target_file=target_file)
+
+
+def _from_photos(
+    inputs: Sequence[Path], target: TargetSource, run: Run, best: int | None
+) -> Inputs:
+    target_file = target.fingerprint()
+    targets = target.load(run.listener)
+    photos = named_photos(inputs, run.listener)
+    count = len(photos)
+    if best is not None and count > best:
+        photos = choose_photos(
+            photos, targets, most=best, jobs=run.jobs, cache=run.cache, listener=run.listener
+        )
+        run.listener.tell(Event.PHOTOS_CHOSEN, chosen=len(photos), photos=count)
+    elif best is None and count > _MANY:
+        run.listener.tell(Event.MANY_PHOTOS, photos=count)
+    files = tuple(fingerprint(photo.path) for photo in photos)
+    detection = find_corners(photos, targets, run)
+    return Inputs(
+        pairs=detection.corners,
+        corners=detection.corners,
+        detection=detection,
+        files=files,
+        target_file=target_file,
+    )
+
+
+def named_photos(inputs: Sequence[StrPath], listener: Listener) -> list[Photo]:
+    """The photos that are named; what may be missed among them is told.
+
+    Raises:
+        PhotoError: there are none, or one cannot be used.
+
+    """
+    lines: list[str] = []
+    photos = find_photos(inputs, lines)
+    for line in lines:
+        listener.tell(Event.PASSED_OVER, line=line)
+    return photos
+
+
+def refuse_other_sizes(inputs: Sequence[Path], size: tuple[int, int]) -> None:
+    """Refuse photos none of which a camera is for, before they are searched.
+
+    Raises:
+        PhotoError: there are none that can be read, or all are of another size.
+
+    """
+    seen = None
+    for photo in find_photos(inputs) if not _tables(inputs) else ():
+        try:
+            seen = photo_size(photo.path)
+        except PhotoError:  # a damaged one is left out with a word later
+            continue
+        if seen == size:
+            return
+    if seen is not None:
+        raise PhotoError(
+            "the photos have {}x{} pixels and the camera is for {}x{}: use photos of the camera's "
+            "own size, or name its camera with --model".format(*seen, *size)
+        )
+
+
+def films_among(inputs: Sequence[Path]) -> list[Path]:
+    """Those of the inputs that are films, recordings or patterns of such, by their names."""
+    return [
+        path
+        for path in inputs
+        if (path.suffix.lower() in VIDEO_SUFFIXES and not path.is_dir()) or is_recording(path)
+    ]
+
+
+def with_frames(
+    inputs: Sequence[Path], folder: Path, target: TargetSource, best: int | None, run: Run
+) -> Sequence[Path]:
+    """The inputs, with frames that are chosen of films in their place.
+
+    Those that an earlier run chose of the same films are taken as they are, unless nothing is kept.
+
+    Args:
+        inputs: photos and films.
+        folder: where the frames go.
+        target: what they show.
+        best: how many frames are chosen at most; None for the usual number.
+        run: how the work is done.
+
+    Raises:
+        CubicfishError: a film cannot be used, or photos are of another size.
+
+    """
+    films, most = films_among(inputs), best or MOST
+    if not films:
+        return inputs
+    photos = [path for path in inputs if path not in films]
+    if photos:
+        refuse_other_photos(named_photos(photos, run.listener), films)
+    targets = target.load()
+    kept = () if run.anew else earlier_frames(films, folder, targets, most=most)
+    if kept:
+        run.listener.tell(Event.FRAMES_KEPT, frames=len(kept), folder=folder)
+        return [*photos, *kept]
+    chosen = choose_frames(
+        films,
+        folder,
+        targets,
+        most=most,
+        jobs=run.jobs,
+        cache=run.cache,
+        overwrite=run.overwrite,
+        listener=run.listener,
+    )
+    told = {"chosen": len(chosen.photos), "frames": chosen.frames, "folder": folder}
+    run.listener.tell(Event.FRAMES_CHOSEN, **told)
+    return [*photos, *chosen.photos]
+
+
+def recorded_as(text: str, path: Path) -> dict[str, str]:
+    """What camera.yaml has of a target whose file is written together with it."""
+    return {"file": str(path), "sha256": hashlib.sha256(text.encode()).hexdigest()}
