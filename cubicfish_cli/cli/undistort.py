@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -25,7 +25,6 @@ from cubicfish_cli.cli.rendering_options import (
 from cubicfish_cli.cli.scheduler_options import SchedulerOptions, scheduler_options
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say, tell
 from cubicfish_cli.cli.undistort_failures import ending, failure_lines, share_a_reason
-from cubicfish_cli.cli.undistort_sources import plan_of
 from cubicfish_cli.cli.view_options import (
     PlaneOptions,
     RigOptions,
@@ -37,12 +36,7 @@ from cubicfish_cli.cli.view_options import (
 )
 
 if TYPE_CHECKING:
-    from cubicfish_cli.executors.executor import Executor
-    from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
-    from cubicfish_cli.library.masks import TrustedWithin
-    from cubicfish_cli.library.planes import PlanesOfPhotos
-    from cubicfish_cli.library.undistorting import DryRun, Plan
-    from cubicfish_cli.library.views import Views
+    from cubicfish_cli.library.undistorting import DryRun, Plan, Undistorted
     from cubicfish_cli.undistortion.batch import FailedPhoto
     from cubicfish_cli.undistortion.choose import ChosenView
     from cubicfish_cli.undistortion.frames import Crop
@@ -141,115 +135,97 @@ def command(given: Asked) -> None:
         )
         return
     from cubicfish_cli.formats.camera_yaml import load_any_camera, load_camera
-    from cubicfish_cli.library.undistorting import dry_run_of, failure_record, undistort_plan
+    from cubicfish_cli.library.undistorting import Plan, dry_run_of, undistort_plan
     from cubicfish_cli.library.views import ViewsBySize
 
+    view, mask = given.view, given.mask
     given.scheduler.check(given.jobs)
-    given.mask.check()
-    given.plane.check(given.view)
-    plan, one = plan_of(given.sources, given.destination, given.view, given.plane)
+    mask.check()
+    given.plane.check(view)
+    in_planes = given.plane.board is not None
+    names = _with_stdin(given.sources)
+    with listening() as listener:
+        plan = Plan.of_names(
+            names,
+            given.destination,
+            view.parts,
+            listed=names != [*given.sources],
+            planes=in_planes,
+            listener=listener,
+        )
     if plan.videos and given.scheduler.address is not None:
         raise click.UsageError("--scheduler is for photos: do videos without it")
     path = options.model_path(given.model)
-    planes: PlanesOfPhotos | None = None
-    views: Views
-    loaded: CameraFile | PointCameraFile
-    if given.plane.board is not None:
-        loaded = load_any_camera(path)
-        views = planes = given.plane.views(loaded, given.crop)
-    else:
-        loaded = central = load_camera(path)
-        views = ViewsBySize(central.camera, given.crop, given.view.chosen)
-    trusted = given.mask.trusted(loaded, path, given.crop)
+    loaded: Any = load_any_camera(path) if in_planes else load_camera(path)
+    planes = given.plane.views(loaded, given.crop) if in_planes else None
+    views = planes or ViewsBySize(loaded.camera, given.crop, view.chosen)
+    trusted = mask.trusted(loaded, path, given.crop)
     plan = plan.free(skip_existing=given.skip_existing, overwrite=given.overwrite)
-    with given.scheduler.connected(needed=bool(plan.jobs) and not given.dry_run) as executor:
+    with (
+        given.scheduler.connected(needed=bool(plan.jobs) and not given.dry_run) as executor,
+        running(jobs=given.jobs, overwrite=given.overwrite, executor=executor) as run,
+    ):
         if planes is not None:
-            _place(planes, [job.source for job in (*plan.jobs, *plan.skipped)], executor)
-        if given.dry_run:
-            found = dry_run_of(plan, views)
-            if given.as_json:
-                print_json({"model": str(path), **found.as_record()})
-            else:
-                _print_dry_run(found)
-            return
-        extras = _extras(
-            plan,
-            views,
-            given.mask.mask,
-            given.camera_out,
-            trusted,
-            given.overwrite,
-            given.skip_existing,
-        )
-        with running(jobs=given.jobs, overwrite=given.overwrite, executor=executor) as run:
-            failures = undistort_plan(
-                plan, views, given.pixels.rendering(), given.encoding.encoding(), run
+            planes.place([job.source for job in (*plan.jobs, *plan.skipped)], run)
+        if not given.dry_run:
+            made = undistort_plan(
+                plan,
+                views,
+                given.pixels.rendering(),
+                given.encoding.encoding(),
+                run,
+                mask=mask.mask,
+                masked=trusted,
+                camera_out=given.camera_out,
+                skip_existing=given.skip_existing,
             )
-    done = plan.done(failures)
-    shown = views.view(done[0].source, plan.size_of(done[0])) if done else None
+    if given.dry_run:
+        found = dry_run_of(plan, views)
+        if given.as_json:
+            print_json({"model": str(path), **found.as_record()})
+        else:
+            _print_dry_run(found)
+        return
     if given.as_json:
-        failed = [failure_record(failure) for failure in failures]
-        record = plan.as_record(done, failed, shown, extra_files=[str(path) for path in extras])
-        print_json({"model": str(path), **record})
+        print_json({"model": str(path), **made.as_record()})
     else:
-        if done or not share_a_reason(failures):  # else the error at the end says it
-            for line in failure_lines(failures, plan.kind):
-                tell(f"failed: {line}")
-        if plan.skipped:
-            say(f"skipped {count(len(plan.skipped), plan.kind)} whose result exists")
-        if shown is not None:
-            files = [path for job in done for path in job.wanted]
-            folder = given.destination.parent if one else given.destination
-            what = f"{count(len(files), 'video' if plan.videos else 'picture')} to {folder}"
-            result(f"wrote {files[0] if one and len(files) == 1 else what}: {shown.describe()}")
-            say_what_is_unseen(views.seen(done[0].source, plan.size_of(done[0])))
-            _warn_of_limit(shown)
-        elif not failures:
-            result("nothing to do")
-        if not failures:
-            print_wrote(extras)
-    _end_with(plan, failures, as_json=given.as_json)
+        _print(made, given.destination)
+    _end_with(plan, made.failures, as_json=given.as_json)
 
 
-def _place(planes: PlanesOfPhotos, photos: Sequence[Path], executor: Executor | None) -> None:
-    missing = planes.without_pose(photos)
-    if missing:
-        say(f"Looking for corners in {count(len(missing), 'photo')} that have no known pose.")
-        with listening() as listener:
-            planes.place(missing, listener.counting("Finding corners"), executor)
+def _with_stdin(sources: Sequence[str]) -> list[str]:
+    """The sources, with the names that stdin lists in the place of '-'."""
+    names: list[str] = []
+    for source in sources:
+        if source == "-":
+            listed = [line.rstrip("\r\n") for line in sys.stdin]
+            names += [name for name in listed if name]
+            if not names:
+                raise click.UsageError("stdin lists no photos: give one name a line")
+        else:
+            names.append(source)
+    return names
 
 
-def _extras(
-    plan: Plan,
-    views: Views,
-    mask: Path | None,
-    camera_out: Path | None,
-    trusted: TrustedWithin | None,
-    overwrite: bool,
-    skip_existing: bool,
-) -> list[Path]:
-    """Write the mask and the virtual camera, which are the same for all photos of one size."""
-    jobs = [*plan.jobs, *plan.skipped]
-    if (mask is None and camera_out is None) or not jobs:
-        return []
-    from cubicfish_cli.errors import ViewError
-    from cubicfish_cli.files import refuse_existing, write_files
-    from cubicfish_cli.undistortion.view_files import view_files
-
-    sizes = {job.source: plan.size_of(job) for job in jobs}
-    if len({views.group(source, size) for source, size in sizes.items()}) > 1:
-        raise ViewError(
-            "these photos have a mask and a virtual camera each, since their sizes or planes "
-            "differ: do them one at a time"
-        )
-    source, size = next(iter(sizes.items()))
-    maps = dict(zip(views.view(source, size).views, views.maps(source, size), strict=True))
-    masked = None if trusted is None else partial(trusted.mask, size=size)
-    files = view_files(maps, mask=mask, beside=camera_out, masked=masked)
-    if skip_existing:
-        files = {path: content for path, content in files.items() if not path.is_file()}
-    refuse_existing(*files, overwrite=overwrite, can_skip=not skip_existing)
-    return write_files(files, overwrite=overwrite)
+def _print(made: Undistorted, destination: Path) -> None:
+    """Print what was written, and on stderr what was not."""
+    plan, failures, files = made.plan, made.failures, made.files
+    if files or not share_a_reason(failures):  # else the error at the end says it
+        for line in failure_lines(failures, plan.kind):
+            tell(f"failed: {line}")
+    if plan.skipped:
+        say(f"skipped {count(len(plan.skipped), plan.kind)} whose result exists")
+    if made.view is not None:
+        folder = destination.parent if plan.one else destination
+        what = f"{count(len(files), 'video' if plan.videos else 'picture')} to {folder}"
+        named = files[0] if plan.one and len(files) == 1 else what
+        result(f"wrote {named}: {made.view.describe()}")
+        say_what_is_unseen(made.seen)
+        _warn_of_limit(made.view)
+    elif not failures:
+        result("nothing to do")
+    if not failures:
+        print_wrote(made.extras)
 
 
 def _print_dry_run(found: DryRun) -> None:

@@ -14,7 +14,6 @@ from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import changed
 from cubicfish_cli.cli.progress import listening
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, tell
-from cubicfish_cli.cli.undistort_sources import refuse_a_file
 from cubicfish_cli.cli.view_options import ViewOptions
 from cubicfish_cli.errors import PhotoError
 
@@ -178,6 +177,7 @@ def _ground_views(
 
 def _outputs(shots: Mapping[str, Shot], destination: Path) -> dict[str, Path]:
     """Where the picture of each shot goes."""
+    from cubicfish_cli.library.undistorting import refuse_a_file
     from cubicfish_cli.photos import shown
 
     if len(shots) > 1:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +12,11 @@ import numpy.typing as npt
 from cubicfish_cli.arrays import Refusal
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.errors import ViewError
-from cubicfish_cli.executors.executor import Executor
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.fitting.statistics import photos_on_record, poses_on_record
 from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
 from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.library.asked import Run
 from cubicfish_cli.library.detection import detect_corners
 from cubicfish_cli.library.views import Size, Views
 from cubicfish_cli.photos import Photo
@@ -26,6 +26,7 @@ from cubicfish_cli.undistortion.frames import Crop, camera_for_photos
 from cubicfish_cli.undistortion.plane import PlaneView, PointProjector, plane_view
 from cubicfish_cli.undistortion.view import matrix_of_rotation
 from cubicfish_cli.wording import did_you_mean, quoted
+from cubicfish_cli.words.codes import Event
 
 _LIMIT = 1e9
 _ROTATION_TOLERANCE = 1e-6
@@ -154,34 +155,26 @@ class PlanesOfPhotos(Views):
         """The photo itself."""
         return source
 
-    def without_pose(self, sources: Sequence[Path]) -> list[Path]:
-        """Photos that the camera's file does not place, and whose corners could."""
-        if not isinstance(self._loaded.camera, CubicCamera):
-            return []
-        return [source for source in sources if source.name not in self._poses]
-
-    def place(
-        self,
-        sources: Sequence[Path],
-        progress: Callable[[int, int], None] | None = None,
-        executor: Executor | None = None,
-    ) -> None:
+    def place(self, sources: Sequence[Path], run: Run) -> None:
         """Find the poses of photos that the camera's file does not place, from corners in them.
 
         Args:
             sources: the photos.
-            progress: called with photos done and all photos.
-            executor: who looks at them instead of processes here.
+            run: how the work is done.
 
         Raises:
             CubicfishError: no corners, or too few, in all of them.
 
         """
         camera = self._loaded.camera
-        if sources and isinstance(camera, CubicCamera):
-            photos = [Photo(name=source.name, path=source) for source in sources]
-            found = detect_corners(photos, self._target, progress=progress, executor=executor)
-            self._poses |= _poses_of(evaluate(camera, found.corners).as_record())
+        missing = [source for source in sources if source.name not in self._poses]
+        if not missing or not isinstance(camera, CubicCamera):
+            return
+        run.listener.tell(Event.WITHOUT_POSE, photos=len(missing))
+        progress = run.listener.counting("Finding corners")
+        photos = [Photo(name=source.name, path=source) for source in missing]
+        found = detect_corners(photos, self._target, progress=progress, executor=run.executor)
+        self._poses |= _poses_of(evaluate(camera, found.corners).as_record())
 
     def chosen(self, source: Path, size: Size) -> tuple[PointProjector, ChosenView]:
         """The board's plane in this photo."""

@@ -3,34 +3,35 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from glob import glob, has_magic
 from pathlib import Path
 from typing import Any
 
-from cubicfish_cli.errors import CubicfishError, OutputError, PhotoError
-from cubicfish_cli.files import refuse_existing
+from cubicfish_cli.errors import CubicfishError, OutputError, UsageError, ViewError
+from cubicfish_cli.files import Content, refuse_existing, write_files
 from cubicfish_cli.formats.calibrated import Calibrated
 from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.library.asked import RUN, Run
+from cubicfish_cli.library.asked import RUN, Run, StrPath, paths_of
+from cubicfish_cli.library.inputs import named_photos
+from cubicfish_cli.library.masks import TrustedWithin
 from cubicfish_cli.library.pictures import Interpolation, rendering_of
 from cubicfish_cli.library.views import Size, Views, ViewsBySize
 from cubicfish_cli.listener import SILENT, Listener
-from cubicfish_cli.photos import find_photos, photo_size, shown
+from cubicfish_cli.photos import SUFFIXES, photo_size, shown
 from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
 from cubicfish_cli.undistortion.batch import FailedPhoto, PhotoJob, undistort_photos
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField
 from cubicfish_cli.undistortion.images import Rendering, check_suffix
 from cubicfish_cli.undistortion.video import Encoding, undistort_video, video_size
 from cubicfish_cli.undistortion.view import Camera, View
-from cubicfish_cli.undistortion.view_files import part_name
+from cubicfish_cli.undistortion.view_files import part_name, view_files
 from cubicfish_cli.undistortion.views import default_view
 from cubicfish_cli.words.codes import Code, Event, Severity
 from cubicfish_cli.words.finding import Finding
-
-StrPath = str | os.PathLike[str]
+from cubicfish_cli.words.phrases import plural
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,12 +42,14 @@ class Plan:
         jobs: the photos or videos.
         videos: whether they are videos.
         skipped: those that are left out, since their results exist.
+        one: whether a single file was named.
 
     """
 
     jobs: Sequence[PhotoJob]
     videos: bool = False
     skipped: Sequence[PhotoJob] = ()
+    one: bool = False
 
     @classmethod
     def of(
@@ -85,6 +88,60 @@ class Plan:
                     )
             jobs.append(PhotoJob(name=name, source=source, outputs=outputs))
         return cls(jobs=jobs, videos=videos)
+
+    @classmethod
+    def of_names(
+        cls,
+        names: Sequence[str],
+        destination: Path,
+        parts: Sequence[str] = ("",),
+        *,
+        to_folder: bool = False,
+        listed: bool = False,
+        planes: bool = False,
+        listener: Listener = SILENT,
+    ) -> Plan:
+        """The photos or videos that names, folders and patterns mean, and what they become.
+
+        Args:
+            names: files, folders and globs.
+            destination: a file for one that is named; of several, a folder.
+            parts: as in :meth:`of`.
+            to_folder: whether it is a folder in any case.
+            listed: whether the names are of a list, which may be long.
+            planes: whether each has a plane of its own.
+            listener: who is told what was passed over.
+
+        Raises:
+            UsageError: photos and videos are mixed, or ``destination`` is none for them.
+            PhotoError: there are none.
+            OutputError: as :meth:`of`.
+
+        """
+        videos, others = videos_among(names)
+        if videos and others:
+            raise UsageError("photos and videos together: do them one after the other")
+        if videos and tuple(parts) != ("",):
+            raise UsageError("a cube of a video is one picture: add --layout cross")
+        if videos and planes:
+            raise UsageError("--plane is for photos, each of which has its own pose")
+        sources = [(path.name, path) for path in videos]
+        sources = sources or [(one.name, one.path) for one in named_photos(names, listener)]
+        alone = not listed and len(sources) == len(names) == 1
+        one = alone and os.fspath(sources[0][1]) == names[0]
+        if not (one or to_folder):
+            refuse_a_file(destination, plural(len(sources), "photo"))
+        ends = os.fspath(destination).endswith(os.sep)
+        to_folder = to_folder or not one or destination.is_dir() or ends
+        if videos and not to_folder and destination.suffix.lower() not in VIDEO_SUFFIXES:
+            name = shown(destination.with_suffix(".mp4"))
+            if not destination.suffix:
+                name, kind = "flat.mp4", f"{shown(destination)}{os.sep} is a folder"
+            else:
+                kind = f"{shown(destination)} is no video"
+            raise UsageError(f"{kind}: name a video such as {name}")
+        plan = cls.of(sources, destination, parts, to_folder=to_folder, videos=bool(videos))
+        return replace(plan, one=one)
 
     @property
     def kind(self) -> str:
@@ -147,15 +204,41 @@ class Undistorted:
     """What became of photos or videos.
 
     Attributes:
-        files: the pictures or videos that were written.
-        skipped: names of those whose result was there already.
-        failed: name -> why it could not be done, in a line.
+        plan: which were to become what.
+        failures: those that could not be done, and why.
+        view: what was rendered of the first; None where none was done.
+        seen: what the camera sees of the view's field; None where it has none.
+        extras: masks and virtual cameras that were written.
 
     """
 
-    files: tuple[Path, ...]
-    skipped: tuple[str, ...]
-    failed: Mapping[str, str]
+    plan: Plan
+    failures: Sequence[FailedPhoto]
+    view: ChosenView | None = None
+    seen: SeenField | None = None
+    extras: Sequence[Path] = ()
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The pictures or videos that were written."""
+        return tuple(path for job in self.plan.done(self.failures) for path in job.wanted)
+
+    @property
+    def skipped(self) -> tuple[str, ...]:
+        """Names of those whose result was there already."""
+        return tuple(job.name for job in self.plan.skipped)
+
+    @property
+    def failed(self) -> dict[str, str]:
+        """Name -> why it could not be done, in a line."""
+        return {failure.job.name: str(failure.error) for failure in self.failures}
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        done = self.plan.done(self.failures)
+        failed = [_failure_record(failure) for failure in self.failures]
+        extras = [str(path) for path in self.extras]
+        return self.plan.as_record(done, failed, self.view, extra_files=extras)
 
 
 def undistort_files(
@@ -196,7 +279,8 @@ def undistort_files(
         The ``files`` that were written, what was ``skipped``, and what ``failed`` and why.
 
     Raises:
-        PhotoError: there are none, or photos and videos are mixed.
+        PhotoError: there are none.
+        UsageError: photos and videos are mixed.
         OutputError: a result exists, and it may be neither replaced nor left; it would replace its
             own photo; or both may be done.
         ViewError: an option is not known.
@@ -205,29 +289,16 @@ def undistort_files(
     rendering = rendering_of(interpolation, border, quality)
     if overwrite and skip_existing:
         raise OutputError("overwrite and skip_existing exclude each other: choose one")
-    given = [photos] if isinstance(photos, str | os.PathLike) else list(photos)
-    videos, others = videos_among([os.fspath(one) for one in given])
-    if videos and others:
-        raise PhotoError("photos and videos together: do them one after the other")
-    sources = [(path.name, path) for path in videos]
-    if not videos:
-        sources = [(photo.name, photo.path) for photo in find_photos(given)]
-    plan = Plan.of(sources, Path(folder), to_folder=True, videos=bool(videos))
+    names = [os.fspath(one) for one in paths_of(photos)]
+    plan = Plan.of_names(names, Path(folder), to_folder=True, listener=listener)
     plan = plan.free(skip_existing=skip_existing, overwrite=overwrite)
 
     def chosen(camera: Camera) -> ChosenView:
         return ChosenView(views={"": default_view(camera) if view is None else view})
 
     own = camera.camera if isinstance(camera, Calibrated) else camera
-    views = ViewsBySize(own, None, chosen)
-    failures = undistort_plan(
-        plan, views, rendering, Encoding(), Run(jobs=jobs, overwrite=overwrite, listener=listener)
-    )
-    return Undistorted(
-        files=tuple(path for job in plan.done(failures) for path in job.wanted),
-        skipped=tuple(job.name for job in plan.skipped),
-        failed={failure.job.name: str(failure.error) for failure in failures},
-    )
+    run = Run(jobs=jobs, overwrite=overwrite, listener=listener)
+    return undistort_plan(plan, ViewsBySize(own, None, chosen), rendering, Encoding(), run)
 
 
 def videos_among(names: Sequence[str]) -> tuple[list[Path], bool]:
@@ -241,13 +312,32 @@ def videos_among(names: Sequence[str]) -> tuple[list[Path], bool]:
     return videos, len(videos) < len(paths)
 
 
+def refuse_a_file(destination: Path, several: str) -> None:
+    """Refuse the name of a file for what becomes a folder.
+
+    Raises:
+        UsageError: it is one.
+
+    """
+    if destination.suffix.lower() in SUFFIXES | VIDEO_SUFFIXES and not destination.is_dir():
+        raise UsageError(
+            f"{shown(destination)} is the name of one file, and {several} become a folder: write "
+            f"{shown(destination.with_suffix(''))}{os.sep}"
+        )
+
+
 def undistort_plan(
     plan: Plan,
     views: Views,
     rendering: Rendering,
-    encoding: Encoding | None = None,
+    encoding: Encoding,
     run: Run = RUN,
-) -> list[FailedPhoto]:
+    *,
+    mask: Path | None = None,
+    masked: TrustedWithin | None = None,
+    camera_out: Path | None = None,
+    skip_existing: bool = False,
+) -> Undistorted:
     """Undistort photos or videos into files; one that fails does not stop the others.
 
     Args:
@@ -256,33 +346,72 @@ def undistort_plan(
         rendering: how pixels are made.
         encoding: of videos.
         run: how the work is done.
-
-    Returns:
-        What failed, in order.
+        mask: also writes where the result may be trusted.
+        masked: says where that is, beside what the camera sees.
+        camera_out: also writes the virtual camera of the result.
+        skip_existing: whether a mask or a virtual camera that is there is left.
 
     Raises:
-        ClusterError: ``executor`` cannot do the work.
+        ClusterError: ``run.executor`` cannot do the work.
+        ViewError: photos that have a mask or a camera each.
+        OutputError: one exists, and may be neither replaced nor left.
 
     """
+    files = _extras(plan, views, mask, masked, camera_out)
+    if skip_existing:
+        files = {path: content for path, content in files.items() if not path.is_file()}
+    refuse_existing(*files, overwrite=run.overwrite, can_skip=not skip_existing)
+    extras = write_files(files, overwrite=run.overwrite)
     if plan.videos:
-        return _videos(plan, views, rendering, encoding, run)
-    failures = undistort_photos(
-        plan.jobs,
-        views.maps,
-        rendering,
-        workers=run.jobs or os.cpu_count() or 1,
-        overwrite=run.overwrite,
-        progress=run.listener.counting("Undistorting"),
-        executor=run.executor,
-    )
-    return failures if run.executor is not None else [*failures, *_gone(plan, failures)]
+        failures = _videos(plan, views, rendering, encoding, run)
+    else:
+        failures = undistort_photos(
+            plan.jobs,
+            views.maps,
+            rendering,
+            workers=run.jobs or os.cpu_count() or 1,
+            overwrite=run.overwrite,
+            progress=run.listener.counting("Undistorting"),
+            executor=run.executor,
+        )
+        if run.executor is None:
+            failures = [*failures, *_gone(plan, failures)]
+    made = Undistorted(plan=plan, failures=failures, extras=extras)
+    for job in plan.done(failures)[:1]:
+        size = plan.size_of(job)
+        view, seen = views.view(job.source, size), views.seen(job.source, size)
+        made = replace(made, view=view, seen=seen)
+    return made
+
+
+def _extras(
+    plan: Plan,
+    views: Views,
+    mask: Path | None,
+    masked: TrustedWithin | None,
+    camera_out: Path | None,
+) -> dict[Path, Content]:
+    """The mask and the virtual camera, which are the same for all photos of one size."""
+    jobs = [*plan.jobs, *plan.skipped]
+    if (mask is None and camera_out is None) or not jobs:
+        return {}
+    sizes = {job.source: plan.size_of(job) for job in jobs}
+    if len({views.group(source, size) for source, size in sizes.items()}) > 1:
+        raise ViewError(
+            "these photos have a mask and a virtual camera each, since their sizes or planes "
+            "differ: do them one at a time"
+        )
+    source, size = next(iter(sizes.items()))
+    maps = dict(zip(views.view(source, size).views, views.maps(source, size), strict=True))
+    trusted = None if masked is None else partial(masked.mask, size=size)
+    return view_files(maps, mask=mask, beside=camera_out, masked=trusted)
 
 
 def _videos(
     plan: Plan,
     views: Views,
     rendering: Rendering,
-    encoding: Encoding | None,
+    encoding: Encoding,
     run: Run,
 ) -> list[FailedPhoto]:
     """One video after the other."""
@@ -322,7 +451,7 @@ def _gone(plan: Plan, failures: Sequence[FailedPhoto]) -> list[FailedPhoto]:
     return lost
 
 
-def failure_record(failure: FailedPhoto) -> dict[str, Any]:
+def _failure_record(failure: FailedPhoto) -> dict[str, Any]:
     """A photo that could not be done, as plain data: a finding, and its name and problem."""
     problem = str(failure.error)
     told = Finding(

@@ -159,6 +159,7 @@ class Event(StrEnum):
     NO_MAP = "no_map"
     NO_PAGE = "no_page"
     PAGE_TOOK = "page_took"
+    WITHOUT_POSE = "without_pose"
     VIDEO_TURNED = "video_turned"
 
     def line(self, **figures: Any) -> str:
