@@ -16,7 +16,7 @@ import click
 from cubicfish_cli.cli.json_keys import keys_of
 from cubicfish_cli.cli.numbers import FloatRange, IntRange
 from cubicfish_cli.errors import CameraFileError, UsageError
-from cubicfish_cli.library.asked import in_folder
+from cubicfish_cli.library.asked import in_folder, rig_in
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -445,15 +445,8 @@ def model_path(given: Path | None) -> Path:
 
 
 def rig_path(given: Path | None) -> Path | None:
-    """The rig's file, where a rig is meant: a rig.yaml, or a folder that has one and no camera."""
-    from cubicfish_cli.formats.rig_yaml import is_rig
-
-    if given is None:
-        return None
-    if given.is_dir():
-        inside, camera = given / "rig.yaml", given / DEFAULT_MODEL.name
-        return inside if inside.is_file() and not camera.exists() else None
-    return given if is_rig(given) else None
+    """The rig's file, where a rig is meant."""
+    return None if given is None else rig_in(given)
 
 
 def _is_named() -> bool:

@@ -169,3 +169,13 @@ def in_folder(path: Path) -> Path:
 def paths_of(given: StrPath | Iterable[StrPath]) -> list[Path]:
     """Names that may come alone or several together."""
     return [Path(given)] if isinstance(given, str | os.PathLike) else list(map(Path, given))
+
+
+def rig_in(path: Path) -> Path | None:
+    """The rig's file, where a rig is meant: a rig.yaml, or a folder that has one and no camera."""
+    from cubicfish_cli.formats.rig_yaml import is_rig
+
+    if path.is_dir():
+        inside, camera = path / "rig.yaml", path / "camera.yaml"
+        return inside if inside.is_file() and not camera.exists() else None
+    return path if is_rig(path) else None

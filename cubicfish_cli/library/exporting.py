@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli import __version__
-from cubicfish_cli.errors import FitError, ViewError
-from cubicfish_cli.files import Content
+from cubicfish_cli.errors import FitError, UsageError, ViewError
+from cubicfish_cli.files import Content, refuse_existing, write_files
 from cubicfish_cli.fitting.conversion.to_lens import Conversion, to_lens
 from cubicfish_cli.fitting.statistics import poses_on_record
 from cubicfish_cli.formats.calibrated import Calibrated
@@ -25,23 +25,29 @@ from cubicfish_cli.formats.camera_format import (
     Pose,
     Poses,
 )
+from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.formats.foreign import (
+    FILE_NAMES,
     FRONT_ONLY,
     LENS_OF,
     OWN_FIELD,
+    RIG_FILE_NAMES,
+    WRITTEN,
     foreign_text,
     rig_texts,
 )
-from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
+from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera, load_rig
 from cubicfish_cli.formats.usd_text import TableCamera, prim_name, usd_text
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import cone_rays
+from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, rig_in
 from cubicfish_cli.library.rig_pictures import rectify
 from cubicfish_cli.listener import Listener
 from cubicfish_cli.rendering.pose import rotation_matrix
 from cubicfish_cli.undistortion.fit import sees
 from cubicfish_cli.undistortion.lens_tables import LensTables, lens_tables
-from cubicfish_cli.undistortion.map_formats import write_float_exr
+from cubicfish_cli.undistortion.map_formats import require_exr, write_float_exr
+from cubicfish_cli.undistortion.maps import build_map, save_map
 from cubicfish_cli.undistortion.views import default_view
 from cubicfish_cli.wording import did_you_mean, quoted
 
@@ -364,3 +370,165 @@ def usd_files(
             }
             files[folder / file] = partial(write_float_exr, channels=planes)
     return {stage: usd_text(placed, METRES.get(units or "")), **files}, made
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ExportedFiles:
+    """What became of :func:`export_files`.
+
+    Attributes:
+        format: the format.
+        files: what was written.
+        record: plain data: what ``cubicfish export --json`` prints.
+        lines: how near it comes, for people.
+        warnings: what is not to be relied on.
+
+    """
+
+    format: str
+    files: list[Path]
+    record: dict[str, Any]
+    lines: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+def export_files(
+    camera: StrPath,
+    to: str,
+    output: StrPath | None = None,
+    *,
+    pair: tuple[str, str] | None = None,
+    max_error: float = 0.5,
+    max_angle_deg: float | None = None,
+    run: Run = RUN,
+) -> ExportedFiles:
+    """Write a camera or a rig for another tool, as ``cubicfish export`` does.
+
+    Args:
+        camera: the file of a camera or a rig, or the folder of that.
+        to: the format: a name of ``cubicfish export --help``.
+        output: where it goes; by default the format's usual name, in the current folder.
+        pair: two cameras of a rig; by default all.
+        max_error: as for :func:`export_camera`.
+        max_angle_deg: likewise.
+        run: how the work is done.
+
+    Raises:
+        UsageError: what is asked does not go together.
+        FitError: there is no such format, or its lens is too far from a camera.
+        CubicfishError: a file cannot be used, or exists and may not be replaced.
+
+    """
+    path = Path(camera)
+    rig = rig_in(path)
+    if rig is not None:
+        return _export_rig(rig, to, output, pair, max_error, max_angle_deg, run)
+    if pair is not None:
+        raise UsageError("--pair names two cameras of a rig: name the rig.yaml")
+    goal = Path(output or FILE_NAMES.get(to, "undistort_map.npz"))
+    if to != "usd":
+        refuse_existing(goal, overwrite=run.overwrite)
+    loaded = load_camera(in_folder(path))
+    if to == "usd":
+        return _export_usd(output, [("camera", loaded.camera, None)], None, max_error, run)
+    if to == "maps":
+        if goal.suffix.lower() != ".npz":
+            raise UsageError(f"{goal}: --to maps writes .npz; 'cubicfish map' writes others")
+        save_map(
+            goal, build_map(loaded.camera, default_view(loaded.camera)), overwrite=run.overwrite
+        )
+        return ExportedFiles(format=to, files=[goal], record={"file": goal, "format": to})
+    run.listener.progress("Fitting the other lens")
+    lens = export_camera(loaded, to, max_error=max_error, max_angle_deg=max_angle_deg)
+    write_files({goal: lens.text}, overwrite=run.overwrite)
+    warning = lens.warning(max_error)
+    return ExportedFiles(
+        format=to,
+        files=[goal],
+        record={"file": goal, "format": to, **lens.as_record()},
+        lines=tuple(
+            _without_matrix(line) if WRITTEN[to].comments else line for line in lens.note[1:]
+        ),
+        warnings=() if warning is None else (warning,),
+    )
+
+
+def _export_rig(
+    path: Path,
+    to: str,
+    output: StrPath | None,
+    pair: tuple[str, str] | None,
+    max_error: float,
+    max_angle_deg: float | None,
+    run: Run,
+) -> ExportedFiles:
+    """Write all cameras of a rig, or two of them, with their places."""
+    rig = load_rig(path)
+    chosen = rig.cameras if pair is None else tuple(map(rig.camera, pair))
+    if to == "usd":
+        placed = [(one.name, one.camera, (one.rotation, one.translation)) for one in chosen]
+        return _export_usd(output, placed, rig.units, max_error, run)
+    if to not in RIG_FILE_NAMES:
+        one = path.parent / rig.cameras[0].path
+        raise UsageError(
+            f"--to {to} holds one camera: name one of the rig's, such as {one}, or choose one of "
+            + ", ".join([*RIG_FILE_NAMES, "usd"])
+        )
+    run.listener.progress("Fitting the other lenses")
+    goal = Path(output or RIG_FILE_NAMES[to])
+    lenses, texts = exported_rig(
+        rig, chosen, to, goal, max_error=max_error, max_angle_deg=max_angle_deg
+    )
+    written = write_files(texts, overwrite=run.overwrite)
+    lines, warnings = [], []
+    for name, lens in lenses.items():
+        lines.append(f"{name}: {lens.note[1]}")
+        lines += [f"  {_without_matrix(line)}" for line in lens.note[2:]]
+        warning = lens.warning(max_error)
+        if warning is not None:
+            warnings.append(f"camera {name}: {warning}")
+    records = [{"name": name, **lens.as_record()} for name, lens in lenses.items()]
+    return ExportedFiles(
+        format=to,
+        files=written,
+        record={"files": written, "format": to, "cameras": records},
+        lines=tuple(lines),
+        warnings=tuple(warnings),
+    )
+
+
+def _export_usd(
+    output: StrPath | None,
+    cameras: Sequence[tuple[str, CubicCamera, Pose | None]],
+    units: str | None,
+    max_error: float,
+    run: Run,
+) -> ExportedFiles:
+    """Write cameras as tables, which hold any lens, into a folder."""
+    folder = Path(output or "usd")
+    paths = usd_paths(folder, [name for name, *_ in cameras])
+    refuse_existing(*paths, overwrite=run.overwrite)
+    require_exr(paths[1])
+    files, made = usd_files(folder, cameras, units, max_error=max_error, listener=run.listener)
+    written = write_files(files, overwrite=run.overwrite)
+    records = [
+        {
+            "name": name,
+            "rms_px": made[name][0].rms_px,
+            "max_px": made[name][0].max_px,
+            "max_angle_deg": camera.max_angle_deg,
+        }
+        for name, camera, _ in cameras
+    ]
+    return ExportedFiles(
+        format="usd",
+        files=written,
+        record={"files": written, "format": "usd", "cameras": records},
+        lines=tuple(f"{name}: {error}" for name, (_, error) in made.items()),
+    )
+
+
+def _without_matrix(line: str) -> str:
+    """A line of the note as it is told: numbers for programs stay in the file."""
+    before, named, _ = line.partition("; lens_from_camera: ")
+    return f"{before}: lens_from_camera is in the file" if named else line
