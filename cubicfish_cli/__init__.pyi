@@ -19,11 +19,11 @@ from cubicfish_cli.library.asked import Run as Run
 from cubicfish_cli.library.calibration import calibrate as calibrate
 from cubicfish_cli.library.calibration import evaluate as evaluate
 from cubicfish_cli.library.calibration import judge as judge
+from cubicfish_cli.library.calibration import save_camera as save_camera
+from cubicfish_cli.library.calibration import save_target as save_target
 from cubicfish_cli.library.calibration import uncertainty as uncertainty
 from cubicfish_cli.library.calibration_files import calibrate_files as calibrate_files
 from cubicfish_cli.library.calibration_files import evaluate_files as evaluate_files
-from cubicfish_cli.library.cameras import save_camera as save_camera
-from cubicfish_cli.library.cameras import save_target as save_target
 from cubicfish_cli.library.detection import detect as detect
 from cubicfish_cli.library.detection_files import detect_files as detect_files
 from cubicfish_cli.library.exporting import export_camera as export_camera
@@ -31,7 +31,6 @@ from cubicfish_cli.library.frames import ChosenFrames as ChosenFrames
 from cubicfish_cli.library.frames import choose_frames as choose_frames
 from cubicfish_cli.library.importing import import_camera as import_camera
 from cubicfish_cli.library.pictures import undistort as undistort
-from cubicfish_cli.library.planes import build_plane as build_plane
 from cubicfish_cli.library.rig_files import calibrate_rig_files as calibrate_rig_files
 from cubicfish_cli.library.rig_files import evaluate_rig_files as evaluate_rig_files
 from cubicfish_cli.library.rig_pictures import rectify as rectify
@@ -44,6 +43,7 @@ from cubicfish_cli.library.simulation import simulate_film as simulate_film
 from cubicfish_cli.library.simulation import simulate_photos as simulate_photos
 from cubicfish_cli.library.target_check import check_target as check_target
 from cubicfish_cli.library.undistorting import undistort_files as undistort_files
+from cubicfish_cli.library.views import build_plane as build_plane
 from cubicfish_cli.listener import Listener as Listener
 from cubicfish_cli.observations import Corners as Corners
 from cubicfish_cli.observations import Correspondences as Correspondences

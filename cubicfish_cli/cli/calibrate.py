@@ -22,11 +22,17 @@ from cubicfish_cli.cli.figures import (
     px,
 )
 from cubicfish_cli.cli.numbers import IntRange
-from cubicfish_cli.cli.options import DEFAULT_MODEL, as_command, option, record, verbosity
+from cubicfish_cli.cli.options import (
+    DEFAULT_MODEL,
+    as_command,
+    option,
+    record,
+    target_options,
+    verbosity,
+)
 from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table, why_lost
 from cubicfish_cli.cli.progress import running
 from cubicfish_cli.cli.report import report_option, say_if_no_page
-from cubicfish_cli.cli.target_choice import target_options
 from cubicfish_cli.cli.terminal import (
     apart,
     detail,

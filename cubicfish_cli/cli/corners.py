@@ -9,8 +9,7 @@ import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.options import as_command, option, record
-from cubicfish_cli.cli.target_choice import needed_target
+from cubicfish_cli.cli.options import as_command, needed_target, option, record
 from cubicfish_cli.cli.terminal import print_json, result, say
 
 if TYPE_CHECKING:

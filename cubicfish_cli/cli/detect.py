@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count, mark_of
-from cubicfish_cli.cli.options import as_command, option, record
+from cubicfish_cli.cli.options import as_command, option, record, target_options
 from cubicfish_cli.cli.photo_table import (
     GOOD,
     PhotoRow,
@@ -15,9 +15,7 @@ from cubicfish_cli.cli.photo_table import (
     lost_word,
     print_photo_table,
 )
-from cubicfish_cli.cli.progress import running, say_found
-from cubicfish_cli.cli.scheduler_options import SchedulerOptions, scheduler_options
-from cubicfish_cli.cli.target_choice import target_options
+from cubicfish_cli.cli.progress import SchedulerOptions, running, say_found, scheduler_options
 from cubicfish_cli.cli.terminal import print_json, result, say
 
 if TYPE_CHECKING:
@@ -64,15 +62,12 @@ def command(given: Asked) -> None:
 
     given.scheduler.check(given.jobs)
     given.target.check()
-    with (
-        given.scheduler.connected() as executor,
-        running(
-            jobs=given.jobs,
-            no_cache=given.no_cache,
-            overwrite=given.overwrite,
-            executor=executor,
-        ) as run,
-    ):
+    with running(
+        jobs=given.jobs,
+        no_cache=given.no_cache,
+        overwrite=given.overwrite,
+        scheduler=given.scheduler,
+    ) as run:
         made = detect_files(given.photos, given.target, given.output, draw=given.draw, run=run)
     detection = made.detection
     if given.as_json:

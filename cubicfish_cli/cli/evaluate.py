@@ -17,10 +17,9 @@ from cubicfish_cli.cli.figures import (
     print_verdict,
     px,
 )
-from cubicfish_cli.cli.options import as_command, record
+from cubicfish_cli.cli.options import as_command, record, target_options
 from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table, why_lost
 from cubicfish_cli.cli.progress import running, say_found
-from cubicfish_cli.cli.target_choice import target_options
 from cubicfish_cli.cli.terminal import print_json, print_table, result, say
 
 if TYPE_CHECKING:

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from cubicfish_cli.cli import options
-from cubicfish_cli.cli.options import as_command, option, record
+from cubicfish_cli.cli.options import as_command, changed, option, record
 from cubicfish_cli.cli.rendering_options import MaskOptions, crop_option, mask_options
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
 from cubicfish_cli.cli.view_options import ViewOptions, say_what_is_unseen, view_options
+from cubicfish_cli.wording import either
 
 if TYPE_CHECKING:
     from cubicfish_cli.undistortion.frames import Crop
-
-SUFFIXES = (".npz", ".exr", ".png", ".pgm")
 
 _HELP = """Write where each pixel of a view comes from in the photo, and the view's camera too.
 
@@ -85,97 +83,80 @@ class Asked:
 )
 def command(given: Asked) -> None:
     """See ``_HELP``."""
-    from cubicfish_cli.files import Content, refuse_existing, write_files
-    from cubicfish_cli.formats.camera_yaml import load_camera
-    from cubicfish_cli.undistortion.frames import camera_for_photos
-    from cubicfish_cli.undistortion.map_formats import (
-        build_redistort_map,
-        ffmpeg_command,
-        map_writer,
-    )
-    from cubicfish_cli.undistortion.maps import build_map
-    from cubicfish_cli.undistortion.view_files import part_name, view_files
+    from cubicfish_cli.library.map_files import MapFormat, map_files, pair_map_files
 
-    suffix = given.output.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise click.UsageError(
-            f"{given.output}: maps are written as {', '.join(SUFFIXES)}: choose a name that ends so"
-        )
-    if given.fixed_point and suffix != ".npz":
-        raise click.UsageError("--fixed-point is for maps in .npz")
-    given.mask.check()
-    if given.redistort and given.mask.mask_limit is not None:
+    view, mask = given.view, given.mask
+    form = MapFormat(
+        output=given.output,
+        fixed_point=given.fixed_point,
+        origin=given.origin,
+        overwrite=given.overwrite,
+    )
+    mask.check()
+    if given.redistort and mask.mask_limit is not None:
         raise click.UsageError(
             "--mask-limit is for the map that undistorts: leave it out, or --redistort"
         )
-    writer = partial(map_writer, fixed_point=given.fixed_point, origin=given.origin)
     if given.rig is not None or given.pair is not None:
         options.refuse_given(
             "is for the map of one camera: leave it out",
-            {
-                "--redistort": given.redistort,
-                "--crop": given.crop,
-                "--mask-limit": given.mask.mask_limit,
-            },
+            {"--redistort": given.redistort, "--crop": given.crop, "--mask-limit": mask.mask_limit},
         )
-        from cubicfish_cli.cli.map_pair import write_pair
-
-        write_pair(
-            given.output,
-            options.rig_file(given.rig),
-            given.pair,
-            given.view,
-            given.photo_size,
-            writer,
-            mask=given.mask.mask,
-            overwrite=given.overwrite,
-            as_json=given.as_json,
+        rig, view = options.rig_file(given.rig), _row_aligned(view)
+        made = pair_map_files(
+            rig,
+            form,
+            view.chosen,
+            pair=given.pair,
+            photo_size=given.photo_size,
+            whole_field=view.leaves_field_open and view.kind == "epipolar-equirectangular",
+            mask=mask.mask,
         )
-        return
-    parts = {part: writer(part_name(given.output, part)) for part in given.view.parts}
-    own = [path for paths, _ in parts.values() for path in paths]
-    refuse_existing(*own, overwrite=given.overwrite)
-    camera_file = options.model_path(given.model)
-    loaded = load_camera(camera_file)
-    size = given.photo_size or (
-        (given.crop.width, given.crop.height) if given.crop else loaded.camera.image_size
-    )
-    camera = camera_for_photos(loaded.camera, size, given.crop)
-    trusted = given.mask.trusted(loaded, camera_file, given.crop)
-    masked = None if trusted is None else partial(trusted.mask, size=size)
-    chosen = given.view.chosen(camera)
-    maps = {
-        part: build_redistort_map(camera, one) if given.redistort else build_map(camera, one)
-        for part, one in chosen.views.items()
-    }
-    files: dict[Path, Content] = {
-        path: partial(write, index, maps[part])
-        for part, (paths, write) in parts.items()
-        for index, path in enumerate(paths)
-    }
-    files |= view_files(maps, mask=given.mask.mask, beside=given.output, masked=masked)
-    written = write_files(files, overwrite=given.overwrite)
-    ffmpeg = [ffmpeg_command(*paths) for paths, _ in parts.values()] if suffix == ".pgm" else []
+    else:
+        made = map_files(
+            options.model_path(given.model),
+            form,
+            view.chosen,
+            parts=view.parts,
+            photo_size=given.photo_size,
+            crop=given.crop,
+            redistort=given.redistort,
+            mask=mask.mask,
+            mask_limit=mask.mask_limit,
+        )
     if given.as_json:
-        print_json(
-            {
-                "model": str(camera_file),
-                "files": own,
-                "extra_files": [path for path in written if path not in own],
-                "image_size": size,
-                "view": chosen.as_record(),
-                "ffmpeg": ffmpeg,
-            }
-        )
+        print_json(made.as_record())
         return
-    result(f"wrote {written[0]}: {chosen.describe()}")
-    if not given.redistort:
-        say_what_is_unseen(chosen.seen_by(camera))
-    print_wrote(written[1:])
-    for line in ffmpeg:
+    result(f"wrote {made.written[0]}: {made.view.describe()}")
+    say_what_is_unseen(made.seen)
+    print_wrote(made.written[1:])
+    if made.stereo is not None:
+        unit = f" {made.stereo['units']}" if made.stereo["units"] else ""
+        result(f"baseline {made.stereo['baseline']:.3f}{unit}; {made.stereo['depth']}")
+    for line in made.ffmpeg:
         result(f"apply it with: {line}", whole=True)
-    if ffmpeg:
+    if made.ffmpeg:
         say(
             "note: ffmpeg's remap takes the nearest pixel, so edges are jagged: 'cubicfish "
             "undistort in.mp4 out.mp4' interpolates"
         )
+
+
+def _row_aligned(view: ViewOptions) -> ViewOptions:
+    """What was asked of a picture, as of one whose rows agree with another camera's."""
+    from cubicfish_cli.undistortion.stereo import ROW_ALIGNED
+
+    yaw, _, roll = view.rotate
+    if yaw or roll:
+        raise click.UsageError(
+            "rows of both pictures agree as long as they look up or down only: write --rotate "
+            "0,PITCH,0"
+        )
+    if view.kind in ("cylindrical", "equirectangular"):
+        view = changed(view, kind=f"epipolar-{view.kind}")
+    if view.kind not in ROW_ALIGNED:
+        kinds = either([kind.removeprefix("epipolar-") for kind in ROW_ALIGNED])
+        raise click.UsageError(
+            f"rows of {view.kind} pictures do not agree between cameras: choose --view {kinds}"
+        )
+    return view

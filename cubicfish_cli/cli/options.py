@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import functools
+import re
 import shlex
 import sys
+import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
+from string import Template
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
-from cubicfish_cli.cli.json_keys import keys_of
 from cubicfish_cli.cli.numbers import FloatRange, IntRange
 from cubicfish_cli.errors import CameraFileError, UsageError
-from cubicfish_cli.library.asked import in_folder, rig_in
+from cubicfish_cli.library.asked import TargetSource, in_folder, rig_in
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -32,6 +34,7 @@ _CHANGES_NO_CAMERA = {
 DEBUG_KEY = "cubicfish.debug"
 VERBOSITY_KEY = "cubicfish.verbosity"
 DEFAULT_MODEL = Path("calibration") / "camera.yaml"
+DEFAULT_TARGET = Path("target.yaml")
 DEFAULT_RIG = Path("rig") / "rig.yaml"
 
 FILE = click.Path(path_type=Path)
@@ -307,6 +310,72 @@ target_option = option(
     FILE,
 )
 
+
+def _counts(text: str) -> tuple[int, int]:
+    """``9x6`` -> (9, 6)."""
+    match = re.fullmatch(r"\s*([0-9]{1,3})\s*[xX×]\s*([0-9]{1,3})\s*", text)
+    columns, rows = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not (2 <= columns <= 100 and 2 <= rows <= 100):
+        raise ValueError(f"{text!r} is not two numbers from 2 to 100, such as 9x6")
+    return columns, rows
+
+
+COUNTS = Parsed("COLUMNSxROWS", _counts)
+
+
+def _choice(target: Path | None, board: tuple[int, int] | None, square: str | None) -> TargetSource:
+    if board is None:
+        if square is not None:
+            raise click.UsageError("--square is of --board: add --board 9x6 (inner corners)")
+        return TargetSource(path=target_path(target), told=target is None)
+    if target is not None:
+        raise click.UsageError("--target says what the target is: leave --board out, or --target")
+    if square is None:
+        raise click.UsageError("--board needs the side of its squares: add --square 25mm")
+    from cubicfish_cli.printing.paper import length_mm
+
+    return TargetSource(counts=board, square=length_mm(square))
+
+
+target_options = bundle(
+    _choice,
+    target_option,
+    option(
+        "--board",
+        "In the place of a target.yaml: one flat checkerboard of so many inner corners "
+        "(squares less one), such as 9x6.",
+        COUNTS,
+    ),
+    option("--square LENGTH", "Side of the squares of --board: 30mm, 3cm, 1.25in."),
+)
+"""``--target``, or ``--board`` and ``--square``: one :class:`TargetSource` as ``target``."""
+
+
+def target_path(given: Path | None) -> Path | None:
+    """The file that was named, else ./target.yaml; None where it is not there."""
+    return given or (DEFAULT_TARGET if DEFAULT_TARGET.is_file() else None)
+
+
+def needed_target(given: Path | None) -> Path:
+    """The object's file, by default ./target.yaml, for commands that need one.
+
+    Raises:
+        click.UsageError: none was named, and none is there.
+
+    """
+    path = target_path(given)
+    if path is None:
+        raise click.UsageError(
+            "name the calibration target with --target target.yaml: there is no ./target.yaml, and "
+            "'cubicfish target print' makes one"
+        )
+    if given is None:
+        from cubicfish_cli.cli.terminal import say
+
+        say(f"Target: {path}.")
+    return path
+
+
 model_option = option(
     "-m --model FILE",
     "The camera: its file, or the folder that calibrate wrote. [default: "
@@ -336,6 +405,17 @@ class JsonOption(click.Option):
     def __init__(self, *args: Any, keys: Mapping[str, str], **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.keys = dict(keys)
+
+
+@functools.cache
+def _json_keys() -> Mapping[str, Mapping[str, str]]:
+    return tomllib.loads(Path(__file__).with_name("json_keys.toml").read_text(encoding="utf-8"))
+
+
+def keys_of(command: str) -> Mapping[str, str]:
+    """Key -> meaning of what a command prints with ``--json``, as ``json_keys.toml`` has it."""
+    data = _json_keys()
+    return {key: Template(text).substitute(data["parts"]) for key, text in data[command].items()}
 
 
 def json_option(command: str) -> Any:

@@ -8,12 +8,16 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from threading import Timer
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from cubicfish_cli.cli.cache_folder import cache_folder
-from cubicfish_cli.cli.options import verbosity
+from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.numbers import FloatRange
+from cubicfish_cli.cli.options import bundle, option, record, verbosity
 from cubicfish_cli.cli.streams import ERRORS, can_redraw
 from cubicfish_cli.cli.terminal import detail, say
 from cubicfish_cli.library.asked import Run
@@ -76,16 +80,78 @@ def listening() -> Iterator[Listener]:
         yield _Shown(stack)
 
 
+@record
+class SchedulerOptions:
+    """Where the work is done; ``address`` is None for this machine."""
+
+    address: str | None = option(
+        "--scheduler ADDRESS",
+        "Have the work done by the dask workers of tcp://HOST:8786, which must see the "
+        "same files under the same names (a shared file system). Only use a scheduler that "
+        "you trust. Needs pip install 'cubicfish[scale]'.",
+    )
+    wait_s: float | None = option(
+        "--wait SECONDS",
+        "How long to wait while the scheduler has no worker. [default: 60]",
+        FloatRange(min=0, max=1_000_000),
+    )
+
+    def check(self, jobs: int | None) -> None:
+        """Refuse what does not go together."""
+        if self.address is None and self.wait_s is not None:
+            raise click.UsageError("--wait goes with --scheduler")
+        if self.address is not None and jobs is not None:
+            raise click.UsageError(
+                "--jobs is for this machine: with --scheduler, 'dask worker --nthreads' says how "
+                "many photos each worker does at a time"
+            )
+
+    @contextmanager
+    def connected(self, *, needed: bool = True) -> Iterator[Executor | None]:
+        """The cluster's workers while the block runs; None where the work is done here.
+
+        Args:
+            needed: whether there is work at all.
+
+        Raises:
+            ClusterError: they cannot be used.
+
+        """
+        if self.address is None or not needed:
+            yield None
+            return
+        from cubicfish_cli.executors.cluster.connection import WAIT_S, connect
+
+        with connect(self.address, wait_s=WAIT_S if self.wait_s is None else self.wait_s) as there:
+            threads = count(there.threads, "thread")
+            say(f"Using {count(there.workers, 'worker')} with {threads} at {self.address}.")
+            yield there
+
+
+scheduler_options = bundle(SchedulerOptions)
+
+
 @contextmanager
 def running(
     *,
     jobs: int | None = None,
     no_cache: bool = False,
     overwrite: bool = False,
-    executor: Executor | None = None,
+    scheduler: SchedulerOptions | None = None,
+    needed: bool = True,
 ) -> Iterator[Run]:
-    """How the library is to work while the block runs, with what it tells shown."""
-    with listening() as listener:
+    """How the library is to work while the block runs, with what it tells shown.
+
+    Args:
+        jobs: photos to work on at a time.
+        no_cache: whether nothing that was found before is used.
+        overwrite: whether files may be replaced.
+        scheduler: where the work is done.
+        needed: whether there is work for it at all.
+
+    """
+    there = nullcontext() if scheduler is None else scheduler.connected(needed=needed)
+    with there as executor, listening() as listener:
         yield Run(
             jobs=jobs,
             cache=cache_folder(),

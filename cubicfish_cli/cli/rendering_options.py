@@ -13,7 +13,7 @@ from cubicfish_cli.cli.options import FILE, Parsed, bundle, option, record
 
 if TYPE_CHECKING:
     from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
-    from cubicfish_cli.library.masks import TrustedWithin
+    from cubicfish_cli.library.views import TrustedWithin
     from cubicfish_cli.undistortion.frames import Crop
     from cubicfish_cli.undistortion.images import Rendering
     from cubicfish_cli.undistortion.video import Encoding
@@ -107,7 +107,7 @@ class MaskOptions:
         """
         if self.mask_limit is None:
             return None
-        from cubicfish_cli.library.masks import TrustedWithin
+        from cubicfish_cli.library.views import TrustedWithin
 
         return TrustedWithin(self.mask_limit, loaded, path, crop)
 

@@ -10,10 +10,9 @@ from cubicfish_cli.cli import options
 from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.figures import count, hold_gate, mark_of, print_errors, print_verdict, px
 from cubicfish_cli.cli.numbers import IntRange, Seconds
-from cubicfish_cli.cli.options import FILE, as_command, option, record
+from cubicfish_cli.cli.options import FILE, as_command, option, record, target_options
 from cubicfish_cli.cli.progress import running
 from cubicfish_cli.cli.report import report_option
-from cubicfish_cli.cli.target_choice import target_options
 from cubicfish_cli.cli.terminal import apart, print_json, print_table, print_wrote, result, say
 from cubicfish_cli.films import MOST
 

@@ -9,9 +9,8 @@ import click
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange, IntRange
-from cubicfish_cli.cli.options import as_command, option, record
+from cubicfish_cli.cli.options import as_command, needed_target, option, record
 from cubicfish_cli.cli.progress import listening, working
-from cubicfish_cli.cli.target_choice import needed_target
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
 
 # The names of rendering.simulate.FORMATS, here so that --help need not load numpy.

@@ -12,9 +12,8 @@ import click
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.options import as_command, option, record
+from cubicfish_cli.cli.options import COUNTS, as_command, option, record
 from cubicfish_cli.cli.progress import working
-from cubicfish_cli.cli.target_choice import COUNTS
 from cubicfish_cli.cli.terminal import print_json, print_table, result, say
 
 if TYPE_CHECKING:

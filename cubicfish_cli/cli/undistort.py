@@ -12,7 +12,12 @@ import click
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import as_command, option, record
-from cubicfish_cli.cli.progress import listening, running
+from cubicfish_cli.cli.progress import (
+    SchedulerOptions,
+    listening,
+    running,
+    scheduler_options,
+)
 from cubicfish_cli.cli.rendering_options import (
     EncodingOptions,
     MaskOptions,
@@ -22,9 +27,7 @@ from cubicfish_cli.cli.rendering_options import (
     mask_options,
     rendering_options,
 )
-from cubicfish_cli.cli.scheduler_options import SchedulerOptions, scheduler_options
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say, tell
-from cubicfish_cli.cli.undistort_failures import ending, failure_lines, share_a_reason
 from cubicfish_cli.cli.view_options import (
     PlaneOptions,
     RigOptions,
@@ -34,12 +37,16 @@ from cubicfish_cli.cli.view_options import (
     say_what_is_unseen,
     view_options,
 )
+from cubicfish_cli.errors import OutputError, PhotoError
 
 if TYPE_CHECKING:
     from cubicfish_cli.library.undistorting import DryRun, Plan, Undistorted
     from cubicfish_cli.undistortion.batch import FailedPhoto
     from cubicfish_cli.undistortion.choose import ChosenView
     from cubicfish_cli.undistortion.frames import Crop
+
+
+_MOST_NAMES = 10
 
 
 @record
@@ -161,10 +168,12 @@ def command(given: Asked) -> None:
     views = planes or ViewsBySize(loaded.camera, given.crop, view.chosen)
     trusted = mask.trusted(loaded, path, given.crop)
     plan = plan.free(skip_existing=given.skip_existing, overwrite=given.overwrite)
-    with (
-        given.scheduler.connected(needed=bool(plan.jobs) and not given.dry_run) as executor,
-        running(jobs=given.jobs, overwrite=given.overwrite, executor=executor) as run,
-    ):
+    with running(
+        jobs=given.jobs,
+        overwrite=given.overwrite,
+        scheduler=given.scheduler,
+        needed=bool(plan.jobs) and not given.dry_run,
+    ) as run:
         if planes is not None:
             planes.place([job.source for job in (*plan.jobs, *plan.skipped)], run)
         if not given.dry_run:
@@ -210,8 +219,8 @@ def _with_stdin(sources: Sequence[str]) -> list[str]:
 def _print(made: Undistorted, destination: Path) -> None:
     """Print what was written, and on stderr what was not."""
     plan, failures, files = made.plan, made.failures, made.files
-    if files or not share_a_reason(failures):  # else the error at the end says it
-        for line in failure_lines(failures, plan.kind):
+    if files or not _share_a_reason(failures):  # else the error at the end says it
+        for line in _failure_lines(failures, plan.kind):
             tell(f"failed: {line}")
     if plan.skipped:
         say(f"skipped {count(len(plan.skipped), plan.kind)} whose result exists")
@@ -249,7 +258,7 @@ def _print_dry_run(found: DryRun) -> None:
             result(f"  kept field    {100 * group.kept_share:.1f} % of what the camera sees")
         result(f"  empty pixels  {100 * group.empty_share:.1f} %")
         _warn_of_limit(group.view)
-    for line in failure_lines(found.bad, plan.kind):
+    for line in _failure_lines(found.bad, plan.kind):
         say(f"would fail: {line}")
 
 
@@ -271,13 +280,75 @@ def _end_with(plan: Plan, failures: Sequence[FailedPhoto], *, as_json: bool) -> 
         as_json: whether the reasons went to stdout.
 
     """
-    from cubicfish_cli.errors import PhotoError
-
     if not failures:
         return
     if len(plan.jobs) == 1:
         raise failures[0].error
     told_in: str | None = "in the JSON" if as_json else "above"
-    if not as_json and len(failures) == len(plan.jobs) and share_a_reason(failures):
+    if not as_json and len(failures) == len(plan.jobs) and _share_a_reason(failures):
         told_in = None
-    raise PhotoError(ending(failures, len(plan.jobs), plan.kind, told_in=told_in))
+    raise PhotoError(_ending(failures, len(plan.jobs), plan.kind, told_in=told_in))
+
+
+def _failure_lines(failures: Sequence[FailedPhoto], kind: str) -> list[str]:
+    """A line for each reason, and for which photos it holds.
+
+    Args:
+        failures: photos, and why.
+        kind: what they are, in a word.
+
+    """
+    return [
+        str(own[0].error) if len(own) == 1 else f"{_several(own, kind)}: {reason}"
+        for reason, own in _by_reason(failures).items()
+    ]
+
+
+def _ending(failures: Sequence[FailedPhoto], total: int, kind: str, *, told_in: str | None) -> str:
+    """What a run says at its end: how many failed, where the reasons are, and what is done.
+
+    Args:
+        failures: photos, and why; one at least.
+        total: how many there were.
+        kind: what they are, in a word.
+        told_in: where the reasons are, None where they are still to be told.
+
+    """
+    done = total - len(failures)
+    if not done:
+        reasons = list(_by_reason(failures))
+        why = reasons[0] if told_in is None and len(reasons) == 1 else f"the reasons are {told_in}"
+        return f"none of {count(total, kind)} could be undistorted: {why}"
+    rest = "the other is done" if done == 1 else f"the other {done:,} are done"
+    why = f"{'the reason is' if len(failures) == 1 else 'the reasons are'} {told_in}"
+    return f"{len(failures):,} of {count(total, kind)} could not be undistorted: {why}, {rest}"
+
+
+def _share_a_reason(failures: Sequence[FailedPhoto]) -> bool:
+    """Whether one sentence is true of all of them."""
+    return len(_by_reason(failures)) == 1
+
+
+def _by_reason(failures: Sequence[FailedPhoto]) -> dict[str, list[FailedPhoto]]:
+    groups: dict[str, list[FailedPhoto]] = {}
+    for failure in failures:
+        groups.setdefault(_reason(failure), []).append(failure)
+    return groups
+
+
+def _reason(failure: FailedPhoto) -> str:
+    """Why, without what is the photo's own: "each is empty: ..." for "a.png is empty: ..."."""
+    error = failure.error
+    if not error.about:
+        return str(error)
+    text = f"{error.what}: {error.do}" if error.do else error.what
+    if error.apart:
+        return text
+    return f"{'each result' if isinstance(error, OutputError) else 'each'} {text}"
+
+
+def _several(failures: Sequence[FailedPhoto], kind: str) -> str:
+    names = [failure.job.name for failure in failures]
+    listed = ", ".join(names[:_MOST_NAMES])
+    more = f" and {len(names) - _MOST_NAMES:,} more" * (len(names) > _MOST_NAMES)
+    return f"{count(len(names), kind)} ({listed}{more})"

@@ -9,14 +9,22 @@ from typing import TYPE_CHECKING
 import click
 
 from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import FILE, SIZE, Parsed, bundle, option, record, rig_option
-from cubicfish_cli.cli.target_choice import target_path
+from cubicfish_cli.cli.options import (
+    FILE,
+    SIZE,
+    Parsed,
+    bundle,
+    option,
+    record,
+    rig_option,
+    target_path,
+)
 from cubicfish_cli.cli.terminal import say
 from cubicfish_cli.wording import either
 
 if TYPE_CHECKING:
     from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
-    from cubicfish_cli.library.planes import PlanesOfPhotos
+    from cubicfish_cli.library.views import PlanesOfPhotos
     from cubicfish_cli.target import Target
     from cubicfish_cli.undistortion.choose import ChosenView, SeenField
     from cubicfish_cli.undistortion.frames import Crop
@@ -279,7 +287,7 @@ class PlaneOptions:
 
         """
         from cubicfish_cli.errors import ViewError
-        from cubicfish_cli.library.planes import PlanesOfPhotos
+        from cubicfish_cli.library.views import PlanesOfPhotos
 
         target = self.loaded()
         try:

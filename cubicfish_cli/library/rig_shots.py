@@ -12,8 +12,8 @@ import numpy as np
 from cubicfish_cli.errors import CubicfishError, ViewError
 from cubicfish_cli.files import refuse_existing, write_files
 from cubicfish_cli.formats.rig_yaml import RigFile
-from cubicfish_cli.library.planes import board_with_plane
 from cubicfish_cli.library.rig_pictures import Face, faces_of, faces_texts
+from cubicfish_cli.library.views import board_with_plane
 from cubicfish_cli.photos import decode_picture, photo_size, read_file
 from cubicfish_cli.target import Target
 from cubicfish_cli.undistortion.choose import ChosenView

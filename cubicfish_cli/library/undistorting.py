@@ -16,9 +16,8 @@ from cubicfish_cli.formats.calibrated import Calibrated
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.asked import RUN, Run, StrPath, paths_of
 from cubicfish_cli.library.inputs import named_photos
-from cubicfish_cli.library.masks import TrustedWithin
 from cubicfish_cli.library.pictures import Interpolation, rendering_of
-from cubicfish_cli.library.views import Size, Views, ViewsBySize
+from cubicfish_cli.library.views import Size, TrustedWithin, Views, ViewsBySize
 from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.photos import SUFFIXES, photo_size, shown
 from cubicfish_cli.picture_headers import VIDEO_SUFFIXES

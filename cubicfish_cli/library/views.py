@@ -1,20 +1,40 @@
-"""What is rendered of each of many photos: here one view for all of a size."""
+"""What is rendered of each of many photos, and where it may be trusted."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.arrays import Refusal
+from cubicfish_cli.assess.field_uncertainty import sigma_at
+from cubicfish_cli.boards.board import Board
+from cubicfish_cli.errors import CameraFileError, ViewError
+from cubicfish_cli.fitting.evaluate import evaluate
+from cubicfish_cli.fitting.statistics import photos_on_record, poses_on_record
+from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
 from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.library.asked import Run
+from cubicfish_cli.library.detection import detect_corners
+from cubicfish_cli.photos import Photo
+from cubicfish_cli.target import Target
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField
-from cubicfish_cli.undistortion.frames import Crop, camera_for_photos
+from cubicfish_cli.undistortion.frames import Crop, calibrated_pixels, camera_for_photos
 from cubicfish_cli.undistortion.maps import UndistortMap, build_map
-from cubicfish_cli.undistortion.view import Camera
+from cubicfish_cli.undistortion.plane import PlaneView, PointProjector, plane_view
+from cubicfish_cli.undistortion.view import Camera, matrix_of_rotation
+from cubicfish_cli.wording import did_you_mean, quoted
+from cubicfish_cli.words.codes import Event
 
 Size = tuple[int, int]
+_PIXELS_A_BLOCK = 262_144  # bounds the memory that a large picture takes
+_LIMIT = 1e9
+_ROTATION_TOLERANCE = 1e-6
 
 
 class Views(ABC):
@@ -90,3 +110,268 @@ class ViewsBySize(Views):
             if size not in self._made:
                 self._made[size] = super().maps(source, size)
             return self._made[size]
+
+
+def build_plane(
+    camera: PointProjector,
+    target: Target,
+    board: str,
+    rotation: npt.ArrayLike,
+    translation: npt.ArrayLike,
+    *,
+    pixels_per_unit: float | None = None,
+    margin: float | None = None,
+) -> PlaneView:
+    """The plane of a board, seen squarely from its front, as ``undistort --plane`` renders it.
+
+    Args:
+        camera: the camera that took the photo.
+        target: the object.
+        board: the name of one of its boards, a grid.
+        rotation: (3, 3) of ``camera_from_world`` of this photo.
+        translation: (3,) of the same, in the target's unit.
+        pixels_per_unit: the picture's scale; by default the largest that the photo has there.
+        margin: how far the picture goes on beyond the outer corners, in the target's unit; by
+            default a square.
+
+    Raises:
+        ViewError: there is no such board, it has no plane, the pose is none, or the camera does
+            not see the plane from its front.
+
+    """
+    refusal = Refusal(error=ViewError)
+    turn = refusal.numbers(rotation, "rotation", 3, limit=_LIMIT)
+    if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), atol=_ROTATION_TOLERANCE):
+        raise ViewError("rotation is no rotation matrix (3, 3)")
+    place = refusal.numbers([np.asarray(translation)], "translation", 3, limit=_LIMIT)[0]
+    return plane_of(
+        camera,
+        board_with_plane(target, board),
+        turn,
+        place,
+        pixels_per_unit=pixels_per_unit,
+        margin=margin,
+    )
+
+
+def board_with_plane(target: Target, name: str) -> Board:
+    """A board of a target, by its name.
+
+    Raises:
+        ViewError: there is none, or it has no plane.
+
+    """
+    names = {board.name: board for board in target.boards}
+    if name not in names:
+        raise ViewError(
+            f"the target has no board {quoted(name)}: {did_you_mean(name, sorted(names))}"
+        )
+    if names[name].points is not None:
+        raise ViewError(
+            f"board {quoted(name)} is a list of points and has no plane: name a board with a grid"
+        )
+    return names[name]
+
+
+def plane_of(
+    camera: PointProjector,
+    board: Board,
+    rotation: npt.NDArray[np.float64],
+    translation: npt.NDArray[np.float64],
+    *,
+    pixels_per_unit: float | None,
+    margin: float | None,
+) -> PlaneView:
+    """See :func:`build_plane`."""
+    corners = board.plane_points([0, board.columns - 1], [0, board.rows - 1])
+    beyond = board.square if margin is None else margin
+    return plane_view(
+        camera,
+        origin=rotation @ np.asarray(board.origin) + translation,
+        x_axis=rotation @ np.asarray(board.x_axis),
+        y_axis=rotation @ np.asarray(board.y_axis),
+        low=corners[0] - beyond,
+        high=corners[1] + beyond,
+        pixels_a_unit=pixels_per_unit,
+    )
+
+
+class PlanesOfPhotos(Views):
+    """A board's plane, whose place is another one in each photo."""
+
+    def __init__(
+        self,
+        loaded: CameraFile | PointCameraFile,
+        crop: Crop | None,
+        target: Target,
+        board: str,
+        *,
+        pixels_per_unit: float | None = None,
+        margin: float | None = None,
+    ) -> None:
+        """Prepare for the board of a target.
+
+        Args:
+            loaded: the camera, and the poses of the photos that it was calibrated from.
+            crop: the part of the calibrated photos that the photos show.
+            target: the object.
+            board: name of one of its boards.
+            pixels_per_unit: as in :func:`build_plane`.
+            margin: likewise.
+
+        Raises:
+            ViewError: it has no such board, or the board has no plane.
+
+        """
+        self._loaded, self._crop, self._target = loaded, crop, target
+        self._board = board_with_plane(target, board)
+        self._scale, self._margin = pixels_per_unit, margin
+        self._poses = _poses_of(loaded.fit)
+        self._photos = {
+            Path(str(record.get("image"))).name for record in photos_on_record(loaded.fit)
+        }
+
+    def group(self, source: Path, size: Size) -> Hashable:
+        """The photo itself."""
+        return source
+
+    def place(self, sources: Sequence[Path], run: Run) -> None:
+        """Find the poses of photos that the camera's file does not place, from corners in them.
+
+        Args:
+            sources: the photos.
+            run: how the work is done.
+
+        Raises:
+            CubicfishError: no corners, or too few, in all of them.
+
+        """
+        camera = self._loaded.camera
+        missing = [source for source in sources if source.name not in self._poses]
+        if not missing or not isinstance(camera, CubicCamera):
+            return
+        run.listener.tell(Event.WITHOUT_POSE, photos=len(missing))
+        progress = run.listener.counting("Finding corners")
+        photos = [Photo(name=source.name, path=source) for source in missing]
+        found = detect_corners(photos, self._target, progress=progress, executor=run.executor)
+        self._poses |= _poses_of(evaluate(camera, found.corners).as_record())
+
+    def chosen(self, source: Path, size: Size) -> tuple[PointProjector, ChosenView]:
+        """The board's plane in this photo."""
+        camera, rotation, translation = self._placed(source, size)
+        plane = plane_of(
+            camera,
+            self._board,
+            rotation,
+            translation,
+            pixels_per_unit=self._scale,
+            margin=self._margin,
+        )
+        return camera, ChosenView(views={"": plane}, unit=self._target.units)
+
+    def kept_share(self, source: Path, size: Size) -> None:
+        """A plane is not about directions."""
+
+    def seen(self, source: Path, size: Size) -> None:
+        """Nor has it a field."""
+
+    def _placed(self, source: Path, size: Size) -> tuple[PointProjector, Any, Any]:
+        """A camera, and the rotation and the translation from the world to its frame."""
+        camera = self._loaded.camera
+        if not isinstance(camera, CubicCamera):
+            if size != camera.image_size:
+                raise ViewError(
+                    "a camera of lift 'point' takes photos of its own size only, "
+                    f"{camera.image_size[0]}x{camera.image_size[1]}"
+                )
+            if camera.frame == "world":
+                if self._photos and source.name not in self._photos:
+                    raise ViewError(
+                        "this camera of lift 'point' holds for the one photo that it was fitted "
+                        f"to, {min(self._photos)}: use that, or a camera of lift 'ray'"
+                    )
+                return camera, np.eye(3), np.zeros(3)
+        if source.name not in self._poses:
+            raise ViewError(
+                "nothing is known of where this photo was taken: it has no pose in the camera "
+                "file and no board was found in it"
+            )
+        vector, translation = self._poses[source.name]
+        if isinstance(camera, CubicCamera):
+            camera = camera_for_photos(camera, size, self._crop)
+        return camera, matrix_of_rotation(vector), translation
+
+
+def _poses_of(fit: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
+    """Rotation vector and translation by the photo's file name, without folders."""
+    return {Path(name).name: pose for name, pose in poses_on_record(fit).items()}
+
+
+class TrustedWithin:
+    """Says of each pixel of a map whether the camera may be trusted there to so many pixels."""
+
+    def __init__(
+        self, limit: float, loaded: CameraFile | PointCameraFile, path: Path, crop: Crop | None
+    ) -> None:
+        """Prepare for a camera.
+
+        Args:
+            limit: the largest uncertainty, pixels of the photo as calibrated.
+            loaded: the camera's file.
+            path: where that is, for messages.
+            crop: what part of the calibrated photo photos show.
+
+        Raises:
+            CameraFileError: it holds no uncertainty that can be used.
+
+        """
+        self._limit, self._record, self._crop = limit, _uncertainty_of(loaded, path), crop
+        self._size = loaded.camera.image_size
+
+    def mask(self, made: UndistortMap, size: tuple[int, int]) -> npt.NDArray[np.bool_]:
+        """Where the map is valid and the uncertainty is known and within, (H, W).
+
+        Args:
+            made: the map.
+            size: (width, height) of the photos that it is for.
+
+        """
+        within = np.zeros_like(made.valid)
+        rows_a_block = max(1, _PIXELS_A_BLOCK // made.valid.shape[1])
+        for top in range(0, len(made.valid), rows_a_block):
+            rows = slice(top, top + rows_a_block)
+            valid = made.valid[rows]
+            pixel = np.stack([made.map_x[rows][valid], made.map_y[rows][valid]], axis=-1)
+            source = calibrated_pixels(pixel.astype(float), self._size, size, self._crop)
+            # A comparison with NaN, where nothing is known, is false.
+            within[rows][valid] = sigma_at(self._record, source) <= self._limit
+        return within
+
+
+def _uncertainty_of(loaded: CameraFile | PointCameraFile, path: Path) -> dict[str, Any]:
+    """The uncertainty over the photo that a camera file holds."""
+    if isinstance(loaded, PointCameraFile):
+        raise CameraFileError(
+            f"{path} is of lift 'point', which has no uncertainty: leave out --mask-limit, or "
+            "calibrate with --lift ray"
+        )
+    record = loaded.fit.get("uncertainty")
+    if not isinstance(record, dict):
+        raise CameraFileError(
+            f"{path} does not hold the camera's uncertainty (fit.uncertainty): calibrate again "
+            "with this version, or leave out --mask-limit"
+        )
+    try:
+        x, y = (np.array(record[axis], float) for axis in "xy")
+        sigma = np.array(record["sigma_px"], float)  # None becomes NaN
+        usable = sigma.shape == (len(y), len(x)) and all(
+            len(line) > 1 and bool((np.diff(line) > 0).all()) for line in (x, y)
+        )
+    except (KeyError, TypeError, ValueError):
+        usable = False
+    if not usable:
+        raise CameraFileError(
+            f"{path}: fit.uncertainty is not a grid of numbers: calibrate again with this version, "
+            "or leave out --mask-limit"
+        )
+    return record

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from cubicfish_cli import RigFile, load_rig
 from cubicfish_cli.cli.export import FORMATS
-from cubicfish_cli.cli.json_keys import keys_of
+from cubicfish_cli.cli.options import keys_of
 from cubicfish_cli.formats.foreign import RIG_FILE_NAMES
 from cubicfish_cli.formats.rig_yaml import rig_text
 from tests.cli.test_export import kannala_brandt, project_kalibr

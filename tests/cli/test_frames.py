@@ -14,7 +14,7 @@ pytest.importorskip("av")
 from filming import RATE, SIZE, TARGET, photos, spoilt_film, write_film, write_sound
 from running import Run
 
-from cubicfish_cli.cli.json_keys import keys_of
+from cubicfish_cli.cli.options import keys_of
 from cubicfish_cli.films import scan
 from cubicfish_cli.films.written import PASSED_OVER
 from cubicfish_cli.library import frames as library_frames

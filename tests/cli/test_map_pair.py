@@ -11,7 +11,7 @@ import yaml
 from running import Run
 
 from cubicfish_cli import load_map, load_rig
-from cubicfish_cli.cli.json_keys import keys_of
+from cubicfish_cli.cli.options import keys_of
 from tests.cli.test_export_rig import made_rig
 
 

@@ -20,7 +20,7 @@ from cubicfish_cli import (
     save_target,
 )
 from cubicfish_cli.assess.rig_verdict import rig_verdict
-from cubicfish_cli.cli.json_keys import keys_of
+from cubicfish_cli.cli.options import keys_of
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.lift import lift_rotation

@@ -12,7 +12,7 @@ from running import Run
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli import load_rig
-from cubicfish_cli.cli.json_keys import keys_of
+from cubicfish_cli.cli.options import keys_of
 from cubicfish_cli.geometry import camera_centre
 from tests.cli.test_export_rig import made_rig
 
