@@ -11,7 +11,7 @@ import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.options import as_command, option, record
+from cubicfish_cli.cli.options import as_command, changed, option, record
 from cubicfish_cli.cli.progress import (
     SchedulerOptions,
     listening,
@@ -40,6 +40,7 @@ from cubicfish_cli.cli.view_options import (
 from cubicfish_cli.errors import OutputError, PhotoError
 
 if TYPE_CHECKING:
+    from cubicfish_cli.library.rig_shots import Done, PlaneOfGround
     from cubicfish_cli.library.undistorting import DryRun, Plan, Undistorted
     from cubicfish_cli.undistortion.batch import FailedPhoto
     from cubicfish_cli.undistortion.choose import ChosenView
@@ -126,20 +127,7 @@ def command(given: Asked) -> None:
                 "--scheduler": given.scheduler.address,
             },
         )
-        from cubicfish_cli.cli.undistort_rig import undistort_rig
-
-        undistort_rig(
-            given.sources,
-            given.destination,
-            given.rig,
-            given.view,
-            given.plane,
-            given.pixels.rendering(),
-            mask=given.mask.mask,
-            camera_out=given.camera_out,
-            overwrite=given.overwrite,
-            as_json=given.as_json,
-        )
+        _undistort_rig(given)
         return
     from cubicfish_cli.formats.camera_yaml import load_any_camera, load_camera
     from cubicfish_cli.library.undistorting import Plan, dry_run_of, undistort_plan
@@ -200,6 +188,86 @@ def command(given: Asked) -> None:
     else:
         _print(made, given.destination)
     _end_with(plan, made.failures, as_json=given.as_json)
+
+
+def _undistort_rig(given: Asked) -> None:
+    """Make a picture of every shot of a rig, and say what came of it."""
+    from cubicfish_cli.library.rig_shots import undistort_shots
+
+    view, plane, asked = given.view, given.plane, given.rig
+    mask, camera_out = given.mask.mask, given.camera_out
+    above = asked.ground is not None or plane.board is not None
+    if plane.board is None:
+        options.refuse_given("goes with --plane", {"--shot": asked.shot is not None})
+    if not above:
+        ways = {"--margin": plane.margin, "--pixels-per-unit": plane.pixels_a_unit}
+        named = {name: value is not None for name, value in ways.items()}
+        options.refuse_given("goes with --ground or --plane", named)
+    elif asked.distance is not None:
+        raise click.UsageError("the ground has a distance of its own: leave out --distance")
+    path = options.rig_file(asked.rig)
+    if view.kind == "perspective" and not options.is_given("kind"):
+        view = changed(view, kind="equirectangular")
+    faces = not above and view.kind == "cube" and view.layout != "cross"
+    if faces and (mask is not None or camera_out is not None):
+        raise click.UsageError(
+            "the faces of a rig's cube have masks and cameras beside them: leave out "
+            f"{'--mask' if mask is not None else '--camera'}"
+        )
+    with running(overwrite=given.overwrite) as run:
+        made = undistort_shots(
+            path,
+            given.sources,
+            given.destination,
+            view.chosen,
+            given.pixels.rendering(),
+            run,
+            faces=faces,
+            ground=_ground(view, plane, asked) if above else None,
+            distance=asked.distance,
+            mask=mask,
+            camera_out=camera_out,
+        )
+    files = made.done.files
+    if given.as_json:
+        print_json(made.as_record())
+    elif files:
+        where = f"{count(len(files), 'picture')} to {given.destination}"
+        if faces:
+            side = made.faces[0].map.view.size[0]
+            wrote = (
+                f"{count(len(files), 'shot')} to {given.destination}: "
+                f"{count(len(made.faces), 'face')} of {side}x{side} pixels each, with masks"
+            )
+        else:
+            if len(files) == 1:
+                where = str(next(iter(files.values()))[0])
+            wrote = f"{where}: {made.view.describe()}"
+        result(f"wrote {wrote}")
+        print_wrote(made.extras)
+    _end_of_shots(made.done, told=given.as_json)
+
+
+def _ground(view: ViewOptions, plane: PlaneOptions, asked: RigOptions) -> PlaneOfGround:
+    """The ground that is asked for."""
+    from cubicfish_cli.library.rig_shots import PlaneOfGround
+
+    if any(view.rotate) or view.hfov_deg or view.vfov_deg or view.focal or view.fit is not None:
+        raise click.UsageError(
+            "the ground's picture is set by --pixels-per-unit and --margin: leave out the view's "
+            "options"
+        )
+    if view.size is not None:
+        raise click.UsageError("the ground's picture has the size that --pixels-per-unit gives it")
+    if asked.ground is not None and plane.board is not None:
+        raise click.UsageError("--ground and --plane say the same thing twice: leave one out")
+    return PlaneOfGround(
+        below=asked.ground or (0.0, 0.0, 0.0),
+        board=None if plane.board is None else (plane.loaded(), plane.board),
+        shot=asked.shot,
+        margin=plane.margin,
+        pixels_per_unit=plane.pixels_a_unit,
+    )
 
 
 def _with_stdin(sources: Sequence[str]) -> list[str]:
@@ -352,3 +420,20 @@ def _several(failures: Sequence[FailedPhoto], kind: str) -> str:
     listed = ", ".join(names[:_MOST_NAMES])
     more = f" and {len(names) - _MOST_NAMES:,} more" * (len(names) > _MOST_NAMES)
     return f"{count(len(names), kind)} ({listed}{more})"
+
+
+def _end_of_shots(done: Done, *, told: bool) -> None:
+    """End with an error when a shot failed."""
+    failures, total = done.failures, len(done.files) + len(done.failures)
+    if not failures:
+        return
+    if total == 1:
+        raise next(iter(failures.values()))
+    if not told:
+        for shot, problem in failures.items():
+            tell(f"failed: shot {shot}: {problem}")
+    where = "in the JSON" if told else "above"
+    raise PhotoError(
+        f"{len(failures)} of {total} shots could not be done, for the reasons {where}; the others "
+        "are done"
+    )
