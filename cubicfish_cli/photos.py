@@ -167,6 +167,14 @@ def _missed(paths: Iterable[Path]) -> list[str]:
     return lines
 
 
+def expanded(name: str | os.PathLike[str]) -> list[Path]:
+    """What a name stands for: itself, or where it is a pattern and no file, what that matches."""
+    name = os.fspath(name)
+    if os.path.lexists(name) or not glob.has_magic(name):
+        return [Path(name)]
+    return [Path(match) for match in sorted(glob.glob(name, recursive=True))]
+
+
 def _expand(argument: str, missed: list[Path]) -> list[Path]:
     path = Path(argument)
     if not argument:
@@ -176,7 +184,7 @@ def _expand(argument: str, missed: list[Path]) -> list[Path]:
             return _in_folder(path, missed)
         if os.path.lexists(path):
             return [path]
-        matches = [Path(match) for match in glob.glob(argument, recursive=True)]
+        matches = expanded(argument)
     except PhotoError:  # an OSError too
         raise
     except (OSError, ValueError) as problem:  # no permission; a name that no file can have

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import shutil
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from glob import glob, has_magic
 from pathlib import Path
 from typing import Any
 
@@ -24,13 +22,12 @@ from cubicfish_cli.films.scan import Measured, scan
 from cubicfish_cli.films.source import open_films
 from cubicfish_cli.films.write import write_frame
 from cubicfish_cli.films.written import Chosen, listed, write_chosen
+from cubicfish_cli.library.asked import StrPath, paths_of
 from cubicfish_cli.library.frame_search import Found, Search, found_at_a_glance, found_in
 from cubicfish_cli.listener import SILENT, Listener
-from cubicfish_cli.photos import Photo, photo_size, shown
+from cubicfish_cli.photos import Photo, expanded, photo_size, shown
 from cubicfish_cli.target import Target, target_text
 from cubicfish_cli.words.codes import Event
-
-StrPath = str | os.PathLike[str]
 
 _UNFINISHED = ".unfinished"
 # Frames are looked at in rounds of so many from all over the films, until more would hardly add
@@ -278,14 +275,11 @@ def _fingerprint(targets: Sequence[Target] | None) -> str | None:
 
 def _expanded(films: StrPath | Sequence[StrPath]) -> list[Path]:
     """Films, with patterns replaced by what they match."""
-    given = [films] if isinstance(films, str | os.PathLike) else films
     every: list[Path] = []
-    for path in map(Path, given):
-        matches = [path]
-        if not path.exists() and has_magic(str(path)):
-            matches = [Path(one) for one in sorted(glob(str(path), recursive=True))]
-            if not matches:
-                raise PhotoError(f"{path} matches no film: check the name and the current folder")
+    for path in paths_of(films):
+        matches = expanded(path)
+        if not matches:
+            raise PhotoError(f"{path} matches no film: check the name and the current folder")
         every += matches
     if not every:
         raise PhotoError("no film was given: name one")

@@ -6,7 +6,6 @@ import os
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from glob import glob, has_magic
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from cubicfish_cli.library.inputs import named_photos
 from cubicfish_cli.library.pictures import Interpolation, rendering_of
 from cubicfish_cli.library.views import Size, TrustedWithin, Views, ViewsBySize
 from cubicfish_cli.listener import SILENT, Listener
-from cubicfish_cli.photos import SUFFIXES, photo_size, shown
+from cubicfish_cli.photos import SUFFIXES, expanded, photo_size, shown
 from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
 from cubicfish_cli.undistortion.batch import FailedPhoto, PhotoJob, undistort_photos
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField
@@ -302,11 +301,7 @@ def undistort_files(
 
 def videos_among(names: Sequence[str]) -> tuple[list[Path], bool]:
     """The videos that names and patterns mean, and whether they mean something else too."""
-    paths = [
-        Path(match)
-        for name in names
-        for match in (sorted(glob(name)) if has_magic(name) and not Path(name).exists() else [name])
-    ]
+    paths = [path for name in names for path in expanded(name)]
     videos = [one for one in paths if one.suffix.lower() in VIDEO_SUFFIXES and not one.is_dir()]
     return videos, len(videos) < len(paths)
 
