@@ -22,6 +22,7 @@ from cubicfish_cli import Target as Target
 from cubicfish_cli import UndistortMap as UndistortMap
 from cubicfish_cli import Verdict as Verdict
 from cubicfish_cli import View as View
+from cubicfish_cli import advise_files as advise_files
 from cubicfish_cli import build_map as build_map
 from cubicfish_cli import build_plane as build_plane
 from cubicfish_cli import build_view as build_view
@@ -40,6 +41,7 @@ from cubicfish_cli import evaluate_files as evaluate_files
 from cubicfish_cli import evaluate_rig as evaluate_rig
 from cubicfish_cli import evaluate_rig_files as evaluate_rig_files
 from cubicfish_cli import export_camera as export_camera
+from cubicfish_cli import export_files as export_files
 from cubicfish_cli import import_camera as import_camera
 from cubicfish_cli import judge as judge
 from cubicfish_cli import load_camera as load_camera
@@ -48,6 +50,7 @@ from cubicfish_cli import load_map as load_map
 from cubicfish_cli import load_rig as load_rig
 from cubicfish_cli import read_picture as read_picture
 from cubicfish_cli import rectify as rectify
+from cubicfish_cli import report_files as report_files
 from cubicfish_cli import save_camera as save_camera
 from cubicfish_cli import save_corners as save_corners
 from cubicfish_cli import save_map as save_map

@@ -25,12 +25,15 @@ from cubicfish_cli.library.calibration import uncertainty as uncertainty
 from cubicfish_cli.library.calibration_files import calibrate_files as calibrate_files
 from cubicfish_cli.library.calibration_files import evaluate_files as evaluate_files
 from cubicfish_cli.library.detection import detect as detect
-from cubicfish_cli.library.detection_files import detect_files as detect_files
+from cubicfish_cli.library.detection import detect_files as detect_files
 from cubicfish_cli.library.exporting import export_camera as export_camera
+from cubicfish_cli.library.exporting import export_files as export_files
 from cubicfish_cli.library.frames import ChosenFrames as ChosenFrames
 from cubicfish_cli.library.frames import choose_frames as choose_frames
 from cubicfish_cli.library.importing import import_camera as import_camera
 from cubicfish_cli.library.pictures import undistort as undistort
+from cubicfish_cli.library.report_files import advise_files as advise_files
+from cubicfish_cli.library.report_files import report_files as report_files
 from cubicfish_cli.library.rig_files import calibrate_rig_files as calibrate_rig_files
 from cubicfish_cli.library.rig_files import evaluate_rig_files as evaluate_rig_files
 from cubicfish_cli.library.rig_pictures import rectify as rectify

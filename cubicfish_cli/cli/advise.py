@@ -6,13 +6,11 @@ import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange, IntRange
 from cubicfish_cli.cli.options import as_command, option, record
-from cubicfish_cli.cli.progress import working
+from cubicfish_cli.cli.progress import running
 from cubicfish_cli.cli.streams import text_width
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
 
@@ -20,12 +18,6 @@ if TYPE_CHECKING:
     from cubicfish_cli.advice.advise import Advice, Proposal
     from cubicfish_cli.assess.verdict import Verdict
 
-# What to name, and how, where corners are lacking.
-_WHAT = {
-    "--corners": "the corners with --corners, and the target with --target",
-    "--target": "the target with --target",
-    "--corners and --target": "those of the fit with --corners and --target",
-}
 _LINE = 96
 _MOST_PARTS = 4
 
@@ -80,55 +72,26 @@ def command(given: Asked) -> None:
     the picture, and how far that lowers the camera's uncertainty, worked out from the fit's own
     equations. Says "enough" when it is.
     """
-    from cubicfish_cli.advice.advise import advise
-    from cubicfish_cli.advice.picture import advice_svg
-    from cubicfish_cli.errors import CubicfishError, OutputError
-    from cubicfish_cli.files import refuse_existing, write_files
-    from cubicfish_cli.lenses.cubic import CubicCamera
-    from cubicfish_cli.rendering.pose import pose_table_text
-    from cubicfish_cli.report.from_files import facts_of_files
+    from cubicfish_cli.library.report_files import advise_files
 
-    if given.output is not None and given.output.suffix.lower() != ".svg":
-        raise OutputError(f"{given.output}: drawings are SVG: end the name in .svg")
-    refuse_existing(
-        *(path for path in (given.output, given.poses) if path), overwrite=given.overwrite
-    )
-    camera_file = options.model_path(given.calibration or given.model)
-    facts = facts_of_files(camera_file, target=given.target, photos=(), corners=given.corners)
-    if given.corners is not None and facts.target is None:
-        raise click.UsageError("name the target of these corners with --target target.yaml")
-    if not isinstance(facts.camera, CubicCamera):
-        raise CubicfishError(
-            f"{camera_file} is of lift 'point', which has no rays: its uncertainty over the field, "
-            "and what would lower it, cannot be worked out; calibrate with --lift ray for this"
-        )
-    if facts.errors is None:
-        why, name_it = "the corners are not at hand", "--corners"
-        if facts.lack is not None:
-            why, name_it = facts.lack.why, facts.lack.name_it
-        raise CubicfishError(f"{camera_file}: {why}: name {_WHAT[name_it]}")
-    with working("Looking for photos that would help"):
-        advice = advise(
-            facts.camera,
-            facts.fit,
-            facts.errors.pairs,
-            facts.target,
+    camera = options.model_path(given.calibration or given.model)
+    with running(overwrite=given.overwrite) as run:
+        made = advise_files(
+            camera,
+            corners=given.corners,
+            target=given.target,
+            picture=given.output,
+            poses=given.poses,
             goal_px=given.goal,
             seed=given.seed,
+            run=run,
         )
-    texts = {}
-    if given.output is not None:
-        texts[given.output] = advice_svg(advice)
-    if given.poses is not None:
-        named = {f"next_{i}.jpg": one.view.pose for i, one in enumerate(advice.proposals, start=1)}
-        texts[given.poses] = pose_table_text(named)
-    written = write_files(texts, overwrite=given.overwrite)
     if given.as_json:
-        files = {"model": camera_file, "picture": given.output, "poses": given.poses}
-        print_json({**advice.as_record(), **files})
+        files = {"model": camera, "picture": given.output, "poses": given.poses}
+        print_json({**made.advice.as_record(), **files})
         return
-    _print(advice, facts.verdict)
-    print_wrote(written)
+    _print(made.advice, made.verdict)
+    print_wrote(made.written)
 
 
 def _print(advice: Advice, judged: Verdict) -> None:

@@ -58,7 +58,7 @@ def command(given: Asked) -> None:
 
     The result is a table, one corner per line: image, board, column, row, x, y.
     """
-    from cubicfish_cli.library.detection_files import detect_files
+    from cubicfish_cli.library.detection import detect_files
 
     given.scheduler.check(given.jobs)
     given.target.check()

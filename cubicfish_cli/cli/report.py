@@ -9,7 +9,7 @@ from cubicfish_cli.cli import options
 from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.figures import print_verdict
 from cubicfish_cli.cli.options import as_command, option, record
-from cubicfish_cli.cli.progress import listening, working
+from cubicfish_cli.cli.progress import running
 from cubicfish_cli.cli.terminal import print_json, result, say
 
 PAGE = "report.html"
@@ -54,53 +54,20 @@ def command(given: Asked) -> None:
 
     Of a rig (its folder or rig.yaml) the page shows where the cameras stand and what they see.
     """
-    from cubicfish_cli.errors import CubicfishError
-    from cubicfish_cli.files import refuse_existing, write_text
-    from cubicfish_cli.printing.extra import INSTALL, REPORT, missing, quiet
-
-    lacking = missing(REPORT)
-    if lacking:
-        raise CubicfishError(f"a report needs {' and '.join(lacking)}: {INSTALL}")
-    rig = options.rig_path(given.calibration or given.model)
-    camera = rig or options.model_path(given.calibration or given.model)
-    page = given.output or camera.parent / "report.html"
-    refuse_existing(page, overwrite=given.overwrite)
+    from cubicfish_cli.library.report_files import report_files
 
     keep_fonts()
-    if rig is not None:
-        from cubicfish_cli.library.rig_files import write_rig_page
-
-        with listening() as listener:
-            judged = write_rig_page(rig, page, overwrite=given.overwrite, listener=listener)
-        if given.as_json:
-            named = {"report": str(page), "model": str(rig)}
-            print_json({**named, "verdict": judged.as_record(), "absent": []})
-            return
-        print_verdict(judged)
-        result(f"\nwrote {page}")
-        return
-    with quiet():
-        from cubicfish_cli.report.from_files import facts_of_files
-        from cubicfish_cli.report.page import report_html
-
-    with working("Making the report"):
-        facts = facts_of_files(camera, target=given.target, photos=given.photos)
-        text = report_html(facts)
-    write_text(page, text, overwrite=given.overwrite)
-    for line in facts.absent:
+    named = given.calibration or given.model
+    camera = options.rig_path(named) or options.model_path(named)
+    with running(overwrite=given.overwrite) as run:
+        made = report_files(camera, given.output, target=given.target, photos=given.photos, run=run)
+    for line in made.absent:
         say(f"left out: {line}")
     if given.as_json:
-        print_json(
-            {
-                "report": str(page),
-                "model": str(camera),
-                "verdict": facts.verdict.as_record(),
-                "absent": facts.absent,
-            }
-        )
+        print_json(made.as_record())
         return
-    print_verdict(facts.verdict)
-    result(f"\nwrote {page}")
+    print_verdict(made.verdict)
+    result(f"\nwrote {made.page}")
 
 
 report_option = option(

@@ -1,4 +1,4 @@
-"""Pictures, in memory or on disk -> named corners, with what became of each."""
+"""Pictures, in memory or in files -> named corners, with what became of each; and their files."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
+from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -16,14 +16,16 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.arrays import Refusal
+from cubicfish_cli.corner_files.observations_csv import save_corners
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.detection.look import GridCache, Look, look_at, refused
 from cubicfish_cli.detection.markers import MarkedCorners
 from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence
-from cubicfish_cli.errors import DetectionError, PhotoError
+from cubicfish_cli.errors import DetectionError, OutputError, PhotoError
 from cubicfish_cli.executors.executor import Executor
 from cubicfish_cli.executors.pool import photos_done
+from cubicfish_cli.files import refuse_existing
 from cubicfish_cli.identification.identified import (
     Detection,
     GridReport,
@@ -33,10 +35,12 @@ from cubicfish_cli.identification.identified import (
 )
 from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.identification.second_pass import second_pass
-from cubicfish_cli.library.asked import Run, StrPath
+from cubicfish_cli.library.asked import RUN, Run, StrPath, TargetSource, paths_of
 from cubicfish_cli.listener import SILENT, Listener
-from cubicfish_cli.photos import MAX_PIXELS, Photo, Picture, find_photos
+from cubicfish_cli.overlay.draw import draw_found
+from cubicfish_cli.photos import MAX_PIXELS, Photo, Picture, find_photos, read_grey
 from cubicfish_cli.target import Target
+from cubicfish_cli.undistortion.images import write_picture
 from cubicfish_cli.words.catalogue import catalogue
 from cubicfish_cli.words.codes import Code, Event, Severity
 from cubicfish_cli.words.finding import Finding
@@ -363,3 +367,119 @@ def _no_checkerboard(found: Sequence[Look]) -> DetectionError:
         figures = {**most.figures, "photos": len(found)}
         return DetectionError(replace(most, case="all", figures=figures).line)
     return DetectionError(f"{plural(len(found), 'photo')}, no checkerboard: {most.line}")
+
+
+def named_photos(inputs: Sequence[StrPath], listener: Listener) -> list[Photo]:
+    """The photos that are named; what may be missed among them is told.
+
+    Raises:
+        PhotoError: there are none, or one cannot be used.
+
+    """
+    lines: list[str] = []
+    photos = find_photos(inputs, lines)
+    for line in lines:
+        listener.tell(Event.PASSED_OVER, line=line)
+    return photos
+
+
+def drawings(folder: Path, photos: Sequence[Photo]) -> dict[str, Path]:
+    """Where the drawing of each photo goes, by the photo's name.
+
+    The photo's suffix is left out, unless two drawings would then have one name or a drawing
+    would replace a photo.
+
+    Raises:
+        OutputError: a drawing would replace a photo whatever it is called.
+
+    """
+    taken = {os.path.realpath(photo.path) for photo in photos}
+    full = [photo.name for photo in photos]
+    short = [PurePath(name).with_suffix("").as_posix() for name in full]
+    for names in (short, full):
+        paths = [folder / f"{name}.png" for name in names]
+        # File systems may not tell a from A.
+        apart = names is full or len({name.casefold() for name in names}) == len(names)
+        if apart and taken.isdisjoint(map(os.path.realpath, paths)):
+            return dict(zip(full, paths, strict=True))
+    raise OutputError(f"drawings in {folder} would replace photos: choose another folder")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DetectedFiles:
+    """What became of :func:`detect_files`.
+
+    Attributes:
+        detection: the corners, and what became of each photo.
+        file: the table of corners.
+        drawings: pictures of what was found; None where none were asked for.
+
+    """
+
+    detection: Detection
+    file: Path
+    drawings: list[Path] | None = None
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish detect --json`` prints."""
+        keys = ("boards", "corners", "added", "exact", "problem", "notes")
+        corners = self.detection.corners
+        return {
+            "file": self.file,
+            "image_size": corners.image_size,
+            "images": len(corners.images),
+            "corners": len(corners.pixel),
+            "findings": [finding.as_record() for finding in self.detection.findings],
+            "per_image": [
+                {
+                    "image": photo.name,
+                    **{key: getattr(photo, key) for key in keys},
+                    "findings": [finding.as_record() for finding in photo.findings],
+                }
+                for photo in self.detection.photos
+            ],
+            **({} if self.drawings is None else {"drawings": self.drawings}),
+        }
+
+
+def detect_files(
+    photos: StrPath | Sequence[StrPath],
+    target: TargetSource | Target | StrPath,
+    table: StrPath = "corners.csv",
+    *,
+    draw: StrPath | None = None,
+    run: Run = RUN,
+) -> DetectedFiles:
+    """Find the corners of a target in photos and write them, as ``cubicfish detect`` does.
+
+    Args:
+        photos: files, folders and globs.
+        target: the object, or its file.
+        table: where the corners go.
+        draw: a folder for a picture of what was found in each photo that could be read.
+        run: how the work is done.
+
+    Raises:
+        UsageError: no target is named.
+        CubicfishError: a photo or the target cannot be used, no corner could be named, or a file
+            exists and may not be replaced.
+
+    """
+    source, file = TargetSource.of(target), Path(table)
+    source.check()
+    refuse_existing(file, overwrite=run.overwrite)
+    found = named_photos(paths_of(photos), run.listener)
+    pictures = {} if draw is None else drawings(Path(draw), found)
+    refuse_existing(*pictures.values(), overwrite=run.overwrite)
+    detection = find_corners(found, source.load(run.listener), run)
+    save_corners(file, detection.corners, overwrite=run.overwrite)
+    if draw is None:
+        return DetectedFiles(detection=detection, file=file)
+    written, progress = [], run.listener.counting("Drawing")
+    for done, (photo, report) in enumerate(zip(found, detection.photos, strict=True)):
+        progress(done, len(found))
+        if report.found is not None:
+            drawn = draw_found(read_grey(photo.path), report, detection.corners)
+            write_picture(pictures[photo.name], drawn, overwrite=run.overwrite)
+            written.append(pictures[photo.name])
+    return DetectedFiles(detection=detection, file=file, drawings=written)

@@ -22,8 +22,8 @@ from cubicfish_cli.files import Fingerprint, fingerprint
 from cubicfish_cli.films import MOST
 from cubicfish_cli.films.recordings import is_recording
 from cubicfish_cli.identification.identified import Detection, line_of
-from cubicfish_cli.library.asked import Run, StrPath, TargetSource
-from cubicfish_cli.library.detection import find_corners
+from cubicfish_cli.library.asked import Run, TargetSource
+from cubicfish_cli.library.detection import find_corners, named_photos
 from cubicfish_cli.library.frames import (
     choose_frames,
     choose_photos,
@@ -32,7 +32,7 @@ from cubicfish_cli.library.frames import (
 )
 from cubicfish_cli.listener import Listener
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.photos import Photo, find_photos, photo_size
+from cubicfish_cli.photos import find_photos, photo_size
 from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
 from cubicfish_cli.target import target_text
 from cubicfish_cli.wording import quoted
@@ -220,20 +220,6 @@ def _from_photos(
         files=files,
         target_file=target_file,
     )
-
-
-def named_photos(inputs: Sequence[StrPath], listener: Listener) -> list[Photo]:
-    """The photos that are named; what may be missed among them is told.
-
-    Raises:
-        PhotoError: there are none, or one cannot be used.
-
-    """
-    lines: list[str] = []
-    photos = find_photos(inputs, lines)
-    for line in lines:
-        listener.tell(Event.PASSED_OVER, line=line)
-    return photos
 
 
 def refuse_other_sizes(inputs: Sequence[Path], size: tuple[int, int]) -> None:

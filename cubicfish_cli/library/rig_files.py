@@ -12,7 +12,7 @@ from typing import Any
 from cubicfish_cli.assess.rig_verdict import rig_verdict
 from cubicfish_cli.assess.verdict import Verdict
 from cubicfish_cli.errors import CorrespondenceError, UsageError
-from cubicfish_cli.files import fingerprint, refuse_existing, write_text
+from cubicfish_cli.files import fingerprint, refuse_existing
 from cubicfish_cli.films import MOST
 from cubicfish_cli.films.recordings import is_recording, label_of
 from cubicfish_cli.fitting.calibrate import RefineTarget
@@ -23,24 +23,21 @@ from cubicfish_cli.formats.rig_yaml import load_rig
 from cubicfish_cli.library.asked import RUN, Run, StrPath, TargetSource, in_folder, paths_of
 from cubicfish_cli.library.inputs import Inputs, films_among, load_inputs
 from cubicfish_cli.library.provenance import made_at, made_by_record
+from cubicfish_cli.library.report_files import PAGE, write_rig_page
 from cubicfish_cli.library.rig_films import RigFrames, rig_frames
 from cubicfish_cli.library.rigs import (
     TOLERANCE,
     calibrate_rig,
     evaluate_rig,
     load_shots,
-    loaded_record,
     rig_record,
     save_rig,
 )
-from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
 from cubicfish_cli.printing import extra
 from cubicfish_cli.target import Target
 from cubicfish_cli.wording import quoted
 from cubicfish_cli.words.codes import Event
-
-PAGE = "report.html"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -181,28 +178,8 @@ def calibrate_rig_files(
         frames.done()
     record = rig_record(rig)
     for page in pages:
-        write_rig_page(written[0], page, overwrite=run.overwrite, listener=listener)
+        write_rig_page(written[0], page, run)
     return RigFiles(rig=rig, record=record, verdict=rig_verdict(record), files=[*written, *pages])
-
-
-def write_rig_page(
-    rig: StrPath, page: StrPath, *, overwrite: bool = False, listener: Listener = SILENT
-) -> Verdict:
-    """Write the page about a rig's file, and judge the rig.
-
-    Raises:
-        CameraFileError: the rig cannot be read.
-        OutputError: the page is there, or cannot be written.
-
-    """
-    with extra.quiet():
-        from cubicfish_cli.report.rig_page import rig_html
-
-    loaded = load_rig(Path(rig))
-    record = loaded_record(loaded)
-    listener.progress("Making the report")
-    write_text(Path(page), rig_html(loaded, record), overwrite=overwrite)
-    return rig_verdict(record)
 
 
 def evaluate_rig_files(

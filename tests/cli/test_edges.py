@@ -146,7 +146,7 @@ def test_outputs_that_cannot_be_written_are_refused_before_the_work(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").touch()
     monkeypatch.setattr("cubicfish_cli.library.inputs.find_corners", None)
-    monkeypatch.setattr("cubicfish_cli.library.detection_files.find_corners", None)
+    monkeypatch.setattr("cubicfish_cli.library.detection.find_corners", None)
     if place != ".":
         error = run("calibrate", SAMPLE / "photos", "-t", TARGET, "-o", place, code=1).stderr
         assert says in error
