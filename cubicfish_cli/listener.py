@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.words.codes import Event
-from cubicfish_cli.words.finding import Finding
+if TYPE_CHECKING:
+    from cubicfish_cli.words.codes import Event
+    from cubicfish_cli.words.finding import Finding
 
 Count = Callable[[int, int], None]
 

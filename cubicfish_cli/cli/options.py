@@ -223,32 +223,13 @@ def _remember(
 
 def common_options(function: Decorated) -> Decorated:
     """``-v``, ``-q`` and ``--debug``; they may stand before or after the command's name."""
-    for decorator in (
-        click.option(
-            "--debug",
-            is_flag=True,
-            expose_value=False,
-            callback=_remember(DEBUG_KEY, True),
-            help="Show the traceback of an error.",
-        ),
-        click.option(
-            "-q",
-            "--quiet",
-            is_flag=True,
-            expose_value=False,
-            callback=_remember(VERBOSITY_KEY, -1),
-            help="Say nothing but results and errors.",
-        ),
-        click.option(
-            "-v",
-            "--verbose",
-            is_flag=True,
-            expose_value=False,
-            callback=_remember(VERBOSITY_KEY, 1),
-            help="Say more.",
-        ),
+    for key, value, words, help in (
+        (DEBUG_KEY, True, "--debug", "Show the traceback of an error."),
+        (VERBOSITY_KEY, -1, "-q --quiet", "Say nothing but results and errors."),
+        (VERBOSITY_KEY, 1, "-v --verbose", "Say more."),
     ):
-        function = decorator(function)
+        more: dict[str, Any] = {"expose_value": False, "callback": _remember(key, value)}
+        function = option(words, help, **more)(function, words.rpartition("-")[2])
     return function
 
 

@@ -22,15 +22,17 @@ from cubicfish_cli.cli.streams import ERRORS, can_redraw
 from cubicfish_cli.cli.terminal import detail, say
 from cubicfish_cli.library.asked import Run
 from cubicfish_cli.listener import Listener
-from cubicfish_cli.words.codes import Event
 
 if TYPE_CHECKING:
     from cubicfish_cli.cli.progress_line import ProgressLine
     from cubicfish_cli.executors.executor import Executor
+    from cubicfish_cli.words.codes import Event
     from cubicfish_cli.words.finding import Finding
 
 # What is done sooner shows no line: it would only flash.
 _PATIENCE_SECONDS = 0.4
+# What is said with --verbose only.
+_DETAILS = {"page_took"}
 
 
 class _Shown(Listener):
@@ -54,7 +56,7 @@ class _Shown(Listener):
 
     def tell(self, event: Event, **figures: Any) -> None:
         self._end()
-        (detail if event is Event.PAGE_TOOK else say)(event.line(**figures))
+        (detail if event.value in _DETAILS else say)(event.line(**figures))
 
     def found(self, findings: Sequence[Finding]) -> None:
         self._end()

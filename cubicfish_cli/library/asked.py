@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cubicfish_cli.errors import MISSING, CameraFileError, CubicfishError, UsageError
-from cubicfish_cli.files import Fingerprint, fingerprint
 from cubicfish_cli.listener import SILENT, Listener
-from cubicfish_cli.words.codes import Event
 
 if TYPE_CHECKING:
     from cubicfish_cli.executors.executor import Executor
+    from cubicfish_cli.files import Fingerprint
     from cubicfish_cli.target import Target
 
 StrPath = str | os.PathLike[str]
@@ -124,6 +123,8 @@ class TargetSource:
 
         self.check()
         if self.told:
+            from cubicfish_cli.words.codes import Event
+
             listener.tell(Event.TARGET, path=self.path)
         if self.given is not None:
             return [self.given]
@@ -140,6 +141,8 @@ class TargetSource:
 
     def fingerprint(self) -> Fingerprint | None:
         """The file's, before it is read; None where there is none."""
+        from cubicfish_cli.files import fingerprint
+
         return None if self.path is None else fingerprint(self.path)
 
 

@@ -377,7 +377,6 @@ class ExportedFiles:
     """What became of :func:`export_files`.
 
     Attributes:
-        format: the format.
         files: what was written.
         record: plain data: what ``cubicfish export --json`` prints.
         lines: how near it comes, for people.
@@ -385,7 +384,6 @@ class ExportedFiles:
 
     """
 
-    format: str
     files: list[Path]
     record: dict[str, Any]
     lines: tuple[str, ...] = ()
@@ -437,13 +435,12 @@ def export_files(
         save_map(
             goal, build_map(loaded.camera, default_view(loaded.camera)), overwrite=run.overwrite
         )
-        return ExportedFiles(format=to, files=[goal], record={"file": goal, "format": to})
+        return ExportedFiles(files=[goal], record={"file": goal, "format": to})
     run.listener.progress("Fitting the other lens")
     lens = export_camera(loaded, to, max_error=max_error, max_angle_deg=max_angle_deg)
     write_files({goal: lens.text}, overwrite=run.overwrite)
     warning = lens.warning(max_error)
     return ExportedFiles(
-        format=to,
         files=[goal],
         record={"file": goal, "format": to, **lens.as_record()},
         lines=tuple(
@@ -489,7 +486,6 @@ def _export_rig(
             warnings.append(f"camera {name}: {warning}")
     records = [{"name": name, **lens.as_record()} for name, lens in lenses.items()]
     return ExportedFiles(
-        format=to,
         files=written,
         record={"files": written, "format": to, "cameras": records},
         lines=tuple(lines),
@@ -521,7 +517,6 @@ def _export_usd(
         for name, camera, _ in cameras
     ]
     return ExportedFiles(
-        format="usd",
         files=written,
         record={"files": written, "format": "usd", "cameras": records},
         lines=tuple(f"{name}: {error}" for name, (_, error) in made.items()),

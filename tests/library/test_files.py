@@ -11,13 +11,17 @@ from cubicfish_cli import (
     Event,
     Run,
     Target,
+    advise_files,
     calibrate_files,
     calibrate_rig_files,
     detect_files,
     evaluate_files,
+    export_files,
     load_camera,
+    report_files,
 )
 from cubicfish_cli.errors import OutputError, UsageError
+from cubicfish_cli.library.map_files import MapFormat
 from cubicfish_cli.target import target_text
 
 CORNERS, TARGET = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
@@ -102,3 +106,55 @@ def test_corners_of_files_are_found_drawn_and_told(tmp_path: Path) -> None:
     assert [len(heard.of(step)) for step in ("Finding corners", "Looking again")] == [3, 3]
     run_cli("detect", *photos, "-t", TARGET, "-o", tmp_path / "b.csv")
     assert (tmp_path / "a.csv").read_text() == (tmp_path / "b.csv").read_text()
+
+
+def test_a_camera_is_exported_as_the_command_does(calibrated: Path, tmp_path: Path) -> None:
+    for form in ("opencv", "maps"):
+        line = (
+            "export",
+            calibrated,
+            "--to",
+            form,
+            "-o",
+            tmp_path / "a.npz",
+            "--max-error",
+            1,
+            "--json",
+        )
+        said = json.loads(run_cli(*line).stdout)
+        made = export_files(calibrated, form, tmp_path / "b.npz", max_error=1)
+        assert made.files == [tmp_path / "b.npz"]
+        assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+        assert set(made.record) == set(said)
+        for path in tmp_path.iterdir():
+            path.unlink()
+    with pytest.raises(UsageError, match="--pair names two cameras of a rig"):
+        export_files(calibrated, "opencv", tmp_path / "c", pair=("left", "right"))
+
+
+def test_what_to_photograph_next_is_what_the_command_says(calibrated: Path, tmp_path: Path) -> None:
+    line = ("advise", calibrated, "--goal", 0.001, "--poses", tmp_path / "a.csv", "--json")
+    said = json.loads(run_cli(*line).stdout)
+    made = advise_files(calibrated, goal_px=0.001, poses=tmp_path / "b.csv")
+    assert made.written == [tmp_path / "b.csv"]
+    assert (tmp_path / "a.csv").read_text() == (tmp_path / "b.csv").read_text()
+    assert made.advice.enough is said["enough"] is False
+    with pytest.raises(OutputError, match="drawings are SVG"):
+        advise_files(calibrated, picture=tmp_path / "a.png")
+
+
+@pytest.mark.usefixtures("with_report")
+def test_a_page_is_that_of_the_command(calibrated: Path, tmp_path: Path) -> None:
+    run_cli("report", calibrated, "-o", tmp_path / "a.html")
+    made = report_files(calibrated, tmp_path / "b.html")
+    assert made.verdict.level == "care"
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+    with pytest.raises(OutputError, match="exists already"):
+        report_files(calibrated, tmp_path / "b.html")
+
+
+def test_maps_are_refused_before_a_camera_is_read(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="maps are written as"):
+        MapFormat(output=tmp_path / "a.txt")
+    with pytest.raises(UsageError, match="--fixed-point is for maps in"):
+        MapFormat(output=tmp_path / "a.exr", fixed_point=True)
