@@ -48,6 +48,7 @@ from cubicfish_cli import load_camera as load_camera
 from cubicfish_cli import load_corners as load_corners
 from cubicfish_cli import load_map as load_map
 from cubicfish_cli import load_rig as load_rig
+from cubicfish_cli import print_target_files as print_target_files
 from cubicfish_cli import read_picture as read_picture
 from cubicfish_cli import rectify as rectify
 from cubicfish_cli import report_files as report_files

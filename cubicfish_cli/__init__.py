@@ -63,6 +63,7 @@ _PLACES = {
     "library.simulation": ("simulate_film", "simulate_photos"),
     "library.undistorting": ("undistort_files",),
     "library.target_check": ("check_target",),
+    "library.target_files": ("print_target_files",),
     "library.rigs": ("calibrate_rig", "compare_rigs", "evaluate_rig", "save_rig"),
     "lenses.cubic": ("CubicCamera",),
     "identification.identified": ("Detection",),

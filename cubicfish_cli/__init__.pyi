@@ -45,6 +45,7 @@ from cubicfish_cli.library.rigs import save_rig as save_rig
 from cubicfish_cli.library.simulation import simulate_film as simulate_film
 from cubicfish_cli.library.simulation import simulate_photos as simulate_photos
 from cubicfish_cli.library.target_check import check_target as check_target
+from cubicfish_cli.library.target_files import print_target_files as print_target_files
 from cubicfish_cli.library.undistorting import undistort_files as undistort_files
 from cubicfish_cli.library.views import build_plane as build_plane
 from cubicfish_cli.listener import Listener as Listener

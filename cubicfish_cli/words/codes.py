@@ -159,6 +159,8 @@ class Event(StrEnum):
     NO_MAP = "no_map"
     NO_PAGE = "no_page"
     PAGE_TOOK = "page_took"
+    PRINTED_AS_DRAWN = "printed_as_drawn"
+    AMBIGUOUS = "ambiguous"
     WITHOUT_POSE = "without_pose"
     VIDEO_TURNED = "video_turned"
 
