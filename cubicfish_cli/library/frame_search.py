@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from cubicfish_cli.errors import DetectionError, FitError
 from cubicfish_cli.films.choose import Choice, Patch, Seen, choose
 from cubicfish_cli.films.scan import still_px
 from cubicfish_cli.identification.glance import Looked, glance, named_at_a_glance
+from cubicfish_cli.library.asked import Run
 from cubicfish_cli.library.detection import first_look
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import Photo
@@ -116,6 +118,40 @@ def found_in(
     kept = None if cache is None else GridCache(folder=cache)
     found = nameless_grids(photos, jobs=jobs, progress=progress, cache=kept)
     return _of_grids({photo.name: one for photo, one in zip(photos, found, strict=True) if one})
+
+
+def both_looks(
+    pictures: Sequence[Any],
+    photo: Callable[[Any], Photo],
+    size: tuple[int, int],
+    what: str,
+    run: Run,
+    *,
+    glances: int | None = 1,
+) -> tuple[Look, Look]:
+    """What :meth:`Search.look` takes: a glance at some of the pictures, and a close look at them.
+
+    Args:
+        pictures: all of one size.
+        photo: a picture -> the file that is looked at closely.
+        size: (width, height) of each.
+        what: they are, in the plural.
+        run: how the work is done.
+        glances: processes to use for glances.
+
+    """
+
+    def glanced(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
+        some, progress = [pictures[at] for at in numbers], run.listener.counting(glancing)
+        return found_at_a_glance(some, targets, size, jobs=glances, progress=progress)
+
+    def closely(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
+        some = [photo(pictures[at]) for at in numbers]
+        progress = run.listener.counting("Finding boards")
+        return found_in(some, targets, jobs=run.jobs, cache=run.cache, progress=progress)
+
+    glancing = f"Glancing at {what}"
+    return glanced, closely
 
 
 def _of_grids(found: Mapping[str, FoundGrids]) -> Found:

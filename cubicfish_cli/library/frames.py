@@ -22,8 +22,8 @@ from cubicfish_cli.films.scan import Measured, scan
 from cubicfish_cli.films.source import open_films
 from cubicfish_cli.films.write import write_frame
 from cubicfish_cli.films.written import Chosen, listed, write_chosen
-from cubicfish_cli.library.asked import StrPath, paths_of
-from cubicfish_cli.library.frame_search import Found, Search, found_at_a_glance, found_in
+from cubicfish_cli.library.asked import Run, StrPath, paths_of
+from cubicfish_cli.library.frame_search import Search, both_looks
 from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.photos import Photo, expanded, photo_size, shown
 from cubicfish_cli.target import Target, target_text
@@ -94,6 +94,7 @@ def choose_frames(
 
     """
     folder, targets = Path(folder), _targets(target)
+    run = Run(jobs=jobs, cache=None if cache is None else Path(cache), listener=listener)
     opened = open_films(_expanded(films))
     for name in (table.NAME, sheet.NAME):
         refuse_existing(folder / name, overwrite=overwrite)
@@ -113,25 +114,10 @@ def choose_frames(
         targets=targets,
         at_once=_ROUND,
     )
-
-    def glance(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
-        some = [frames[at] for at in numbers]
-        return found_at_a_glance(
-            some, targets, search.size, progress=listener.counting("Glancing at frames")
-        )
-
-    def closely(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
-        return found_in(
-            [_photo(frames[at]) for at in numbers],
-            targets,
-            jobs=jobs,
-            cache=None if cache is None else Path(cache),
-            progress=listener.counting("Finding boards"),
-        )
-
+    looks = both_looks(frames, _photo, search.size, "frames", run)
     try:
         search.look(
-            (glance, closely),
+            looks,
             [at for at, word in enumerate(why) if word is None],
             [at for at, word in enumerate(why) if word not in (None, REPEATED)],
         )
@@ -194,21 +180,17 @@ def earlier_frames(
 def choose_photos(
     photos: Sequence[Photo],
     target: Target | Sequence[Target],
+    run: Run,
     *,
-    most: int = MOST,
-    jobs: int | None = 1,
-    cache: StrPath | None = None,
-    listener: Listener = SILENT,
+    most: int,
 ) -> list[Photo]:
     """Choose those of many photos that are worth calibrating from, in the order given.
 
     Args:
         photos: photos of one camera.
         target: the object, or what it may be.
+        run: how the work is done.
         most: how many photos may be chosen.
-        jobs: processes to use; None for one per processor.
-        cache: a folder in which what is found in files is kept.
-        listener: who is told how far it is.
 
     Raises:
         DetectionError: none shows the target.
@@ -220,8 +202,8 @@ def choose_photos(
         raise DetectionError("none of the photos can be read: check the files")
     size = known.most_common(1)[0][0]
     usual = [photo for photo, own in zip(photos, sizes, strict=True) if own == size]
-    seen, progress = [], listener.counting("Measuring sharpness")
-    for sharp in map_photos(_sharpness, usual, workers_for(jobs, len(usual))):
+    seen, progress = [], run.listener.counting("Measuring sharpness")
+    for sharp in map_photos(_sharpness, usual, workers_for(run.jobs, len(usual))):
         seen.append(Seen(patches=(), sharpness=sharp))
         progress(len(seen), len(usual))
     search = Search(
@@ -232,17 +214,8 @@ def choose_photos(
         targets=_targets(target),
         at_once=len(usual),
     )
-
-    def glance(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
-        some, reading = [usual[at] for at in numbers], listener.counting("Glancing at photos")
-        return found_at_a_glance(some, targets, size, jobs=jobs, progress=reading)
-
-    def closely(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
-        some, reading = [usual[at] for at in numbers], listener.counting("Finding boards")
-        kept = None if cache is None else Path(cache)
-        return found_in(some, targets, jobs=jobs, cache=kept, progress=reading)
-
-    search.look((glance, closely), range(len(usual)), ())
+    looks = both_looks(usual, lambda one: one, size, "photos", run, glances=run.jobs)
+    search.look(looks, range(len(usual)), ())
     return [usual[at] for at in sorted(search.choice.order)]
 
 

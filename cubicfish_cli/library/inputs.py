@@ -205,9 +205,7 @@ def _from_photos(
     photos = named_photos(inputs, run.listener)
     count = len(photos)
     if best is not None and count > best:
-        photos = choose_photos(
-            photos, targets, most=best, jobs=run.jobs, cache=run.cache, listener=run.listener
-        )
+        photos = choose_photos(photos, targets, run, most=best)
         run.listener.tell(Event.PHOTOS_CHOSEN, chosen=len(photos), photos=count)
     elif best is None and count > _MANY:
         run.listener.tell(Event.MANY_PHOTOS, photos=count)
