@@ -7,6 +7,7 @@ from scipy.special import fdtrc
 
 from cubicfish_cli.fitting.rig.evidence import Moved, RigEvidence
 from cubicfish_cli.fitting.robust import noise_px
+from cubicfish_cli.fitting.two_groups import best_cut
 from cubicfish_cli.types import FloatArray, IntArray
 
 # Shots on either side of where a camera may have moved.
@@ -62,43 +63,28 @@ def says(evidence: RigEvidence, camera: int) -> tuple[IntArray, FloatArray, Floa
 def _split(evidence: RigEvidence, camera: int) -> Moved | None:
     """The shot from which on the camera stands elsewhere, if it does anywhere."""
     shots, hessian, gradient, corners = says(evidence, camera)
-    count = len(shots)
-    if count < 2 * _LEAST_SHOTS:
+    pull, floor = -gradient, _RCOND * np.trace(hessian, axis1=1, axis2=2)
+    weight = hessian + floor[:, None, None] * np.eye(6)
+    found = best_cut(np.arange(len(shots))[None], weight, pull, _LEAST_SHOTS)
+    if found is None:
         return None
-    by_steps = float(explained(hessian, gradient).sum())
-    best, clearest = None, (1.0, 0.0)
-    for first in range(_LEAST_SHOTS, count - _LEAST_SHOTS + 1):
-        sides = slice(0, first), slice(first, count)
-        sums = [(hessian[side].sum(axis=0), gradient[side].sum(axis=0)) for side in sides]
-        means = [-np.linalg.lstsq(h, g, rcond=_RCOND)[0] for h, g in sums]
-        whole = -np.linalg.lstsq(sums[0][0] + sums[1][0], sums[0][1] + sums[1][1], rcond=_RCOND)[0]
-        between = sum(
-            float((mean - whole) @ h @ (mean - whole))
-            for (h, _), mean in zip(sums, means, strict=True)
-        )
-        by_means = sum(float(-g @ mean) for (_, g), mean in zip(sums, means, strict=True))
-        within = max(by_steps - by_means, 1e-300)
-        freedom = 6 * (count - 2)
-        chance = float(fdtrc(6, freedom, (between / 6) / (within / freedom)))
-        chance *= count - 2 * _LEAST_SHOTS + 1
-        if (chance, -between) < clearest:
-            clearest = chance, -between
-            # Where both sides are alike, the later one is how the rig is now.
-            before = first <= count - first
-            own = (evidence.lens.camera == camera) & np.isin(
-                evidence.lens.shot, shots[sides[0] if before else sides[1]]
-            )
-            best = Moved(
-                camera=camera,
-                shot=evidence.shots[shots[first]],
-                step=means[1] - means[0],
-                effect_px=float(np.sqrt(between / corners.sum())),
-                chance=chance,
-                share=between / (between + within),
-                apart=np.flatnonzero(own),
-                before=before,
-            )
-    return best
+    ratio, between, after = found
+    sides = [(hessian[side].sum(axis=0), pull[side].sum(axis=0)) for side in (~after, after)]
+    means = [np.linalg.lstsq(h, p, rcond=_RCOND)[0] for h, p in sides]
+    cuts, freedom = len(shots) - 2 * _LEAST_SHOTS + 1, len(shots) - 2
+    # Where both sides are alike, the later one is how the rig is now.
+    before = 2 * int(after.sum()) >= len(shots)
+    apart = np.isin(evidence.lens.shot, shots[~after if before else after])
+    return Moved(
+        camera=camera,
+        shot=evidence.shots[shots[int(np.argmax(after))]],
+        step=means[1] - means[0],
+        effect_px=float(np.sqrt(between / corners.sum())),
+        chance=float(fdtrc(6, 6 * freedom, ratio)) * cuts,
+        share=ratio / (ratio + freedom),
+        apart=np.flatnonzero((evidence.lens.camera == camera) & apart),
+        before=before,
+    )
 
 
 def explained(hessian: FloatArray, gradient: FloatArray) -> FloatArray:
