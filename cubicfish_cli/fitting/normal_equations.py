@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from scipy.linalg.lapack import dposv
@@ -376,14 +375,12 @@ class NormalSums:
         rows = whole[:, :, : count + 7]
         bounds = np.searchsorted(image, np.arange(photos.start, photos.stop + 1))
         each = np.diff(bounds)
-        if len(each) > 1 and each[0] > 0 and (each == each[0]).all():
-            # A small board is seen whole in most photos: these are worked out all at once.
-            self._add_photos(rows.reshape(len(each), -1, count + 7), own, terms.pose[bounds[:-1]])
-        else:
-            for start, stop in pairwise(bounds):
-                if start < stop:
-                    photo = rows[start:stop].reshape(1, -1, count + 7)
-                    self._add_photos(photo, own, terms.pose[start : start + 1])
+        # Of small boards there are many photos: those with equally many pairs are one product.
+        for size in np.unique(each[each > 0]).tolist():
+            alike = bounds[:-1][each == size]
+            own_rows = rows if len(alike) == len(each) else rows[alike[:, None] + np.arange(size)]
+            photos_rows = own_rows.reshape(len(alike), 2 * size, count + 7)
+            self._add_photos(photos_rows, own, terms.pose[alike])
         shared = rows.reshape(-1, count + 7)[:, 6:]
         self._total[key] += (shared.T @ shared)[:-1]
         if free:
