@@ -43,6 +43,7 @@ from cubicfish_cli.cli.terminal import (
     say,
 )
 from cubicfish_cli.films import MOST
+from cubicfish_cli.library.asked import check_inputs
 
 if TYPE_CHECKING:
     from cubicfish_cli.assess.verdict import Verdict
@@ -128,6 +129,7 @@ def command(given: Asked) -> None:
     at the end, or nothing is. With --overwrite, what an earlier calibration left in the
     folder goes.
     """
+    check_inputs(given.inputs, given.correspondences, given.target)
     from cubicfish_cli.fitting.point_fit import PointCalibration
     from cubicfish_cli.library.calibration_files import calibrate_files
 

@@ -21,6 +21,7 @@ from cubicfish_cli.cli.options import as_command, record, target_options
 from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table, why_lost
 from cubicfish_cli.cli.progress import running, say_found
 from cubicfish_cli.cli.terminal import print_json, print_table, result, say
+from cubicfish_cli.library.asked import check_inputs
 
 if TYPE_CHECKING:
     from cubicfish_cli.library.asked import TargetSource
@@ -64,10 +65,9 @@ def command(given: Asked) -> None:
     if rig is not None:
         _evaluate_rig(rig, given)
         return
-    from cubicfish_cli.library.calibration_files import evaluate_files
-    from cubicfish_cli.library.inputs import check_inputs
-
     check_inputs(given.inputs, None, given.target)
+    from cubicfish_cli.library.calibration_files import evaluate_files
+
     model = options.model_path(given.model)
     with running(jobs=given.jobs, no_cache=given.no_cache) as run:
         made = evaluate_files(model, given.inputs, given.target, image_size=given.size, run=run)

@@ -6,13 +6,15 @@ Nothing is loaded for it, so that a command line can make it before it is known 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from glob import has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cubicfish_cli.errors import MISSING, CameraFileError, CubicfishError, UsageError
 from cubicfish_cli.listener import SILENT, Listener
+from cubicfish_cli.wording import quoted
 
 if TYPE_CHECKING:
     from cubicfish_cli.executors.executor import Executor
@@ -182,3 +184,52 @@ def rig_in(path: Path) -> Path | None:
         inside, camera = path / "rig.yaml", path / "camera.yaml"
         return inside if inside.is_file() and not camera.exists() else None
     return path if is_rig(path) else None
+
+
+def check_inputs(
+    inputs: Sequence[Path], correspondences: Path | None, target: TargetSource
+) -> None:
+    """Refuse at once, before anything is loaded or done, what cannot be read as pairs.
+
+    Raises:
+        UsageError: the inputs do not go together.
+        CubicfishError: one is not there.
+
+    """
+    if correspondences is not None:
+        if inputs:
+            raise UsageError("give photos (or corners.csv) or --correspondences, not both")
+        _refuse_missing([correspondences])
+        return
+    if not inputs:
+        raise UsageError("name photos, a folder of photos, or a corners.csv")
+    tables = tables_among(inputs)
+    if tables and len(inputs) > 1:
+        raise UsageError(f"{quoted(str(tables[0]))} must be the only input, as all CSV files")
+    _refuse_missing(inputs)
+    if not (tables and holds_world_points(tables[0])):
+        target.check()
+
+
+def tables_among(inputs: Sequence[Path]) -> list[Path]:
+    """Those of the inputs that are tables, by their names."""
+    return [path for path in inputs if path.suffix.lower() == ".csv"]
+
+
+def _refuse_missing(paths: Sequence[Path]) -> None:
+    for path in paths:
+        if not os.path.lexists(path) and not has_magic(str(path)):
+            raise CubicfishError(f"{path} {MISSING}")
+
+
+def holds_world_points(path: Path) -> bool:
+    """Whether the header of a CSV file is that of correspondences."""
+    try:
+        if not path.is_file():  # a pipe might be waited for
+            return False
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            lines = [file.readline(10_000) for _ in range(2)]
+    except OSError:
+        return False  # the reader says what is wrong with it
+    header = lines[1] if lines[0].startswith("#") else lines[0]
+    return {"X", "Y", "Z"} <= {cell.strip() for cell in header.split(",")}

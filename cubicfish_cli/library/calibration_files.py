@@ -24,11 +24,18 @@ from cubicfish_cli.fitting.point_fit import PointCalibration, calibrate_points
 from cubicfish_cli.formats.calibrated import camera_text
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.library.asked import RUN, Run, StrPath, TargetSource, in_folder, paths_of
+from cubicfish_cli.library.asked import (
+    RUN,
+    Run,
+    StrPath,
+    TargetSource,
+    check_inputs,
+    in_folder,
+    paths_of,
+)
 from cubicfish_cli.library.calibration import calibrate
 from cubicfish_cli.library.inputs import (
     Inputs,
-    check_inputs,
     load_inputs,
     recorded_as,
     refuse_other_sizes,

@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from glob import has_magic
 from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.corner_files.observations_csv import load_corners, load_correspondences
 from cubicfish_cli.errors import (
-    MISSING,
     CorrespondenceError,
-    CubicfishError,
     PhotoError,
-    UsageError,
 )
 from cubicfish_cli.files import Fingerprint, fingerprint
 from cubicfish_cli.films import MOST
 from cubicfish_cli.films.recordings import is_recording
 from cubicfish_cli.identification.identified import Detection, line_of
-from cubicfish_cli.library.asked import Run, TargetSource
+from cubicfish_cli.library.asked import (
+    Run,
+    TargetSource,
+    check_inputs,
+    holds_world_points,
+    tables_among,
+)
 from cubicfish_cli.library.detection import find_corners, named_photos
 from cubicfish_cli.library.frames import (
     choose_frames,
@@ -35,7 +36,6 @@ from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import find_photos, photo_size
 from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
 from cubicfish_cli.target import target_text
-from cubicfish_cli.wording import quoted
 from cubicfish_cli.words.codes import Event
 from cubicfish_cli.words.finding import Finding
 from cubicfish_cli.words.phrases import plural
@@ -93,31 +93,6 @@ class Inputs:
         }
 
 
-def check_inputs(
-    inputs: Sequence[Path], correspondences: Path | None, target: TargetSource
-) -> None:
-    """Refuse at once, before anything is loaded or done, what cannot be read as pairs.
-
-    Raises:
-        UsageError: the inputs do not go together.
-        CubicfishError: one is not there.
-
-    """
-    if correspondences is not None:
-        if inputs:
-            raise UsageError("give photos (or corners.csv) or --correspondences, not both")
-        _refuse_missing([correspondences])
-        return
-    if not inputs:
-        raise UsageError("name photos, a folder of photos, or a corners.csv")
-    tables = _tables(inputs)
-    if tables and len(inputs) > 1:
-        raise UsageError(f"{quoted(str(tables[0]))} must be the only input, as all CSV files")
-    _refuse_missing(inputs)
-    if not (tables and _holds_world_points(tables[0])):
-        target.check()
-
-
 def load_inputs(
     inputs: Sequence[Path],
     target: TargetSource,
@@ -143,12 +118,12 @@ def load_inputs(
 
     """
     check_inputs(inputs, correspondences, target)
-    tables = _tables(inputs)
+    tables = tables_among(inputs)
     if correspondences is not None:
         loaded = _from_correspondences(correspondences, image_size)
     elif not tables:
         loaded = _from_photos(inputs, target, run, best)
-    elif _holds_world_points(tables[0]):
+    elif holds_world_points(tables[0]):
         loaded = _from_correspondences(tables[0], image_size)
     else:
         loaded = _from_corners(tables[0], target, image_size, run.listener)
@@ -159,29 +134,6 @@ def load_inputs(
             f"all {plural(len(pixel), 'corner')} are at x {x:g}, y {y:g}: check the columns x and y"
         )
     return loaded
-
-
-def _tables(inputs: Sequence[Path]) -> list[Path]:
-    return [path for path in inputs if path.suffix.lower() == ".csv"]
-
-
-def _refuse_missing(paths: Sequence[Path]) -> None:
-    for path in paths:
-        if not os.path.lexists(path) and not has_magic(str(path)):
-            raise CubicfishError(f"{path} {MISSING}")
-
-
-def _holds_world_points(path: Path) -> bool:
-    """Whether the header of a CSV file is that of correspondences."""
-    try:
-        if not path.is_file():  # a pipe might be waited for
-            return False
-        with path.open(encoding="utf-8-sig", errors="replace") as file:
-            lines = [file.readline(10_000) for _ in range(2)]
-    except OSError:
-        return False  # the reader says what is wrong with it
-    header = lines[1] if lines[0].startswith("#") else lines[0]
-    return {"X", "Y", "Z"} <= {cell.strip() for cell in header.split(",")}
 
 
 def _from_correspondences(path: Path, size: tuple[int, int] | None) -> Inputs:
@@ -228,7 +180,7 @@ def refuse_other_sizes(inputs: Sequence[Path], size: tuple[int, int]) -> None:
 
     """
     seen = None
-    for photo in find_photos(inputs) if not _tables(inputs) else ():
+    for photo in find_photos(inputs) if not tables_among(inputs) else ():
         try:
             seen = photo_size(photo.path)
         except PhotoError:  # a damaged one is left out with a word later
