@@ -19,6 +19,7 @@ from cubicfish_cli.wording import quoted
 if TYPE_CHECKING:
     from cubicfish_cli.executors.executor import Executor
     from cubicfish_cli.files import Fingerprint
+    from cubicfish_cli.photos import Photo
     from cubicfish_cli.target import Target
 
 StrPath = str | os.PathLike[str]
@@ -233,3 +234,20 @@ def holds_world_points(path: Path) -> bool:
         return False  # the reader says what is wrong with it
     header = lines[1] if lines[0].startswith("#") else lines[0]
     return {"X", "Y", "Z"} <= {cell.strip() for cell in header.split(",")}
+
+
+def named_photos(inputs: Sequence[StrPath], listener: Listener) -> list[Photo]:
+    """The photos that are named; what may be missed among them is told.
+
+    Raises:
+        PhotoError: there are none, or one cannot be used.
+
+    """
+    from cubicfish_cli.photos import find_photos
+    from cubicfish_cli.words.codes import Event
+
+    lines: list[str] = []
+    photos = find_photos(inputs, lines)
+    for line in lines:
+        listener.tell(Event.PASSED_OVER, line=line)
+    return photos

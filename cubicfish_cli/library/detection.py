@@ -35,7 +35,7 @@ from cubicfish_cli.identification.identified import (
 )
 from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.identification.second_pass import second_pass
-from cubicfish_cli.library.asked import RUN, Run, StrPath, TargetSource, paths_of
+from cubicfish_cli.library.asked import RUN, Run, StrPath, TargetSource, named_photos, paths_of
 from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.overlay.draw import draw_found
 from cubicfish_cli.photos import MAX_PIXELS, Photo, Picture, find_photos, read_grey
@@ -367,20 +367,6 @@ def _no_checkerboard(found: Sequence[Look]) -> DetectionError:
         figures = {**most.figures, "photos": len(found)}
         return DetectionError(replace(most, case="all", figures=figures).line)
     return DetectionError(f"{plural(len(found), 'photo')}, no checkerboard: {most.line}")
-
-
-def named_photos(inputs: Sequence[StrPath], listener: Listener) -> list[Photo]:
-    """The photos that are named; what may be missed among them is told.
-
-    Raises:
-        PhotoError: there are none, or one cannot be used.
-
-    """
-    lines: list[str] = []
-    photos = find_photos(inputs, lines)
-    for line in lines:
-        listener.tell(Event.PASSED_OVER, line=line)
-    return photos
 
 
 def drawings(folder: Path, photos: Sequence[Photo]) -> dict[str, Path]:

@@ -22,9 +22,10 @@ from cubicfish_cli.library.asked import (
     TargetSource,
     check_inputs,
     holds_world_points,
+    named_photos,
     tables_among,
 )
-from cubicfish_cli.library.detection import find_corners, named_photos
+from cubicfish_cli.library.detection import find_corners
 from cubicfish_cli.library.frames import (
     choose_frames,
     choose_photos,

@@ -13,8 +13,7 @@ from cubicfish_cli.errors import CubicfishError, PhotoError, UsageError, ViewErr
 from cubicfish_cli.files import refuse_existing, write_files
 from cubicfish_cli.fitting.rig.shots import shots_by_name
 from cubicfish_cli.formats.rig_yaml import RigFile, load_rig
-from cubicfish_cli.library.asked import RUN, Run, StrPath, paths_of
-from cubicfish_cli.library.detection import named_photos
+from cubicfish_cli.library.asked import RUN, Run, StrPath, named_photos, paths_of
 from cubicfish_cli.library.rig_pictures import Face, body_of_rig, faces_of, faces_texts
 from cubicfish_cli.library.undistorting import refuse_a_file
 from cubicfish_cli.library.views import board_with_plane

@@ -13,8 +13,7 @@ from cubicfish_cli.errors import CubicfishError, OutputError, UsageError, ViewEr
 from cubicfish_cli.files import Content, refuse_existing, write_files
 from cubicfish_cli.formats.calibrated import Calibrated
 from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.library.asked import RUN, Run, StrPath, paths_of
-from cubicfish_cli.library.detection import named_photos
+from cubicfish_cli.library.asked import RUN, Run, StrPath, named_photos, paths_of
 from cubicfish_cli.library.pictures import Interpolation, rendering_of
 from cubicfish_cli.library.views import Size, TrustedWithin, Views, ViewsBySize
 from cubicfish_cli.listener import SILENT, Listener

@@ -15,12 +15,10 @@ from cubicfish_cli.arrays import Refusal
 from cubicfish_cli.assess.field_uncertainty import sigma_at
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.errors import CameraFileError, ViewError
-from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.fitting.statistics import photos_on_record, poses_on_record
 from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.asked import Run
-from cubicfish_cli.library.detection import detect_corners
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField
@@ -246,6 +244,9 @@ class PlanesOfPhotos(Views):
             CubicfishError: no corners, or too few, in all of them.
 
         """
+        from cubicfish_cli.fitting.evaluate import evaluate
+        from cubicfish_cli.library.detection import detect_corners
+
         camera = self._loaded.camera
         missing = [source for source in sources if source.name not in self._poses]
         if not missing or not isinstance(camera, CubicCamera):
