@@ -15,7 +15,6 @@ from cubicfish_cli.arrays import Refusal
 from cubicfish_cli.assess.field_uncertainty import sigma_at
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.errors import CameraFileError, ViewError
-from cubicfish_cli.fitting.statistics import photos_on_record, poses_on_record
 from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.asked import Run
@@ -221,6 +220,9 @@ class PlanesOfPhotos(Views):
             ViewError: it has no such board, or the board has no plane.
 
         """
+        # Undistortion of a photo or two is done before scipy is loaded.
+        from cubicfish_cli.fitting.statistics import photos_on_record
+
         self._loaded, self._crop, self._target = loaded, crop, target
         self._board = board_with_plane(target, board)
         self._scale, self._margin = pixels_per_unit, margin
@@ -305,6 +307,8 @@ class PlanesOfPhotos(Views):
 
 def _poses_of(fit: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
     """Rotation vector and translation by the photo's file name, without folders."""
+    from cubicfish_cli.fitting.statistics import poses_on_record
+
     return {Path(name).name: pose for name, pose in poses_on_record(fit).items()}
 
 
