@@ -28,8 +28,8 @@ WEIGHTS = tuple(10.0 ** (1.5 - step / 2) for step in range(8))
 FIRMEST = Hold(spread=SPREADS[0], weight=WEIGHTS[0])
 # Where photos that are left out cannot tell.
 UNTOLD = Hold(spread=1e-3, weight=1.0)
-# A freer P must gain over all photos more than so many times what single photos' gains differ by:
-# one or two photos do not decide.
+# Another hold must gain over all photos more than so many times what single photos' gains differ
+# by: one or two photos do not decide.
 _CLEARLY = 2.0
 # From hold to hold; each is looked at from a fit under the last.
 _MOST_STEPS = 12
@@ -86,7 +86,7 @@ def choose_hold(
         )
         leaving = Leaving(start.fit, reference.pairs, huber_px(start.residual), groups)
         squares |= _squares(leaving, start.lens, reference, places)
-        place = _firmest_of_the_best(squares)
+        place = _nearest_of_the_best(squares)
         places = _around(place)
     assert start is not None
     # A search that comes back to an earlier hold ends there; a hold that was made firmer stays so.
@@ -141,14 +141,14 @@ def _best(squares: Mapping[_Place, FloatArray]) -> _Place:
     return min(squares, key=lambda place: float(squares[place].sum()))
 
 
-def _firmest_of_the_best(squares: Mapping[_Place, FloatArray]) -> _Place:
-    """The firmest hold that is not clearly worse than the best.
+def _nearest_of_the_best(squares: Mapping[_Place, FloatArray]) -> _Place:
+    """The hold that is not clearly worse than the best and nearest to what is taken untold.
 
-    What corners of one photo say they say together: whether a freer P is better is a matter of
+    What corners of one photo say they say together: whether another hold is better is a matter of
     photos, of which there may be five, and the least of several errors is least by chance too.
     """
-    best = _best(squares)
-    for place in sorted(squares, key=lambda place: (sum(place), place)):
+    best, untold = _best(squares), np.array(_place_of(UNTOLD))
+    for place in sorted(squares, key=lambda place: (np.abs(place - untold).sum(), place)):
         worse = squares[place] - squares[best]
         if worse.sum() <= _CLEARLY * np.std(worse, ddof=1):
             return place
