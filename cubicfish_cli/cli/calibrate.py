@@ -30,7 +30,13 @@ from cubicfish_cli.cli.options import (
     target_options,
     verbosity,
 )
-from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table, why_lost
+from cubicfish_cli.cli.photo_table import (
+    corners_by_board,
+    fitted_rows,
+    print_photo_table,
+    say_left_out,
+    why_lost,
+)
 from cubicfish_cli.cli.progress import running
 from cubicfish_cli.cli.report import report_option, say_if_no_page
 from cubicfish_cli.cli.terminal import (
@@ -161,8 +167,7 @@ def command(given: Asked) -> None:
     fitted = made.fitted
     if given.as_json:
         print_json(made.as_record())
-    for photo, reason in fitted.unfit.items():
-        say(f"left out: {photo}: {reason}")
+    say_left_out(fitted.unfit)
     if not isinstance(fitted, PointCalibration):
         _say_findings(fitted, made.record)
     if not given.as_json:

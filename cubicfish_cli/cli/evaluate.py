@@ -22,6 +22,7 @@ from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_p
 from cubicfish_cli.cli.progress import running, say_found
 from cubicfish_cli.cli.terminal import print_json, print_table, result, say
 from cubicfish_cli.library.asked import check_inputs
+from cubicfish_cli.words.phrases import listed
 
 if TYPE_CHECKING:
     from cubicfish_cli.library.asked import TargetSource
@@ -81,8 +82,8 @@ def command(given: Asked) -> None:
         say_found(made.inputs.photo_findings)
         for finding in made.inputs.detection.findings:
             say(f"warning: {finding.line}")
-    for photo in evaluation.unplaced:
-        say(f"{photo}: too few corners to place it; not counted.")
+    if evaluation.unplaced:
+        say(f"{listed(evaluation.unplaced, 'photos')}: too few corners to be placed; not counted.")
     if given.as_json:
         print_json(made.record)
     else:
@@ -111,8 +112,9 @@ def _evaluate_rig(path: Path, given: Asked) -> None:
     for one in evaluation.cameras:
         if one.outside:
             say(f"camera {one.name}: {count(one.outside, 'corner')} not counted: beyond its field.")
-        for photo in one.unplaced:
-            say(f"camera {one.name}, {photo}: too few corners to place it; not counted.")
+        if one.unplaced:
+            photos = listed(one.unplaced, "photos")
+            say(f"camera {one.name}, {photos}: too few corners to be placed; not counted.")
     record = evaluation.as_record()
     if given.as_json:
         print_json({"model": str(path), **record})

@@ -252,7 +252,21 @@ def test_evaluate_says_what_it_did_not_count(run: Run, calibrated: Path, tmp_pat
     (tmp_path / "few.csv").write_text("\n".join(few))
     result = run("evaluate", tmp_path / "few.csv", "-t", TARGET, "-m", tmp_path / "narrow.yaml")
     assert "corners not counted: beyond the 60°" in result.stderr
-    assert "corner_10.jpg: too few corners to place it" in result.stderr
+    assert "corner_10.jpg: too few corners to be placed" in result.stderr
+
+
+@pytest.mark.slow
+def test_photos_left_out_for_the_same_reason_are_said_in_one_line(run: Run, tmp_path: Path) -> None:
+    lines = CORNERS.read_text().splitlines()
+    few = [line for line in lines if not line.startswith(("corner_09", "corner_10"))]
+    for name in ("corner_09", "corner_10"):
+        few += [line for line in lines if line.startswith(name)][:3]
+    (tmp_path / "few.csv").write_text("\n".join(few))
+    result = run(
+        "calibrate", tmp_path / "few.csv", "-t", TARGET, "-o", tmp_path / "c", "--no-report"
+    )
+    said = [line for line in result.stderr.splitlines() if line.startswith("left out")]
+    assert said == ["left out: corner_09.jpg and corner_10.jpg: too few corners to be placed"]
 
 
 def test_a_date_of_ones_own_makes_the_same_bytes_again(
