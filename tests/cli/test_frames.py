@@ -17,7 +17,7 @@ from running import Run
 from cubicfish_cli.cli.options import keys_of
 from cubicfish_cli.films import scan
 from cubicfish_cli.films.written import PASSED_OVER
-from cubicfish_cli.library import frames as library_frames
+from cubicfish_cli.library import frame_search
 
 pytestmark = pytest.mark.slow
 
@@ -150,7 +150,7 @@ def test_a_search_that_was_interrupted_does_not_read_the_film_again(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(library_frames, "found_at_a_glance", stop)
+        patch.setattr(frame_search, "found_at_a_glance", stop)
         run("frames", short, "-o", tmp_path / "p", "-j", 1, code=130)
     monkeypatch.setattr(scan, "decode", stop)
     run("frames", short, "-o", tmp_path / "p", "-j", 1)

@@ -36,6 +36,9 @@ _TIMES = 2.0
 # A shot's cameras are exchanged where they stand so many times nearer the other way round, and
 # then as near as usual, within so many times.
 _CLEARLY, _LIKE = 10.0, 5.0
+# Lenses' frames are turned against each other by about this much, radians, the other way round in
+# exchanged shots: a turn of a lens and a shift of its principal point are hard to tell apart.
+_FRAMES = 0.02
 _SEEDS, _FAR = 40, 0.5
 _ROUNDS = 30
 # A view whose corners are off by more than both under the pose of its shot is of another shot.
@@ -108,8 +111,9 @@ def exchanged_shots(relative: Poses) -> BoolArray:
     cost = [float(np.minimum(np.minimum(*pair), _FAR).sum()) for pair in apart]
     as_is, turned = apart[int(np.argmin(cost))]
     usual = float(np.median(np.minimum(as_is, turned)))
-    found = (as_is > _CLEARLY * turned) & (turned < _LIKE * usual)
-    straight = (turned > _CLEARLY * as_is) & (as_is < _LIKE * usual)
+    like = _LIKE * usual + _FRAMES
+    found = (as_is > _CLEARLY * turned) & (turned < like)
+    straight = (turned > _CLEARLY * as_is) & (as_is < like)
     return np.asarray(found if found.sum() <= straight.sum() else straight)
 
 
