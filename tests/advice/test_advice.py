@@ -254,7 +254,7 @@ def test_so_many_photos_as_said_reach_the_goal(poor):
     again = fit_of([*FIRST, *new])
     said = advise(again.camera, again.as_record(), again.pairs, TARGET, goal_px=0.09)
     # How the fit hangs on single photos is foretold by those so far, not known.
-    assert said.now.p95_px < 1.2 * 0.09
+    assert said.now.p95_px < 1.25 * 0.09
 
 
 @pytest.mark.slow

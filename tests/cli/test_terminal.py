@@ -108,7 +108,8 @@ def test_progress_names_the_stage_and_leaves_nothing_behind(tmp_path: Path) -> N
     args = ["calibrate", CORNERS, "-t", TARGET, "-o", tmp_path / "c", "--no-report"]
     ended = on_terminal(*args, piped=True)
     assert ended.code == 0
-    assert "Held-out photos (" in ended.screen or "held-out photos (" in ended.screen
+    # A stage that ends within the line's patience is not shown: which one is, the machine decides.
+    assert re.search("(held-out photos|shapes|single corners|may be wrong)", ended.screen)
     assert "%" in ended.screen
     assert ended.screen.rindex("\x1b[?25h") > ended.screen.rindex("\x1b[?25l")  # the cursor
     assert visible(ended.screen) == ["Fitting to 1,139 corners."]
