@@ -27,7 +27,7 @@ _PLACE_SPREAD = 0.02
 _USUAL_SPREAD = 0.003
 _SHAPE_TERMS = 5  # bend x, bend y, twist, stretch x, stretch y
 _STRETCH = 3  # the first of them that stretches
-_STRETCHES = _SHAPE_TERMS - _STRETCH
+_SHAPE_SPREADS = [_SHAPE_SPREAD] * _STRETCH + [_USUAL_SPREAD] * (_SHAPE_TERMS - _STRETCH)
 _STRETCHED = 1  # of the kinds of parameters
 # The mean stretch of all boards is held to zero this closely: no photo shows the overall scale.
 _SCALE_SPREAD = 1e-6
@@ -110,8 +110,7 @@ class RefinedWorld:
         seen = np.unique(pairs.board)
         for index in seen:
             part = _part(pairs, target.boards[index], int(index), scale, len(spread), not parts)
-            bends = max(part.basis.shape[2] - _STRETCHES, 0)
-            spread += [_SHAPE_SPREAD] * bends + [_USUAL_SPREAD] * (part.basis.shape[2] - bends)
+            spread += _SHAPE_SPREADS[: part.basis.shape[2]]
             spread += [_PLACE_SPREAD] * (part.place.stop - part.place.start)
             parts.append(part)
         corner, count = np.zeros(0, np.intp), 0
