@@ -4,9 +4,9 @@
 
 Synthetic corners of a box of four boards seen by a lens that is no cubic, with 0.1 px noise.
 Prints the processor's seconds for the fit of camera and poses (object as drawn), with the boards'
-shapes free, and as ``calibrate`` does it unasked (``auto``, photos held out), how the time a photo
-compares with that of the smallest set, and which share of it goes into looking for what is wrong
-with a set-up (nothing is).
+shapes free, and as ``calibrate`` does it unasked (``auto``, photos held out), how the time per
+photo compares with that of the smallest set, and which share of it goes into looking for what is
+wrong with a set-up (nothing is).
 """
 
 from __future__ import annotations

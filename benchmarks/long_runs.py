@@ -128,7 +128,7 @@ def bars(said: str) -> dict[str, list[int]]:
 
 
 def held(pid: int) -> tuple[float, int]:
-    """Resident megabytes (shared pages once a process) and open files, of a process tree."""
+    """Resident megabytes (shared pages once per process) and open files, of a process tree."""
     memory, files = 0.0, 0
     for one in tree(pid):
         try:

@@ -1,4 +1,4 @@
-"""Angles of points and offsets: for the same numbers the same answer to the last bit.
+"""Angles of points and offsets, identical to the last bit for identical numbers.
 
 Where vector instructions serve (AVX-512), numpy 1.26 takes the angle of a column of an array by
 another loop if the result happens to lie right behind that array in memory, and the two loops round

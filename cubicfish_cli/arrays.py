@@ -1,4 +1,4 @@
-"""Arrays that a caller hands over: shapes and numbers are checked before any work is done."""
+"""Checks of shape and numbers for arrays that callers hand over."""
 
 from __future__ import annotations
 

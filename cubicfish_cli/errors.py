@@ -1,4 +1,4 @@
-"""What can go wrong, one class a stage.
+"""Errors that a user can cause, one class per stage.
 
 Every error that a user can cause is a :class:`CubicfishError` whose text is one line that
 says what, where and what to do next. The command line turns it into ``Error: ...`` and

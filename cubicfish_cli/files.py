@@ -56,7 +56,7 @@ _writable: set[Path] = set()
 def _refuse_unwritable(path: Path) -> None:
     """Raise :class:`OutputError` when no file can be made where ``path`` is to be.
 
-    Of a folder that is not there yet, the nearest one above it is tried, once a process.
+    Of a folder that is not there yet, the nearest one above it is tried, once per process.
     """
     folder = next(above for above in path.absolute().parents if os.path.lexists(above))
     if folder in _writable:
@@ -254,7 +254,7 @@ _known_folders: set[str] = set()
 
 
 def _looked_through(folder: Path) -> bool:
-    """Whether this was asked of the folder before: once a process is enough."""
+    """Whether this was asked of the folder before: once per process is enough."""
     name = os.path.abspath(folder)
     before = name in _known_folders
     _known_folders.add(name)

@@ -1,4 +1,4 @@
-"""Names of frames that were taken from films: the film and the time, which files alone keep."""
+"""File names of film frames: they carry the film's name and the time."""
 
 from __future__ import annotations
 

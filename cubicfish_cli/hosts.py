@@ -1,4 +1,4 @@
-"""The host that works for another machine, for messages."""
+"""Name of the host that works for another machine, for messages."""
 
 from __future__ import annotations
 

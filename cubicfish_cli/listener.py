@@ -1,4 +1,4 @@
-"""Who is told what is done while it is done: the one way in which the library talks."""
+"""Listener: progress and events that the library reports while it works."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was seen in photos: corners or points, by name, place in the world and pixel.
+"""Observations: corners or points seen in photos, by name, world point and pixel.
 
 Everything between finding corners and fitting a camera is this one record. It keeps one row a
 corner in flat arrays, since all the maths runs over all corners at once.
@@ -95,7 +95,7 @@ class Observations:
         images: Sequence[str] | None = None,
         weight: Iterable[npt.ArrayLike] | None = None,
     ) -> Observations:
-        """Named corners that any detector found, from plain arrays, one of each kind a photo.
+        """Named corners that any detector found, from plain arrays, one of each kind per photo.
 
         Args:
             places: for each photo (N, 3) whole numbers: index into ``boards``, column, row.
@@ -139,7 +139,7 @@ class Observations:
         images: Sequence[str] | None = None,
         weight: Iterable[npt.ArrayLike] | None = None,
     ) -> Observations:
-        """Points whose places in the world are known, from plain arrays, one of each kind a photo.
+        """Points of known places in the world, from plain arrays, one of each kind per photo.
 
         Args:
             world: for each photo (N, 3) points in the world frame, any unit of length.

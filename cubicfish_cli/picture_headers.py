@@ -1,4 +1,4 @@
-"""What a picture file claims to hold, read from its header before anything is decoded.
+"""Size and kind of a picture from its header, checked before anything is decoded.
 
 A decoder makes room for what a header claims, so a few bytes can ask for all the memory there is.
 Only what is understood here is ever given to a decoder; where a file names a size in several

@@ -1,4 +1,4 @@
-"""Reading YAML that holds plain data only, from files that nobody vouches for.
+"""Safe reading of plain YAML data from untrusted files.
 
 Anchors, tags, duplicate keys, several documents, deep nesting and big files are refused,
 so that what a person reads in the file is what the program gets, at a bounded cost.

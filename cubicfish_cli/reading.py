@@ -1,4 +1,4 @@
-"""Reading files that nobody vouches for, at a bounded cost.
+"""Bounded reading of untrusted files.
 
 Whatever a file holds, it is read or refused in one line, within these bounds. Memory is that of one
 file, beyond the file's own bytes and what the result needs; time is that of one processor of 2020.

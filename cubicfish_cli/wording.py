@@ -1,4 +1,4 @@
-"""Small pieces of error messages: a user's own words, quoted safely, and the nearest known one."""
+"""Pieces of error messages: quoting a user's words safely, and suggesting the nearest known one."""
 
 from __future__ import annotations
 

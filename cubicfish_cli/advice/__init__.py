@@ -1,1 +1,1 @@
-"""What to photograph next: where knowledge of a camera is thin, and what would help most."""
+"""What to photograph next: where the camera is uncertain, and which photos would help most."""

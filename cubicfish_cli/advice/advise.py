@@ -1,4 +1,4 @@
-"""What to photograph next, and how much it would help.
+"""The next photos to take, and how much each would lower the uncertainty.
 
 For sampled poses the normal equations of the fit are extended by the corners that would be seen
 from there, the pose's own six unknowns eliminated, and the uncertainty over the field is worked

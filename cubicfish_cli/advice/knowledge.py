@@ -1,4 +1,4 @@
-"""A calibration's fit again, from its record, for what it knows and would learn."""
+"""The normal equations of a recorded fit, rebuilt to predict what more photos would add."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The advice as a picture, SVG text: what is known where, and where the object should appear."""
+"""The advice as an SVG picture: uncertainty over the photo, and where to place the target."""
 
 from __future__ import annotations
 

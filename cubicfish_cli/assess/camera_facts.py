@@ -1,4 +1,4 @@
-"""What a camera is, in the figures that people ask for first: the same wherever it is told."""
+"""Key facts of a camera in one line, for every command that names one."""
 
 from __future__ import annotations
 

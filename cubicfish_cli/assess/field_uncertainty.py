@@ -1,4 +1,4 @@
-"""Uncertainty over a camera's field in two figures, and their words: the same wherever it is told.
+"""Uncertainty over a camera's field: two figures and their wording.
 
 The field is where the camera may be trusted, as far as the photo shows it.
 """

@@ -1,4 +1,4 @@
-"""What a plain record holds that nobody vouches for: numbers and records in it, or nothing."""
+"""Reading numbers and mappings from plain records that may hold anything."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a rig is worth by its figures, read from the plain record that rig.yaml keeps."""
+"""Verdict on a rig, from the record in rig.yaml."""
 
 from __future__ import annotations
 

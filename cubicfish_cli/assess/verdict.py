@@ -1,4 +1,4 @@
-"""What a fit is worth by its figures: good, usable with care or not to be trusted, and why.
+"""Verdict on a calibration: good, usable with care or not to be trusted, and why.
 
 It reads the plain record that camera.yaml keeps, so that a calibration of last year is judged as
 one of today is. Limits are in pixels of a photo of up to 2000 pixels per side; larger photos, whose

@@ -1,4 +1,4 @@
-"""One mapping of a target file, with where it is, so that every refusal can say so."""
+"""One mapping of a target file with its line, so that errors can name the place."""
 
 from __future__ import annotations
 

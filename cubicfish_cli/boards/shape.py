@@ -1,4 +1,4 @@
-"""How a real board departs from its drawing, and where a board is in the world."""
+"""A board's deformation against its drawing, and its pose in the world."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stays on the disk from one run to the next, beside what the user asked for."""
+"""Cache directory."""
 
 from __future__ import annotations
 

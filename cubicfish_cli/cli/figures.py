@@ -57,7 +57,7 @@ def print_verdict(judged: Verdict) -> None:
 
 
 def print_models(records: Sequence[Mapping[str, Any]]) -> None:
-    """Print one row a lens model: how large it is, how well it does, how far it reaches."""
+    """Print one row per lens model: how large it is, how well it does, how far it reaches."""
     result("Lens models: the same corners, loss and folds, the target as drawn")
     print_columns(
         [

@@ -1,4 +1,4 @@
-"""What a foreign file of corners says, and its corners by the names that the target gives them."""
+"""Corners of foreign files, named by the target."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading corners of other detectors, whatever they are kept in."""
+"""Reading corner files of other detectors, in any known format."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ def through_square(corner: FloatArray, place: FloatArray) -> FloatArray:
 def module_places(family: Family, ratio: float) -> FloatArray:
     """Where to look at each module: (K, 2) in a square whose middle holds the marker.
 
-    ``ratio`` is the marker's side in squares. Five points a module, module by module and row
+    ``ratio`` is the marker's side in squares. Five points per module, module by module and row
     by row: its middle and half way to its corners.
     """
     side = family.size + 2 * family.border

@@ -208,7 +208,7 @@ def refine_corners(
     Args:
         image: (H, W) grey photo, or the pyramid built from it.
         pixel: (N, 2) predictions, within about a tenth of a square.
-        jacobians: (N, 2, 2) columns dp/di and dp/dj: pixels a step along the grid's i and j.
+        jacobians: (N, 2, 2) columns dp/di and dp/dj: pixels per step along the grid's i and j.
         sign: (N,) +1 where the square between the steps +i and +j is bright, -1 where it is
             dark; None takes what the photo shows.
         bends: (N, 2, 3) second derivatives d2p/di2, d2p/didj, d2p/dj2; None: straight edges.

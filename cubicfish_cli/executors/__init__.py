@@ -1,1 +1,1 @@
-"""Executors: processes of this machine, or of others."""
+"""Executors: processes of this machine, or of a cluster."""

@@ -1,4 +1,4 @@
-"""Work that other executor do: what the library asks of them, without knowing who they are."""
+"""Executor interface for distributed work."""
 
 from __future__ import annotations
 

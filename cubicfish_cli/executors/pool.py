@@ -1,4 +1,4 @@
-"""The same work on many photos, by as many processes as the machine has processors."""
+"""Process pool over photos, with results in order whatever the number of processes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Processes of this machine that do the same work, each at the end of a pipe of its own.
+"""Worker processes, each behind its own pipe.
 
 They share no queue and no lock, unlike those of :mod:`concurrent.futures`: one that is killed,
 also while it sends an answer, leaves nothing behind that anybody waits for.
@@ -96,7 +96,7 @@ def _start(
 
 @contextmanager
 def _requests_held_back() -> Iterator[None]:
-    """Ctrl-C and the like wait: a server that is asked for half a process complains at length."""
+    """Block signals while the forkserver starts a worker: cut off, it complains at length."""
     came: list[int] = []
     before: dict[int, Any] = {}
     # Only the main thread may set handlers, and only there they are called.

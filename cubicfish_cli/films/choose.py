@@ -1,4 +1,4 @@
-"""Which of many pictures to calibrate from: those that add most to the others.
+"""Choosing the photos or frames that add most information.
 
 What a picture adds is told by who knows lenses, or where no lens is known by :class:`Coverage`.
 Pictures that are clearly worse than the others come last, and hardly any is a second time what was

@@ -1,4 +1,4 @@
-"""Films of several cameras on one body: by how much their clocks differ, from when they move.
+"""Clock offsets between the films of a rig's cameras, from their motion.
 
 A body moves with all of its cameras, so films are still and lively at the same moments. That tells
 their clocks apart to about a frame; the fit does the rest (``fitting/rig/clocks.py``).

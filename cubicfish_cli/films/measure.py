@@ -1,4 +1,4 @@
-"""How sharp a frame is, and how far it moved: what can be told of every frame, at little cost.
+"""Sharpness and motion of every frame, at low cost.
 
 Both are ratios of grey-level differences, so that neither brightness nor contrast counts.
 """

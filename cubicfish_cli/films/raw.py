@@ -1,4 +1,4 @@
-"""Frames kept as the decoder made them: writing one takes no time, and a few are looked at again.
+"""Raw cache of decoded frames.
 
 A file is one line of JSON, then the planes without what pads their rows.
 """

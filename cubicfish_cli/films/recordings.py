@@ -1,4 +1,4 @@
-"""Recordings of robots as films: image topics of ROS 1 and ROS 2 bags and of MCAP files.
+"""Image topics of ROS 1 and ROS 2 bags and of MCAP files, read as films.
 
 The library rosbags reads them, the extra ``ros``; neither ROS nor its messages are needed. Frames
 come as PyAV has them, so that what reads films reads these too.

@@ -1,4 +1,4 @@
-"""The pass over all frames of a film: each is measured, and the best of every few is kept.
+"""First pass over a film: every frame is measured, the best of each short stretch is kept.
 
 It can be broken off at any frame. What was measured and kept lies in a folder, and the next run
 goes on from there. Memory does not grow with the film but for a few numbers per frame.

@@ -1,4 +1,4 @@
-"""Films of several cameras on one body -> the moments at which all are sharp and still.
+"""Choosing shots from a rig's films: moments at which all cameras are sharp and still.
 
 Films are read twice: every frame is measured (``scan.py``), then the frames of those moments are
 taken out, each with its neighbours, by which it is told how what it shows moves.

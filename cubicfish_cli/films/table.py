@@ -1,4 +1,4 @@
-"""frames.csv: every frame of the films, what was measured, and whether it was chosen."""
+"""frames.csv: every frame, its measures, and whether it was chosen."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from cubicfish_cli.errors import OutputError
 from cubicfish_cli.films.source import library
 
-# As cameras compress: about half a bit a pixel where things move.
+# As cameras compress: about half a bit per pixel where things move.
 _OPTIONS = {"crf": "20", "preset": "veryfast", "g": "30"}
 # Compressing a picture well takes as long as decoding twenty.
 _FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]

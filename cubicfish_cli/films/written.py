@@ -1,4 +1,4 @@
-"""What is written of a choice: pictures, frames.csv and the contact sheet, all or none."""
+"""Writing the chosen frames, frames.csv and the contact sheet together or not at all."""
 
 from __future__ import annotations
 

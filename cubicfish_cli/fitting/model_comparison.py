@@ -97,10 +97,10 @@ def compare_models(
         calibration: the fit of the cubic camera.
         drawn: the object as drawn. An object that was refined was so with the cubic's help and
             on all photos; needed where it was, and every model is then fitted to the drawing.
-        hold_out: also measure the held-out error (five more fits a model).
+        hold_out: also measure the held-out error (five more fits per model).
 
     Returns:
-        One row a model: the cubic, Kannala–Brandt, then :data:`COMPARED`.
+        One row per model: the cubic, Kannala–Brandt, then :data:`COMPARED`.
 
     """
     pairs = calibration.pairs

@@ -1,4 +1,4 @@
-"""Text, JSON and values of files that nobody vouches for, at a bounded cost, refused in a line."""
+"""Bounded reading of text, JSON and values from untrusted files, with one-line errors."""
 
 from __future__ import annotations
 

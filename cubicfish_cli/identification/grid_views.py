@@ -63,7 +63,7 @@ def on_plane(grid: Grid) -> FloatArray:
 def pairs_of_parts(
     world: Sequence[FloatArray], pixel: Sequence[FloatArray], image_size: tuple[int, int]
 ) -> Observations:
-    """Pairs without names, each part a photo: (N, 3) points and (N, 2) pixels each."""
+    """Pairs without names, one part per photo: (N, 3) points and (N, 2) pixels each."""
     counts = [len(one) for one in pixel]
     return Observations.without_names(
         image_size=image_size,

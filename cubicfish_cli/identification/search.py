@@ -8,7 +8,7 @@ grids are enumerated in this way, then grown by the remaining grids, keeping the
 To first order the reprojection error of a point X (camera frame) seen along the unit ray d is
 J X / |X|, with J = d pixel / d ray, since J d = 0. With the distance taken from the grid's own
 pose, the sum of its squares over a grid is a quadratic form in the 3x3 matrix H that takes
-(i, j, 1) to the camera frame: vec(H)ᵀ M vec(H). M is computed once a grid, so that a
+(i, j, 1) to the camera frame: vec(H)ᵀ M vec(H). M is computed once per grid, so that a
 hypothesis costs a few small matrix products however many corners the grid has.
 """
 

@@ -68,7 +68,7 @@ class CubicCamera:
             points: (..., 3) in the camera frame, of any length.
 
         Returns:
-            Pixels (..., 2) and d pixel / d point (..., 2, 3), pixels a unit of the points; both
+            Pixels (..., 2) and d pixel / d point (..., 2, 3), pixels per unit of the points; both
             NaN outside the cone.
 
         """

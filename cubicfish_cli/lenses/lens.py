@@ -1,4 +1,4 @@
-"""What a lens model states, and what all of them have in common.
+"""Lens interface, and what all models share.
 
 A model is a frozen dataclass whose fields, beside the photo's size, are its parameters; fields
 marked by :data:`HELD` are carried along and never fitted. It gives :meth:`Lens.pixels`, or

@@ -1,4 +1,4 @@
-"""Rays of a cone about the axis, and what is asked of any lens on it: its inverse, and its end."""
+"""Numerical inverse of any lens, and the end of its field."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures of what was found in a photo, for people who want to see it."""
+"""Overlays: what was found in a photo, drawn over it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The libraries of the extra ``report``: whether they are there, and drawing with matplotlib.
+"""The optional packages of the extra ``report``, and drawing with matplotlib.
 
 Nothing of it is loaded before it is drawn with.
 """

@@ -1,4 +1,4 @@
-"""Pictures for pages: small copies of photos, and magnitudes in colours that all can tell apart."""
+"""Small copies of photos and colour maps of magnitudes, for pages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Frames of known truth: a target that a hand moves in front of a camera, as a sensor sees it.
+"""Rendered films of known truth: a target moved by hand in front of a camera.
 
 The sensor reads its rows one after the other and each for as long as the shutter is open: what
 moves is bent and blurred by its own motion, not by a filter. Boards are drawn from textures, many

@@ -1,4 +1,4 @@
-"""How a hand moves an object in front of a camera: from place to place, with pauses, never still.
+"""Hand motion for rendered films: from place to place, with pauses and tremor.
 
 A hand goes from rest to rest along the smoothest way, which is least jerk (Flash and Hogan, 1985).
 It sways slowly and trembles at some hertz all the while.

@@ -1,4 +1,4 @@
-"""Lens files: the exact formula of a made-up lens as YAML, which is no camera.yaml.
+"""Lens files: the exact formula of a made-up lens as YAML.
 
 A lens from outside the fitted families is stated by its name; the centre and the distance beside it
 say as which lens of rays it is compared with others.

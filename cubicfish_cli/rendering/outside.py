@@ -1,4 +1,4 @@
-"""Made-up lenses from outside every family that is fitted, for truth that flatters nobody.
+"""Made-up lenses outside the fitted families, for honest synthetic tests.
 
 :class:`~cubicfish_cli.lenses.asymmetric.AsymmetricLens` has the formula of the lens that P is held
 to, so what it shows leans on the prior being right. The lenses here differ from it as real ones do,

@@ -123,7 +123,7 @@ def render(
             lens's field, which stays black.
         camera_from_world: rotation vector and translation.
         image_size: (width, height).
-        supersample: sub-samples a pixel along x and along y.
+        supersample: sub-samples per pixel along x and along y.
         noise: standard deviation of the sensor's noise, grey levels.
         blur: standard deviation of the lens's blur, pixels.
         vignetting: share of the light that is lost at 90° from the axis.
@@ -168,7 +168,7 @@ def _sampled(
     image_size: tuple[int, int],
     supersample: int,
 ) -> tuple[FloatArray, IntArray]:
-    """Light and, with one ray a pixel, what is shown: (height, width) each, in blocks of rows."""
+    """Light and, with one ray per pixel, what is shown: (height, width) each, in blocks of rows."""
     width, height = image_size
     offset = _offsets(supersample)
     x = (np.arange(width)[:, None] + offset).ravel()

@@ -1,4 +1,4 @@
-"""Where a lens sees a target's corners, exactly, and which of them can be seen at all.
+"""Exact pixels of a target's corners through a lens, and which of them are visible.
 
 The target's boards are plates that rays hit: who is in front, and what is seen of it.
 """

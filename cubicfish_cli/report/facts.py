@@ -1,4 +1,4 @@
-"""What a page says: the record of a fit, and every corner's error worked out again from it."""
+"""What a page says: a fit's record, and each corner's error computed again from it."""
 
 from __future__ import annotations
 

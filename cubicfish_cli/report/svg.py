@@ -1,4 +1,4 @@
-"""matplotlib's figures as SVG that stands in a page and takes the page's colours and letters.
+"""matplotlib figures as SVG in a page's own colours and fonts.
 
 Figures are drawn in stand-in colours that become CSS variables, so that one drawing suits light
 pages, dark pages and paper. What is drawn many times (dots, strokes, cells) is one path each.

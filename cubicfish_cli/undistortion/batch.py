@@ -166,7 +166,7 @@ def _undistort_there(
     progress: Callable[[int, int], None],
     executor: Executor,
 ) -> list[FailedPhoto]:
-    """Undistort photos by other executor.
+    """Undistort photos by an executor.
 
     What may be written is decided here, before the work: what a machine finds there later is
     what another one wrote that was lost before it could say so.

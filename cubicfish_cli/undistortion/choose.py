@@ -1,4 +1,4 @@
-"""What is rendered of a photo, as it is asked for in words, and what the camera sees of it."""
+"""Views from the options asked for, and what the camera sees of them."""
 
 from __future__ import annotations
 

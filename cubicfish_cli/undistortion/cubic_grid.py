@@ -1,4 +1,4 @@
-"""The cubic camera over a whole picture at once, one way for each kind of view.
+"""Fast evaluation of the cubic camera over a whole picture, for each kind of view.
 
 A row of P over unit rays, f = Σ p_ijk X^i Y^j Z^k, becomes over a picture's columns x and rows y
 a few products of small matrices, since each kind of view lets X, Y and Z be written by functions

@@ -1,4 +1,4 @@
-"""What a JPEG file says beside its pixels, so that a picture made from it can say the same.
+"""EXIF, colour profile and tables of a JPEG, carried over to the picture made from it.
 
 The EXIF record (orientation, time, place, lens) and the colour profile go along; the thumbnail
 in it, which would show the old picture, does not.

@@ -1,4 +1,4 @@
-"""The metric picture of a plane in the scene, such as a board's: as many pixels a unit everywhere.
+"""Metric picture of a plane in the scene, such as a board's: a constant number of pixels per unit.
 
 Pixels are points of the plane, not mere directions, so that the picture is right from wherever
 the photo was taken, as long as the plane's place in the camera's frame is known.
@@ -45,7 +45,7 @@ class PlaneView(View):
     Attributes:
         origin: the point of the plane, in the camera's frame, that pixel (0, 0) shows.
         x_axis, y_axis: unit vectors in the camera's frame, of growing column and row.
-        pixels_a_unit: scale of the picture, pixels a unit of length.
+        pixels_a_unit: scale of the picture, pixels per unit of length.
 
     Raises:
         ViewError: an attribute is not usable.

@@ -1,4 +1,4 @@
-"""Two cameras on one body -> pictures in which what one shows in a row, the other shows there too.
+"""Rectified stereo pairs: a point is in the same row of both pictures.
 
 In the rectified frame x points along the line between the cameras. Half-planes that end in that
 line hold what a row shows: flat pictures have such rows up to 180°, and pictures on a cylinder or a

@@ -1,1 +1,1 @@
-"""What is told: codes and figures, and the one home of the sentences that are made of them."""
+"""Codes and figures of findings, and the one home of their sentences."""

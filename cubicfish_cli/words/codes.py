@@ -1,4 +1,4 @@
-"""What can be told, how bad it is, and what helps: the words that programs decide on."""
+"""Codes, severities and remedies of findings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one thing that is told: by detection, identification, fit, verdict and advice."""
+"""Finding: the record of anything told, by detection, identification, fit, verdict or advice."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from cubicfish_cli.identification.ends import Ends
 from cubicfish_cli.identification.identified import Place
 from cubicfish_cli.lenses.radial import RadialCamera
 
-SIDE, FIRST = 20, 60  # pixels a square, and the first corner's place
+SIDE, FIRST = 20, 60  # pixels per square, and the first corner's place
 # So narrow a field that a plane before it is its own picture.
 CAMERA = RadialCamera(image_size=(320, 240), fx=1e5, fy=1e5, cx=0.0, cy=0.0, k=(0, 0, 0, 0))
 FORM = np.array([[SIDE, 0, FIRST], [0, SIDE, FIRST], [0, 0, 1e5]])

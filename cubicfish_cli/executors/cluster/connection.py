@@ -1,4 +1,4 @@
-"""To reach a scheduler, and to say in one line why not."""
+"""Connecting to a dask scheduler, with failures said in one line."""
 
 from __future__ import annotations
 

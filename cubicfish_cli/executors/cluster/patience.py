@@ -1,4 +1,4 @@
-"""Calls that may never return, given up after a while."""
+"""Time limits for calls that may never return."""
 
 from __future__ import annotations
 

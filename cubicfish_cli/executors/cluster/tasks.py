@@ -1,4 +1,4 @@
-"""What runs in a worker's process: orders, unpacked once, and tasks, one per photo.
+"""Tasks that run in a worker's process: the function is unpickled once, each photo is a task.
 
 An order is pickled as (versions, proof, pickled work): those who cannot do the work find out
 before they unpickle it.

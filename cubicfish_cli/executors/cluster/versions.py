@@ -1,4 +1,4 @@
-"""Which versions decide what comes out, here and in processes elsewhere."""
+"""Library versions that decide results, compared between this machine and the workers."""
 
 from __future__ import annotations
 

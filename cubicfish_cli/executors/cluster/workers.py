@@ -1,4 +1,4 @@
-"""Workers: which there are, whether they can do the work, and the work itself."""
+"""Dask workers: checking that they can do the work, and handing it out."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@
     python tests/system/packaging/try_packages.py --quick --with .venv/bin/python
     python tests/system/packaging/try_packages.py --python python3.13 --extras newest oldest
 
-Commands run one a process, with every warning an error, without a network, and in a home, a
+Commands run one per process, with every warning an error, without a network, and in a home, a
 folder for temporary files and a working folder in which nothing but what was asked for may appear.
 ``--with`` takes an environment that has the libraries already, and runs the wheel in it without
 installing anything there. The build and the other environments need pip's index.
