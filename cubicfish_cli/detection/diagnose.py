@@ -33,6 +33,9 @@ _SMALLEST_SQUARE = 6
 # From half of a photo's size to an eighth the steepest slopes grow fourfold, pixel for pixel, where
 # an edge is far wider than a pixel, and stay alike where it is sharp; the middle means 3 px.
 _SLOPE_GROWTH = 2.0
+# Directions in which slopes are looked at. Where no edge lies across one, only shades are left of
+# it, which are soft in a sharp photo too: slopes below this share of the steepest.
+_DIRECTIONS, _LEAST_EDGE = 12, 0.25
 # Dark squares that no longer touch: how many, how full of their own rectangle, how long at most.
 _LEAST_SPOTS, _FULL, _LONG, _LEAST_AREA = 8, 0.7, 2.5, 9
 
@@ -99,15 +102,23 @@ def _is_noise(pyramid: Pyramid) -> bool:
 
 
 def _nothing_is_sharp(pyramid: Pyramid) -> bool:
-    """Tell whether even the sharpest edges of a photo are several pixels wide."""
+    """Tell whether even the sharpest edges of a photo are several pixels wide.
+
+    Where the camera moved, those along its motion are sharp all the same: each direction counts.
+    """
     if len(pyramid.levels) < 4:
         return False
-    return _steepest(pyramid.levels[3]) > _SLOPE_GROWTH * _steepest(pyramid.levels[1])
+    small, smallest = _steepest(pyramid.levels[1]), _steepest(pyramid.levels[3])
+    edges = smallest > _LEAST_EDGE * smallest.max()
+    return bool((smallest > _SLOPE_GROWTH * small)[edges].any())
 
 
-def _steepest(level: Float32Array) -> float:
+def _steepest(level: Float32Array) -> FloatArray:
+    """(_DIRECTIONS,) the steepest slopes towards directions that share half a turn."""
     along, down = (cv2.Sobel(level, cv2.CV_32F, 1 - k, k, ksize=3) for k in (0, 1))
-    return float(np.percentile(np.hypot(along, down), 99.9))
+    turns = np.pi / _DIRECTIONS * np.arange(_DIRECTIONS)
+    slopes = (np.cos(turn) * along + np.sin(turn) * down for turn in turns)
+    return np.array([np.percentile(np.abs(slope), 99.9) for slope in slopes])
 
 
 def _dark_squares_apart(burnt: npt.NDArray[np.bool_]) -> bool:

@@ -315,7 +315,10 @@ def without_a_board():
             cv2.rectangle(front, (x, y), (x + 20, y + 24), float(rng.uniform(20, 60)), -1)
     cells = cv2.resize(rng.uniform(20, 250, (90, 120)), (480, 360), interpolation=0)
     lawn = np.kron(rng.uniform(0, 255, (120, 160)), np.ones((3, 3)))
+    down, across = np.indices((360, 480))
+    curtain = np.where(across // 9 % 2, 60.0, 160.0) * (1 + 0.4 * np.sin(down / 40))
     pictures = {"page": page, "burnt-out front": front, "cells of 4 px": cells, "lawn": lawn}
+    pictures["curtain"] = curtain
     return {
         name: np.clip(cv2.GaussianBlur(picture, (0, 0), 0.7) + noise, 0, 255).astype(np.uint8)
         for name, picture in pictures.items()
@@ -334,6 +337,24 @@ def test_blur_is_named_where_a_board_is_seen_through_it(blur):
     light = cv2.GaussianBlur(drawn_board()[0], (0, 0), 5 * blur)
     sharp_frame = np.where(np.indices(light.shape)[0] < 60, 20.0, light)
     assert cause(seen(sharp_frame)).code is Code.BLURRED
+
+
+def moved(light, length_px, towards_deg):
+    """Light while the camera turns evenly, so that all of a picture moves by as much."""
+    steps = np.linspace(-0.5, 0.5, 41)[:, None] * 5 * length_px
+    angle = np.radians(towards_deg)
+    still = np.float64([[1, 0, 0], [0, 1, 0]])
+    mean = np.zeros_like(light)
+    for shift in steps * [np.cos(angle), np.sin(angle)]:
+        still[:, 2] = shift
+        mean += cv2.warpAffine(light, still, light.shape[::-1], borderMode=cv2.BORDER_REFLECT)
+    return mean / len(steps)
+
+
+@pytest.mark.parametrize("towards_deg", [30, 135])
+def test_motion_is_named_though_edges_along_it_stay_sharp(towards_deg):
+    told = cause(seen(moved(drawn_board()[0], 22, towards_deg)))
+    assert told.code is Code.BLURRED
 
 
 def test_small_squares_are_named_with_their_size():
