@@ -7,7 +7,7 @@ that agree with each other about where the board is; what they contradict is lef
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
@@ -210,12 +210,7 @@ def _find(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> 
     if not all_families or min(image.shape) < 8:
         return _marked([], len(grids.grids), ())
     pyramid = build_pyramid(image)
-    markers = join(
-        [
-            _read_alone(pyramid, target, all_families),
-            *(read_grid(pyramid, target, all_families, grid) for grid in grids.grids),
-        ]
-    )
+    markers = _all_read(pyramid, target, all_families, grids)
     free = np.concatenate([grids.refused, *(grid.pixel for grid in grids.grids)])
     pieces: list[_Piece] = []
     refuted = np.zeros(len(target.boards), np.intp)
@@ -243,6 +238,63 @@ def _find(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> 
     refuted[[piece.board for piece in kept]] = 0
     contradictory |= set(np.nonzero(refuted >= _NO_ACCIDENT)[0].tolist())
     return _marked(kept, len(grids.grids), tuple(sorted(contradictory)))
+
+
+def agreeing_markers(
+    image: npt.NDArray[np.generic],
+    drawings: Sequence[Target],
+    index: int,
+    grids: FoundGrids,
+) -> IntArray:
+    """Count the markers that agree on where a board is, for each of several drawings of it.
+
+    Args:
+        image: (H, W) grey photo.
+        drawings: the target with that board drawn otherwise, not in a mirror and not inverted;
+            the first has all markers that are looked for.
+        index: the board.
+        grids: what was found in the same photo.
+
+    Returns:
+        (N,) for each drawing.
+
+    """
+    widest = drawings[0]
+    all_families = families(widest)
+    if min(image.shape) < 8:
+        return np.zeros(len(drawings), np.intp)
+    seen = _all_read(build_pyramid(image), widest, all_families, grids).of(index)
+    ids = _ids_by_cell(widest.boards[index])[tuple(seen.cell.T)]
+    counts = []
+    for one in drawings:
+        table = one.boards[index].marker_cells()
+        row = ids - table[0, 0]
+        known = row < len(table)
+        own = replace(seen.select(known), cell=table[row[known], 1:])
+        label = _places(own, one, index) if len(own) else np.zeros(0, np.intp)
+        agreeing = [len(np.unique(own.cell[label == place], axis=0)) for place in np.unique(label)]
+        counts.append(max(agreeing, default=0))
+    return np.array(counts, np.intp)
+
+
+def _ids_by_cell(board: Board) -> IntArray:
+    """(cell columns, cell rows) ids of the markers; -1 in cells without one."""
+    ids, column, row = board.marker_cells().T
+    table = np.full((column.max() + 1, row.max() + 1), -1, np.intp)
+    table[column, row] = ids
+    return table
+
+
+def _all_read(
+    pyramid: Pyramid, target: Target, all_families: list[Family], grids: FoundGrids
+) -> SeenMarkers:
+    """Markers that are read by their own outlines, or in the squares of grids."""
+    return join(
+        [
+            _read_alone(pyramid, target, all_families),
+            *(read_grid(pyramid, target, all_families, grid) for grid in grids.grids),
+        ]
+    )
 
 
 def _read_alone(pyramid: Pyramid, target: Target, all_families: list[Family]) -> SeenMarkers:

@@ -18,6 +18,7 @@ from cubicfish_cli.diagnosis import (
     failed_lens,
     left_out,
     lens_faults,
+    marker_layout,
     mirrored,
     misdrawn,
     repeats,
@@ -121,6 +122,7 @@ HYPOTHESES: tuple[Hypothesis[Any], ...] = (
     Hypothesis(GridEvidence, _NOTHING, _TRIALS, corner_count.nothing_named, _no_corners),
     Hypothesis(GridEvidence, _MIRRORED, _TABLES, mirrored.other_colours),
     Hypothesis(MarkerEvidence, (*_MIRRORED, Code.INVERTED), _TRIALS, mirrored.otherwise_printed),
+    Hypothesis(MarkerEvidence, _COUNT, _TRIALS, marker_layout.otherwise_laid_out, _only_notes),
     Hypothesis(MarkerEvidence, (Code.NO_MARKERS,), _TRIALS, mirrored.no_markers, _no_corners),
     # Of a fit.
     Hypothesis(FitEvidence, _MIRRORED, _TABLES, lambda e: mirrored.handed(e.pairs)),

@@ -138,7 +138,7 @@ def seen_sides(pairs: Observations) -> IntArray:
 
 def otherwise_printed(evidence: MarkerEvidence) -> list[Finding]:
     """That markers of some boards are inverted, or photos are mirrored, where they are unseen."""
-    target, unseen = evidence.target, _unseen(evidence)
+    target, unseen = evidence.target, unseen_boards(evidence)
     if not unseen:
         return []
     changed = {index: target.boards[index].with_negative_markers() for index in unseen}
@@ -150,7 +150,7 @@ def otherwise_printed(evidence: MarkerEvidence) -> list[Finding]:
         others += [one.in_mirror() for one in (target, *others)]
     if not others:
         return []
-    for picture, grids in islice(_richest(evidence), _PHOTOS):
+    for picture, grids in islice(richest(evidence), _PHOTOS):
         for other in others:
             found = find_marked_corners(picture, other, grids)
             boards = [index for index in unseen if (found.board == index).any()]
@@ -167,7 +167,7 @@ def no_markers(evidence: MarkerEvidence) -> list[Finding]:
     return [Finding(code=Code.NO_MARKERS, case="all", severity=Severity.BAD, figures=figures)]
 
 
-def _unseen(evidence: MarkerEvidence) -> list[int]:
+def unseen_boards(evidence: MarkerEvidence) -> list[int]:
     """Boards with markers of which no photo shows a corner."""
     seen = set(np.unique(evidence.corners.board).tolist())
     return [
@@ -177,7 +177,7 @@ def _unseen(evidence: MarkerEvidence) -> list[int]:
     ]
 
 
-def _richest(evidence: MarkerEvidence) -> Iterator[tuple[Picture, FoundGrids]]:
+def richest(evidence: MarkerEvidence) -> Iterator[tuple[Picture, FoundGrids]]:
     """Brightness of photos and their grids, those that show most first."""
     order = sorted(
         range(len(evidence.grids)),

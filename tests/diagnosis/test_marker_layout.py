@@ -1,0 +1,120 @@
+"""Boards with markers whose counts are not those of the target: what their markers say of it."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from cubicfish_cli.boards.markers import Markers
+from cubicfish_cli.boards.types import BOARD_TYPES
+from cubicfish_cli.detection.finder import find_grids
+from cubicfish_cli.detection.markers import find_marked_corners
+from cubicfish_cli.diagnosis.diagnose import find_faults
+from cubicfish_cli.diagnosis.evidence import MarkerEvidence
+from cubicfish_cli.identification.identified import marked_corners
+from cubicfish_cli.lenses.asymmetric import AsymmetricLens
+from cubicfish_cli.rendering.pose import look_at
+from cubicfish_cli.rendering.render import render
+from cubicfish_cli.target import Target
+from cubicfish_cli.words.codes import Code, Severity
+
+SIZE = (480, 400)
+LENS = AsymmetricLens(
+    image_size=SIZE, fx=210.0, fy=210.3, cx=241.0, cy=198.0, k=(-0.02, -0.003, 0, 0)
+)
+FACING = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+NAMES = ["a.png", "b.png"]
+
+
+def drawing(kind, counts, first_square="dark"):
+    """A flat board; counts of corners, or of tags."""
+    columns, rows = counts
+    tags = kind == "aprilgrid"
+    dictionary = "DICT_APRILTAG_36h11" if tags else "DICT_4X4_100"
+    cells = columns * rows if tags else (columns + 1) * (rows + 1)
+    count = cells if tags else (cells + (first_square == "light")) // 2
+    board = BOARD_TYPES[kind](
+        name="board",
+        columns=columns * (1 + tags),
+        rows=rows * (1 + tags),
+        square=30.0,
+        origin=np.zeros(3),
+        x_axis=np.array(FACING[0]),
+        y_axis=np.array(FACING[1]),
+        first_square=first_square,
+        markers=Markers(dictionary=dictionary, side=30.0 if tags else 22.0, first=0, count=count),
+        spacing=0.3 if tags else 0.0,
+    )
+    return Target(units="mm", boards=(board,))
+
+
+@cache
+def photos(kind, counts, first_square="dark"):
+    target = drawing(kind, counts, first_square)
+    board = target.boards[0]
+    middle = board.world_points(board.columns - 1, board.rows - 1) / 2
+    seen = []
+    for place in ((30.0, -20.0, -230.0), (-60.0, 50.0, -240.0)):
+        pose = look_at(middle + np.array(place), middle, up=np.array([0.0, -1.0, 0.0]))
+        seen.append(render(target, LENS.unproject, pose, SIZE, noise=1.5))
+    return tuple(seen)
+
+
+def evidence(pictures, target):
+    grids = [find_grids(picture) for picture in pictures]
+    marked = [
+        find_marked_corners(picture, target, found)
+        for picture, found in zip(pictures, grids, strict=True)
+    ]
+    return MarkerEvidence(
+        photos=len(pictures),
+        names=NAMES,
+        digests=[""] * len(pictures),
+        picture=lambda number: pictures[number],
+        target=target,
+        corners=marked_corners(marked, target, SIZE, NAMES),
+        grids=grids,
+    )
+
+
+@pytest.mark.parametrize(
+    "drawn", [(6, 4), (5, 6), (3, 6), (5, 7)], ids=["exchanged", "more", "fewer", "squares"]
+)
+def test_the_markers_tell_how_long_their_rows_are(drawn):
+    pictures = photos("charuco", (4, 6))
+    (told,) = find_faults(evidence(pictures, drawing("charuco", drawn)))
+    assert (told.code, told.severity, told.case) == (Code.CORNER_COUNT, Severity.BAD, "markers")
+    assert (told.figures["columns"], told.figures["rows"]) == (4, 6)
+    assert told.figures["first_square"] == "dark"
+
+
+def test_the_older_layout_is_named_where_rows_are_of_an_even_number_of_squares():
+    pictures = photos("charuco", (5, 4), "light")
+    (told,) = find_faults(evidence(pictures, drawing("charuco", (5, 4))))
+    assert (told.code, told.case) == (Code.CORNER_COUNT, "markers")
+    assert (told.figures["columns"], told.figures["rows"]) == (5, 4)
+    assert told.figures["first_square"] == "light"
+
+
+def test_tags_tell_it_too():
+    pictures = photos("aprilgrid", (4, 3))
+    (told,) = find_faults(evidence(pictures, drawing("aprilgrid", (3, 4))))
+    assert (told.code, told.severity, told.case) == (Code.CORNER_COUNT, Severity.BAD, "tags")
+    assert (told.figures["columns"], told.figures["rows"]) == (4, 3)
+
+
+def test_markers_of_another_family_tell_nothing_of_rows():
+    target = drawing("charuco", (4, 6))
+    (board,) = target.boards
+    markers = replace(board.markers, dictionary="DICT_5X5_100")
+    other = target.with_boards({0: replace(board, markers=markers)})
+    (told,) = find_faults(evidence(photos("charuco", (4, 6)), other))
+    assert told.code is Code.NO_MARKERS
+
+
+def test_a_right_drawing_is_left_alone():
+    pictures = photos("charuco", (4, 6))
+    seen = evidence(pictures, drawing("charuco", (4, 6)))
+    assert len(seen.corners.pixel) == 48
+    assert find_faults(seen) == []
