@@ -38,6 +38,8 @@ CODES = {
     Decided.NOT_PLANE: Code.NO_PLANE,
 }
 """What is told of a grid, by what became of it."""
+# What another lens makes of a board, as well as another drawing.
+_ODD = (Decided.NO_FIT, Decided.NOT_PLANE)
 # Figures of a grid, in which those that share the rest may differ.
 _OF_GRID = frozenset(("grids", "columns", "rows", "corners"))
 
@@ -221,13 +223,39 @@ class Detection:
     other_colours: bool = False
 
 
-def remark_of(photo: str, grid: GridReport) -> Finding | None:
-    """What is to be said of a grid; None where it is simply named."""
+def drawing_fits(grids: Sequence[Sequence[GridReport]], target: Target) -> bool:
+    """Whether most photos fit the target as it is drawn, and each of its boards does in some.
+
+    Then a grid that fits nowhere says something of its photo, and nothing of the drawing.
+
+    Args:
+        grids: for each photo, what became of its grids.
+        target: the object.
+
+    """
+    large = [[grid for grid in own if grid.corners >= FEWEST_CORNERS] for own in grids]
+    fitting = sum(bool(own) and all(grid.named for grid in own) for own in large)
+    odd = sum(any(grid.verdict in _ODD for grid in own) for own in large)
+    seen = {grid.place.board for own in large for grid in own if grid.place}
+    boards = {index for index, board in enumerate(target.boards) if board.has_squares}
+    return fitting > odd and seen == boards
+
+
+def remark_of(photo: str, grid: GridReport, *, odd: bool = False) -> Finding | None:
+    """What is to be said of a grid; None where it is simply named.
+
+    Args:
+        photo: the photo that shows it.
+        grid: what became of it.
+        odd: whether the drawing fits other photos, so that a grid that it does not fit is odd.
+
+    """
     if grid.verdict is Decided.NAMED:
         return None
     columns, rows = grid.size
     return Finding(
         code=CODES[grid.verdict],
+        case="odd" if odd and grid.verdict in _ODD else "",
         severity=Severity.NOTE if grid.named else Severity.CARE,
         images=(photo,),
         figures={"grids": 1, "columns": columns, "rows": rows, "corners": grid.corners},

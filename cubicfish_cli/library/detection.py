@@ -30,6 +30,7 @@ from cubicfish_cli.identification.identified import (
     Detection,
     GridReport,
     PhotoReport,
+    drawing_fits,
     marked_corners,
     remark_of,
 )
@@ -254,8 +255,9 @@ def detect_corners(
         identified = name_grids([_grids(look).grids for look in looks], target, size, names)
         corners, other_colours = identified.corners, identified.other_colours
         evidence = GridEvidence(**about, identified=identified)
+        fits = drawing_fits(identified.grids, target)
         parts = [
-            _by_geometry(look, *of)
+            _by_geometry(look, *of, fits=fits)
             for look, *of in zip(looks, names, identified.grids, identified.exact, strict=True)
         ]
     findings = find_faults(evidence)
@@ -316,8 +318,10 @@ def _grids(look: Look) -> FoundGrids:
     return look.grids
 
 
-def _by_geometry(look: Look, name: str, grids: tuple[GridReport, ...], exact: bool) -> PhotoReport:
-    remarks = (remark_of(name, grid) for grid in grids)
+def _by_geometry(
+    look: Look, name: str, grids: tuple[GridReport, ...], exact: bool, *, fits: bool
+) -> PhotoReport:
+    remarks = (remark_of(name, grid, odd=fits) for grid in grids)
     return PhotoReport(
         name=name,
         refusal=look.refusal,

@@ -74,7 +74,7 @@ class Finding:
     @property
     def short(self) -> str:
         """The same where there is little room."""
-        known = not self.case and (self.code.value, "short") in catalogue().sayings
+        known = (self.code.value, "short") in catalogue().sayings
         return replace(self, case="short").what if known else self.line
 
     def __str__(self) -> str:

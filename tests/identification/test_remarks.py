@@ -1,10 +1,24 @@
 """What many photos share is said once, with their count and first names."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
+from anonymous_grids import anonymous_photos
+from synthetic import IMAGE_SIZE, checkerboard, flat_board, poses_around, synthetic_corners
 
 from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.identified import GridReport, Place, remark_lines, remark_of
-from cubicfish_cli.words.codes import Code
+from cubicfish_cli.identification.identified import (
+    GridReport,
+    Place,
+    drawing_fits,
+    remark_lines,
+    remark_of,
+)
+from cubicfish_cli.identification.name_grids import name_grids
+from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.target import Target
+from cubicfish_cli.words.codes import Code, Remedy
 from cubicfish_cli.words.finding import Finding
 
 PART = (
@@ -78,3 +92,58 @@ def test_what_is_about_no_grid():
         "2 photos (a.jpg and c.jpg): no checkerboard found: too dark; expose it longer",
         "b.jpg is empty",
     ]
+
+
+WIDE = RadialCamera(
+    image_size=IMAGE_SIZE,
+    fx=330.0,
+    fy=330.2,
+    cx=(IMAGE_SIZE[0] - 1) / 2 + 6,
+    cy=(IMAGE_SIZE[1] - 1) / 2 - 4,
+    k=np.array([-0.02, -0.004, 0.001, 0.0]),
+)
+LONE = flat_board()
+TWO = Target(
+    units="mm",
+    boards=(checkerboard("a", 8, 6, 30.0), checkerboard("b", 7, 5, 30.0, (400.0, 0.0, 0.0))),
+)
+
+
+def test_a_photo_of_another_camera_is_not_blamed_on_the_drawing():
+    poses = poses_around(LONE, 9, distance=(0.4, 0.8), off_axis_deg=30, seed=3)
+    grids, _ = anonymous_photos(synthetic_corners(LONE, poses, lens=WIDE, noise=0.1), LONE)
+    middle = (np.array(IMAGE_SIZE) - 1) / 2
+    (one,) = grids[4]
+    other = [*grids[:4], (replace(one, pixel=middle + 1.4 * (one.pixel - middle)),), *grids[5:]]
+    photos = [f"{number}.png" for number in range(9)]
+    identified = name_grids(other, LONE, IMAGE_SIZE, photos)
+    odd = drawing_fits(identified.grids, LONE)
+    remarks = [
+        remark_of(photo, own[0], odd=odd)
+        for photo, own in zip(photos, identified.grids, strict=True)
+    ]
+    assert [number for number, remark in enumerate(remarks) if remark] == [4]
+    told = remarks[4]
+    assert told.code in (Code.FITS_NOWHERE, Code.NO_PLANE)
+    assert (told.case, told.remedy) == ("odd", Remedy.LEAVE_OUT)
+    assert told.short != told.line
+
+
+def named(board=0):
+    return replace(report(Decided.NAMED), place=Place(board=board, turn=0, column=0, row=0))
+
+
+@pytest.mark.parametrize(
+    ("photos", "fits"),
+    [
+        ([(named(), named(1))] * 3 + [(report(Decided.NO_FIT),)] * 2, True),
+        # A board that never fits may be drawn wrongly.
+        ([(named(),)] * 3 + [(named(), report(Decided.NO_FIT))] * 2, False),
+        # So may all, where most photos do not fit.
+        ([(named(), named(1))] * 2 + [(report(Decided.NO_FIT),)] * 3, False),
+        # A few corners may be anything.
+        ([(named(), named(1))] * 2 + [(named(), report(Decided.NO_FIT, (3, 2)))] * 3, True),
+    ],
+)
+def test_the_drawing_is_right_where_most_photos_fit_it(photos, fits):
+    assert drawing_fits(photos, TWO) is fits
