@@ -277,6 +277,34 @@ def agreeing_markers(
     return np.array(counts, np.intp)
 
 
+def tags_apart(
+    image: npt.NDArray[np.generic], target: Target, index: int, grids: FoundGrids
+) -> FloatArray:
+    """How far apart tags are that follow each other in a row of a board.
+
+    Args:
+        image: (H, W) grey photo.
+        target: the object, not in a mirror.
+        index: the board.
+        grids: what was found in the same photo.
+
+    Returns:
+        (N,) distances of their middles, in their sides.
+
+    """
+    if min(image.shape) < 8:
+        return np.zeros(0)
+    seen = _all_read(build_pyramid(image), target, families(target), grids).of(index)
+    cell, first = np.unique(seen.cell, axis=0, return_index=True)
+    outline = seen.pixel[first]
+    row, following = np.nonzero((cell[None] - cell[:, None] == (1, 0)).all(axis=-1))
+    middle = outline.mean(axis=1)
+    along = 0.5 * (outline[:, 1] + outline[:, 2] - outline[:, 0] - outline[:, 3])
+    side = np.linalg.norm(along, axis=1)
+    distance = np.linalg.norm(middle[following] - middle[row], axis=1)
+    return np.asarray(distance / (0.5 * (side[row] + side[following])), float)
+
+
 def _ids_by_cell(board: Board) -> IntArray:
     """(cell columns, cell rows) ids of the markers; -1 in cells without one."""
     ids, column, row = board.marker_cells().T

@@ -23,6 +23,7 @@ from cubicfish_cli.diagnosis import (
     misdrawn,
     repeats,
     rig,
+    tag_spacing,
     unsteady,
     wrong_drawing,
 )
@@ -123,6 +124,9 @@ HYPOTHESES: tuple[Hypothesis[Any], ...] = (
     Hypothesis(GridEvidence, _MIRRORED, _TABLES, mirrored.other_colours),
     Hypothesis(MarkerEvidence, (*_MIRRORED, Code.INVERTED), _TRIALS, mirrored.otherwise_printed),
     Hypothesis(MarkerEvidence, _COUNT, _TRIALS, marker_layout.otherwise_laid_out, _only_notes),
+    Hypothesis(
+        MarkerEvidence, (Code.BOARD_SQUARE,), _TRIALS, tag_spacing.other_spacing, _only_notes
+    ),
     Hypothesis(MarkerEvidence, (Code.NO_MARKERS,), _TRIALS, mirrored.no_markers, _no_corners),
     # Of a fit.
     Hypothesis(FitEvidence, _MIRRORED, _TABLES, lambda e: mirrored.handed(e.pairs)),

@@ -42,6 +42,8 @@ def otherwise_laid_out(evidence: MarkerEvidence) -> list[Finding]:
         for picture, grids in photos:
             counts = np.maximum(counts, agreeing_markers(picture, drawings, index, grids))
         best = int(counts.argmax())
+        if _lies_alike(boards[best], board):
+            continue
         longer = np.array([other.columns != boards[best].columns for other in boards])
         if counts[best] < max(_LEAST_MARKERS, _CLEARLY * int(counts[longer].max(initial=0))):
             continue
@@ -85,6 +87,10 @@ def _with_rows_of(board: Board, length: int, first: FirstSquare) -> Board | None
         markers=replace(markers, count=count),
         shape=None,
     )
+
+
+def _lies_alike(one: Board, other: Board) -> bool:
+    return one.columns == other.columns and one.first_square == other.first_square
 
 
 def _laid_out(

@@ -1,4 +1,4 @@
-"""Boards with markers whose counts are not those of the target: what their markers say of it."""
+"""Boards with markers whose counts or gaps are not the target's: what their markers say of it."""
 
 from dataclasses import replace
 from functools import cache
@@ -113,8 +113,27 @@ def test_markers_of_another_family_tell_nothing_of_rows():
     assert told.code is Code.NO_MARKERS
 
 
-def test_a_right_drawing_is_left_alone():
-    pictures = photos("charuco", (4, 6))
-    seen = evidence(pictures, drawing("charuco", (4, 6)))
-    assert len(seen.corners.pixel) == 48
+@pytest.mark.parametrize("spacing", [0.36, 0.2, 5.0])
+def test_tags_tell_how_far_apart_they_are(spacing):
+    target = drawing("aprilgrid", (4, 3))
+    (board,) = target.boards
+    drawn = target.with_boards({0: replace(board, spacing=spacing)})
+    (told,) = find_faults(evidence(photos("aprilgrid", (4, 3)), drawn))
+    assert (told.code, told.case) == (Code.BOARD_SQUARE, "spacing")
+    assert told.severity is Severity.BAD
+    assert told.figures["spacing"] == pytest.approx(0.3, abs=0.03)
+
+
+@pytest.mark.parametrize(("kind", "counts"), [("charuco", (4, 6)), ("aprilgrid", (4, 3))])
+def test_a_right_drawing_is_left_alone(kind, counts):
+    seen = evidence(photos(kind, counts), drawing(kind, counts))
+    assert len(seen.corners.pixel) > 40
     assert find_faults(seen) == []
+
+
+def test_a_board_that_shows_too_little_is_not_blamed():
+    """Its markers lie as the target says; what is missing are its corners."""
+    seen = evidence(photos("charuco", (4, 6)), drawing("charuco", (4, 6)))
+    none = seen.corners.select(np.zeros(len(seen.corners.pixel), bool))
+    (told,) = find_faults(replace(seen, corners=none))
+    assert told.code is Code.NO_MARKERS
