@@ -16,7 +16,6 @@ from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
 from cubicfish_cli.fitting.hold import UNTOLD
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.radial_reference import LOST_PX, radial_near
-from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.statistics import poses_on_record
 from cubicfish_cli.fitting.subset import middle, with_mean_weight_one, world_scale
@@ -79,8 +78,8 @@ class Knowledge:
         for view in views:
             pairs, poses = self._with_photo(pairs, poses, view)
         world: World | None = None
-        if isinstance(fit.world, RefinedWorld) and self.target is not None:
-            world = RefinedWorld.drawn(
+        if fit.world.free and self.target is not None:
+            world = World.drawn(
                 pairs,
                 self.target,
                 noise=fit.world.noise,
@@ -169,7 +168,7 @@ def know(
         spread = _offset_spread(fit, scale) if level == "points" else None
         seen = camera.project(poses.apply(pairs.image, pairs.world))
         noise = max(noise_px(np.nan_to_num(seen - pairs.pixel, nan=LOST_PX)), 1e-3)
-        world = RefinedWorld.drawn(pairs, target, noise=noise, offset_spread=spread, scale=scale)
+        world = World.drawn(pairs, target, noise=noise, offset_spread=spread, scale=scale)
     result = fit_cubic(reference, _hold(fit), world=world, relative_decrease=_DECREASE)
     return Knowledge(
         camera=CubicCamera(

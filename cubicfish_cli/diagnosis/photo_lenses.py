@@ -71,7 +71,11 @@ def fit_of_few(fit: ObjectFit, photos: IntArray) -> ObjectFit:
         poses=fit.reference.poses[photos],
         residual=fit.reference.residual[own],
     )
-    cubic = replace(fit.cubic, poses=fit.cubic.poses[photos], residual=fit.cubic.residual[own])
+    adjusted = fit.cubic.fit
+    adjusted = replace(
+        adjusted, poses=adjusted.poses[photos], residual=adjusted.residual[own], sums=None
+    )
+    cubic = replace(fit.cubic, fit=adjusted)
     return replace(fit, reference=reference, cubic=cubic)
 
 

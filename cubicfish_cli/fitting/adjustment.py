@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -18,9 +19,11 @@ from cubicfish_cli.fitting.normal_equations import (
 )
 from cubicfish_cli.fitting.poses import Poses, cross, cross_matrix
 from cubicfish_cli.fitting.rig_lens import body_of
-from cubicfish_cli.fitting.world import DrawnWorld, World
+from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray
+
+L = TypeVar("L", bound=FitLens)
 
 _MAX_ITERATIONS = 100
 _RELATIVE_DECREASE = 1e-10
@@ -37,7 +40,7 @@ WARM_DAMPING = 1e-10
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Adjustment:
+class Adjustment(Generic[L]):
     """Where Levenberg–Marquardt stopped.
 
     Attributes:
@@ -54,7 +57,7 @@ class Adjustment:
 
     """
 
-    lens: FitLens
+    lens: L
     poses: Poses
     world: World
     residual: FloatArray
@@ -77,12 +80,12 @@ def huber_cost(distance: FloatArray, scale: float) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class _State:
-    lens: FitLens
+class _State(Generic[L]):
+    lens: L
     poses: Poses
     world: World
 
-    def moved(self, shared: FloatArray, pose: FloatArray, corner: FloatArray) -> _State:
+    def moved(self, shared: FloatArray, pose: FloatArray, corner: FloatArray) -> _State[L]:
         count = len(self.lens.parameters)
         return _State(
             self.lens.with_parameters(self.lens.parameters + shared[:count]),
@@ -92,7 +95,7 @@ class _State:
 
 
 def adjust(
-    lens: FitLens,
+    lens: L,
     poses: Poses,
     pairs: Observations,
     *,
@@ -102,8 +105,8 @@ def adjust(
     relative_decrease: float = _RELATIVE_DECREASE,
     damping: float = COLD_DAMPING,
     trust_last: bool = False,
-    known: Adjustment | None = None,
-) -> Adjustment:
+    known: Adjustment[Any] | None = None,
+) -> Adjustment[L]:
     """Minimise the Huber loss of the reprojection error over lens, poses and object.
 
     Args:
@@ -129,7 +132,7 @@ def adjust(
         FitError: the start itself sees a point at infinity.
 
     """
-    state = _State(lens, poses, DrawnWorld(pairs.world) if world is None else world)
+    state = _State(lens, poses, World(as_drawn=pairs.world) if world is None else world)
     if known is not None and abs(huber_px / known.huber_px - 1) < _SAME_LIMIT:
         huber_px = known.huber_px
     now = _known(known, state, pairs, huber_px) or _evaluated(state, pairs, huber_px)
@@ -191,7 +194,7 @@ class _Evaluation:
     sums: NormalSums | None
 
 
-def _evaluated(state: _State, pairs: Observations, huber_px: float) -> _Evaluation:
+def _evaluated(state: _State[Any], pairs: Observations, huber_px: float) -> _Evaluation:
     """Evaluate a state with its derivatives at once: nearly every step that is tried is taken."""
     lens, world = state.lens, state.world
     sums = NormalSums(len(lens.parameters), len(world.parameters), len(state.poses), world)
@@ -213,7 +216,7 @@ def _evaluated(state: _State, pairs: Observations, huber_px: float) -> _Evaluati
 
 
 def _known(
-    fit: Adjustment | None, state: _State, pairs: Observations, huber_px: float
+    fit: Adjustment[Any] | None, state: _State[Any], pairs: Observations, huber_px: float
 ) -> _Evaluation | None:
     """A state that another adjustment ended in; None where its sums are not those of this one."""
     if fit is None or fit.sums is None or fit.poses is not state.poses:
@@ -233,7 +236,7 @@ def _known(
 
 
 def _with_priors(
-    state: _State,
+    state: _State[Any],
     pairs: Observations,
     huber_px: float,
     residual: FloatArray,

@@ -272,8 +272,6 @@ def bend(
             relative_decrease=_DECREASE,
             damping=WARM_DAMPING,
         )
-        if not isinstance(fit.lens, BentFit):
-            raise TypeError("the adjustment must be of a bent lens")
         lens, poses = fit.lens, fit.poses
     return replace(
         lens, anchor=lens.values[2:4], anchor_px=_CENTRE_SPREAD * float(lens.values[:2].mean())

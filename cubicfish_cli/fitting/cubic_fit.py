@@ -80,10 +80,7 @@ class CubicResult:
     """The cubic lens at the optimum.
 
     Attributes:
-        lens: the fitted lens; ``lens.P`` is (3, 20) in pixels.
-        fit: the whole adjustment.
-        poses: camera_from_world of each photo.
-        residual: (N, 2) projection less pixel, pixels.
+        fit: the adjustment.
         hold: how P was held to the reference.
         max_angle_deg: half-angle of the cone over which P may be trusted.
         validity: the check for poles and folds over that cone.
@@ -92,14 +89,26 @@ class CubicResult:
 
     """
 
-    lens: CubicFit
-    fit: Adjustment
-    poses: Poses
-    residual: FloatArray
+    fit: Adjustment[CubicFit]
     hold: Hold
     max_angle_deg: float
     validity: Validity
     rival: Rival | None = None
+
+    @property
+    def lens(self) -> CubicFit:
+        """The fitted lens; its P is (3, 20) in pixels."""
+        return self.fit.lens
+
+    @property
+    def poses(self) -> Poses:
+        """camera_from_world of each photo."""
+        return self.fit.poses
+
+    @property
+    def residual(self) -> FloatArray:
+        """(N, 2) projection less pixel, pixels."""
+        return self.fit.residual
 
 
 def fit_cubic(
@@ -147,38 +156,18 @@ def fit_cubic(
                 damping=WARM_DAMPING,
                 known=fit,
             )
-        result = _result(fit, hold, max_angle_deg)
-        if result.validity.valid:
-            return result
+        validity = check_validity(fit.lens.P, max_angle_deg)
+        if validity.valid:
+            return CubicResult(fit=fit, hold=hold, max_angle_deg=max_angle_deg, validity=validity)
         # A pole crept in: hold P closer to the reference, which has none.
         hold = replace(hold, weight=hold.weight * 10**0.5)
         lens, poses = _first(reference, hold, None, world)
         if hold.weight > _STRONGEST:
             raise FitError(
-                f"the camera folds at {result.validity.valid_to_deg:.0f}° from its axis while "
+                f"the camera folds at {validity.valid_to_deg:.0f}° from its axis while "
                 f"corners reach {np.rad2deg(reference.covered):.0f}°: check that corners near "
                 "the rim are named rightly, or take photos that cover the field more evenly"
             )
-
-
-def _result(fit: Adjustment, hold: Hold, max_angle_deg: float) -> CubicResult:
-    lens = cubic_of(fit)
-    return CubicResult(
-        lens=lens,
-        fit=fit,
-        poses=fit.poses,
-        residual=fit.residual,
-        hold=hold,
-        max_angle_deg=max_angle_deg,
-        validity=check_validity(lens.P, max_angle_deg),
-    )
-
-
-def cubic_of(fit: Adjustment) -> CubicFit:
-    """The lens of an adjustment of a cubic one."""
-    if not isinstance(fit.lens, CubicFit):
-        raise TypeError("the adjustment must be of a cubic lens")
-    return fit.lens
 
 
 def _valid_angle(reference: RadialReference) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, Self
 
 from cubicfish_cli.types import FloatArray
 
@@ -14,7 +14,7 @@ class FitLens(Protocol):
     def parameters(self) -> FloatArray:
         """(K,) the free parameters; K may be 0."""
 
-    def with_parameters(self, parameters: FloatArray) -> FitLens:
+    def with_parameters(self, parameters: FloatArray) -> Self:
         """The same lens with other parameters."""
 
     def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

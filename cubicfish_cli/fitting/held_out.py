@@ -10,13 +10,10 @@ import numpy as np
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.fitting.cubic_fit import cubic_of
 from cubicfish_cli.fitting.folds import photo_folds
 from cubicfish_cli.fitting.left_out import Leaving
-from cubicfish_cli.fitting.lenses import FixedLens, RadialFit
+from cubicfish_cli.fitting.lenses import CubicFit, FixedLens, RadialFit
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.radial_reference import radial_of
-from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.refinement import ObjectFit
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import likely_positive, rms_px
@@ -144,13 +141,11 @@ def _fold(
     )
     camera = CubicCamera(
         image_size=pairs.image_size,
-        P=cubic_of(trained).P,
+        P=trained.lens.P,
         max_angle_deg=fit.cubic.max_angle_deg,
-        radial=RadialCamera.from_parameters(radial_of(radial).values, pairs.image_size),
+        radial=RadialCamera.from_parameters(radial.lens.values, pairs.image_size),
     )
-    left_out = select_photos(pairs, test)
-    if isinstance(world, RefinedWorld) and isinstance(trained.world, RefinedWorld):
-        left_out = left_out.with_world(world.like(trained.world).points[out])
+    left_out = select_photos(pairs, test).with_world(world.like(trained.world).points[out])
     _, cubic, seen = pose_only_residual(camera, left_out, fit.cubic.poses[test])
     _, of_radial, _ = pose_only_residual(camera.radial, left_out, fit.reference.poses[test])
     return cubic, of_radial, test[left_out.image[seen]]
@@ -162,7 +157,7 @@ def _trained(
     training: Observations,
     world: World,
     step: tuple[FloatArray, FloatArray, FloatArray],
-) -> Adjustment:
+) -> Adjustment[CubicFit]:
     """The cubic fitted to some of the photos.
 
     From a step away, and from the fit to all where that step led nowhere.

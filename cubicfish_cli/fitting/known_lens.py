@@ -50,7 +50,7 @@ def place_photos(camera: RadialCamera, pairs: Observations) -> tuple[Poses, Floa
 
 def fit_poses(
     camera: RadialCamera, pairs: Observations
-) -> tuple[Adjustment | None, Observations, IntArray]:
+) -> tuple[Adjustment[FixedLens] | None, Observations, IntArray]:
     """Poses under a known radial lens, refined by Levenberg–Marquardt.
 
     Returns:

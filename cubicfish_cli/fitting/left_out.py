@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -100,7 +101,7 @@ class Leaving:
 
     def __init__(
         self,
-        fit: Adjustment,
+        fit: Adjustment[Any],
         pairs: Observations,
         huber_px: float,
         groups: Sequence[IntArray],
@@ -189,7 +190,7 @@ def _squared(lens: FitLens) -> tuple[FloatArray, FloatArray]:
     return slope.T @ slope, slope.T @ residual
 
 
-def _parts(fit: Adjustment, pairs: Observations, limit: float) -> list[_Part]:
+def _parts(fit: Adjustment[Any], pairs: Observations, limit: float) -> list[_Part]:
     """What was seen from each pose; in one place, or one for each camera that saw the shot."""
     body, views = body_of(fit.lens), views_of(fit.lens, fit.poses)
     found: list[list[_Part]] = [[] for _ in range(len(fit.poses))]
@@ -211,7 +212,9 @@ def _joined(some: Sequence[_Part]) -> _Part:
     return _Part(**{name: np.concatenate([getattr(one, name) for one in some]) for name in names})
 
 
-def _run(fit: Adjustment, views: Poses, pairs: Observations, limit: float, run: slice) -> _Part:
+def _run(
+    fit: Adjustment[Any], views: Poses, pairs: Observations, limit: float, run: slice
+) -> _Part:
     terms = linearised(fit.lens, fit.poses, fit.world, pairs, run, views)
     length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
     root = np.sqrt(np.maximum(pairs.weight[run], _SMALLEST_WEIGHT) * huber_weight(length, limit))

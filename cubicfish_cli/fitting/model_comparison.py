@@ -32,6 +32,7 @@ from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
 
 L = TypeVar("L", bound=Lens)
+F = TypeVar("F", bound=FitLens)
 
 CUBIC = "cubic"
 KANNALA_BRANDT = "Kannala–Brandt"
@@ -206,7 +207,7 @@ def _held_out(fit: _Fit, folds: Sequence[_Fold]) -> float | None:
     return rms_px(np.vstack(residuals)) if residuals else None
 
 
-def _adjusted(lens: FitLens, poses: Poses, pairs: Observations, limit: float) -> Adjustment:
+def _adjusted(lens: F, poses: Poses, pairs: Observations, limit: float) -> Adjustment[F]:
     """Adjust with a loss that then follows the residuals."""
     fit = adjust(lens, poses, pairs, huber_px=limit)
     return adjust(fit.lens, fit.poses, pairs, huber_px=huber_px(fit.residual))

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +25,8 @@ from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
+
+RadialAdjustment = Adjustment[RadialFit]
 
 # The valid cone reaches this far beyond the farthest corner.
 MARGIN_DEG = 5.0
@@ -216,7 +219,7 @@ def refit_radial(reference: RadialReference, pairs: Observations, poses: Poses) 
 
 
 def _sound(
-    fit: Adjustment, pairs: Observations, unfit: dict[str, Finding], bends: dict[float, Bend]
+    fit: RadialAdjustment, pairs: Observations, unfit: dict[str, Finding], bends: dict[float, Bend]
 ) -> RadialReference:
     """The reference of a fit, with a profile that grows over the whole valid cone."""
     fit, terms = _sound_profile(fit, pairs)
@@ -240,9 +243,9 @@ def _does_not_fit(error: float) -> FitError:
     )
 
 
-def _first_fit(pairs: Observations, thorough: bool) -> tuple[Adjustment, IntArray]:
+def _first_fit(pairs: Observations, thorough: bool) -> tuple[RadialAdjustment, IntArray]:
     poor = _POOR_SHARE * max(pairs.image_size)
-    best: tuple[float, Adjustment, IntArray] | None = None
+    best: tuple[float, RadialAdjustment, IntArray] | None = None
     for centre in islice(_centres(pairs), None if thorough else 1):
         found = _fit_from_centre(pairs, centre)
         if found is None:
@@ -280,7 +283,9 @@ def _centres(pairs: Observations) -> Iterator[FloatArray]:
         yield centres[index]
 
 
-def _fit_from_centre(pairs: Observations, centre: FloatArray) -> tuple[Adjustment, IntArray] | None:
+def _fit_from_centre(
+    pairs: Observations, centre: FloatArray
+) -> tuple[RadialAdjustment, IntArray] | None:
     start = start_at_centre(pairs, centre)
     placed = np.isfinite(start.error)
     if not placed.any():
@@ -304,15 +309,15 @@ def _fit_from_centre(pairs: Observations, centre: FloatArray) -> tuple[Adjustmen
     return _adjusted(_with_terms(fit, own, _ALL_TERMS), own), used
 
 
-def _with_terms(fit: Adjustment, pairs: Observations, terms: int) -> Adjustment:
-    values = radial_of(fit).values.copy()
+def _with_terms(fit: RadialAdjustment, pairs: Observations, terms: int) -> RadialAdjustment:
+    values = fit.lens.values.copy()
     values[4 + terms :] = 0
     lens = RadialFit(values=values, terms=terms)
     limit = huber_px(fit.residual)
     return adjust(lens, fit.poses, pairs, huber_px=limit, relative_decrease=_NEAR_DECREASE)
 
 
-def _adjusted(fit: Adjustment, pairs: Observations) -> Adjustment:
+def _adjusted(fit: RadialAdjustment, pairs: Observations) -> RadialAdjustment:
     """Continue with a loss that follows the residuals down to the noise."""
     for _ in range(_FOLLOWING):
         limit = huber_px(fit.residual)
@@ -320,20 +325,13 @@ def _adjusted(fit: Adjustment, pairs: Observations) -> Adjustment:
     return fit
 
 
-def radial_of(fit: Adjustment) -> RadialFit:
-    """The lens of an adjustment of a radial one."""
-    if not isinstance(fit.lens, RadialFit):
-        raise TypeError("the reference's fit must be of a radial lens")
-    return fit.lens
-
-
-def _camera(fit: Adjustment, pairs: Observations) -> RadialCamera:
-    return RadialCamera.from_parameters(radial_of(fit).values, pairs.image_size)
+def _camera(fit: RadialAdjustment, pairs: Observations) -> RadialCamera:
+    return RadialCamera.from_parameters(fit.lens.values, pairs.image_size)
 
 
 def _with_missing(
-    fit: Adjustment, used: IntArray, pairs: Observations, missing: IntArray
-) -> tuple[Adjustment, IntArray, dict[int, Finding]]:
+    fit: RadialAdjustment, used: IntArray, pairs: Observations, missing: IntArray
+) -> tuple[RadialAdjustment, IntArray, dict[int, Finding]]:
     """Add the photos that the start set aside, placed with the lens that the others gave.
 
     Where these pull the others' corners away from a lens that fitted, those that are placed
@@ -362,8 +360,8 @@ def _with_missing(
 
 
 def _joined(
-    fit: Adjustment, used: IntArray, pairs: Observations, poses: Poses, photos: IntArray
-) -> tuple[Adjustment, IntArray]:
+    fit: RadialAdjustment, used: IntArray, pairs: Observations, poses: Poses, photos: IntArray
+) -> tuple[RadialAdjustment, IntArray]:
     """A fit to photos that are used already and to others, whose poses are known roughly."""
     everyone = np.concatenate([used, photos])
     order = np.argsort(everyone, kind="stable")
@@ -372,7 +370,7 @@ def _joined(
     return adjust(fit.lens, poses, select_photos(pairs, everyone), huber_px=limit), everyone
 
 
-def _bad_photos(fit: Adjustment, pairs: Observations, limit: float) -> dict[int, Finding]:
+def _bad_photos(fit: Adjustment[Any], pairs: Observations, limit: float) -> dict[int, Finding]:
     """Photos of which most corners are off by more than a limit in pixels, with the reason."""
     length = np.hypot(fit.residual[:, 0], fit.residual[:, 1])
     bad = {}
@@ -384,14 +382,13 @@ def _bad_photos(fit: Adjustment, pairs: Observations, limit: float) -> dict[int,
     return bad
 
 
-def _sound_profile(fit: Adjustment, pairs: Observations) -> tuple[Adjustment, int]:
+def _sound_profile(fit: RadialAdjustment, pairs: Observations) -> tuple[RadialAdjustment, int]:
     """Take coefficients away until the profile grows over the whole valid cone.
 
     A lens that really flattens out just beyond its corners (an orthographic fisheye does) fits
     much worse with fewer: it keeps them all, and its valid cone ends at the fold.
     """
-    lens = fit.lens
-    terms = lens.terms if isinstance(lens, RadialFit) else 4
+    terms = fit.lens.terms
     worst = _WORTH_A_TERM * noise_px(fit.residual)
     best = fit
     for fewer in range(terms, -1, -1):
@@ -406,9 +403,9 @@ def _sound_profile(fit: Adjustment, pairs: Observations) -> tuple[Adjustment, in
     return best, terms
 
 
-def _focal_uncertainty(fit: Adjustment) -> float:
+def _focal_uncertainty(fit: RadialAdjustment) -> float:
     covariance = (
         np.linalg.pinv(fit.normal.reduced_shared(), hermitian=True) * noise_px(fit.residual) ** 2
     )
-    values = radial_of(fit).values
+    values = fit.lens.values
     return float(np.sqrt(max(covariance[0, 0], covariance[1, 1], 0.0)) / abs(values[0]))

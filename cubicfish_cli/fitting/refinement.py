@@ -6,23 +6,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.fitting.cubic_fit import CubicResult, cubic_of, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
+from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.hold import choose_hold
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.normal_equations import solve_scaled
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import RadialReference, refit_radial
-from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.robust import huber_px, noise_px
+from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray
 
+L = TypeVar("L", bound=FitLens)
 Level = Literal["off", "shape", "points"]
 LEVELS: tuple[Level, ...] = ("off", "shape", "points")
 
@@ -77,7 +79,7 @@ class ObjectFit:
     def refined_target(self, drawing: Drawing) -> Target | None:
         """The object as fitted, in the target's units; the drawing itself at level ``off``."""
         world = self.cubic.fit.world
-        if drawing.target is None or not isinstance(world, RefinedWorld):
+        if drawing.target is None or not world.free:
             return drawing.target
         return world.refined_target(drawing.target, drawing.pairs, scale=drawing.scale)
 
@@ -106,7 +108,7 @@ def refine_object(
     spread = _FIRST_SPREAD if level == "points" else None
     free = free_world(drawing, noise=noise_px(fit.cubic.residual), offset_spread=spread)
     previous = fit.cubic.fit.world
-    if isinstance(previous, RefinedWorld):
+    if previous.free:
         free = replace(free, parameters=previous.parameters, spread=previous.spread)
     adjusted = _adjusted(fit.cubic.lens, fit.cubic.poses, drawing.pairs, free)
     adjusted, spread = settled_spread(adjusted, drawing.pairs, spread)
@@ -120,11 +122,11 @@ def to_the_bottom(fit: ObjectFit) -> ObjectFit:
     return replace(fit, reference=reference, cubic=replace(cubic, rival=fit.cubic.rival))
 
 
-def free_world(drawing: Drawing, *, noise: float, offset_spread: float | None) -> RefinedWorld:
+def free_world(drawing: Drawing, *, noise: float, offset_spread: float | None) -> World:
     """The object as drawn, free to depart from it."""
     if drawing.target is None:
         raise ValueError("pairs without a target have no boards to refine")
-    return RefinedWorld.drawn(
+    return World.drawn(
         drawing.pairs,
         drawing.target,
         noise=noise,
@@ -133,7 +135,9 @@ def free_world(drawing: Drawing, *, noise: float, offset_spread: float | None) -
     )
 
 
-def _adjusted(lens: CubicFit, poses: Poses, pairs: Observations, world: RefinedWorld) -> Adjustment:
+def _adjusted(
+    lens: CubicFit, poses: Poses, pairs: Observations, world: World
+) -> Adjustment[CubicFit]:
     """A first adjustment of the object, rough: the reference and all at once come after it."""
     # As drawn, residuals are too large to set the loss's scale by.
     return adjust(
@@ -148,15 +152,15 @@ def _adjusted(lens: CubicFit, poses: Poses, pairs: Observations, world: RefinedW
 
 
 def settled_spread(
-    fit: Adjustment, pairs: Observations, spread: float | None
-) -> tuple[Adjustment, float | None]:
+    fit: Adjustment[L], pairs: Observations, spread: float | None
+) -> tuple[Adjustment[L], float | None]:
     """Let the spreads of shapes, places and offsets follow the data: the pulls to the drawing.
 
     Expectation and maximisation in turn: a variance is what was found plus what the pairs leave
     open. Loose pulls would leave a board that few photos show wherever their noise puts it.
     """
     for _ in range(_SPREAD_ROUNDS):
-        world, before = _refined(fit), spread
+        world, before = fit.world, spread
         noise = noise_px(fit.residual)
         shapes = world.with_spreads(_left_open(fit, noise)) if len(world.parameters) else world
         if spread is not None:
@@ -179,19 +183,19 @@ def settled_spread(
     return fit, spread
 
 
-def _left_open(fit: Adjustment, noise: float) -> FloatArray:
+def _left_open(fit: Adjustment[Any], noise: float) -> FloatArray:
     """(S,) variance of the boards' parameters."""
-    hessian, count = fit.normal.reduced_shared(), len(_refined(fit).parameters)
+    hessian, count = fit.normal.reduced_shared(), len(fit.world.parameters)
     inverse = solve_scaled(hessian, np.eye(len(hessian))[:, -count:])
     return np.asarray(noise**2 * np.diagonal(inverse[-count:]))
 
 
-def _offset_spread(fit: Adjustment, noise: float) -> float | None:
+def _offset_spread(fit: Adjustment[Any], noise: float) -> float | None:
     """Of corners' own offsets; None where no corner is seen twice.
 
     Medians stand for means, since a few corners (a smudge, a knock) are off by much more.
     """
-    world = _refined(fit)
+    world = fit.world
     often = np.bincount(world.corner, minlength=len(world.offsets)) >= 2
     if not often.any():
         return None
@@ -202,32 +206,20 @@ def _offset_spread(fit: Adjustment, noise: float) -> float | None:
     return max(float(np.sqrt(found**2 + np.median(left_open))), _SMALLEST_SPREAD)
 
 
-def _refined(fit: Adjustment) -> RefinedWorld:
-    if not isinstance(fit.world, RefinedWorld):
-        raise TypeError("the adjustment must be of a free target")
-    return fit.world
-
-
 def _joint(
     fit: ObjectFit,
     drawing: Drawing,
     level: Level,
-    adjusted: Adjustment,
+    adjusted: Adjustment[CubicFit],
     spread: float | None,
     groups: Sequence[IntArray],
 ) -> ObjectFit:
     """With the object near its place: the reference anew, how P is held, then all at once."""
-    world = _refined(adjusted)
+    world = adjusted.world
     pairs = drawing.pairs.with_world(world.points)
     reference = refit_radial(fit.reference, pairs, adjusted.poses)
     world = world.with_noise(noise_px(adjusted.residual), spread)
-    near = replace(
-        fit.cubic,
-        lens=cubic_of(adjusted),
-        fit=replace(adjusted, world=world),
-        poses=adjusted.poses,
-        residual=adjusted.residual,
-    )
+    near = replace(fit.cubic, fit=replace(adjusted, world=world))
     cubic = choose_hold(reference, groups, world=world, start=near)
     return ObjectFit(
         level=level,

@@ -141,7 +141,7 @@ class Information:
         )
 
 
-def corner_noise_px(fit: Adjustment) -> float:
+def corner_noise_px(fit: Adjustment[Any]) -> float:
     """Standard deviation of a corner's coordinate, as the residuals of a fit show it, pixels."""
     residual, normal = fit.residual, fit.normal
     unknowns = len(normal.shared) + 6 * len(normal.pose) + normal.corner.size // 3

@@ -8,18 +8,18 @@ import synthetic
 from lenses import radial_camera
 
 from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.cubic_fit import Hold, cubic_of, fit_cubic, held
+from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic, held
 from cubicfish_cli.fitting.folds import photo_folds
 from cubicfish_cli.fitting.held_out import held_out_error
 from cubicfish_cli.fitting.hold import UNTOLD, choose_hold
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.radial_reference import fit_radial
-from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.refinement import Drawing, ObjectFit, refine_object
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select_photos, world_scale
+from cubicfish_cli.fitting.world import World
 from cubicfish_cli.lenses.cubic import CubicCamera
 
 HOLD = Hold(spread=1e-3, weight=1.0)
@@ -51,12 +51,10 @@ def anew(fit, pairs, image_size, photos):
         world=fit.world.select(rows),
     )
     own = select_photos(pairs, photos)
-    if isinstance(fit.world, RefinedWorld):
+    if fit.world.free:
         points = fit.world.like(trained.world).points
         own = replace(own, world=points[np.isin(pairs.image, photos)])
-    camera = CubicCamera(
-        image_size=image_size, P=cubic_of(trained).P, max_angle_deg=120.0, radial=None
-    )
+    camera = CubicCamera(image_size=image_size, P=trained.lens.P, max_angle_deg=120.0, radial=None)
     return adjust(FixedLens(camera=camera), fit.poses[photos], own, huber_px=limit).residual
 
 
@@ -65,7 +63,7 @@ def anew(fit, pairs, image_size, photos):
 def test_one_step_is_nearly_a_fit_anew(reference, target, level):
     pairs, world = reference.pairs, None
     if level != "off":
-        world = RefinedWorld.drawn(
+        world = World.drawn(
             pairs,
             target,
             noise=0.2,
@@ -93,7 +91,7 @@ def test_all_holds_at_once_are_as_one_by_one(reference, target, level):
     pairs, world = reference.pairs, None
     if level != "off":
         spread = 2e-3 if level == "points" else None
-        world = RefinedWorld.drawn(pairs, target, noise=0.2, offset_spread=spread)
+        world = World.drawn(pairs, target, noise=0.2, offset_spread=spread)
     result = fit_cubic(reference, HOLD, world=world, relative_decrease=1e-4)
     leaving = Leaving(result.fit, pairs, huber_px(result.residual), FOLDS)
     weights = np.array([10.0, 1.0, 0.01])

@@ -26,7 +26,6 @@ from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import radial_near
-from cubicfish_cli.fitting.refined_world import RefinedWorld
 from cubicfish_cli.fitting.refinement import LEVELS, Level, settled_spread
 from cubicfish_cli.fitting.rig.clocks import Clocks, Moving, fitted_clocks
 from cubicfish_cli.fitting.rig.evaluate import (
@@ -51,7 +50,7 @@ from cubicfish_cli.fitting.statistics import (
     rms_px,
 )
 from cubicfish_cli.fitting.subset import with_mean_weight_one, world_scale
-from cubicfish_cli.fitting.world import DrawnWorld, World
+from cubicfish_cli.fitting.world import World
 from cubicfish_cli.geometry import camera_centre, total_sigma
 from cubicfish_cli.lenses.cubic import CubicCamera, check_validity
 from cubicfish_cli.lenses.sphere import cone_rays
@@ -256,7 +255,7 @@ def calibrate_rig(
         evidence = RigEvidence(
             names=names,
             fit=fit,
-            lens=_rig_of(fit),
+            lens=fit.lens,
             pairs=on_time.with_world(fit.world.points),
             moved=tuple(moved),
             clocks=clocks,
@@ -269,7 +268,7 @@ def calibrate_rig(
         if found is None:
             break
         # It stands in one place: where it stood in most shots.
-        apart = set_apart(_rig_of(fit), fit.poses, views, seen, found.apart)
+        apart = set_apart(fit.lens, fit.poses, views, seen, found.apart)
         clear = found.share > _CLEAR_MOVE
         if not clear or not connected(common_shots(apart[0], len(names))):
             mean = replace(found, apart=found.apart[:0])
@@ -347,7 +346,7 @@ def _fitted(
     target: Target | None,
     scale: float,
     origin: FloatArray,
-) -> tuple[Adjustment, Level, Observations, Clocks | None]:
+) -> tuple[Adjustment[RigLens], Level, Observations, Clocks | None]:
     """Places, shots and clocks first, the lenses held; then all at once."""
     level: Level = "off"
     if target is not None:
@@ -363,45 +362,45 @@ def _fitted(
         huber_px=_WIDE_HUBER_PX,
         relative_decrease=_ROUGH_DECREASE,
     )
-    fit = _further(fit, pairs, fit.lens, DrawnWorld(pairs.world), _ROUGH_DECREASE)
+    fit = _further(fit, pairs, fit.lens, World(as_drawn=pairs.world), _ROUGH_DECREASE)
     clocks = None
     if moving is not None:
         fit, pairs, clocks = _on_time(fit, pairs, moving)
-    world: World = DrawnWorld(pairs.world)
+    world: World = World(as_drawn=pairs.world)
     if level != "off" and target is not None:
         world = _free_world(fit, pairs, target.moved(-origin), level, scale)
         fit = _further(fit, pairs, fit.lens, world, 1e-3)
         fit, _ = settled_spread(fit, pairs, _FIRST_OFFSET if level == "points" else None)
     if any(isinstance(one.lens, CubicFit) for one in alone):
-        free = _rig_of(fit).with_lenses([one.lens for one in alone])
+        free = fit.lens.with_lenses([one.lens for one in alone])
         joint = _further(fit, pairs, free, fit.world, _ROUGH_DECREASE)
         joint = _further(joint, pairs, joint.lens, joint.world, _FINE_DECREASE)
-        if all(_sound(own, one) for own, one in zip(_rig_of(joint).lenses, alone, strict=True)):
+        if all(_sound(own, one) for own, one in zip(joint.lens.lenses, alone, strict=True)):
             return joint, level, pairs, clocks
     return _further(fit, pairs, fit.lens, fit.world, _FINE_DECREASE), level, pairs, clocks
 
 
 def _on_time(
-    fit: Adjustment, pairs: Observations, moving: Moving
-) -> tuple[Adjustment, Observations, Clocks]:
+    fit: Adjustment[RigLens], pairs: Observations, moving: Moving
+) -> tuple[Adjustment[RigLens], Observations, Clocks]:
     """The fit with corners where they were at their shot's moment, and what clocks say of it."""
-    camera = _rig_of(fit).camera[pairs.image]
-    late = np.zeros(len(_rig_of(fit).lenses))
+    camera = fit.lens.camera[pairs.image]
+    late = np.zeros(len(fit.lens.lenses))
     for _ in range(_CLOCK_ROUNDS):
         found = fitted_clocks(fit, pairs, moving)
         if not found.late.any():
             break
         late += found.late
         pairs = replace(pairs, pixel=moving.at_once(pairs.pixel, found.late[camera]))
-        fit = _further(fit, pairs, fit.lens, DrawnWorld(pairs.world), _ROUGH_DECREASE)
+        fit = _further(fit, pairs, fit.lens, World(as_drawn=pairs.world), _ROUGH_DECREASE)
     speed = np.nan_to_num(np.hypot(moving.velocity[:, 0], moving.velocity[:, 1]))
     effect = [rms_px(np.outer(speed[camera == own], [abs(one), 0])) for own, one in enumerate(late)]
     return fit, pairs, Clocks(late=late, sigma=found.sigma, effect_px=np.array(effect))
 
 
 def _further(
-    fit: Adjustment, pairs: Observations, lens: FitLens, world: World, decrease: float
-) -> Adjustment:
+    fit: Adjustment[RigLens], pairs: Observations, lens: RigLens, world: World, decrease: float
+) -> Adjustment[RigLens]:
     return adjust(
         lens,
         fit.poses,
@@ -414,9 +413,9 @@ def _further(
 
 
 def _free_world(
-    fit: Adjustment, pairs: Observations, target: Target, level: Level, scale: float
-) -> RefinedWorld:
-    return RefinedWorld.drawn(
+    fit: Adjustment[RigLens], pairs: Observations, target: Target, level: Level, scale: float
+) -> World:
+    return World.drawn(
         pairs,
         target,
         noise=noise_px(fit.residual),
@@ -437,12 +436,6 @@ def _as_camera(lens: FitLens, alone: _Alone) -> CubicCamera:
 def _sound(lens: FitLens, alone: _Alone) -> bool:
     camera = _as_camera(lens, alone)
     return check_validity(camera.P, camera.max_angle_deg).valid
-
-
-def _rig_of(fit: Adjustment) -> RigLens:
-    if not isinstance(fit.lens, RigLens):
-        raise TypeError("the adjustment must be of a rig")
-    return fit.lens
 
 
 def _calibration(
@@ -511,7 +504,7 @@ def _calibration(
             )
         )
     refined = target
-    if target is not None and isinstance(fit.world, RefinedWorld):
+    if target is not None and fit.world.free:
         refined = fit.world.refined_target(target.moved(-origin), drawn, scale=scale).moved(origin)
     found: Sequence[Finding] = ()
     if diagnose is not None:
@@ -558,14 +551,14 @@ def _in_references_frames(
 
 
 def _held_out(
-    fit: Adjustment, pairs: Observations, limit: float, shots: Sequence[str]
+    fit: Adjustment[RigLens], pairs: Observations, limit: float, shots: Sequence[str]
 ) -> FloatArray | None:
     """(N, 2) residuals of each corner under a fit without its shot, to first order."""
     count = len(fit.poses)
     if count < MIN_PHOTOS:
         return None
     groups = dealt_out(np.arange(count), shots, min(FOLDS, count))
-    shot = _rig_of(fit).shot[pairs.image]
+    shot = fit.lens.shot[pairs.image]
     found = np.empty_like(fit.residual)
     for number, residual in Leaving(fit, pairs, limit, groups).residuals():
         found[shot == number] = residual[:, :, 0]  # by view, as they are left out

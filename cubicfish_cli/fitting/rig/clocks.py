@@ -112,7 +112,7 @@ class Clocks:
     effect_px: FloatArray
 
 
-def fitted_clocks(fit: Adjustment, pairs: Observations, moving: Moving) -> Clocks:
+def fitted_clocks(fit: Adjustment[RigLens], pairs: Observations, moving: Moving) -> Clocks:
     """How late each camera is, beside the first: a step from a fit that takes all as on time.
 
     Shots' poses and the cameras' places are free, lenses and object are not.
@@ -124,8 +124,6 @@ def fitted_clocks(fit: Adjustment, pairs: Observations, moving: Moving) -> Clock
 
     """
     lens = fit.lens
-    if not isinstance(lens, RigLens):
-        raise TypeError("the adjustment must be of a rig")
     cameras, shots = len(lens.lenses), len(fit.poses)
     hessian, gradient = _by_shot(lens, fit, pairs, moving, shots)
     unit = noise_px(fit.residual)
@@ -153,7 +151,7 @@ def fitted_clocks(fit: Adjustment, pairs: Observations, moving: Moving) -> Clock
 
 
 def _by_shot(
-    lens: RigLens, fit: Adjustment, pairs: Observations, moving: Moving, shots: int
+    lens: RigLens, fit: Adjustment[RigLens], pairs: Observations, moving: Moving, shots: int
 ) -> tuple[FloatArray, FloatArray]:
     """Of each shot, its pose eliminated: Hessian (S, K, K) and gradient (S, K).
 

@@ -58,7 +58,11 @@ class CameraPair:
 
 
 def alone_residual(
-    fit: Adjustment, lens: RigLens, pairs: Observations, held: Sequence[FitLens], limit: float
+    fit: Adjustment[RigLens],
+    lens: RigLens,
+    pairs: Observations,
+    held: Sequence[FitLens],
+    limit: float,
 ) -> FloatArray:
     """(N, 2) residuals with every view's pose free, each camera's lens held."""
     views = lens.views(fit.poses)

@@ -64,7 +64,7 @@ class RigEvidence(Evidence):
     """
 
     names: Sequence[str]
-    fit: Adjustment
+    fit: Adjustment[RigLens]
     lens: RigLens
     pairs: Observations
     moved: Sequence[Moved]

@@ -24,7 +24,7 @@ from cubicfish_cli.types import FloatArray, IntArray
 
 
 def place_covariances(
-    fit: Adjustment,
+    fit: Adjustment[RigLens],
     pairs: Observations,
     limit: float,
     rays: list[FloatArray],
@@ -47,8 +47,6 @@ def place_covariances(
 
     """
     lens = fit.lens
-    if not isinstance(lens, RigLens):
-        raise TypeError("the adjustment must be of a rig")
     by_shared = _by_shared(lens, rays)
     noise = _noise_covariance(fit)
     count = len(fit.lens.parameters)
@@ -70,7 +68,7 @@ def place_covariances(
 
 
 def _of_rivals(
-    fit: Adjustment,
+    fit: Adjustment[RigLens],
     pairs: Observations,
     limit: float,
     lens: RigLens,
@@ -121,7 +119,7 @@ def _by_shared(lens: RigLens, rays: list[FloatArray]) -> list[FloatArray]:
     return found
 
 
-def _noise_covariance(fit: Adjustment) -> FloatArray:
+def _noise_covariance(fit: Adjustment[RigLens]) -> FloatArray:
     """(K, K) of the shared unknowns, from the corners' noise."""
     hessian = fit.normal.reduced_shared()
     scale = 1 / np.sqrt(np.maximum(np.diagonal(hessian), 1e-300))

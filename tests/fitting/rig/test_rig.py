@@ -27,7 +27,7 @@ from cubicfish_cli.fitting.rig.shots import (
 from cubicfish_cli.fitting.rig.start import median_pose
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.subset import select
-from cubicfish_cli.fitting.world import DrawnWorld
+from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
@@ -392,7 +392,7 @@ def small_rig() -> tuple[RigLens, Poses, Observations]:
 
 def test_derivatives_of_a_rig_are_those_of_differences() -> None:
     lens, poses, pairs = small_rig()
-    world = DrawnWorld(pairs.world)
+    world = World(as_drawn=pairs.world)
     run = slice(24, 60)  # of the second camera
     terms = linearised(lens, poses, world, pairs, run)
     step = 1e-6
