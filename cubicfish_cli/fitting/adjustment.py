@@ -14,7 +14,6 @@ from cubicfish_cli.fitting.normal_equations import (
     Linearised,
     NormalEquations,
     NormalSums,
-    Prior,
     runs_of_photos,
 )
 from cubicfish_cli.fitting.poses import Poses, cross, cross_matrix
@@ -255,12 +254,12 @@ def _cost(
     residual: FloatArray,
     pairs: Observations,
     huber_px: float,
-    priors: Sequence[Prior],
+    priors: Sequence[FloatArray],
     world: World,
 ) -> float:
     distance = np.hypot(residual[:, 0], residual[:, 1])
     offset = (world.offset_weight * world.offsets).reshape(-1)
-    pulls = sum(float(prior @ prior) for prior, _ in priors) + offset @ offset
+    pulls = sum(float(prior[-1, -1]) for prior in priors) + offset @ offset
     return float(pairs.weight @ huber_cost(distance, huber_px) + 0.5 * pulls)
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, adjust
+from cubicfish_cli.fitting.gram import gram
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.geometry import decentring, decentring_slope, mean_rotation
@@ -136,21 +137,14 @@ class BentFit:
             by_values = by_values[:, free]
         return np.ascontiguousarray(by_values.transpose(2, 0, 1))
 
-    def prior(self) -> tuple[FloatArray, FloatArray]:
-        """The pulls to symmetry and to the anchor, weak: (L,) pixels, (L, K)."""
-        bends = _BENDS if self.spread else 0
-        anchored = 0 if self.anchor is None else 2
-        residual = np.empty(bends + anchored)
-        jacobian = np.zeros((bends + anchored, 4 + self.terms + bends))
-        if bends:
-            pull = self.noise_px / self.spread
-            residual[:bends] = pull * self.values[8:]
-            np.fill_diagonal(jacobian[:bends, -bends:], pull)
+    def prior(self) -> FloatArray:
+        """The pulls to symmetry and to the anchor, weak: see :class:`FitLens`."""
+        aim, spread = np.zeros(len(self.values)), np.full(len(self.values), np.inf)
+        spread[8:] = self.spread or np.inf
         if self.anchor is not None:
-            pull = self.noise_px / self.anchor_px
-            residual[bends:] = pull * (self.values[2:4] - self.anchor)
-            np.fill_diagonal(jacobian[bends:, 2:4], pull)
-        return residual, jacobian
+            aim[2:4], spread[2:4] = self.anchor, self.anchor_px
+        pull = (self.noise_px / spread)[self._free]
+        return gram(np.diag(pull), pull * (self.values - aim)[self._free])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -203,7 +203,7 @@ def _first(
     for lens, poses in _starts(reference, hold, start):
         with np.errstate(over="ignore"):
             pixel = lens.project(poses.apply(pairs.image, points))
-        if np.isfinite(pixel).all() and np.isfinite(lens.prior()[0]).all():
+        if np.isfinite(pixel).all() and np.isfinite(lens.prior()).all():
             return lens, poses
     assert lens is not None
     return lens, poses

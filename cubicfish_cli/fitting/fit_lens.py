@@ -23,5 +23,8 @@ class FitLens(Protocol):
     def project(self, points: FloatArray) -> FloatArray:
         """Camera-frame points (N, 3) -> pixel (N, 2), without derivatives."""
 
-    def prior(self) -> tuple[FloatArray, FloatArray]:
-        """Pseudo-observations: residuals (M,) in pixels and d/d parameters (M, K)."""
+    def prior(self) -> FloatArray:
+        """Gram matrix (K + 1, K + 1) of pseudo-observations.
+
+        Products of their derivatives by the parameters and, last, of their residuals, pixels.
+        """

@@ -130,8 +130,7 @@ def _squares(
     for spread in dict.fromkeys(spread for spread, _ in places):
         weights = [WEIGHTS[weight] for own, weight in places if own == spread]
         priors.append(lens.priors(reference.bent(SPREADS[spread])[0], np.array(weights)))
-    hessians, gradients = zip(*priors, strict=True)
-    photos = leaving.residuals(np.concatenate(hessians), np.concatenate(gradients))
+    photos = leaving.residuals(np.concatenate(priors))
     squares = {photo: np.square(residual).sum(axis=(0, 1)) for photo, residual in photos}
     of_places = np.array([squares[photo] for photo in range(len(squares))]).T
     return dict(zip(places, of_places, strict=True))

@@ -127,41 +127,29 @@ class Leaving:
         """Steps (K,), (M, 6) and (Q, 3) to the fit without each group; its own poses' are 0."""
         return [equations.solve() for equations in self._equations]
 
-    def residuals(
-        self, hessian: FloatArray | None = None, gradient: FloatArray | None = None
-    ) -> Iterator[tuple[int, FloatArray]]:
+    def residuals(self, priors: FloatArray | None = None) -> Iterator[tuple[int, FloatArray]]:
         """Residuals of every photo under the fit without its group, its own pose fitted anew.
 
         All at once for H other priors of the lens, by default for its own alone.
 
         Args:
-            hessian: (H, L, L) what each puts into the lens's Hessian.
-            gradient: (H, L) what it puts into the gradient.
+            priors: (H, L + 1, L + 1) the Gram matrix of each.
 
         Yields:
             The photo, and (n, 2, H) pixels.
 
         """
-        own_hessian, own_gradient = self._prior
-        change = (
-            own_hessian[None] - own_hessian if hessian is None else hessian - own_hessian,
-            own_gradient[None] - own_gradient if gradient is None else gradient - own_gradient,
-        )
+        own = self._fit.lens.prior()
+        change = (own[None] if priors is None else priors) - own
         for (photos, parts), equations in zip(self._groups, self._equations, strict=True):
-            step = equations.solve_changed(*change)
+            step = equations.solve_changed(change)
             for photo, part in zip(photos, parts, strict=True):
                 yield int(photo), part.after(*step)
 
-    @cached_property
-    def _prior(self) -> tuple[FloatArray, FloatArray]:
-        """What the lens's own prior puts into Hessian (L, L) and gradient (L,)."""
-        return _squared(self._fit.lens)
-
     def held_as(self, lens: FitLens) -> FloatArray:
         """Step (K,) of the shared unknowns with no photo left out, under another lens's prior."""
-        pairs = zip(_squared(lens), self._prior, strict=True)
-        change = ((other - own)[None] for other, own in pairs)
-        return self._equations_of_all.solve_changed(*change)[0][:, 0]
+        change = lens.prior() - self._fit.lens.prior()
+        return self._equations_of_all.solve_changed(change[None])[0][:, 0]
 
     @cached_property
     def _equations_of_all(self) -> Eliminated:
@@ -182,12 +170,6 @@ class Leaving:
                 if len(part.corner):
                     np.subtract.at(corner[group], part.corner, part.pull())
         return self._equations_of_all.shared_steps(shared, corner)
-
-
-def _squared(lens: FitLens) -> tuple[FloatArray, FloatArray]:
-    """What a lens's prior puts into Hessian (L, L) and gradient (L,)."""
-    residual, slope = lens.prior()
-    return slope.T @ slope, slope.T @ residual
 
 
 def _parts(fit: Adjustment[Any], pairs: Observations, limit: float) -> list[_Part]:

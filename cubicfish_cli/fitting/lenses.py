@@ -9,6 +9,7 @@ import numpy as np
 
 from cubicfish_cli.fitting.asymmetric import BentFit, StillRays
 from cubicfish_cli.fitting.fit_lens import FitLens
+from cubicfish_cli.fitting.gram import gram
 from cubicfish_cli.fitting.normal_equations import solve_scaled
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.lift import evaluate_cubics, lift, sphere_basis
@@ -54,9 +55,9 @@ class RadialFit:
         """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
         return project_jacobian(self.values, points)[0]
 
-    def prior(self) -> tuple[FloatArray, FloatArray]:
-        """None: few parameters hold this lens."""
-        return np.zeros(0), np.zeros((0, 4 + self.terms))
+    def prior(self) -> FloatArray:
+        """Nothing: few parameters hold this lens."""
+        return np.zeros((5 + self.terms,) * 2)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,9 +93,9 @@ class FixedLens:
         """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
         return self.project_jacobian(points)[0]
 
-    def prior(self) -> tuple[FloatArray, FloatArray]:
-        """None."""
-        return np.zeros(0), np.zeros((0, 0))
+    def prior(self) -> FloatArray:
+        """Nothing."""
+        return np.zeros((1, 1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,15 +129,10 @@ class RayPrior:
 
     @cached_property
     def denominators(self) -> FloatArray:
-        """(L, 17) from P3's coefficients and 1 to what has the squares of P3Φ's relative changes.
-
-        Changes at all rays are linear in 16 coefficients: their triangular factor says as much.
-        """
+        """(17, 17) Gram matrix of P3Φ's relative changes, by P3's coefficients and 1."""
         share = self.denominator_weight / self.denominator
-        changes = np.column_stack(
-            [share[:, None] * self.values, np.full(len(share), -self.denominator_weight)]
-        )
-        return np.asarray(np.linalg.qr(changes, mode="r"))
+        unchanged = np.full(len(share), -self.denominator_weight)
+        return gram(share[:, None] * self.values, unchanged)
 
     @cached_property
     def weights(self) -> FloatArray:
@@ -147,72 +143,37 @@ class RayPrior:
         """
         return np.where(self.within, self.weight, min(self.weight, WEIGHT_BEYOND))
 
-    def nearest(self, pixel: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Weighted misses of the bent lens nearest to pixels, its own prior's after them.
+    def nearest(
+        self, pixel: FloatArray, near: BentFit
+    ) -> tuple[BentFit, tuple[FloatArray, FloatArray]]:
+        """The bent lens nearest to pixels at the rays, from one that is near.
 
         Args:
             pixel: (M, 2), finite.
+            near: sees all of the rays; where a step leads to one that does not, it is as near as
+                any.
 
         Returns:
-            (2M + L,) and its derivatives by that lens's parameters (2M + L, K).
+            The lens; what it sees (M, 2), and its derivatives by the lens's parameters (M, 2, K).
 
         """
-        return self._nearest(pixel)[1:]
-
-    def nearest_lens(self, pixel: FloatArray) -> BentFit:
-        """The bent lens nearest to pixels (M, 2) at the rays.
-
-        It sees all of them: where steps lead to one that does not, ``lens`` is as near as any.
-        """
-        return self._nearest(pixel)[0]
-
-    def _nearest(self, pixel: FloatArray) -> tuple[BentFit, FloatArray, FloatArray]:
-        """The nearest lens and what :meth:`_misses` says of it."""
-        seen, own, to_step = self._first_step
-        miss = (self.weights[:, None] * (pixel - seen)).reshape(-1)
-        lens = self.lens
-        lens = lens.with_parameters(lens.parameters + to_step @ np.concatenate([miss, own]))
-        miss, by_lens = self._misses(pixel, lens)
-        for _ in range(_NEAREST_ROUNDS - 1):
-            if not np.isfinite(miss).all():
-                break
-            step = _follow(by_lens.T @ by_lens, by_lens.T @ miss[:, None])[:, 0]
-            lens = lens.with_parameters(lens.parameters - step)
-            miss, by_lens = self._misses(pixel, lens)
-        if not np.isfinite(miss).all():
-            lens = self.lens
-            miss, by_lens = self._misses(pixel, lens)
-        return lens, miss, by_lens
-
-    @cached_property
-    def _first_step(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Pixels of ``lens`` (M, 2), its own prior's misses (L,), and (K, 2M + L) from misses to
-        its step to the nearest lens.
-        """
-        seen, by_lens = self._seen
-        own, own_by_lens = self.lens.prior()
-        by_lens = -self.weights[:, None, None] * by_lens
-        slope = np.vstack([by_lens.reshape(seen.size, -1), own_by_lens])
-        return seen, own, -_follow(slope.T @ slope, slope.T)
-
-    @cached_property
-    def _seen(self) -> tuple[FloatArray, FloatArray]:
-        return self.lens.seen(self.still)
+        lens, (seen, by_lens) = near, near.seen(self.still)
+        for _ in range(_NEAREST_ROUNDS):
+            weights = self.weights[:, None, None]
+            miss = (weights * (seen - pixel)[:, :, None]).reshape(-1)
+            square = gram((weights * by_lens).reshape(len(miss), -1), miss) + lens.prior()
+            step = _follow(square[:-1, :-1], square[:-1, -1:])[:, 0]
+            moved = lens.with_parameters(lens.parameters - step)
+            sees = moved.seen(self.still)
+            if not np.isfinite(sees[0]).all():
+                return near, near.seen(self.still)
+            lens, (seen, by_lens) = moved, sees
+        return lens, (seen, by_lens)
 
     @cached_property
     def still(self) -> StillRays:
         """The rays as lenses that P is held to see them."""
         return StillRays.of(self.rays)
-
-    def _misses(self, pixel: FloatArray, lens: BentFit) -> tuple[FloatArray, FloatArray]:
-        seen, by_lens = lens.seen(self.still)
-        own, own_by_lens = lens.prior()
-        miss = self.weights[:, None] * (pixel - seen)
-        by_lens = -self.weights[:, None, None] * by_lens
-        return (
-            np.concatenate([miss.reshape(-1), own]),
-            np.vstack([by_lens.reshape(pixel.size, -1), own_by_lens]),
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -276,7 +237,7 @@ class CubicFit:
         return (
             pixel * self.scale + self.centre,
             _through_unit_ray(slope, rays.T, length).transpose(2, 0, 1),
-            self._d_parameters(values, pixel, denominator, np.empty((len(points), 2, 47))),
+            self._d_parameters(values, pixel, denominator),
         )
 
     def project(self, points: FloatArray) -> FloatArray:
@@ -284,88 +245,64 @@ class CubicFit:
         rays = points / np.linalg.norm(points, axis=-1, keepdims=True)
         return self._pixel(lift(rays) @ sphere_basis())[0] * self.scale + self.centre
 
-    def prior(self) -> tuple[FloatArray, FloatArray]:
+    def prior(self) -> FloatArray:
         """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
         return self._prior
 
     @cached_property
-    def _prior(self) -> tuple[FloatArray, FloatArray]:
-        """Weighted misses of the nearest lens of the prior's kind, and of its denominators.
+    def _prior(self) -> FloatArray:
+        prior = self.ray_prior
+        return self.priors(prior.lens, np.array([prior.weight]))[0]
 
-        That lens's own parameters are eliminated (variable projection, Golub & Pereyra 1973; the
-        derivatives are Kaufman's, whose gradient is exact).
+    def priors(self, lens: BentFit, weights: FloatArray) -> FloatArray:
+        """(H, 48, 48) what it is to be held otherwise, all at once; see :meth:`prior`.
+
+        Weighted misses of the nearest lens of the prior's kind, and of its denominators. That
+        lens's own parameters are eliminated (variable projection, Golub & Pereyra 1973; the
+        derivatives are Kaufman's, whose gradient is exact); the lens that is nearest under the
+        weight of today follows linearly.
 
         Pixels alone leave room for a pole that a zero of both numerators all but cancels
         (a Froissart doublet): it bends the picture at a few corners and nowhere else. A cubic
         P3Φ that vanishes somewhere differs widely from one that is positive on the whole cone.
-        """
-        prior = self.ray_prior
-        inside, denominator = self._pixel(prior.values)
-        pixel = inside * self.scale + self.centre
-        if not np.isfinite(pixel).all():  # a bad step: its cost turns it down
-            return np.full(1, np.inf), np.zeros((1, 47))
-        miss, by_lens = prior.nearest(pixel)
-        change, of_change = self._denominators()
-        slope = np.empty((len(miss) + len(change), 47))
-        direct = slope[: len(miss)]
-        by_pixel = slope[: pixel.size].reshape(-1, 2, 47)
-        self._d_parameters(prior.values, inside, denominator, by_pixel, prior.weights[:, None])
-        direct[pixel.size :] = 0
-        direct -= by_lens @ _follow(by_lens.T @ by_lens, by_lens.T @ direct)
-        slope[len(miss) :] = of_change
-        return np.concatenate([miss, change]), slope
-
-    def _denominators(self) -> tuple[FloatArray, FloatArray]:
-        """Weighted relative changes of P3Φ over the prior's rays, and their derivatives (L, 47)."""
-        by_values = self.ray_prior.denominators
-        change = by_values[:, :-1] @ self.coefficients[2] + by_values[:, -1]
-        slope = np.zeros((len(change), 47))
-        slope[:, 32:] = by_values[:, :-1] @ self.denominator_basis
-        return change, slope
-
-    def priors(self, lens: BentFit, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """What other priors put into the equations, all at once and to first order.
-
-        The lens that is nearest under the weight of today follows linearly.
 
         Args:
             lens: what P is held to.
             weights: (H,) how firmly; see :attr:`RayPrior.weight`.
 
-        Returns:
-            Hessians (H, 47, 47) and gradients (H, 47).
-
         """
         prior = self.ray_prior
         inside, denominator = self._pixel(prior.values)
         pixel = inside * self.scale + self.centre
-        near = replace(prior, lens=lens).nearest_lens(pixel)
-        seen, by_lens = near.seen(prior.still)
-        own, own_by_lens = near.prior()
-        count, columns = len(self.parameters), len(self.parameters) + by_lens.shape[2] + 1
+        if not np.isfinite(pixel).all():  # a bad step: its cost turns it down
+            return np.full((len(weights), 48, 48), np.inf)
+        near, (seen, by_lens) = prior.nearest(pixel, lens)
         # What moves P's pixels, what moves the lens's, and the miss.
-        rows = np.empty((len(seen), 2, columns))
-        rows[:, :, :count] = self._d_parameters(
-            prior.values, inside, denominator, np.empty((len(seen), 2, count))
+        rows = np.concatenate(
+            [
+                self._d_parameters(prior.values, inside, denominator),
+                -by_lens,
+                (pixel - seen)[:, :, None],
+            ],
+            axis=2,
         )
-        rows[:, :, count:-1] = -by_lens
-        rows[:, :, -1] = pixel - seen
-        pulls = np.zeros((len(own), columns))
-        pulls[:, count:-1], pulls[:, -1] = own_by_lens, own
         among, beyond = (
             part.T @ part
             for part in (
-                rows[which].reshape(-1, columns) for which in (prior.within, ~prior.within)
+                rows[which].reshape(-1, rows.shape[2]) for which in (prior.within, ~prior.within)
             )
         )
         squares = np.square([weights, np.minimum(weights, WEIGHT_BEYOND)])[:, :, None, None]
-        gram = squares[0] * among + squares[1] * beyond + pulls.T @ pulls
-        kept = np.r_[:count, columns - 1]
-        cross = gram[:, count:-1, kept]
-        followed = _follow(gram[:, count:-1, count:-1], cross)
-        left = gram[:, kept[:, None], kept] - cross.transpose(0, 2, 1) @ followed
-        change, slope = self._denominators()
-        return left[:, :-1, :-1] + slope.T @ slope, left[:, :-1, -1] + slope.T @ change
+        whole = squares[0] * among + squares[1] * beyond
+        whole[:, 47:, 47:] += near.prior()
+        kept = np.r_[:47, rows.shape[2] - 1]
+        cross = whole[:, 47:-1, kept]
+        followed = _follow(whole[:, 47:-1, 47:-1], cross)
+        left = whole[:, kept[:, None], kept] - cross.transpose(0, 2, 1) @ followed
+        by_values = np.zeros((17, 48))
+        by_values[:16, 32:47], by_values[:16, 47] = self.denominator_basis, self.coefficients[2]
+        by_values[16, 47] = 1
+        return np.asarray(left + by_values.T @ prior.denominators @ by_values)
 
     def _pixel(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         homogeneous = values @ self.coefficients.T
@@ -376,20 +313,15 @@ class CubicFit:
         return np.where(denominator[:, None] > 0, pixel, np.inf), denominator
 
     def _d_parameters(
-        self,
-        values: FloatArray,
-        pixel: FloatArray,
-        denominator: FloatArray,
-        out: FloatArray,
-        weight: FloatArray | float = 1.0,
+        self, values: FloatArray, pixel: FloatArray, denominator: FloatArray
     ) -> FloatArray:
-        """Weighted d pixel / d parameters, into (N, 2, 47); ``pixel`` is of order 1."""
-        share = values * (self.scale * weight / denominator[:, None])
-        out[:, 0, :16] = out[:, 1, 16:32] = share
-        out[:, 0, 16:32] = out[:, 1, :16] = 0
+        """(N, 2, 47) d pixel / d parameters; ``pixel`` is of order 1."""
+        share = values * (self.scale / denominator[:, None])
+        slope = np.zeros((len(values), 2, 47))
+        slope[:, 0, :16] = slope[:, 1, 16:32] = share
         by_denominator = share @ self.denominator_basis
-        np.multiply(-pixel[:, :, None], by_denominator[:, None, :], out=out[:, :, 32:])
-        return out
+        np.multiply(-pixel[:, :, None], by_denominator[:, None, :], out=slope[:, :, 32:])
+        return slope
 
     @property
     def P(self) -> FloatArray:

@@ -17,9 +17,6 @@ from scipy.sparse import csr_array
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.types import FloatArray, IntArray
 
-Prior = tuple[FloatArray, FloatArray]
-"""Pseudo-observations: residuals (L,) and their derivatives (L, K)."""
-
 # Derivatives of so many pairs by so many unknowns fit into a core's cache; larger arrays wait for
 # memory.
 _RUN_PAIRS, _RUN_UNKNOWNS = 1000, 60
@@ -151,21 +148,17 @@ class Eliminated:
             return first, second.reshape(-1, 6), other
         return first, other, second.reshape(-1, 3)
 
-    def solve_changed(
-        self, hessian: FloatArray, gradient: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """The steps under H changes of the first L shared unknowns' equations, all at once.
-
-        Another prior of the lens is such a change.
+    def solve_changed(self, priors: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The steps under H changes of the first L shared unknowns' prior, all at once.
 
         Args:
-            hessian: (H, L, L) to be added.
-            gradient: (H, L) likewise.
+            priors: (H, L + 1, L + 1) what is to be added to its Gram matrix.
 
         Returns:
             (K, H) and (Q, 3, H).
 
         """
+        hessian, gradient = priors[:, :-1, :-1], priors[:, :-1, -1]
         lens = gradient.shape[1]
         cross = self.matrix[lens:, :lens]
         # What is not changed is eliminated once.
@@ -431,16 +424,15 @@ class NormalSums:
             gradient[own] += total[:, -1]
         return hessian, gradient
 
-    def equations(self, of_lens: Prior, of_boards: Prior, world: World) -> NormalEquations:
+    def equations(
+        self, of_lens: FloatArray, of_boards: FloatArray, world: World
+    ) -> NormalEquations:
         """The sums with the priors of lens and boards, and the pull of a world's offsets."""
         count = self._shared
         hessian, gradient = self._totals()
-        for own, (residual, slope) in (
-            (slice(0, self._lens), of_lens),
-            (slice(self._lens, count), of_boards),
-        ):
-            hessian[own, own] += slope.T @ slope
-            gradient[own] += slope.T @ residual
+        for own, prior in (slice(0, self._lens), of_lens), (slice(self._lens, count), of_boards):
+            hessian[own, own] += prior[:-1, :-1]
+            gradient[own] += prior[:-1, -1]
         offsets, pull = world.offsets, world.offset_weight**2
         rows, columns = 3 * self._corners, 6 * len(self._pose)
         corner_pose = self._corner_pose.transpose(0, 2, 1, 3).reshape(rows, columns)

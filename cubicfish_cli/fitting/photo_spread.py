@@ -177,7 +177,7 @@ def photo_spread(
         influence=leaving.influence()[:, :count],
         rival=np.array(others),
         aligned=aligned,
-        held_to=prior.nearest_lens(result.lens.project(prior.rays)),
+        held_to=prior.nearest(result.lens.project(prior.rays), prior.lens)[0],
         empty=max(reference.reached[0] - np.deg2rad(MARGIN_DEG), 0.0),
     )
 

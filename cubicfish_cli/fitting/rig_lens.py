@@ -149,15 +149,15 @@ class RigLens:
             free=not self.held,
         )
 
-    def prior(self) -> tuple[FloatArray, FloatArray]:
-        """The lenses' priors as one block-diagonal set of pseudo-observations."""
-        residuals, blocks = zip(*(lens.prior() for lens in self.lenses), strict=True)
-        jacobian = np.zeros((sum(map(len, residuals)), self.columns[-1].stop))
-        row = 0
-        for block, columns in zip(blocks, self.columns, strict=True):
-            jacobian[row : row + len(block), columns.start : columns.start + block.shape[1]] = block
-            row += len(block)
-        return np.concatenate(residuals), jacobian
+    def prior(self) -> FloatArray:
+        """The lenses' priors, each where its parameters stand."""
+        count = self.columns[-1].stop
+        whole = np.zeros((count + 1, count + 1))
+        for lens, columns in zip(self.lenses, self.columns, strict=True):
+            own = lens.prior()
+            at = np.append(columns.start + np.arange(len(own) - 1), count)
+            whole[np.ix_(at, at)] += own
+        return whole
 
     def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Not of a rig: which camera sees the points is a matter of the view."""

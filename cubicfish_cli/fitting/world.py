@@ -14,6 +14,7 @@ import numpy as np
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.boards.shape import BoardShape
+from cubicfish_cli.fitting.gram import gram
 from cubicfish_cli.fitting.poses import cross, rotation_from_vector
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
@@ -236,24 +237,25 @@ class World:
             chained[pairs - run.start, :, part.shape.start : part.place.stop] = columns
         return chained
 
-    def prior(self) -> tuple[FloatArray, FloatArray]:
+    def prior(self) -> FloatArray:
         """Pull of the parameters to zero, and of the mean stretch far more: the overall scale.
 
-        (S + 1,) pixels and (S + 1, S); without a grid among the boards (S,) and (S, S).
+        (S + 1, S + 1) as a lens's prior is.
         """
         weight = self.noise / self.spread
-        residual, jacobian = weight * self.parameters, np.diag(weight)
+        rows = [np.diag(weight)]
         stretches = [
             place
             for part in self.parts
             if part.basis.shape[2]
             for place in range(part.shape.start + _STRETCH, part.shape.stop)
         ]
-        if not stretches:
-            return residual, jacobian
-        mean = np.zeros(len(self.parameters))
-        mean[stretches] = self.noise / (_SCALE_SPREAD * len(stretches))
-        return np.append(residual, mean @ self.parameters), np.vstack([jacobian, mean])
+        if stretches:
+            mean = np.zeros((1, len(self.parameters)))
+            mean[0, stretches] = self.noise / (_SCALE_SPREAD * len(stretches))
+            rows.append(mean)
+        slope = np.concatenate(rows)
+        return gram(slope, slope @ self.parameters)
 
     def refined_target(self, target: Target, pairs: Observations, *, scale: float) -> Target:
         """The target with these shapes, places and offsets, in its own units."""

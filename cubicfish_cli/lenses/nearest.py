@@ -63,9 +63,9 @@ class FreeLens(Generic[L]):
         """Points (N, 3) -> pixels (N, 2), not finite where the model has none."""
         return self.lens.pixels(points)
 
-    def prior(self) -> tuple[FloatArray, FloatArray]:
-        """None: few parameters hold these lenses."""
-        return np.zeros(0), np.zeros((0, len(self.free)))
+    def prior(self) -> FloatArray:
+        """Nothing: few parameters hold these lenses."""
+        return np.zeros((len(self.free) + 1,) * 2)
 
 
 def nearest_lens(
