@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
@@ -200,16 +200,10 @@ def _evaluated(state: _State[Any], pairs: Observations, huber_px: float) -> _Eva
     residual = np.empty_like(pairs.pixel)
     # A step may lead anywhere: what overflows there has an infinite cost and is turned down.
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        views = views_of(lens, state.poses)
-        unknowns = len(lens.parameters) + len(world.parameters) + _POSE
-        stops = body_of(lens).stops
-        for photos, run in runs_of_photos(pairs.image, len(views), stops, unknowns):
-            terms = linearised(lens, state.poses, world, pairs, run, views)
+        for photos, run, terms, root in runs_linearised(lens, state.poses, world, pairs, huber_px):
             residual[run] = terms.residual
-            length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
-            if not np.isfinite(length).all():
+            if not np.isfinite(terms.residual).all():
                 return _Evaluation(np.inf, residual, None, None)
-            root = np.sqrt(pairs.weight[run] * huber_weight(length, huber_px))
             sums.add(terms, root, photos, pairs.image[run], run)
     return _with_priors(state, pairs, huber_px, residual, sums)
 
@@ -247,7 +241,7 @@ def _with_priors(
         cost = _cost(residual, pairs, huber_px, priors, world)
     if not np.isfinite(cost):
         return _Evaluation(np.inf, residual, None, None)
-    return _Evaluation(cost, residual, sums.equations(*priors, world), sums)
+    return _Evaluation(cost, residual, sums.equations(priors[0], world), sums)
 
 
 def _cost(
@@ -261,6 +255,22 @@ def _cost(
     offset = (world.offset_weight * world.offsets).reshape(-1)
     pulls = sum(float(prior[-1, -1]) for prior in priors) + offset @ offset
     return float(pairs.weight @ huber_cost(distance, huber_px) + 0.5 * pulls)
+
+
+def runs_linearised(
+    lens: FitLens, poses: Poses, world: World, pairs: Observations, huber_px: float
+) -> Iterator[tuple[slice, slice, Linearised, FloatArray]]:
+    """All pairs in runs of whole photos: photos, pairs, derivatives, and roots of the weights.
+
+    The arguments are those of :func:`adjust`.
+    """
+    views, stops = views_of(lens, poses), body_of(lens).stops
+    unknowns = len(lens.parameters) + len(world.parameters) + _POSE
+    for photos, run in runs_of_photos(pairs.image, len(views), stops, unknowns):
+        if run.start < run.stop:
+            terms = linearised(lens, poses, world, pairs, run, views)
+            length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
+            yield photos, run, terms, np.sqrt(pairs.weight[run] * huber_weight(length, huber_px))
 
 
 def views_of(lens: FitLens, poses: Poses) -> Poses:

@@ -10,90 +10,83 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array
 
-from cubicfish_cli.fitting.adjustment import Adjustment, huber_weight, linearised, views_of
+from cubicfish_cli.fitting.adjustment import Adjustment, runs_linearised
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.normal_equations import (
     Eliminated,
+    Linearised,
     NormalEquations,
-    runs_of_photos,
+    NormalSums,
 )
-from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.rig_lens import body_of
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 
 # Of the diagonal: what no other photo touches stays where it is.
 _DAMPING = 1e-9
-_SMALLEST_WEIGHT = 1e-12
+_SMALLEST_ROOT = 1e-6
 # Below this share of the largest, a singular value is rounding.
 _RANK = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Part:
-    """What one photo's n pairs put into the normal equations, all weighted."""
+class _Seen:
+    """What n pairs put into the normal equations, all weighted."""
 
-    shared: FloatArray  # (2n, K)
-    pose: FloatArray  # (2n, 6)
-    residual: FloatArray  # (2n,)
+    shared: FloatArray  # (n, 2, K)
+    pose: FloatArray  # (n, 2, 6)
+    residual: FloatArray  # (n, 2)
     root: FloatArray  # (n,) root of the weights
     corner: IntArray  # (n,) free corner of each pair; empty where there are none
     by_corner: FloatArray  # (n, 2, 3)
+    place: IntArray  # (n,) the pose that each is seen from
 
-    def pull(self) -> FloatArray:
-        """(n, 3) what each pair adds to the gradient of its free corner."""
-        own = self.residual.reshape(-1, 2, 1)
-        pulled: FloatArray = (self.by_corner.transpose(0, 2, 1) @ own)[:, :, 0]
-        return pulled
-
-    def rows(self, start: int, stop: int) -> _Part:
-        """What pairs ``start`` to ``stop`` put in."""
-        of_pairs, of_rows = slice(start, stop), slice(2 * start, 2 * stop)
-        return _Part(
-            shared=self.shared[of_rows],
-            pose=self.pose[of_rows],
-            residual=self.residual[of_rows],
-            root=self.root[of_pairs],
-            corner=self.corner[of_pairs],
-            by_corner=self.by_corner[of_pairs],
+    @classmethod
+    def of(
+        cls, terms: Linearised, root: FloatArray, count: tuple[int, int], corner: IntArray
+    ) -> _Seen:
+        """Of pairs with their derivatives; so many parameters of lens and boards."""
+        lens, boards = count
+        root = np.maximum(root, _SMALLEST_ROOT)
+        weight = root[:, None, None]
+        shared = np.zeros((len(root), 2, lens + boards))
+        shared[:, :, terms.columns] = terms.d_lens
+        if terms.d_board is not None:
+            shared[:, :, lens:] = terms.d_board
+        return cls(
+            shared=shared * weight,
+            pose=np.concatenate([terms.d_turn, terms.d_shift], axis=2) * weight,
+            residual=terms.residual * root[:, None],
+            root=root,
+            corner=corner,
+            by_corner=np.zeros((len(root), 2, 3))
+            if terms.d_corner is None
+            else terms.d_corner * weight,
+            place=terms.pose,
         )
 
-    @cached_property
-    def _by_pose(self) -> FloatArray:
-        """(2n, 6) orthonormal: what a pose can make of the residuals."""
-        basis, size, _ = np.linalg.svd(self.pose, full_matrices=False)
-        return np.asarray(basis[:, size > _RANK * size[:1]])
-
-    def _without_pose(self, residual: FloatArray) -> FloatArray:
-        """What a pose fitted anew leaves of residuals (2n, ...)."""
-        left: FloatArray = residual - self._by_pose @ (self._by_pose.T @ residual)
-        return left
-
-    @cached_property
-    def _left(self) -> tuple[FloatArray, FloatArray]:
-        """(2n,) and (2n, K): residuals and their derivatives, the pose fitted anew."""
-        return self._without_pose(self.residual), self._without_pose(self.shared)
-
-    def after(self, shared: FloatArray, offset: FloatArray) -> FloatArray:
-        """Residuals (n, 2, H) after steps of what is shared, the photo's pose fitted anew.
+    def after(self, pose: int, shared: FloatArray, offset: FloatArray) -> FloatArray:
+        """Residuals (n, 2, H) of what is seen from a pose, which is fitted anew.
 
         Args:
-            shared: (K, H).
-            offset: (Q, 3, H).
+            pose: the pose.
+            shared: (K, H) steps of what is shared.
+            offset: (Q, 3, H) those of free corners.
 
         """
-        residual, slope = self._left
-        left = residual[:, None] + slope @ shared
+        own = np.flatnonzero(self.place == pose)
+        left = self.residual[own, :, None] + self.shared[own] @ shared
         if len(self.corner):
-            moved = (self.by_corner @ offset[self.corner]).reshape(left.shape)
-            left += self._without_pose(moved)
-        return left.reshape(len(self.root), 2, -1) / self.root[:, None, None]
+            left += self.by_corner[own] @ offset[self.corner[own]]
+        basis, size, _ = np.linalg.svd(self.pose[own].reshape(-1, 6), full_matrices=False)
+        basis = basis[:, size > _RANK * size[:1]]
+        flat = left.reshape(len(basis), -1)
+        flat = flat - basis @ (basis.T @ flat)
+        return np.asarray(flat.reshape(left.shape) / self.root[own, None, None])
 
 
 class Leaving:
@@ -115,12 +108,11 @@ class Leaving:
             groups: photos to be left out together.
 
         """
-        parts = _parts(fit, pairs, huber_px)
         self._fit = fit
-        self._groups = [(photos, [parts[photo] for photo in photos]) for photos in groups]
+        self._groups = [(photos, *_seen(fit, pairs, huber_px, photos)) for photos in groups]
         self._equations = [
-            _without(fit.normal, photos, parts).eliminated(_DAMPING)
-            for photos, parts in self._groups
+            fit.normal.without(sums, photos).eliminated(_DAMPING)
+            for photos, sums, _ in self._groups
         ]
 
     def steps(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
@@ -141,10 +133,10 @@ class Leaving:
         """
         own = self._fit.lens.prior()
         change = (own[None] if priors is None else priors) - own
-        for (photos, parts), equations in zip(self._groups, self._equations, strict=True):
+        for (photos, _, seen), equations in zip(self._groups, self._equations, strict=True):
             step = equations.solve_changed(change)
-            for photo, part in zip(photos, parts, strict=True):
-                yield int(photo), part.after(*step)
+            for photo in photos.tolist():
+                yield photo, seen.after(photo, *step)
 
     def held_as(self, lens: FitLens) -> FloatArray:
         """Step (K,) of the shared unknowns with no photo left out, under another lens's prior."""
@@ -161,102 +153,26 @@ class Leaving:
         The empirical influence of a group (Jaeckel's infinitesimal jackknife): what it adds to the
         gradient counts, its share of the equations stays.
         """
-        normal = self._fit.normal
-        shared = np.zeros((len(self._groups), len(normal.shared)))
-        corner = np.zeros((len(self._groups), *normal.corner_gradient.shape))
-        for group, (_, parts) in enumerate(self._groups):
-            for part in parts:
-                shared[group] -= part.shared.T @ part.residual
-                if len(part.corner):
-                    np.subtract.at(corner[group], part.corner, part.pull())
-        return self._equations_of_all.shared_steps(shared, corner)
+        shared = [-sums.shared_gradient for _, sums, _ in self._groups]
+        corner = [-sums.corner_gradient for _, sums, _ in self._groups]
+        return self._equations_of_all.shared_steps(np.array(shared), np.array(corner))
 
 
-def _parts(fit: Adjustment[Any], pairs: Observations, limit: float) -> list[_Part]:
-    """What was seen from each pose; in one place, or one for each camera that saw the shot."""
-    body, views = body_of(fit.lens), views_of(fit.lens, fit.poses)
-    found: list[list[_Part]] = [[] for _ in range(len(fit.poses))]
-    for photos, run in runs_of_photos(pairs.image, len(views), body.stops):
-        if run.start == run.stop:
-            continue
-        whole = _run(fit, views, pairs, limit, run)
-        numbers = np.arange(photos.start, photos.stop)
-        bounds = np.searchsorted(pairs.image[run], np.append(numbers, photos.stop))
-        for pose, (start, stop) in zip(body.shot_of(numbers), pairwise(bounds), strict=True):
-            found[pose].append(whole.rows(start, stop))
-    return [_joined(some or [whole.rows(0, 0)]) for some in found]
-
-
-def _joined(some: Sequence[_Part]) -> _Part:
-    if len(some) == 1:
-        return some[0]
-    names = [one.name for one in fields(_Part)]
-    return _Part(**{name: np.concatenate([getattr(one, name) for one in some]) for name in names})
-
-
-def _run(
-    fit: Adjustment[Any], views: Poses, pairs: Observations, limit: float, run: slice
-) -> _Part:
-    terms = linearised(fit.lens, fit.poses, fit.world, pairs, run, views)
-    length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
-    root = np.sqrt(np.maximum(pairs.weight[run], _SMALLEST_WEIGHT) * huber_weight(length, limit))
-    lens = len(fit.lens.parameters)
-    boards = 0 if terms.d_board is None else terms.d_board.shape[2]
-    shared = np.zeros((len(root), 2, lens + boards))
-    shared[:, :, terms.columns] = terms.d_lens
-    if terms.d_board is not None:
-        shared[:, :, lens:] = terms.d_board
-    shared *= root[:, None, None]
-    pose = np.concatenate([terms.d_turn, terms.d_shift], axis=2) * root[:, None, None]
-    free = len(fit.world.offsets) and terms.d_corner is not None
-    return _Part(
-        shared=shared.reshape(-1, shared.shape[2]),
-        pose=pose.reshape(-1, 6),
-        residual=(terms.residual * root[:, None]).reshape(-1),
-        root=root,
-        corner=fit.world.corner[run] if free else np.zeros(0, np.intp),
-        by_corner=terms.d_corner * root[:, None, None] if free else np.zeros((0, 2, 3)),
-    )
-
-
-def _without(normal: NormalEquations, photos: IntArray, parts: Sequence[_Part]) -> NormalEquations:
-    """The equations less what some photos put in; these photos' poses stay where they are."""
-    count = len(normal.shared)
-    columns = (6 * photos[:, None] + np.arange(6)).reshape(-1)
-    shared, shared_gradient = normal.shared.copy(), normal.shared_gradient.copy()
-    corner, corner_gradient = normal.corner.copy(), normal.corner_gradient.copy()
-    shared_corner = normal.shared_corner.copy("K")
-    pose, pose_gradient = normal.pose.copy(), normal.pose_gradient.copy()
-    shared_pose, pose_corner = normal.shared_pose.copy(), normal.pose_corner.copy("K")
-    pose[photos], pose_gradient[photos] = np.eye(6), 0
-    shared_pose[:, columns] = 0
-    pose_corner[columns] = 0
-    for part in parts:
-        shared -= part.shared.T @ part.shared
-        shared_gradient -= part.shared.T @ part.residual
-        if not len(part.corner):
-            continue
-        across = part.by_corner.transpose(0, 2, 1)
-        np.subtract.at(corner, part.corner, across @ part.by_corner)
-        np.subtract.at(corner_gradient, part.corner, part.pull())
-        by_shared = across @ part.shared.reshape(-1, 2, count)  # (n, 3, K)
-        places = 3 * part.corner[:, None] + np.arange(3)
-        # Several cameras may see a corner in one shot.
-        places = places.reshape(-1)
-        rows = np.arange(len(places) + 1)
-        summed = csr_array(
-            (np.ones(len(places)), places, rows), shape=(len(places), shared_corner.shape[1])
-        )
-        shared_corner -= (summed.T @ by_shared.reshape(-1, count)).T
-    return replace(
-        normal,
-        shared=shared,
-        pose=pose,
-        shared_pose=shared_pose,
-        shared_gradient=shared_gradient,
-        pose_gradient=pose_gradient,
-        corner=corner,
-        shared_corner=shared_corner,
-        pose_corner=pose_corner,
-        corner_gradient=corner_gradient,
+def _seen(
+    fit: Adjustment[Any], pairs: Observations, huber_px: float, photos: IntArray
+) -> tuple[NormalEquations, _Seen]:
+    """What some photos put into the equations: summed up, and pair by pair."""
+    photos = np.sort(photos)
+    rows = np.flatnonzero(np.isin(body_of(fit.lens).shot_of(pairs.image), photos))
+    own, world = pairs.select(rows), fit.world.select(rows)
+    count = len(fit.lens.parameters), len(world.parameters)
+    sums = NormalSums(*count, len(photos), world)
+    found = []
+    for views, run, terms, root in runs_linearised(fit.lens, fit.poses, world, own, huber_px):
+        found.append(_Seen.of(terms, root, count, world.corner[run]))
+        terms = replace(terms, pose=np.searchsorted(photos, terms.pose))
+        sums.add(terms, root, views, own.image[run], run)
+    names = [one.name for one in fields(_Seen)]
+    return sums.equations(), _Seen(
+        **{name: np.concatenate([getattr(one, name) for one in found]) for name in names}
     )

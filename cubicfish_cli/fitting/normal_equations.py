@@ -66,6 +66,32 @@ class NormalEquations:
         )
         return -0.5 * float(slope)
 
+    def without(self, part: NormalEquations, poses: IntArray) -> NormalEquations:
+        """The equations less what was seen from some poses, which stay where they are.
+
+        Args:
+            part: the sums of that.
+            poses: the poses.
+
+        """
+        columns = (6 * poses[:, None] + np.arange(6)).reshape(-1)
+        pose, pose_gradient = self.pose.copy(), self.pose_gradient.copy()
+        shared_pose, pose_corner = self.shared_pose.copy(), self.pose_corner.copy("K")
+        pose[poses], pose_gradient[poses] = np.eye(6), 0
+        shared_pose[:, columns] = 0
+        pose_corner[columns] = 0
+        return NormalEquations(
+            shared=self.shared - part.shared,
+            pose=pose,
+            shared_pose=shared_pose,
+            shared_gradient=self.shared_gradient - part.shared_gradient,
+            pose_gradient=pose_gradient,
+            corner=self.corner - part.corner,
+            shared_corner=self.shared_corner - part.shared_corner,
+            pose_corner=pose_corner,
+            corner_gradient=self.corner_gradient - part.corner_gradient,
+        )
+
     def eliminated(self, damping: float) -> Eliminated:
         """The damped equations with the larger family of small blocks eliminated."""
         shared, pose, corner = (_damped(x, damping) for x in (self.shared, self.pose, self.corner))
@@ -425,15 +451,20 @@ class NormalSums:
         return hessian, gradient
 
     def equations(
-        self, of_lens: FloatArray, of_boards: FloatArray, world: World
+        self, of_lens: FloatArray | None = None, world: World | None = None
     ) -> NormalEquations:
-        """The sums with the priors of lens and boards, and the pull of a world's offsets."""
+        """The sums, with the prior of the lens and the pulls of a world where these count."""
         count = self._shared
         hessian, gradient = self._totals()
-        for own, prior in (slice(0, self._lens), of_lens), (slice(self._lens, count), of_boards):
-            hessian[own, own] += prior[:-1, :-1]
-            gradient[own] += prior[:-1, -1]
-        offsets, pull = world.offsets, world.offset_weight**2
+        pull, offsets = 0.0, np.zeros((self._corners, 3))
+        if of_lens is not None and world is not None:
+            for own, prior in (
+                (slice(0, self._lens), of_lens),
+                (slice(self._lens, count), world.prior()),
+            ):
+                hessian[own, own] += prior[:-1, :-1]
+                gradient[own] += prior[:-1, -1]
+            pull, offsets = world.offset_weight**2, world.offsets
         rows, columns = 3 * self._corners, 6 * len(self._pose)
         corner_pose = self._corner_pose.transpose(0, 2, 1, 3).reshape(rows, columns)
         return NormalEquations(
