@@ -33,13 +33,14 @@ from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.calibrate import Calibration
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import FOLDS
-from cubicfish_cli.fitting.lenses import FixedLens, RadialFit
+from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.model_comparison import compare_models
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.lenses.nearest import FreeLens
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.unified import UnifiedLens
 from cubicfish_cli.library.calibration import calibrate
 from cubicfish_cli.observations import Observations
@@ -153,7 +154,7 @@ def opencv_lens(name: str, run: dict[str, Any], image_size: tuple[int, int]) -> 
     """OpenCV's parameters as a lens here."""
     values = np.array(run["values"])
     if name == "fisheye":
-        return RadialFit(values=values)
+        return FreeLens.of(RadialCamera.from_parameters(values, image_size))
     fx, fy, cx, cy, skew, xi = values[:6].tolist()
     lens = UnifiedLens(
         image_size=image_size, fx=fx, fy=fy, cx=cx, cy=cy, skew=skew, xi=xi, d=values[6:]

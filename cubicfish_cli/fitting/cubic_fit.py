@@ -16,13 +16,11 @@ import numpy as np
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.lenses import WEIGHT_BEYOND, CubicFit, RayPrior
-from cubicfish_cli.fitting.linear import linear_coefficients
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import MARGIN_DEG, RadialReference
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.lenses.cubic import Validity, check_validity
-from cubicfish_cli.lenses.lift import lift, sphere_basis
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.types import FloatArray
@@ -221,10 +219,7 @@ def _starts(
 
 def held(lens: CubicFit, reference: RadialReference, hold: Hold) -> CubicFit:
     """The same P, held otherwise."""
-    bent, _ = reference.bent(hold.spread)
-    if lens.ray_prior.lens is bent and lens.ray_prior.weight == hold.weight:
-        return lens  # which knows what it worked out
-    return replace(lens, ray_prior=replace(lens.ray_prior, lens=bent, weight=hold.weight))
+    return lens.held_to(reference.bent(hold.spread)[0], hold.weight)
 
 
 def start_lens(
@@ -251,32 +246,18 @@ def start_lens(
     rays = cone_rays(prior_cone(camera, covered), _PRIOR_RAYS)
     bent, _ = reference.bent(hold.spread)
     pixel = (reference.bent(0.0)[0] if symmetric else bent).project(rays)
-    centre = np.array([camera.cx, camera.cy])
-    scale = (camera.fx + camera.fy) / 2
     within = (rays[:, 2] >= np.cos(covered)) & (rays[:, 2] <= np.cos(nearest))
-    coefficients = linear_coefficients(
-        rays,
-        (pixel - centre) / scale,
-        denominator_pull=denominator_pull,
-        weights=np.where(within, 1.0, WEIGHT_BEYOND),
+    weights = np.where(within, 1.0, WEIGHT_BEYOND)
+    lens = CubicFit.linear(rays, pixel, camera, denominator_pull=denominator_pull, weights=weights)
+    prior = RayPrior(
+        rays=rays,
+        lens=bent,
+        within=within,
+        weight=hold.weight,
+        coefficients=lens.coefficients[2],
+        denominator_weight=_denominator_weight(reference),
     )
-    values = lift(rays) @ sphere_basis()
-    mean_values = values.mean(axis=0)
-    _, _, right = np.linalg.svd(mean_values[None, :])
-    return CubicFit(
-        coefficients=coefficients,
-        denominator_basis=right[1:].T,
-        centre=centre,
-        scale=scale,
-        ray_prior=RayPrior(
-            rays=rays,
-            lens=bent,
-            within=within,
-            weight=hold.weight,
-            denominator=values @ coefficients[2],
-            denominator_weight=_denominator_weight(reference),
-        ),
-    )
+    return replace(lens, ray_prior=prior)
 
 
 def _denominator_weight(reference: RadialReference) -> float:

@@ -12,7 +12,7 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.folds import photo_folds
 from cubicfish_cli.fitting.left_out import Leaving
-from cubicfish_cli.fitting.lenses import CubicFit, FixedLens, RadialFit
+from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refinement import ObjectFit
 from cubicfish_cli.fitting.robust import huber_px
@@ -131,7 +131,7 @@ def _fold(
     training = select_photos(pairs, train)
     trained = _trained(fit, train, training, world.select(np.flatnonzero(~out)), step)
     radial = adjust(
-        RadialFit(values=fit.reference.camera.parameters, terms=fit.reference.terms),
+        fit.reference.lens,
         fit.reference.poses[train],
         training.with_world(trained.world.points),
         huber_px=huber_px(fit.reference.residual),
@@ -143,7 +143,7 @@ def _fold(
         image_size=pairs.image_size,
         P=trained.lens.P,
         max_angle_deg=fit.cubic.max_angle_deg,
-        radial=RadialCamera.from_parameters(radial.lens.values, pairs.image_size),
+        radial=radial.lens.lens,
     )
     left_out = select_photos(pairs, test).with_world(world.like(trained.world).points[out])
     _, cubic, seen = pose_only_residual(camera, left_out, fit.cubic.poses[test])

@@ -129,7 +129,8 @@ def _squares(
     priors = []
     for spread in dict.fromkeys(spread for spread, _ in places):
         weights = [WEIGHTS[weight] for own, weight in places if own == spread]
-        priors.append(lens.priors(reference.bent(SPREADS[spread])[0], np.array(weights)))
+        to_another = lens.held_to(reference.bent(SPREADS[spread])[0])
+        priors.append(to_another.priors(np.array(weights)))
     photos = leaving.residuals(np.concatenate(priors))
     squares = {photo: np.square(residual).sum(axis=(0, 1)) for photo, residual in photos}
     of_places = np.array([squares[photo] for photo in range(len(squares))]).T

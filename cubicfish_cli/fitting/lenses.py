@@ -10,6 +10,7 @@ import numpy as np
 from cubicfish_cli.fitting.asymmetric import BentFit, StillRays
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.gram import gram
+from cubicfish_cli.fitting.linear import linear_coefficients
 from cubicfish_cli.fitting.normal_equations import solve_scaled
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.lift import evaluate_cubics, lift, sphere_basis
@@ -22,42 +23,6 @@ _NEAREST_ROUNDS = 2
 _TOLD_APART = 1e-13
 WEIGHT_BEYOND = 0.1
 """Largest weight of pseudo-observations where no corners are."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RadialFit:
-    """A Kannala–Brandt lens of which fx, fy, cx, cy and the first ``terms`` of k1..k4 are free.
-
-    Attributes:
-        values: (8,) fx, fy, cx, cy, k1..k4.
-        terms: how many coefficients of the profile are free.
-
-    """
-
-    values: FloatArray
-    terms: int = 4
-
-    @property
-    def parameters(self) -> FloatArray:
-        """(4 + terms,)."""
-        return self.values[: 4 + self.terms]
-
-    def with_parameters(self, parameters: FloatArray) -> RadialFit:
-        """The same lens with other parameters."""
-        return replace(self, values=np.concatenate([parameters, self.values[4 + self.terms :]]))
-
-    def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
-        pixel, d_point, d_values = project_jacobian(self.values, points)
-        return pixel, d_point, d_values[:, :, : 4 + self.terms]
-
-    def project(self, points: FloatArray) -> FloatArray:
-        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
-        return project_jacobian(self.values, points)[0]
-
-    def prior(self) -> FloatArray:
-        """Nothing: few parameters hold this lens."""
-        return np.zeros((5 + self.terms,) * 2)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -110,7 +75,7 @@ class RayPrior:
         lens: a bent one that is near.
         within: (M,) which rays are as far from the axis as corners are.
         weight: residuals are multiplied by this, among corners.
-        denominator: (M,) P3Φ of that lens at the rays.
+        coefficients: (16,) of the P3 that its denominators are to stay near.
         denominator_weight: pixels that a relative change of P3Φ by 1 counts as.
 
     """
@@ -119,7 +84,7 @@ class RayPrior:
     lens: BentFit
     within: BoolArray
     weight: float
-    denominator: FloatArray
+    coefficients: FloatArray
     denominator_weight: float
 
     @cached_property
@@ -130,7 +95,7 @@ class RayPrior:
     @cached_property
     def denominators(self) -> FloatArray:
         """(17, 17) Gram matrix of P3Φ's relative changes, by P3's coefficients and 1."""
-        share = self.denominator_weight / self.denominator
+        share = self.denominator_weight / (self.values @ self.coefficients)
         unchanged = np.full(len(share), -self.denominator_weight)
         return gram(share[:, None] * self.values, unchanged)
 
@@ -143,21 +108,16 @@ class RayPrior:
         """
         return np.where(self.within, self.weight, min(self.weight, WEIGHT_BEYOND))
 
-    def nearest(
-        self, pixel: FloatArray, near: BentFit
-    ) -> tuple[BentFit, tuple[FloatArray, FloatArray]]:
-        """The bent lens nearest to pixels at the rays, from one that is near.
+    def nearest(self, pixel: FloatArray) -> tuple[BentFit, tuple[FloatArray, FloatArray]]:
+        """The bent lens nearest to pixels (M, 2), finite, at the rays.
 
-        Args:
-            pixel: (M, 2), finite.
-            near: sees all of the rays; where a step leads to one that does not, it is as near as
-                any.
+        It sees all of them: where steps lead to one that does not, ``lens`` is as near as any.
 
         Returns:
             The lens; what it sees (M, 2), and its derivatives by the lens's parameters (M, 2, K).
 
         """
-        lens, (seen, by_lens) = near, near.seen(self.still)
+        lens, (seen, by_lens) = self.lens, self.lens.seen(self.still)
         for _ in range(_NEAREST_ROUNDS):
             weights = self.weights[:, None, None]
             miss = (weights * (seen - pixel)[:, :, None]).reshape(-1)
@@ -166,7 +126,7 @@ class RayPrior:
             moved = lens.with_parameters(lens.parameters - step)
             sees = moved.seen(self.still)
             if not np.isfinite(sees[0]).all():
-                return near, near.seen(self.still)
+                return self.lens, self.lens.seen(self.still)
             lens, (seen, by_lens) = moved, sees
         return lens, (seen, by_lens)
 
@@ -188,7 +148,7 @@ class CubicFit:
         coefficients: (3, 16) C.
         denominator_basis: (16, 15) the directions in which P3's coefficients may move.
         centre, scale: pixels are (m − centre) / scale inside.
-        ray_prior: the pseudo-observations.
+        ray_prior: the pseudo-observations; None where nothing holds P.
 
     """
 
@@ -196,7 +156,39 @@ class CubicFit:
     denominator_basis: FloatArray
     centre: FloatArray
     scale: float
-    ray_prior: RayPrior
+    ray_prior: RayPrior | None = None
+
+    @classmethod
+    def linear(
+        cls,
+        rays: FloatArray,
+        pixel: FloatArray,
+        camera: RadialCamera,
+        *,
+        denominator_pull: float,
+        weights: FloatArray | None = None,
+    ) -> CubicFit:
+        """P by linear least squares (Eq. 8–9, reweighted), without a prior.
+
+        Args:
+            rays: (N, 3) unit rays.
+            pixel: (N, 2) where they are seen.
+            camera: a lens like it, whose centre and focal length normalise pixels.
+            denominator_pull: how firmly P3Φ is kept near a constant.
+            weights: (N,) of each ray; 1 by default.
+
+        """
+        centre, scale = np.array([camera.cx, camera.cy]), (camera.fx + camera.fy) / 2
+        coefficients = linear_coefficients(
+            rays, (pixel - centre) / scale, denominator_pull=denominator_pull, weights=weights
+        )
+        mean = (lift(rays) @ sphere_basis()).mean(axis=0)
+        return cls(
+            coefficients=coefficients,
+            denominator_basis=np.linalg.svd(mean[None])[2][1:].T,
+            centre=centre,
+            scale=scale,
+        )
 
     @property
     def parameters(self) -> FloatArray:
@@ -222,6 +214,16 @@ class CubicFit:
                 ]
             ),
         )
+
+    def held_to(self, lens: BentFit, weight: float | None = None) -> CubicFit:
+        """The same P, held to another lens, as firmly as it is or otherwise."""
+        prior = self.ray_prior
+        if prior is None:
+            return self
+        weight = prior.weight if weight is None else weight
+        if prior.lens is lens and prior.weight == weight:
+            return self  # which knows what it worked out
+        return replace(self, ray_prior=replace(prior, lens=lens, weight=weight))
 
     def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
@@ -251,11 +253,11 @@ class CubicFit:
 
     @cached_property
     def _prior(self) -> FloatArray:
-        prior = self.ray_prior
-        return self.priors(prior.lens, np.array([prior.weight]))[0]
+        weight = 0.0 if self.ray_prior is None else self.ray_prior.weight
+        return self.priors(np.array([weight]))[0]
 
-    def priors(self, lens: BentFit, weights: FloatArray) -> FloatArray:
-        """(H, 48, 48) what it is to be held otherwise, all at once; see :meth:`prior`.
+    def priors(self, weights: FloatArray) -> FloatArray:
+        """(H, 48, 48) what it is to be held more or less firmly, all at once; see :meth:`prior`.
 
         Weighted misses of the nearest lens of the prior's kind, and of its denominators. That
         lens's own parameters are eliminated (variable projection, Golub & Pereyra 1973; the
@@ -267,16 +269,17 @@ class CubicFit:
         P3Φ that vanishes somewhere differs widely from one that is positive on the whole cone.
 
         Args:
-            lens: what P is held to.
             weights: (H,) how firmly; see :attr:`RayPrior.weight`.
 
         """
         prior = self.ray_prior
+        if prior is None:
+            return np.zeros((len(weights), 48, 48))
         inside, denominator = self._pixel(prior.values)
         pixel = inside * self.scale + self.centre
         if not np.isfinite(pixel).all():  # a bad step: its cost turns it down
             return np.full((len(weights), 48, 48), np.inf)
-        near, (seen, by_lens) = prior.nearest(pixel, lens)
+        near, (seen, by_lens) = prior.nearest(pixel)
         # What moves P's pixels, what moves the lens's, and the miss.
         rows = np.concatenate(
             [

@@ -17,7 +17,7 @@ from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import folds_of
 from cubicfish_cli.fitting.hold import choose_hold
-from cubicfish_cli.fitting.lenses import FixedLens, RadialFit
+from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import RadialReference, radial_near, refit_radial
 from cubicfish_cli.fitting.robust import huber_px
@@ -222,8 +222,7 @@ def _fit_cubic(hold: Hold) -> _Fit:
 
 
 def _fit_radial(reference: RadialReference) -> tuple[FitLens, FloatArray]:
-    lens = RadialFit(values=reference.camera.parameters, terms=reference.terms)
-    fit = _adjusted(lens, reference.poses, reference.pairs, huber_px(reference.residual))
+    fit = _adjusted(reference.lens, reference.poses, reference.pairs, huber_px(reference.residual))
     return fit.lens, fit.residual
 
 

@@ -165,6 +165,7 @@ def photo_spread(
     limit = huber_px(result.residual)
     leaving = Leaving(result.fit, reference.pairs, limit, _clusters(places, reference.pairs.images))
     prior = result.lens.ray_prior
+    assert prior is not None
     aligned = cone_rays(reference.covered, _ALIGNED_RAYS)
     others = [np.sqrt(likely) * _step(result.lens, lens, aligned) for lens, likely in doubted]
     rival = result.rival
@@ -177,7 +178,7 @@ def photo_spread(
         influence=leaving.influence()[:, :count],
         rival=np.array(others),
         aligned=aligned,
-        held_to=prior.nearest(result.lens.project(prior.rays), prior.lens)[0],
+        held_to=prior.nearest(result.lens.project(prior.rays))[0],
         empty=max(reference.reached[0] - np.deg2rad(MARGIN_DEG), 0.0),
     )
 

@@ -15,18 +15,18 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.asymmetric import Bend, BentFit, bend, bend_between
 from cubicfish_cli.fitting.known_lens import fit_poses
-from cubicfish_cli.fitting.lenses import RadialFit
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import gross_px, huber_px, noise_px
 from cubicfish_cli.fitting.start import start_at_centre
 from cubicfish_cli.fitting.subset import select_photos
+from cubicfish_cli.lenses.nearest import FreeLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
 
-RadialAdjustment = Adjustment[RadialFit]
+RadialAdjustment = Adjustment[FreeLens[RadialCamera]]
 
 # The valid cone reaches this far beyond the farthest corner.
 MARGIN_DEG = 5.0
@@ -107,6 +107,11 @@ class RadialReference:
             if near is None:
                 self.bends[spread] = bend_between(self.camera, self.poses, bent, poses)
         return self._bent[spread]
+
+    @property
+    def lens(self) -> FreeLens[RadialCamera]:
+        """The lens with what is free of it."""
+        return _free(self.camera, self.terms)
 
     @property
     def covered(self) -> float:
@@ -205,9 +210,8 @@ def refit_radial(reference: RadialReference, pairs: Observations, poses: Poses) 
 
     Used for pairs without the dropped ones and for the training part of a fold.
     """
-    lens = RadialFit(values=reference.camera.parameters, terms=reference.terms)
     fit = adjust(
-        lens,
+        reference.lens,
         poses,
         pairs,
         huber_px=huber_px(reference.residual),
@@ -224,7 +228,7 @@ def _sound(
     """The reference of a fit, with a profile that grows over the whole valid cone."""
     fit, terms = _sound_profile(fit, pairs)
     return RadialReference(
-        camera=_camera(fit, pairs),
+        camera=fit.lens.lens,
         poses=fit.poses,
         pairs=pairs,
         residual=fit.residual,
@@ -294,10 +298,12 @@ def _fit_from_centre(
     limit = max(0.02 * size, _BAD_START * typical)
     used = np.flatnonzero(start.error <= limit)
     own = select_photos(pairs, used)
-    values = np.array([start.focal, start.focal, *start.centre, 0, 0, 0, 0])
+    camera = RadialCamera.from_parameters(
+        [start.focal, start.focal, *start.centre, 0, 0, 0, 0], pairs.image_size
+    )
     # Two coefficients first: with poses still rough, four would bend to the errors.
     fit = adjust(
-        RadialFit(values=values, terms=2),
+        _free(camera, 2),
         start.poses[used],
         own,
         huber_px=max(20.0, 2 * float(np.median(start.error[used]))),
@@ -309,12 +315,18 @@ def _fit_from_centre(
     return _adjusted(_with_terms(fit, own, _ALL_TERMS), own), used
 
 
+def _free(camera: RadialCamera, terms: int) -> FreeLens[RadialCamera]:
+    """A lens of which so many coefficients of the profile are free."""
+    return FreeLens.of(camera, held=[f"k{power}" for power in range(terms + 1, _ALL_TERMS + 1)])
+
+
 def _with_terms(fit: RadialAdjustment, pairs: Observations, terms: int) -> RadialAdjustment:
-    values = fit.lens.values.copy()
-    values[4 + terms :] = 0
-    lens = RadialFit(values=values, terms=terms)
+    camera = fit.lens.lens
+    camera = replace(camera, k=np.where(np.arange(_ALL_TERMS) < terms, camera.k, 0.0))
     limit = huber_px(fit.residual)
-    return adjust(lens, fit.poses, pairs, huber_px=limit, relative_decrease=_NEAR_DECREASE)
+    return adjust(
+        _free(camera, terms), fit.poses, pairs, huber_px=limit, relative_decrease=_NEAR_DECREASE
+    )
 
 
 def _adjusted(fit: RadialAdjustment, pairs: Observations) -> RadialAdjustment:
@@ -323,10 +335,6 @@ def _adjusted(fit: RadialAdjustment, pairs: Observations) -> RadialAdjustment:
         limit = huber_px(fit.residual)
         fit = adjust(fit.lens, fit.poses, pairs, huber_px=limit, damping=WARM_DAMPING, known=fit)
     return fit
-
-
-def _camera(fit: RadialAdjustment, pairs: Observations) -> RadialCamera:
-    return RadialCamera.from_parameters(fit.lens.values, pairs.image_size)
 
 
 def _with_missing(
@@ -345,7 +353,7 @@ def _with_missing(
     """
     if not missing.size:
         return fit, used, {}
-    found, own, placed = fit_poses(_camera(fit, pairs), select_photos(pairs, missing))
+    found, own, placed = fit_poses(fit.lens.lens, select_photos(pairs, missing))
     if found is None:
         return fit, used, {}
     photos = missing[placed]
@@ -388,7 +396,7 @@ def _sound_profile(fit: RadialAdjustment, pairs: Observations) -> tuple[RadialAd
     A lens that really flattens out just beyond its corners (an orthographic fisheye does) fits
     much worse with fewer: it keeps them all, and its valid cone ends at the fold.
     """
-    terms = fit.lens.terms
+    terms = len(fit.lens.free) - 4
     worst = _WORTH_A_TERM * noise_px(fit.residual)
     best = fit
     for fewer in range(terms, -1, -1):
@@ -398,7 +406,7 @@ def _sound_profile(fit: RadialAdjustment, pairs: Observations) -> tuple[RadialAd
             break
         near = np.hypot(fit.residual[:, 0], fit.residual[:, 1]) <= gross_px(fit.residual)
         covered = angle_from_axis(fit.poses.apply(pairs.image, pairs.world))[near].max()
-        if _camera(fit, pairs).max_angle >= min(np.pi, covered + np.deg2rad(MARGIN_DEG + 0.5)):
+        if fit.lens.lens.max_angle >= min(np.pi, covered + np.deg2rad(MARGIN_DEG + 0.5)):
             return fit, fewer
     return best, terms
 
@@ -407,5 +415,5 @@ def _focal_uncertainty(fit: RadialAdjustment) -> float:
     covariance = (
         np.linalg.pinv(fit.normal.reduced_shared(), hermitian=True) * noise_px(fit.residual) ** 2
     )
-    values = fit.lens.values
-    return float(np.sqrt(max(covariance[0, 0], covariance[1, 1], 0.0)) / abs(values[0]))
+    focal = abs(fit.lens.lens.fx)
+    return float(np.sqrt(max(covariance[0, 0], covariance[1, 1], 0.0)) / focal)

@@ -11,12 +11,12 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting import adjustment
 from cubicfish_cli.fitting.adjustment import adjust, huber_cost, huber_weight
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
-from cubicfish_cli.fitting.lenses import RadialFit
 from cubicfish_cli.fitting.normal_equations import _damped
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import fit_radial, refit_radial
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.fitting.world import World
+from cubicfish_cli.lenses.nearest import FreeLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.sphere import cone_rays
 
@@ -50,7 +50,7 @@ def cubic(pairs):
 def test_at_the_truth_residual_and_gradient_are_zero():
     exact = synthetic.synthetic_correspondences(TARGET, POSES, lens=TRUTH)
     reference = fit_radial(exact)
-    lens = RadialFit(values=TRUTH.parameters)
+    lens = FreeLens.of(TRUTH)
     normal = normal_equations(lens, reference.poses, exact, 1.0)
     assert np.abs(reference.residual).max() < 1e-6
     assert (

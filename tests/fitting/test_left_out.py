@@ -97,7 +97,7 @@ def test_all_holds_at_once_are_as_one_by_one(reference, target, level):
     weights = np.array([10.0, 1.0, 0.01])
     for spread in (0.0, 1e-3, 1e-2):
         bent, _ = reference.bent(spread)
-        priors = result.lens.priors(bent, weights)
+        priors = result.lens.held_to(bent).priors(weights)
         together = dict(leaving.residuals(priors))
         for place, weight in enumerate(weights):
             lens = held(result.lens, reference, Hold(spread=spread, weight=weight))
@@ -118,7 +118,7 @@ def test_a_lens_that_no_bent_one_is_near_to_is_told_by_one_that_sees_all(referen
     prior = prior.lens.ray_prior
     seen, _ = prior.lens.seen(prior.still)
     bent = np.stack([np.cos(turned * prior.still.theta**2), np.sin(7 * prior.still.theta)], -1)
-    nearest, _ = prior.nearest(seen + times * bent, prior.lens)
+    nearest, _ = prior.nearest(seen + times * bent)
     assert np.isfinite(nearest.values).all()
     assert np.isfinite(nearest.seen(prior.still)[0]).all()
 

@@ -7,9 +7,10 @@ from hypothesis import strategies as st
 from lenses import cubic_camera, numeric_jacobian, radial_camera, random_rays
 
 from cubicfish_cli.fitting.asymmetric import BentFit, StillRays
-from cubicfish_cli.fitting.lenses import CubicFit, FixedLens, RadialFit, RayPrior
+from cubicfish_cli.fitting.lenses import CubicFit, FixedLens, RayPrior
 from cubicfish_cli.lenses.cubic import UNPROJECT_TOLERANCE_PX, CubicCamera
 from cubicfish_cli.lenses.lift import SIZE, sphere_basis
+from cubicfish_cli.lenses.nearest import FreeLens
 from cubicfish_cli.lenses.radial import RadialCamera
 
 CAMERAS = {
@@ -151,10 +152,8 @@ def test_slope_of_the_radial_profile():
 
 
 LENSES = {
-    "radial": RadialFit(values=radial_camera().parameters),
-    "radial, two terms": RadialFit(
-        values=radial_camera(k=(0.01, -0.003, 0, 0)).parameters, terms=2
-    ),
+    "radial": FreeLens.of(radial_camera()),
+    "radial, two terms": FreeLens.of(radial_camera(k=(0.01, -0.003, 0, 0)), held=("k3", "k4")),
     "bent": BentFit(
         values=np.array([*radial_camera().parameters, 2e-3, -1e-3, 4e-3, 3e-3, -2e-3]),
         terms=4,
@@ -197,7 +196,7 @@ def _cubic_fit() -> CubicFit:
             ),
             within=rays[:, 2] > 0.2,
             weight=0.7,
-            denominator=np.linspace(0.5, 2, 50),
+            coefficients=1.1 * coefficients[2],
             denominator_weight=0.3,
         ),
     )
@@ -262,7 +261,7 @@ def test_what_the_nearest_lens_can_follow_is_not_held():
     prior = lens.ray_prior
     _, _, by_cubic = lens.project_jacobian(prior.rays)
     pixel = lens.project(prior.rays)
-    _, (_, by_lens) = prior.nearest(pixel, prior.lens)
+    _, (_, by_lens) = prior.nearest(pixel)
     wanted = by_lens.reshape(pixel.size, -1)
     wanted /= np.linalg.norm(wanted, axis=0)
     # P's changes that move its pixels as the nearest lens's parameters do, as far as P can.

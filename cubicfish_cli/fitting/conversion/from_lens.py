@@ -11,10 +11,8 @@ from scipy.optimize import least_squares
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.asymmetric import BentFit
 from cubicfish_cli.fitting.conversion.to_lens import ConversionError, conversion_error
-from cubicfish_cli.fitting.lenses import CubicFit, RayPrior
-from cubicfish_cli.fitting.linear import linear_coefficients
+from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.geometry import inside_polygon
 from cubicfish_cli.lenses.cubic import CubicCamera, check_validity
 from cubicfish_cli.lenses.lens import UNPROJECT_TOLERANCE_PX, Lens
@@ -237,30 +235,13 @@ def _cameras(
     pull: float,
 ) -> list[CubicCamera]:
     """Cameras to choose from, the best first: refined in pixels, and as the linear start."""
-    centre = np.array([radial.cx, radial.cy])
-    scale = (radial.fx + radial.fy) / 2
-    coefficients = linear_coefficients(rays, (pixel - centre) / scale, denominator_pull=pull)
-    values = lift(rays) @ sphere_basis()
-    _, _, right = np.linalg.svd(values.mean(axis=0)[None, :])
-    linear = CubicFit(
-        coefficients=coefficients,
-        denominator_basis=right[1:].T,
-        centre=centre,
-        scale=scale,
-        ray_prior=RayPrior(
-            rays=rays[:1],
-            lens=BentFit.unbent(radial),
-            within=np.ones(1, bool),
-            weight=1.0,
-            denominator=np.ones(1),
-            denominator_weight=0.0,
-        ),
-    )
+    linear = CubicFit.linear(rays, pixel, radial, denominator_pull=pull)
+    values, stiffness = lift(rays) @ sphere_basis(), pull * linear.scale
 
     def residual(parameters: FloatArray) -> FloatArray:
         moved = linear.with_parameters(parameters)
         miss = moved.project(rays) - pixel
-        drift = pull * scale * (values @ moved.coefficients[2] - values @ coefficients[2])
+        drift = stiffness * (values @ (moved.coefficients[2] - linear.coefficients[2]))
         return np.concatenate([np.where(np.isfinite(miss), miss, 1e4).reshape(-1), drift])
 
     def slope(parameters: FloatArray) -> FloatArray:
@@ -268,7 +249,7 @@ def _cameras(
         by_parameters = moved.project_jacobian(rays)[2].reshape(2 * len(rays), -1)
         by_parameters = np.where(np.isfinite(by_parameters), by_parameters, 0)
         drift = np.zeros((len(rays), by_parameters.shape[1]))
-        drift[:, 32:] = pull * scale * (values @ linear.denominator_basis)
+        drift[:, 32:] = stiffness * (values @ linear.denominator_basis)
         return np.vstack([by_parameters, drift])
 
     with np.errstate(all="ignore"):

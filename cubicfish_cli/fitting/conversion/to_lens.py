@@ -13,11 +13,12 @@ from scipy.spatial.transform import Rotation
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.comparison import pixel_grid, rings
-from cubicfish_cli.fitting.lenses import RadialFit
 from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.lens import Lens
+from cubicfish_cli.lenses.nearest import FreeLens
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.types import FloatArray
 
 _FIT_PIXELS = 6_000
@@ -133,10 +134,10 @@ def symmetric_frame(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) ->
     A lens that is decentred or tilted looks most symmetric from an axis of its own, and poses make
     up for the turn.
     """
-    start = RadialFit(values=camera.radial.parameters)
+    start = FreeLens.of(camera.radial)
     count = len(start.parameters)
 
-    def turned(values: FloatArray) -> tuple[RadialFit, FloatArray]:
+    def turned(values: FloatArray) -> tuple[FreeLens[RadialCamera], FloatArray]:
         return start.with_parameters(values[:count]), Rotation.from_rotvec(values[count:]).apply(
             rays
         )

@@ -13,7 +13,6 @@ from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust, linearised, views_of
 from cubicfish_cli.fitting.folds import dealt_out
-from cubicfish_cli.fitting.lenses import RadialFit
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.rig.calibrate import RigCalibration, RigCamera, calibrate_rig
 from cubicfish_cli.fitting.rig.clocks import Moving
@@ -28,6 +27,8 @@ from cubicfish_cli.fitting.rig.start import median_pose
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.fitting.world import World
+from cubicfish_cli.lenses.nearest import FreeLens
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
@@ -364,14 +365,19 @@ def test_shots_that_fit_no_rig_are_refused() -> None:
         fitted(pairs, wrong)
 
 
+def free_radial(values: np.ndarray) -> FreeLens[RadialCamera]:
+    return FreeLens.of(RadialCamera.from_parameters(values, (640, 480)))
+
+
 def small_rig() -> tuple[RigLens, Poses, Observations]:
     """Two radial lenses and three shots, one of which only the second camera sees."""
     rng = np.random.default_rng(1)
     camera, shot = np.array([0, 0, 1, 1, 1]), np.array([0, 2, 0, 1, 2])
     values = np.array([200.0, 205, 320, 240, 0.01, 0.002, 0, 0])
+    others = values + 3.0 * (np.arange(8) < 4)
     turns = rotation_from_vector([[0, 0, 0], [0.1, 0.5, -0.2]])
     lens = RigLens(
-        lenses=(RadialFit(values=values), RadialFit(values=values + 3.0 * (np.arange(8) < 4))),
+        lenses=(free_radial(values), free_radial(others)),
         places=Poses(rotation=turns, translation=np.array([[0, 0, 0], [0.3, -0.1, 0.2]])),
         camera=camera,
         shot=shot,
@@ -429,7 +435,7 @@ def test_one_camera_is_a_rig_of_one() -> None:
         translation=np.stack([pose[1] for pose in truth.cameras[0].poses]),
     )
     count = np.arange(len(poses))
-    alone = RadialFit(values=values)
+    alone = free_radial(values)
     rig = RigLens(
         lenses=(alone,),
         places=Poses(rotation=np.eye(3)[None], translation=np.zeros((1, 3))),
