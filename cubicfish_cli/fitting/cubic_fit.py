@@ -141,7 +141,6 @@ def fit_cubic(
             world=world,
             relative_decrease=max(relative_decrease, NEAR_DECREASE),
             damping=WARM_DAMPING,
-            known=None if start is None else start.fit,
         )
         if relative_decrease < NEAR_DECREASE:  # to the bottom, the loss's scale settled
             fit = adjust(
@@ -152,7 +151,6 @@ def fit_cubic(
                 world=fit.world,
                 relative_decrease=relative_decrease,
                 damping=WARM_DAMPING,
-                known=fit,
             )
         validity = check_validity(fit.lens.P, max_angle_deg)
         if validity.valid:

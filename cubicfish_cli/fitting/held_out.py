@@ -4,21 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
-from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
+from cubicfish_cli.fitting.adjustment import WARM_DAMPING, adjust
 from cubicfish_cli.fitting.folds import photo_folds
-from cubicfish_cli.fitting.left_out import Leaving
-from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
+from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refinement import ObjectFit
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import likely_positive, rms_px
 from cubicfish_cli.fitting.subset import select, select_photos
-from cubicfish_cli.fitting.world import World
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
@@ -81,10 +77,10 @@ def held_out_error(
 ) -> HeldOut | None:
     """Cross-validation by photo: each photo is judged by a camera that never saw it.
 
-    Which photos are left out together, folds.py says. In each fold reference, P and,
-    at its level, the object are fitted to the other photos; then only the poses of the photos left
-    out are fitted. The fits start a Gauss-Newton step from where the fit to all photos ended, next
-    to their own optimum; the priors and their weights are those that the fit to all photos chose.
+    Which photos are left out together, folds.py says. In each fold reference, P and, at its level,
+    the object are fitted to the other photos; then only the poses of the photos left out are
+    fitted. The fits start where the fit to all photos ended, near their own optimum; the priors
+    and their weights are those that the fit to all photos chose.
 
     Args:
         fit: the fit to all photos.
@@ -97,13 +93,11 @@ def held_out_error(
     parts = photo_folds(fit.cubic.poses, fit.reference.pairs, fit.reference.camera.fx)
     if not parts:
         return None
-    limit = huber_px(fit.cubic.residual)
-    steps = Leaving(fit.cubic.fit, fit.reference.pairs, limit, parts).steps()
     measured = []
-    for done, (test, step) in enumerate(zip(parts, steps, strict=True)):
+    for done, test in enumerate(parts):
         if progress is not None:
             progress(done, len(parts))
-        measured.append(_fold(fit, test, step))
+        measured.append(_fold(fit, test))
     cubic, radial, images = zip(*measured, strict=True)
     square = np.sum(np.square(np.vstack(cubic)), axis=1)
     image, count = np.concatenate(images), len(fit.cubic.poses)
@@ -118,18 +112,25 @@ def held_out_error(
     )
 
 
-def _fold(
-    fit: ObjectFit, test: IntArray, step: tuple[FloatArray, FloatArray, FloatArray]
-) -> tuple[FloatArray, FloatArray, IntArray]:
+def _fold(fit: ObjectFit, test: IntArray) -> tuple[FloatArray, FloatArray, IntArray]:
     """Residuals of the photos ``test`` under a fit to the others: the cubic's, the reference's.
 
-    And the photo of each of the cubic's. ``step`` leads from the fit to all nearly to that fit.
+    And the photo of each of the cubic's.
     """
     pairs, world = fit.reference.pairs, fit.cubic.fit.world
     out = np.isin(pairs.image, test)
     train = np.setdiff1d(np.arange(len(pairs.images)), test)
     training = select_photos(pairs, train)
-    trained = _trained(fit, train, training, world.select(np.flatnonzero(~out)), step)
+    trained = adjust(
+        fit.cubic.lens,
+        fit.cubic.poses[train],
+        training,
+        huber_px=huber_px(fit.cubic.residual),
+        world=world.select(np.flatnonzero(~out)),
+        relative_decrease=_FOLD_DECREASE,
+        damping=WARM_DAMPING,
+        trust_last=True,
+    )
     radial = adjust(
         fit.reference.lens,
         fit.reference.poses[train],
@@ -149,38 +150,6 @@ def _fold(
     _, cubic, seen = pose_only_residual(camera, left_out, fit.cubic.poses[test])
     _, of_radial, _ = pose_only_residual(camera.radial, left_out, fit.reference.poses[test])
     return cubic, of_radial, test[left_out.image[seen]]
-
-
-def _trained(
-    fit: ObjectFit,
-    train: IntArray,
-    training: Observations,
-    world: World,
-    step: tuple[FloatArray, FloatArray, FloatArray],
-) -> Adjustment[CubicFit]:
-    """The cubic fitted to some of the photos.
-
-    From a step away, and from the fit to all where that step led nowhere.
-    """
-    lens, poses = fit.cubic.lens, fit.cubic.poses[train]
-    shared, pose, corner = step
-    count = len(lens.parameters)
-    near = lens.with_parameters(lens.parameters + shared[:count])
-    moved = world.moved(shared[count:], corner)
-    fitting = partial(
-        adjust,
-        pairs=training,
-        huber_px=huber_px(fit.cubic.residual),
-        relative_decrease=_FOLD_DECREASE,
-        damping=WARM_DAMPING,
-        trust_last=True,
-    )
-    try:
-        trained = fitting(near, poses.moved(pose[train]), world=moved)
-    except FitError:
-        return fitting(lens, poses, world=world)
-    # Fewer photos cannot cost more than all.
-    return trained if trained.cost <= fit.cubic.fit.cost else fitting(lens, poses, world=world)
 
 
 def pose_only_residual(

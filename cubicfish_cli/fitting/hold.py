@@ -31,8 +31,6 @@ UNTOLD = Hold(spread=1e-3, weight=1.0)
 # Another hold must gain over all photos more than so many times what single photos' gains differ
 # by: one or two photos do not decide.
 _CLEARLY = 2.0
-# From hold to hold; each is looked at from a fit under the last.
-_MOST_STEPS = 12
 # What only leads to a choice need not be known to the last digit.
 _SCAN_DECREASE = 1e-4
 
@@ -53,7 +51,7 @@ def choose_hold(
     """Fit the cubic under the hold that photos left out speak for.
 
     From a fit under one hold, others and the photos left out are each a step away, to first
-    order; the best is fitted, and looked around from again.
+    order; the best is fitted.
 
     Args:
         reference: the radial fit.
@@ -72,30 +70,21 @@ def choose_hold(
     hold = UNTOLD if start is None else start.hold
     if len(groups) < 2:
         return fit_cubic(reference, hold, world=world, start=start, relative_decrease=NEAR_DECREASE)
-    place, seen = _place_of(hold), list[_Place]()
-    squares: dict[_Place, FloatArray] = {}
+    place = _place_of(hold)
     places = _EVERY_PLACE if everywhere or start is None else _around(place)
-    while place not in seen and len(seen) < _MOST_STEPS:
-        seen.append(place)
-        start = fit_cubic(
-            reference,
-            _hold(place),
-            world=world if start is None else start.fit.world,
-            start=start,
-            relative_decrease=_SCAN_DECREASE,
-        )
-        leaving = Leaving(start.fit, reference.pairs, huber_px(start.residual), groups)
-        squares |= _squares(leaving, start.lens, reference, places)
-        place = _nearest_of_the_best(squares)
-        places = _around(place)
-    assert start is not None
-    # A search that comes back to an earlier hold ends there; a hold that was made firmer stays so.
-    hold = start.hold if place == seen[-1] else _hold(place)
+    start = fit_cubic(
+        reference, _hold(place), world=world, start=start, relative_decrease=_SCAN_DECREASE
+    )
+    leaving = Leaving(start.fit, reference.pairs, huber_px(start.residual), groups)
+    squares = _squares(leaving, start.lens, reference, places)
+    chosen = _nearest_of_the_best(squares)
+    # A hold that was made firmer stays so.
+    hold = start.hold if chosen == place else _hold(chosen)
     fitted = fit_cubic(
         reference, hold, world=start.fit.world, start=start, relative_decrease=NEAR_DECREASE
     )
     best = _best(squares)
-    likely = likely_positive(squares[place] - squares[best])
+    likely = likely_positive(squares[chosen] - squares[best])
     return replace(fitted, rival=Rival(hold=_hold(best), likely=likely))
 
 

@@ -173,7 +173,6 @@ def settled_spread(
             world=shapes.with_noise(noise, spread),
             relative_decrease=_ROUGH_DECREASE,
             damping=WARM_DAMPING,
-            known=fit,
         )
         change = np.log(shapes.spread / world.spread)
         if spread is not None and before is not None:
