@@ -9,6 +9,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 
 from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting import robust
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.normal_equations import (
     Linearised,
@@ -56,6 +57,28 @@ class Adjustment(Generic[L]):
     cost: float
     iterations: int
     normal: NormalEquations
+
+    def again(
+        self,
+        pairs: Observations,
+        *,
+        world: World | None = None,
+        relative_decrease: float = _RELATIVE_DECREASE,
+        damping: float = COLD_DAMPING,
+    ) -> Adjustment[L]:
+        """Adjust on from here, with a loss that follows what residuals there are.
+
+        The arguments are those of :func:`adjust`; the object is by default as free as it was.
+        """
+        return adjust(
+            self.lens,
+            self.poses,
+            pairs,
+            huber_px=robust.huber_px(self.residual),
+            world=self.world if world is None else world,
+            relative_decrease=relative_decrease,
+            damping=damping,
+        )
 
 
 def huber_weight(distance: FloatArray, scale: float) -> FloatArray:

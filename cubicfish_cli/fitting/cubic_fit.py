@@ -143,14 +143,8 @@ def fit_cubic(
             damping=WARM_DAMPING,
         )
         if relative_decrease < NEAR_DECREASE:  # to the bottom, the loss's scale settled
-            fit = adjust(
-                fit.lens,
-                fit.poses,
-                reference.pairs,
-                huber_px=huber_px(fit.residual),
-                world=fit.world,
-                relative_decrease=relative_decrease,
-                damping=WARM_DAMPING,
+            fit = fit.again(
+                reference.pairs, relative_decrease=relative_decrease, damping=WARM_DAMPING
             )
         validity = check_validity(fit.lens.P, max_angle_deg)
         if validity.valid:

@@ -183,15 +183,6 @@ def pose_only_residual(
         relative_decrease=_POSE_DECREASE,
         damping=WARM_DAMPING,
     )
-    limit = huber_px(fit.residual)
-    if np.hypot(*fit.residual.T).max() > min(limit, _WIDE_PX):
-        # Once more, with a loss that follows what the first left.
-        fit = adjust(
-            lens,
-            fit.poses,
-            own,
-            huber_px=limit,
-            relative_decrease=_POSE_DECREASE,
-            damping=WARM_DAMPING,
-        )
+    # Once more, with a loss that follows what the first left.
+    fit = fit.again(own, relative_decrease=_POSE_DECREASE, damping=WARM_DAMPING)
     return poses.with_photos(photos, fit.poses), fit.residual, index

@@ -8,7 +8,6 @@ from cubicfish_cli.fitting.adjustment import Adjustment, adjust
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_pose import depth_shift
-from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.start import candidate_poses
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.lenses.radial import RadialCamera
@@ -65,5 +64,4 @@ def fit_poses(
     own, _ = select(pairs, np.isin(pairs.image, placed))
     lens = FixedLens(camera=camera)
     fit = adjust(lens, poses[placed], own, huber_px=_WIDE_HUBER_PX, max_iterations=30)
-    fit = adjust(lens, fit.poses, own, huber_px=huber_px(fit.residual))
-    return fit, own, placed
+    return fit.again(own), own, placed

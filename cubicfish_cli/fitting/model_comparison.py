@@ -200,7 +200,7 @@ def _held_out(fit: _Fit, folds: Sequence[_Fold]) -> float | None:
             lens, _ = fit(fold.reference)
             frozen = FixedLens(camera=lens)
             judged = adjust(frozen, fold.poses, fold.left_out, huber_px=10.0)
-            judged = _adjusted(frozen, judged.poses, fold.left_out, huber_px(judged.residual))
+            judged = judged.again(fold.left_out).again(fold.left_out)
         except FitError:
             return None
         residuals.append(judged.residual)
@@ -209,8 +209,7 @@ def _held_out(fit: _Fit, folds: Sequence[_Fold]) -> float | None:
 
 def _adjusted(lens: F, poses: Poses, pairs: Observations, limit: float) -> Adjustment[F]:
     """Adjust with a loss that then follows the residuals."""
-    fit = adjust(lens, poses, pairs, huber_px=limit)
-    return adjust(fit.lens, fit.poses, pairs, huber_px=huber_px(fit.residual))
+    return adjust(lens, poses, pairs, huber_px=limit).again(pairs)
 
 
 def _fit_cubic(hold: Hold) -> _Fit:

@@ -326,8 +326,7 @@ def _with_terms(fit: RadialAdjustment, pairs: Observations, terms: int) -> Radia
 def _adjusted(fit: RadialAdjustment, pairs: Observations) -> RadialAdjustment:
     """Continue with a loss that follows the residuals down to the noise."""
     for _ in range(_FOLLOWING):
-        limit = huber_px(fit.residual)
-        fit = adjust(fit.lens, fit.poses, pairs, huber_px=limit, damping=WARM_DAMPING)
+        fit = fit.again(pairs, damping=WARM_DAMPING)
     return fit
 
 

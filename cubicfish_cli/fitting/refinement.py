@@ -165,11 +165,8 @@ def settled_spread(
         shapes = world.with_spreads(_left_open(fit, noise)) if len(world.parameters) else world
         if spread is not None:
             spread = _offset_spread(fit, noise) or spread
-        fit = adjust(
-            fit.lens,
-            fit.poses,
+        fit = fit.again(
             pairs,
-            huber_px=huber_px(fit.residual),
             world=shapes.with_noise(noise, spread),
             relative_decrease=_ROUGH_DECREASE,
             damping=WARM_DAMPING,

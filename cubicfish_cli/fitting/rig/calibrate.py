@@ -255,7 +255,6 @@ def calibrate_rig(
         evidence = RigEvidence(
             names=names,
             fit=fit,
-            lens=fit.lens,
             pairs=on_time.with_world(fit.world.points),
             moved=tuple(moved),
             clocks=clocks,

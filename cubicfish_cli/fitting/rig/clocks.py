@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cubicfish_cli.fitting.adjustment import Adjustment, huber_weight, linearised
+from cubicfish_cli.fitting.adjustment import Adjustment, runs_linearised
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.observations import Observations
@@ -161,23 +161,18 @@ def _by_shot(
     limit = huber_px(fit.residual)
     full = np.zeros((shots, count + 6, count + 6))
     pull = np.zeros((shots, count + 6))
-    bounds = np.searchsorted(pairs.image, np.arange(len(lens.shot) + 1))
-    for view, (camera, shot) in enumerate(zip(lens.camera, lens.shot, strict=True)):
-        run = slice(int(bounds[view]), int(bounds[view + 1]))
-        if run.stop == run.start:
-            continue
-        terms = linearised(fit.lens, fit.poses, fit.world, pairs, run)
-        length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
-        root = np.sqrt(pairs.weight[run] * huber_weight(length, limit))[:, None, None]
-        part = np.zeros((len(length), 2, count + 6))
+    for _, run, terms, root in runs_linearised(lens, fit.poses, fit.world, pairs, limit):
+        camera = int(lens.camera[pairs.image[run.start]])  # a run is of one camera
+        part = np.zeros((len(root), 2, count + 6))
         part[:, :, count : count + 3], part[:, :, count + 3 :] = terms.d_turn, terms.d_shift
         if camera:
-            first = 7 * (int(camera) - 1)
+            first = 7 * (camera - 1)
             part[:, :, first : first + 6] = terms.d_lens[:, :, -6:]
             part[:, :, first + 6] = np.nan_to_num(moving.velocity[run])
-        rows = (part * root).reshape(-1, count + 6)
-        full[shot] += rows.T @ rows
-        pull[shot] += rows.T @ (terms.residual[:, :, None] * root).reshape(-1)
+        part *= root[:, None, None]
+        across, miss = part.transpose(0, 2, 1), terms.residual * root[:, None]
+        np.add.at(full, terms.pose, across @ part)
+        np.add.at(pull, terms.pose, (across @ miss[:, :, None])[:, :, 0])
     pose = full[:, count:, count:]
     share = full[:, :count, count:] @ np.linalg.pinv(pose, hermitian=True)
     hessian = full[:, :count, :count] - share @ full[:, count:, :count]

@@ -244,7 +244,7 @@ def evaluate_rig(
     start, _ = place_shots(lens, views, joint)
     fit = adjust(lens, start, joint, huber_px=_WIDE_HUBER_PX)
     limit = huber_px(fit.residual)
-    fit = adjust(lens, fit.poses, joint, huber_px=limit)
+    fit = fit.again(joint)
     names = [one.name for one in cameras]
     alone = alone_residual(fit, lens, joint, lens.lenses, limit)
     camera_of = lens.camera[joint.image]

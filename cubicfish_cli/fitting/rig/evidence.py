@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
-from cubicfish_cli.fitting.adjustment import Adjustment, huber_weight, linearised
+from cubicfish_cli.fitting.adjustment import Adjustment, runs_linearised
 from cubicfish_cli.fitting.evidence import Evidence
 from cubicfish_cli.fitting.rig.clocks import Clocks
 from cubicfish_cli.fitting.rig.start import RigStart
@@ -52,7 +51,6 @@ class RigEvidence(Evidence):
     Attributes:
         names: of the cameras.
         fit: of the rig.
-        lens: the lenses and places of that.
         pairs: its pairs.
         moved: cameras that were found to have moved, as far as that was taken out.
         clocks: by how much cameras were late, which was taken out; None where it is not known.
@@ -65,7 +63,6 @@ class RigEvidence(Evidence):
 
     names: Sequence[str]
     fit: Adjustment[RigLens]
-    lens: RigLens
     pairs: Observations
     moved: Sequence[Moved]
     clocks: Clocks | None
@@ -74,18 +71,20 @@ class RigEvidence(Evidence):
     shots: Sequence[str]
     scale: float
 
+    @property
+    def lens(self) -> RigLens:
+        """The lenses and places of the rig."""
+        return self.fit.lens
+
     @cached_property
     def of_views(self) -> tuple[FloatArray, FloatArray, IntArray]:
         """Of each view's shot's pose: Hessian (V, 6, 6), gradient (V, 6), and (V,) its corners."""
-        limit = huber_px(self.fit.residual)
-        bounds = np.searchsorted(self.pairs.image, np.arange(len(self.lens.shot) + 1))
-        hessians, gradients = [], []
-        for start, stop in pairwise(bounds.tolist()):
-            run = slice(start, stop)
-            terms = linearised(self.fit.lens, self.fit.poses, self.fit.world, self.pairs, run)
-            length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
-            root = np.sqrt(self.pairs.weight[run] * huber_weight(length, limit))[:, None, None]
-            pose = (np.concatenate([terms.d_turn, terms.d_shift], axis=2) * root).reshape(-1, 6)
-            hessians.append(pose.T @ pose)
-            gradients.append(pose.T @ (terms.residual[:, :, None] * root).reshape(-1))
-        return np.array(hessians), np.array(gradients), np.diff(bounds)
+        fit, pairs, views = self.fit, self.pairs, len(self.lens.shot)
+        hessian, gradient = np.zeros((views, 6, 6)), np.zeros((views, 6))
+        limit = huber_px(fit.residual)
+        for _, run, terms, root in runs_linearised(fit.lens, fit.poses, fit.world, pairs, limit):
+            pose = np.concatenate([terms.d_turn, terms.d_shift], axis=2) * root[:, None, None]
+            across, miss = pose.transpose(0, 2, 1), terms.residual * root[:, None]
+            np.add.at(hessian, pairs.image[run], across @ pose)
+            np.add.at(gradient, pairs.image[run], (across @ miss[:, :, None])[:, :, 0])
+        return hessian, gradient, np.bincount(pairs.image, minlength=views)
