@@ -153,9 +153,12 @@ class Leaving:
         The empirical influence of a group (Jaeckel's infinitesimal jackknife): what it adds to the
         gradient counts, its share of the equations stays.
         """
-        shared = [-sums.shared_gradient for _, sums, _ in self._groups]
-        corner = [-sums.corner_gradient for _, sums, _ in self._groups]
-        return self._equations_of_all.shared_steps(np.array(shared), np.array(corner))
+        normal, groups = self._fit.normal, len(self._groups)
+        shared = np.zeros((groups, *normal.shared_gradient.shape))
+        corner = np.zeros((groups, *normal.corner_gradient.shape))
+        for group, (_, sums, _) in enumerate(self._groups):
+            shared[group], corner[group] = -sums.shared_gradient, -sums.corner_gradient
+        return self._equations_of_all.shared_steps(shared, corner)
 
 
 def _seen(

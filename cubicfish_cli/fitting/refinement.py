@@ -31,8 +31,8 @@ LEVELS: tuple[Level, ...] = ("off", "shape", "points")
 _ROUGH_DECREASE = 1e-5
 # Median length of a 3D normal vector of unit standard deviation a component.
 _MEDIAN_OF_MAXWELL = 1.53817
-# Corners' offsets start from this share of the object's typical extent.
-_FIRST_SPREAD = 1e-4
+FIRST_SPREAD = 1e-4
+"""Corners' offsets start from this share of the object's typical extent."""
 _SMALLEST_SPREAD = 1e-7
 _SPREAD_ROUNDS = 6
 _SPREAD_SETTLED = 0.1
@@ -105,7 +105,7 @@ def refine_object(
     """
     if drawing.target is None:
         raise ValueError("pairs without a target have no boards to refine")
-    spread = _FIRST_SPREAD if level == "points" else None
+    spread = FIRST_SPREAD if level == "points" else None
     free = free_world(drawing, noise=noise_px(fit.cubic.residual), offset_spread=spread)
     previous = fit.cubic.fit.world
     if previous.free:

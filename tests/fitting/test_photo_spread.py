@@ -163,7 +163,9 @@ def test_a_richer_target_that_is_in_doubt_adds_how_far_its_camera_is():
     other = replace(other, coefficients=other.coefficients * [[2], [2], [1]], scale=other.scale / 2)
     beside = photo_spread(cubic, reference, np.arange(PHOTOS), [(other, 1.0)])
     difference, _ = aligned_difference(
-        camera_of(reference, cubic), camera_of(reference, replace(cubic, lens=other)), rays
+        camera_of(reference, cubic),
+        camera_of(reference, replace(cubic, fit=replace(cubic.fit, lens=other))),
+        rays,
     )
     added = np.sqrt(beside.sigma_px(rays) ** 2 - alone.sigma_px(rays) ** 2)
     np.testing.assert_allclose(added, np.hypot(*difference.T), rtol=0.05, atol=2e-3)

@@ -14,19 +14,22 @@ import numpy as np
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.fitting.calibrate import RefineTarget, calibrate
-from cubicfish_cli.fitting.cubic_fit import fit_cubic, held
+from cubicfish_cli.fitting.calibrate import RefineTarget
 from cubicfish_cli.fitting.evidence import Diagnose
-from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import FOLDS, MIN_PHOTOS, dealt_out
 from cubicfish_cli.fitting.frame import in_references_frame
-from cubicfish_cli.fitting.hold import UNTOLD
-from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.radial_reference import radial_near
-from cubicfish_cli.fitting.refinement import LEVELS, Level, settled_spread
+from cubicfish_cli.fitting.refinement import (
+    FIRST_SPREAD,
+    LEVELS,
+    Drawing,
+    Level,
+    free_world,
+    settled_spread,
+)
+from cubicfish_cli.fitting.rig.alone import Alone, RigCamera, alone
 from cubicfish_cli.fitting.rig.clocks import Clocks, Moving, fitted_clocks
 from cubicfish_cli.fitting.rig.evaluate import (
     CameraPair,
@@ -49,8 +52,7 @@ from cubicfish_cli.fitting.statistics import (
     photo_records,
     rms_px,
 )
-from cubicfish_cli.fitting.subset import with_mean_weight_one, world_scale
-from cubicfish_cli.fitting.world import World
+from cubicfish_cli.fitting.subset import world_scale
 from cubicfish_cli.geometry import camera_centre, total_sigma
 from cubicfish_cli.lenses.cubic import CubicCamera, check_validity
 from cubicfish_cli.lenses.sphere import cone_rays
@@ -58,41 +60,18 @@ from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Severity
-from cubicfish_cli.words.finding import Finding, RigFinding, of_camera
+from cubicfish_cli.words.finding import RigFinding
 
 # While cameras and shots are far off, the loss must still feel every corner.
 _WIDE_HUBER_PX = 50.0
 _ROUGH_DECREASE = 1e-5
 _FINE_DECREASE = 1e-9
 _RAYS = 300
-_FIRST_OFFSET = 1e-4
 # The way back to a shot's moment is a step along the motion, and is taken a few times.
 _CLOCK_ROUNDS = 4
 # Shots are set apart for a camera that moved where that explains more than so much of what shots
 # have against its one place: they may be of different moments, too.
 _CLEAR_MOVE = 0.5
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RigCamera:
-    """What is known of one camera before the rig is fitted.
-
-    Attributes:
-        name: of the camera.
-        pairs: its 2D-3D pairs, in the target's units.
-        camera: its lens, where it is calibrated already, and is left as it is; None to calibrate
-            it from its pairs.
-        fit: the record of that calibration; empty where there is none.
-        moving: how its corners move, where that is known: photos of a shot then need not be of
-            one moment.
-
-    """
-
-    name: str
-    pairs: Observations
-    camera: CubicCamera | None = None
-    fit: Mapping[str, Any] | None = None
-    moving: Moving | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -178,24 +157,6 @@ class RigCalibration:
     findings: tuple[RigFinding, ...]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Alone:
-    """One camera calibrated alone, in the common scale of all.
-
-    Its lens is free, or fixed where it is held. The rival has the prior of the hold that predicted
-    best, and says how likely that is the better one.
-    """
-
-    camera: CubicCamera
-    lens: FitLens
-    rival: tuple[FitLens, float] | None
-    record: Mapping[str, Any]
-    level: Level
-    pairs: Observations
-    poses: Poses
-    told: tuple[RigFinding, ...]
-
-
 def calibrate_rig(
     cameras: Sequence[RigCamera],
     shots: Shots,
@@ -229,29 +190,35 @@ def calibrate_rig(
     everything = np.concatenate([camera.pairs.world for camera in cameras])
     origin = everything.mean(axis=0)
     scale = world_scale(cameras[0].pairs.with_world(everything))
-    alone = []
+    singly = []
     for number, camera in enumerate(cameras):
         if progress is not None:
             progress(f"camera {camera.name} alone", 0.8 * number / len(cameras))
-        alone.append(_alone(camera, target, refine_target, origin, scale, hold_lenses, diagnose))
+        singly.append(
+            alone(camera, target, refine_target, origin, scale, hold=hold_lenses, diagnose=diagnose)
+        )
     if progress is not None:
         progress("all cameras together", 0.8)
     names = [camera.name for camera in cameras]
     moves = [None if one.moving is None else (one.pairs, one.moving) for one in cameras]
-    lens, views, pairs, seen, moving = gathered(alone, shots, moves)
+    lens, views, pairs, seen, moving = gathered(singly, shots, moves)
     try:
         start = start_rig(names, lens, views, pairs, seen.shot)
     except FitError as error:
-        told = [one for camera in alone for one in camera.told if one.severity is Severity.BAD]
+        told = [one for camera in singly for one in camera.told if one.severity is Severity.BAD]
         raise FitError(f"{error}; {told[0].line}" if told else str(error)) from error
     lens, poses, seen = set_apart(
         replace(lens, places=start.places), start.shots, views, seen, np.flatnonzero(start.apart)
     )
+    level: Level = "off"
+    if target is not None:
+        level = max((one.level for one in singly), key=LEVELS.index)
+        drawn = target.world_points(pairs.board, pairs.column, pairs.row)
+        pairs = pairs.with_world((drawn - origin) / scale)
+    drawing = Drawing(target=target and target.moved(-origin), pairs=pairs, scale=scale)
     moved: list[Moved] = []
     while True:
-        fit, level, on_time, clocks = _fitted(
-            alone, lens, poses, pairs, moving, target, scale, origin
-        )
+        fit, on_time, clocks = _fitted(singly, lens, poses, drawing, moving, level)
         evidence = RigEvidence(
             names=names,
             fit=fit,
@@ -277,106 +244,71 @@ def calibrate_rig(
         lens, poses, seen = apart
     if progress is not None:
         progress("how certain it is", 0.95)
-    return _calibration(evidence, alone, level, target, origin, diagnose)
-
-
-def _alone(
-    camera: RigCamera,
-    target: Target | None,
-    refine_target: RefineTarget,
-    origin: FloatArray,
-    scale: float,
-    hold: bool,
-    diagnose: Diagnose | None,
-) -> _Alone:
-    """Calibrate a camera, or take it as it was calibrated; then its fit in the common scale."""
-    if camera.camera is None:
-        try:
-            found = calibrate(
-                camera.pairs, target=target, refine_target=refine_target, diagnose=diagnose
-            )
-        except FitError as error:
-            raise FitError(f"camera {camera.name}: {error}") from error
-        lens, record, pairs, poses = found.camera, found.as_record(), found.pairs, found.poses
-        level, held_by, rival = found.refined, found.hold, found.rival
-        told = tuple(of_camera(camera.name, one) for one in found.findings)
-    else:
-        lens, record, hold = camera.camera, dict(camera.fit or {}), True
-        placed, pairs, _ = fit_poses(lens.radial, camera.pairs)
-        if placed is None:
-            raise FitError(
-                f"camera {camera.name}: none of its photos can be placed with its lens: check "
-                "that they are of this camera and of this target"
-            )
-        poses, level, held_by, rival, told = placed.poses, "off", UNTOLD, None, ()
-    pairs = with_mean_weight_one(pairs.with_world((pairs.world - origin) / scale))
-    poses = poses.of_world(-origin)
-    poses = replace(poses, translation=poses.translation / scale)
-    free: FitLens
-    other: tuple[FitLens, float] | None = None
-    if hold:
-        free = FixedLens(camera=lens)
-        fit = adjust(free, poses, pairs, huber_px=_WIDE_HUBER_PX, relative_decrease=_ROUGH_DECREASE)
-        poses = adjust(free, fit.poses, pairs, huber_px=huber_px(fit.residual)).poses
-    else:
-        reference = radial_near(lens.radial, pairs, poses)
-        result = fit_cubic(reference, held_by, relative_decrease=_ROUGH_DECREASE)
-        free, poses = result.lens, result.poses
-        if rival is not None:
-            other = held(result.lens, reference, rival.hold), rival.likely
-    return _Alone(
-        camera=lens,
-        lens=free,
-        rival=other,
-        record=record,
-        level=level,
-        pairs=pairs,
+    refined = target
+    if drawing.target is not None and fit.world.free:
+        nearby = fit.world.refined_target(drawing.target, evidence.pairs, scale=scale)
+        refined = nearby.moved(origin)
+    placed, poses, held_out_px = _judged(evidence, singly, level, origin)
+    found_wrong = diagnose(evidence) if diagnose is not None else ()
+    return RigCalibration(
+        units=None if target is None else target.units,
+        cameras=placed,
+        shots=tuple(evidence.shots),
         poses=poses,
-        told=told,
+        errors=error_statistics(fit.residual),
+        held_out_rms_px=held_out_px,
+        pairs=tuple(camera_pairs(names, fit.lens, evidence.pairs, fit.residual)),
+        per_shot=tuple(shot_records(evidence.shots, fit.lens, evidence.pairs, fit.residual, names)),
+        refined=level,
+        target=refined,
+        held_lenses=not any(isinstance(own, CubicFit) for own in fit.lens.lenses),
+        findings=(
+            *(told for one in singly for told in one.told),
+            *(one for one in found_wrong if isinstance(one, RigFinding)),
+        ),
     )
 
 
 def _fitted(
-    alone: Sequence[_Alone],
+    singly: Sequence[Alone],
     lens: RigLens,
     poses: Poses,
-    pairs: Observations,
+    drawing: Drawing,
     moving: Moving | None,
-    target: Target | None,
-    scale: float,
-    origin: FloatArray,
-) -> tuple[Adjustment[RigLens], Level, Observations, Clocks | None]:
-    """Places, shots and clocks first, the lenses held; then all at once."""
-    level: Level = "off"
-    if target is not None:
-        level = max((one.level for one in alone), key=LEVELS.index)
-        board, column, row = pairs.board, pairs.column, pairs.row
-        drawn = (target.world_points(board, column, row) - origin) / scale
-        pairs = pairs.with_world(drawn)
-    held = [FixedLens(camera=_as_camera(one.lens, one)) for one in alone]
-    fit = adjust(
-        lens.with_lenses(held),
-        poses,
-        pairs,
-        huber_px=_WIDE_HUBER_PX,
-        relative_decrease=_ROUGH_DECREASE,
-    )
-    fit = _further(fit, pairs, fit.lens, World(as_drawn=pairs.world), _ROUGH_DECREASE)
+    level: Level,
+) -> tuple[Adjustment[RigLens], Observations, Clocks | None]:
+    """Places, shots and clocks first, the lenses held; then all at once.
+
+    Returns:
+        The fit, the pairs as of their shots' moments, and what clocks say.
+
+    """
+    pairs, rough = drawing.pairs, _ROUGH_DECREASE
+    held = lens.with_lenses([FixedLens(camera=one.as_camera(one.lens)) for one in singly])
+    fit = adjust(held, poses, pairs, huber_px=_WIDE_HUBER_PX, relative_decrease=rough)
+    fit = fit.again(pairs, relative_decrease=rough)
     clocks = None
     if moving is not None:
         fit, pairs, clocks = _on_time(fit, pairs, moving)
-    world: World = World(as_drawn=pairs.world)
-    if level != "off" and target is not None:
-        world = _free_world(fit, pairs, target.moved(-origin), level, scale)
-        fit = _further(fit, pairs, fit.lens, world, 1e-3)
-        fit, _ = settled_spread(fit, pairs, _FIRST_OFFSET if level == "points" else None)
-    if any(isinstance(one.lens, CubicFit) for one in alone):
-        free = fit.lens.with_lenses([one.lens for one in alone])
-        joint = _further(fit, pairs, free, fit.world, _ROUGH_DECREASE)
-        joint = _further(joint, pairs, joint.lens, joint.world, _FINE_DECREASE)
-        if all(_sound(own, one) for own, one in zip(joint.lens.lenses, alone, strict=True)):
-            return joint, level, pairs, clocks
-    return _further(fit, pairs, fit.lens, fit.world, _FINE_DECREASE), level, pairs, clocks
+    if level != "off":
+        spread = FIRST_SPREAD if level == "points" else None
+        world = free_world(drawing.of(pairs), noise=noise_px(fit.residual), offset_spread=spread)
+        fit = fit.again(pairs, world=world, relative_decrease=1e-3)
+        fit, _ = settled_spread(fit, pairs, spread)
+    if any(isinstance(one.lens, CubicFit) for one in singly):
+        joint = adjust(
+            fit.lens.with_lenses([one.lens for one in singly]),
+            fit.poses,
+            pairs,
+            huber_px=huber_px(fit.residual),
+            world=fit.world,
+            relative_decrease=rough,
+        )
+        joint = joint.again(pairs, relative_decrease=_FINE_DECREASE, damping=WARM_DAMPING)
+        cameras = (one.as_camera(own) for own, one in zip(joint.lens.lenses, singly, strict=True))
+        if all(check_validity(one.P, one.max_angle_deg).valid for one in cameras):
+            return joint, pairs, clocks
+    return fit.again(pairs, relative_decrease=_FINE_DECREASE, damping=WARM_DAMPING), pairs, clocks
 
 
 def _on_time(
@@ -391,106 +323,63 @@ def _on_time(
             break
         late += found.late
         pairs = replace(pairs, pixel=moving.at_once(pairs.pixel, found.late[camera]))
-        fit = _further(fit, pairs, fit.lens, World(as_drawn=pairs.world), _ROUGH_DECREASE)
+        fit = fit.again(pairs, relative_decrease=_ROUGH_DECREASE)
     speed = np.nan_to_num(np.hypot(moving.velocity[:, 0], moving.velocity[:, 1]))
     effect = [rms_px(np.outer(speed[camera == own], [abs(one), 0])) for own, one in enumerate(late)]
     return fit, pairs, Clocks(late=late, sigma=found.sigma, effect_px=np.array(effect))
 
 
-def _further(
-    fit: Adjustment[RigLens], pairs: Observations, lens: RigLens, world: World, decrease: float
-) -> Adjustment[RigLens]:
-    return adjust(
-        lens,
-        fit.poses,
+def _judged(
+    evidence: RigEvidence, singly: Sequence[Alone], level: Level, origin: FloatArray
+) -> tuple[tuple[PlacedCamera, ...], Poses, float | None]:
+    """The cameras and the shots' poses in the target's units, and the held-out RMS."""
+    fit, lens, pairs, clocks = evidence.fit, evidence.lens, evidence.pairs, evidence.clocks
+    scale, limit = evidence.scale, huber_px(fit.residual)
+    covariance = place_covariances(
+        fit,
         pairs,
-        huber_px=huber_px(fit.residual),
-        world=world,
-        relative_decrease=decrease,
-        damping=WARM_DAMPING if decrease < _ROUGH_DECREASE else 1e-4,
+        limit,
+        [cone_rays(one.covered, _RAYS) for one in singly],
+        evidence.shots,
+        [one.rival for one in singly],
     )
-
-
-def _free_world(
-    fit: Adjustment[RigLens], pairs: Observations, target: Target, level: Level, scale: float
-) -> World:
-    return World.drawn(
-        pairs,
-        target,
-        noise=noise_px(fit.residual),
-        offset_spread=_FIRST_OFFSET if level == "points" else None,
-        scale=scale,
-    )
-
-
-def _as_camera(lens: FitLens, alone: _Alone) -> CubicCamera:
-    """The camera of a lens of the adjustment, in the adjustment's frame."""
-    if isinstance(lens, CubicFit):
-        return replace(alone.camera, P=lens.P)
-    if isinstance(lens, FixedLens) and isinstance(lens.camera, CubicCamera):
-        return lens.camera
-    return alone.camera
-
-
-def _sound(lens: FitLens, alone: _Alone) -> bool:
-    camera = _as_camera(lens, alone)
-    return check_validity(camera.P, camera.max_angle_deg).valid
-
-
-def _calibration(
-    evidence: RigEvidence,
-    alone: Sequence[_Alone],
-    level: Level,
-    target: Target | None,
-    origin: FloatArray,
-    diagnose: Diagnose | None,
-) -> RigCalibration:
-    names, fit, lens, drawn = evidence.names, evidence.fit, evidence.lens, evidence.pairs
-    clocks, scale = evidence.clocks, evidence.scale
-    limit = huber_px(fit.residual)
-    rays = [cone_rays(np.deg2rad(_covered_deg(one)), _RAYS) for one in alone]
-    rivals = [one.rival for one in alone]
-    covariance = place_covariances(fit, drawn, limit, rays, evidence.shots, rivals)
-    covariance[:, 3:] *= scale
-    covariance[:, :, 3:] *= scale
-    held_out = _held_out(fit, drawn, limit, evidence.shots)
-    turned, places = _in_references_frames(lens, alone)
+    in_units = np.repeat([1.0, scale], 3)
+    covariance = covariance * in_units[:, None] * in_units
+    held_out = _held_out(fit, pairs, limit, evidence.shots)
+    cameras, places = _in_references_frames(lens, singly)
     zero = places[np.array([0])]
-    poses = zero @ fit.poses
-    poses = poses.scaled(scale).of_world(origin)
+    poses = (zero @ fit.poses).scaled(scale).of_world(origin)
     places = places @ zero.inverse()
     places.rotation[0], places.translation[0] = np.eye(3), 0.0
     places = places.scaled(scale)
     views = places[lens.camera] @ poses[lens.shot]
-    camera_of = lens.camera[drawn.image]
+    camera_of = lens.camera[pairs.image]
     held = [
-        FixedLens(camera=_as_camera(own, one)) for own, one in zip(lens.lenses, alone, strict=True)
+        FixedLens(camera=one.as_camera(own)) for own, one in zip(lens.lenses, singly, strict=True)
     ]
-    alone_px = alone_residual(fit, lens, drawn, held, limit)
+    alone_px = alone_residual(fit, pairs, held, limit)
     placed = []
-    for number, (name, one) in enumerate(zip(names, alone, strict=True)):
-        own = camera_of == number
-        of_camera = np.flatnonzero(lens.camera == number)
+    for number, (name, one) in enumerate(zip(evidence.names, singly, strict=True)):
+        own, taken = camera_of == number, np.flatnonzero(lens.camera == number)
         errors = error_statistics(fit.residual[own])
-        records = photo_records(
-            [evidence.photos[view] for view in of_camera.tolist()],
-            np.searchsorted(of_camera, drawn.image[own]),
-            fit.residual[own],
-            views[of_camera],
-        )
         out = None if held_out is None else rms_px(held_out[own])
         record = {
             **one.record,
             **errors.as_record(),
-            "images": len(of_camera),
+            "images": len(taken),
             "held_out_rms_px": out,
             "refine_target": level,
-            "per_image": records,
+            "per_image": photo_records(
+                [evidence.photos[view] for view in taken.tolist()],
+                np.searchsorted(taken, pairs.image[own]),
+                fit.residual[own],
+                views[taken],
+            ),
         }
         placed.append(
             PlacedCamera(
                 name=name,
-                camera=turned[number],
+                camera=cameras[number],
                 rotation=places.rotation[number],
                 translation=places.translation[number],
                 covariance=covariance[number],
@@ -502,48 +391,18 @@ def _calibration(
                 late_sigma_s=None if clocks is None else float(clocks.sigma[number]),
             )
         )
-    refined = target
-    if target is not None and fit.world.free:
-        refined = fit.world.refined_target(target.moved(-origin), drawn, scale=scale).moved(origin)
-    found: Sequence[Finding] = ()
-    if diagnose is not None:
-        found = diagnose(evidence)
-    return RigCalibration(
-        units=None if target is None else target.units,
-        cameras=tuple(placed),
-        shots=tuple(evidence.shots),
-        poses=poses,
-        errors=error_statistics(fit.residual),
-        held_out_rms_px=None if held_out is None else rms_px(held_out),
-        pairs=tuple(camera_pairs(names, lens, drawn, fit.residual)),
-        per_shot=tuple(shot_records(evidence.shots, lens, drawn, fit.residual, names)),
-        refined=level,
-        target=refined,
-        held_lenses=not any(isinstance(own, CubicFit) for own in lens.lenses),
-        findings=(
-            *(told for one in alone for told in one.told),
-            *(one for one in found if isinstance(one, RigFinding)),
-        ),
-    )
-
-
-def _covered_deg(one: _Alone) -> float:
-    covered = one.record.get("covered_deg")
-    if isinstance(covered, int | float) and 0 < covered < 180:
-        return float(covered)
-    return one.camera.max_angle_deg
+    return tuple(placed), poses, None if held_out is None else rms_px(held_out)
 
 
 def _in_references_frames(
-    lens: RigLens, alone: Sequence[_Alone]
+    lens: RigLens, singly: Sequence[Alone]
 ) -> tuple[list[CubicCamera], Poses]:
     """Each camera in its reference's frame, and camera_from_rig with it."""
     cameras, places = [], []
-    for number, (own, one) in enumerate(zip(lens.lenses, alone, strict=True)):
-        camera = _as_camera(own, one)
-        place = lens.places[np.array([number])]
+    for number, (own, one) in enumerate(zip(lens.lenses, singly, strict=True)):
+        camera, place = one.as_camera(own), lens.places[np.array([number])]
         if isinstance(own, CubicFit):  # one that is held stays as it is, its frame too
-            camera, place = in_references_frame(camera, place, np.deg2rad(_covered_deg(one)))
+            camera, place = in_references_frame(camera, place, one.covered)
         cameras.append(camera)
         places.append(place)
     return cameras, Poses.joined(places)

@@ -17,7 +17,7 @@ from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.rig.gather import gathered
+from cubicfish_cli.fitting.rig.gather import Placed, gathered, unplaced
 from cubicfish_cli.fitting.rig.shots import Shots
 from cubicfish_cli.fitting.rig.start import common_shots, place_shots
 from cubicfish_cli.fitting.rig_lens import RigLens
@@ -58,14 +58,10 @@ class CameraPair:
 
 
 def alone_residual(
-    fit: Adjustment[RigLens],
-    lens: RigLens,
-    pairs: Observations,
-    held: Sequence[FitLens],
-    limit: float,
+    fit: Adjustment[RigLens], pairs: Observations, held: Sequence[FitLens], limit: float
 ) -> FloatArray:
     """(N, 2) residuals with every view's pose free, each camera's lens held."""
-    views = lens.views(fit.poses)
+    lens, views = fit.lens, fit.lens.views(fit.poses)
     found = np.empty_like(fit.residual)
     for camera, own in enumerate(held):
         mine = lens.camera[pairs.image] == camera
@@ -201,13 +197,6 @@ class RigEvaluation:
         }
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Placed:
-    lens: FixedLens
-    pairs: Observations
-    poses: Poses
-
-
 def evaluate_rig(
     cameras: Sequence[KnownCamera], pairs: Sequence[Observations], shots: Shots
 ) -> RigEvaluation:
@@ -246,7 +235,7 @@ def evaluate_rig(
     limit = huber_px(fit.residual)
     fit = fit.again(joint)
     names = [one.name for one in cameras]
-    alone = alone_residual(fit, lens, joint, lens.lenses, limit)
+    alone = alone_residual(fit, joint, lens.lenses, limit)
     camera_of = lens.camera[joint.image]
     by_camera = []
     for number, name in enumerate(names):
@@ -271,14 +260,11 @@ def evaluate_rig(
     )
 
 
-def _placed(camera: KnownCamera, pairs: Observations) -> tuple[_Placed, int, tuple[str, ...]]:
+def _placed(camera: KnownCamera, pairs: Observations) -> tuple[Placed, int, tuple[str, ...]]:
     """Photos placed by one camera alone, corners beyond its field, photos that cannot be placed."""
     found, own, photos = fit_poses(camera.camera.radial, pairs)
     if found is None:
-        raise FitError(
-            f"camera {camera.name}: none of its photos can be placed with its lens: check that "
-            "they are of this camera and of this target"
-        )
+        raise unplaced(camera.name)
     lens = FixedLens(camera=camera.camera)
     inside = np.asarray(
         np.isfinite(lens.project(found.poses.apply(own.image, own.world))).all(axis=1), bool
@@ -291,7 +277,7 @@ def _placed(camera: KnownCamera, pairs: Observations) -> tuple[_Placed, int, tup
         )
     lost = set(range(len(pairs.images))) - set(photos.tolist())
     return (
-        _Placed(lens=lens, pairs=counted, poses=found.poses[kept]),
+        Placed(lens=lens, pairs=counted, poses=found.poses[kept]),
         int(np.sum(~inside)),
         tuple(pairs.images[photo] for photo in sorted(lost)),
     )

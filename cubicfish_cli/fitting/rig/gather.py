@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
+from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.rig.clocks import Moving
@@ -18,20 +18,28 @@ from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import IntArray
 
 
-class OneCamera(Protocol):
-    """A camera whose photos are placed."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Placed:
+    """A camera whose photos are placed.
 
-    @property
-    def lens(self) -> FitLens:
-        """Its lens."""
+    Attributes:
+        lens: its lens.
+        pairs: of its photos.
+        poses: camera_from_world of each photo.
 
-    @property
-    def pairs(self) -> Observations:
-        """Of its photos."""
+    """
 
-    @property
-    def poses(self) -> Poses:
-        """camera_from_world of each photo."""
+    lens: FitLens
+    pairs: Observations
+    poses: Poses
+
+
+def unplaced(camera: str) -> FitError:
+    """What is raised where no photo of a camera can be placed."""
+    return FitError(
+        f"camera {camera}: none of its photos can be placed with its lens: check that they are of "
+        "this camera and of this target"
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,7 +57,7 @@ class Seen:
 
 
 def gathered(
-    alone: Sequence[OneCamera],
+    alone: Sequence[Placed],
     shots: Shots,
     moving: Sequence[tuple[Observations, Moving] | None],
 ) -> tuple[RigLens, Poses, Observations, Seen, Moving | None]:

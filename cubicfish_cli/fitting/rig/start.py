@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
@@ -22,14 +21,12 @@ from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.rig.alone import RigCamera
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.words.phrases import listed, plural
-
-if TYPE_CHECKING:
-    from cubicfish_cli.fitting.rig.calibrate import RigCamera
 
 # Photos fit another lens so many times better before they are said to be its.
 _TIMES = 2.0
