@@ -235,7 +235,7 @@ def runs_linearised(
 
     The arguments are those of :func:`adjust`.
     """
-    views, stops = views_of(lens, poses), body_of(lens).stops
+    views, stops = views_of(lens, poses), body_of(lens, len(poses)).stops
     unknowns = len(lens.parameters) + len(world.parameters) + _POSE
     for photos, run in runs_of_photos(pairs.image, len(views), stops, unknowns):
         if run.start < run.stop:
@@ -246,7 +246,7 @@ def runs_linearised(
 
 def views_of(lens: FitLens, poses: Poses) -> Poses:
     """camera_from_world of every photo: of a rig, what each camera saw of each shot."""
-    return body_of(lens).views(poses)
+    return body_of(lens, len(poses)).views(poses)
 
 
 def linearised(
@@ -268,7 +268,7 @@ def linearised(
         views: of all photos, where they are known already.
 
     """
-    body = body_of(lens)
+    body = body_of(lens, len(poses))
     views = body.views(poses) if views is None else views
     image = pairs.image[run]
     # One coordinate of all points after the other is the quickest to work on.

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import FitError
@@ -62,9 +63,7 @@ class Comparison:
     @property
     def rotation_deg(self) -> float:
         """Angle of the rotation between the frames."""
-        skew = self.rotation - self.rotation.T
-        sine = 0.5 * np.linalg.norm([skew[2, 1], skew[0, 2], skew[1, 0]])
-        return float(np.rad2deg(np.arctan2(sine, (np.trace(self.rotation) - 1) / 2)))
+        return float(np.rad2deg(Rotation.from_matrix(self.rotation).magnitude()))
 
     def difference(self, pixel: FloatArray) -> FloatArray:
         """Where the second camera sees what the first sees at ``pixel``, less it.

@@ -21,7 +21,6 @@ from cubicfish_cli.fitting.radial_reference import MARGIN_DEG, RadialReference
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.lenses.cubic import Validity, check_validity
-from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.types import FloatArray
 
@@ -130,7 +129,7 @@ def fit_cubic(
         FitError: no weight of the prior gives a camera without poles and folds.
 
     """
-    max_angle_deg = float(np.rad2deg(_valid_angle(reference)))
+    max_angle_deg = float(np.rad2deg(_cone(reference, MARGIN_DEG)))
     lens, poses = _first(reference, hold, start, world)
     while True:
         fit = adjust(
@@ -160,21 +159,12 @@ def fit_cubic(
             )
 
 
-def _valid_angle(reference: RadialReference) -> float:
-    """Half-angle of the cone over which P is to be trusted, radians."""
+def _cone(reference: RadialReference, margin_deg: float) -> float:
+    """Half-angle of the cone that reaches so far beyond the corners, short of a fold, radians."""
     covered = reference.covered
     return min(
-        covered + np.deg2rad(MARGIN_DEG),
+        covered + np.deg2rad(margin_deg),
         max(_FOLD_SHARE * reference.camera.max_angle, covered),
-        np.deg2rad(_LARGEST_ANGLE_DEG),
-    )
-
-
-def prior_cone(camera: RadialCamera, covered: float) -> float:
-    """Half-angle of the prior's cone, radians."""
-    return min(
-        covered + np.deg2rad(_PRIOR_MARGIN_DEG),
-        max(_FOLD_SHARE * camera.max_angle, covered),
         np.deg2rad(_LARGEST_ANGLE_DEG),
     )
 
@@ -235,7 +225,7 @@ def start_lens(
     """
     camera = reference.camera
     nearest, covered = reference.reached
-    rays = cone_rays(prior_cone(camera, covered), _PRIOR_RAYS)
+    rays = cone_rays(_cone(reference, _PRIOR_MARGIN_DEG), _PRIOR_RAYS)
     bent, _ = reference.bent(hold.spread)
     pixel = (reference.bent(0.0)[0] if symmetric else bent).project(rays)
     within = (rays[:, 2] >= np.cos(covered)) & (rays[:, 2] <= np.cos(nearest))

@@ -166,7 +166,7 @@ def _seen(
 ) -> tuple[NormalEquations, _Seen]:
     """What some photos put into the equations: summed up, and pair by pair."""
     photos = np.sort(photos)
-    rows = np.flatnonzero(np.isin(body_of(fit.lens).shot_of(pairs.image), photos))
+    rows = np.flatnonzero(np.isin(body_of(fit.lens, len(fit.poses)).shot_of(pairs.image), photos))
     own, world = pairs.select(rows), fit.world.select(rows)
     count = len(fit.lens.parameters), len(world.parameters)
     sums = NormalSums(*count, len(photos), world)

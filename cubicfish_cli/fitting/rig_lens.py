@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import ClassVar
 
 import numpy as np
 
@@ -37,31 +36,6 @@ class Through:
     columns: slice
     place: tuple[FloatArray, FloatArray] | None = None
     free: bool = True
-
-
-@dataclass(frozen=True, eq=False)
-class SoleLens:
-    """The lens of one camera alone, asked as a rig is: its photos are views and shots in one."""
-
-    lens: FitLens
-    stops: ClassVar[IntArray] = np.zeros(0, np.intp)
-
-    def views(self, shots: Poses) -> Poses:
-        """See :meth:`RigLens.views`."""
-        return shots
-
-    def shot_of(self, views: IntArray) -> IntArray:
-        """See :meth:`RigLens.shot_of`."""
-        return views
-
-    def through(self, view: int) -> Through:
-        """See :meth:`RigLens.through`."""
-        return Through(lens=self.lens, columns=slice(0, len(self.lens.parameters)))
-
-
-def body_of(lens: FitLens) -> RigLens | SoleLens:
-    """A lens as that of a body with one camera or more."""
-    return lens if isinstance(lens, RigLens) else SoleLens(lens)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -166,3 +140,15 @@ class RigLens:
     def project(self, points: FloatArray) -> FloatArray:
         """Not of a rig: which camera sees the points is a matter of the view."""
         raise TypeError("a rig projects through the lens of a view")
+
+
+def body_of(lens: FitLens, photos: int) -> RigLens:
+    """A lens as that of a body: one camera alone is a rig of one, whose photos are its shots."""
+    if isinstance(lens, RigLens):
+        return lens
+    return RigLens(
+        lenses=(lens,),
+        places=Poses(rotation=np.eye(3)[None], translation=np.zeros((1, 3))),
+        camera=np.zeros(photos, np.intp),
+        shot=np.arange(photos),
+    )

@@ -44,12 +44,6 @@ class Uncertainty:
     turn: FloatArray
     noise_px: float
 
-    def covariance(self, rays: FloatArray) -> FloatArray:
-        """Covariance of the pixels of distant points: unit rays (N, 3) -> (N, 2, 2), pixels²."""
-        by_shared, by_turn = self._by_unknowns(rays)
-        spread = by_shared @ self.shared @ by_shared.transpose(0, 2, 1)
-        return spread + by_turn @ self.turn @ by_turn.transpose(0, 2, 1)
-
     def _by_unknowns(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Pixels of distant points by the shared unknowns (N, 2, K) and by the turn (N, 2, 3)."""
         _, d_ray, d_lens = self.result.lens.project_jacobian(rays)

@@ -83,9 +83,7 @@ class Conversion:
     @property
     def turned_deg(self) -> float:
         """Angle of the turn."""
-        skew = self.lens_from_camera - self.lens_from_camera.T
-        sine = 0.5 * float(np.linalg.norm([skew[2, 1], skew[0, 2], skew[1, 0]]))
-        return float(np.rad2deg(np.arcsin(min(1.0, sine))))
+        return float(np.rad2deg(Rotation.from_matrix(self.lens_from_camera).magnitude()))
 
 
 def to_lens(
