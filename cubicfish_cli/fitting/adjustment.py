@@ -278,10 +278,9 @@ def linearised(
     through = body.through(int(image[0]))
     pixel, d_point, d_lens = through.lens.project_jacobian(points)
     by_point = d_point.transpose(1, 2, 0)
-    d_board, d_corner = None, None
-    if len(world.parameters) or len(world.offsets):
+    d_corner = np.zeros((len(image), 2, 3))
+    if world.free:
         d_corner = np.einsum("ain,ijn->ajn", by_point, rotation).transpose(2, 0, 1)
-        d_board = world.chain(d_corner, run)
     d_turn, d_shift = cross(rotated, by_point).transpose(2, 0, 1), d_point
     if through.place is not None:
         turned, shift = through.place
@@ -294,7 +293,7 @@ def linearised(
         residual=pixel - pairs.pixel[run],
         d_lens=d_lens,
         columns=through.columns,
-        d_board=d_board,
+        d_board=world.chain(d_corner, run),
         d_turn=d_turn,
         d_shift=d_shift,
         d_corner=d_corner,

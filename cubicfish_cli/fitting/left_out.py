@@ -55,17 +55,14 @@ class _Seen:
         weight = root[:, None, None]
         shared = np.zeros((len(root), 2, lens + boards))
         shared[:, :, terms.columns] = terms.d_lens
-        if terms.d_board is not None:
-            shared[:, :, lens:] = terms.d_board
+        shared[:, :, lens:] = terms.d_board
         return cls(
             shared=shared * weight,
             pose=np.concatenate([terms.d_turn, terms.d_shift], axis=2) * weight,
             residual=terms.residual * root[:, None],
             root=root,
             corner=corner,
-            by_corner=np.zeros((len(root), 2, 3))
-            if terms.d_corner is None
-            else terms.d_corner * weight,
+            by_corner=terms.d_corner * weight,
             place=terms.pose,
         )
 

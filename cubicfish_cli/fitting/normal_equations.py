@@ -311,10 +311,10 @@ class Linearised:
         residual: (n, 2) pixels.
         d_lens: (n, 2, l) by those parameters of the lens that these pairs depend on.
         columns: where the l stand among all the lens's.
-        d_board: (n, 2, S) by the boards' shapes and places; None where S is 0.
+        d_board: (n, 2, S) by the boards' shapes and places.
         d_turn: (n, 2, 3) by the rotation of the pair's pose.
         d_shift: (n, 2, 3) by its translation.
-        d_corner: (n, 2, 3) by the pair's world point; None where the object is not free.
+        d_corner: (n, 2, 3) by the pair's world point; 0 where the object is not free.
         pose: (n,) which pose that is.
 
     """
@@ -322,10 +322,10 @@ class Linearised:
     residual: FloatArray
     d_lens: FloatArray
     columns: slice
-    d_board: FloatArray | None
+    d_board: FloatArray
     d_turn: FloatArray
     d_shift: FloatArray
-    d_corner: FloatArray | None
+    d_corner: FloatArray
     pose: IntArray
 
 
@@ -378,13 +378,12 @@ class NormalSums:
         if key not in self._total:
             self._total[key] = np.zeros((count, count + 1))
         # The pose, what is shared, the residual; the corner's own place where it is free.
-        free = self._corners > 0 and terms.d_corner is not None
+        free = self._corners > 0
         whole = np.empty((len(root), 2, count + (10 if free else 7)))
         whole[:, :, :3] = terms.d_turn
         whole[:, :, 3:6] = terms.d_shift
         whole[:, :, 6 : 6 + lens] = terms.d_lens
-        if terms.d_board is not None:
-            whole[:, :, 6 + lens : 6 + count] = terms.d_board
+        whole[:, :, 6 + lens : 6 + count] = terms.d_board
         whole[:, :, 6 + count] = terms.residual
         if free:
             whole[:, :, 7 + count :] = terms.d_corner

@@ -10,26 +10,16 @@ Stage = Literal[
     "start", "cubic", "held out", "shape", "shape held out", "points", "points held out", "checks"
 ]
 
-_WORDS: dict[Stage, str] = {
-    "start": "poses and a radial lens",
-    "cubic": "the cubic camera",
-    "held out": "held-out photos",
-    "shape": "boards' shapes",
-    "shape held out": "boards' shapes, held-out photos",
-    "points": "single corners",
-    "points held out": "single corners, held-out photos",
-    "checks": "what may be wrong",
-}
-# Roughly how long each takes beside the others.
-_WEIGHTS: dict[Stage, float] = {
-    "start": 1.0,
-    "cubic": 5.0,
-    "held out": 4.0,
-    "shape": 2.5,
-    "shape held out": 6.0,
-    "points": 3.0,
-    "points held out": 6.0,
-    "checks": 3.0,
+# What each is called, and roughly how long it takes beside the others.
+_STAGES: dict[Stage, tuple[str, float]] = {
+    "start": ("poses and a radial lens", 1.0),
+    "cubic": ("the cubic camera", 5.0),
+    "held out": ("held-out photos", 4.0),
+    "shape": ("boards' shapes", 2.5),
+    "shape held out": ("boards' shapes, held-out photos", 6.0),
+    "points": ("single corners", 3.0),
+    "points held out": ("single corners, held-out photos", 6.0),
+    "checks": ("what may be wrong", 3.0),
 }
 
 
@@ -50,7 +40,7 @@ class Stages:
         if not hold_out:
             left_out |= {"held out", "shape held out", "points held out"}
         self._progress = progress
-        self._plan = [stage for stage in _WORDS if stage not in left_out]
+        self._plan = [stage for stage in _STAGES if stage not in left_out]
         self._share = 0.0
 
     def begin(self, stage: Stage, done: int = 0, parts: int = 1) -> None:
@@ -61,9 +51,9 @@ class Stages:
         if self._progress is None:
             return
         if stage in self._plan:
-            before = sum(_WEIGHTS[each] for each in self._plan[: self._plan.index(stage)])
-            reached = before + _WEIGHTS[stage] * done / parts
-            share = reached / sum(_WEIGHTS[each] for each in self._plan)
+            weights = [_STAGES[each][1] for each in self._plan]
+            before = self._plan.index(stage)
+            share = (sum(weights[:before]) + weights[before] * done / parts) / sum(weights)
             self._share = max(self._share, share)
         counted = f" ({done + 1} of {parts})" if parts > 1 else ""
-        self._progress(_WORDS[stage] + counted, self._share)
+        self._progress(_STAGES[stage][0] + counted, self._share)
