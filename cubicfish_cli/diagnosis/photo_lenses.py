@@ -72,7 +72,9 @@ def fit_of_few(fit: ObjectFit, photos: IntArray) -> ObjectFit:
         residual=fit.reference.residual[own],
     )
     adjusted = fit.cubic.fit
-    adjusted = replace(adjusted, poses=adjusted.poses[photos], residual=adjusted.residual[own])
+    adjusted = replace(
+        adjusted, poses=adjusted.poses[photos], residual=adjusted.residual[own], sums=None
+    )
     cubic = replace(fit.cubic, fit=adjusted)
     return replace(fit, reference=reference, cubic=cubic)
 

@@ -29,6 +29,10 @@ _MAX_ITERATIONS = 100
 _RELATIVE_DECREASE = 1e-10
 # Below this share, what is left to gain is lost in the rounding of the cost.
 _ROUNDING = 1e-13
+# What residuals say of their noise is less certain than this share.
+_SAME_LIMIT = 0.02
+# What an adjustment looks at of its pairs, beside their world points.
+_OF_PAIRS = ("image", "pixel", "weight")
 _POSE = 6
 COLD_DAMPING = 1e-4
 WARM_DAMPING = 1e-10
@@ -47,6 +51,9 @@ class Adjustment(Generic[L]):
         cost: robust cost at the end, priors included.
         iterations: how many steps were tried.
         normal: the normal equations at the end.
+        pairs: the pairs.
+        huber_px: from where on the loss was linear.
+        sums: what the pairs put into ``normal``; None where lens, poses and world are a step ahead.
 
     """
 
@@ -57,6 +64,9 @@ class Adjustment(Generic[L]):
     cost: float
     iterations: int
     normal: NormalEquations
+    pairs: Observations
+    huber_px: float
+    sums: NormalSums | None
 
     def again(
         self,
@@ -78,6 +88,7 @@ class Adjustment(Generic[L]):
             world=self.world if world is None else world,
             relative_decrease=relative_decrease,
             damping=damping,
+            known=self,
         )
 
 
@@ -117,6 +128,7 @@ def adjust(
     relative_decrease: float = _RELATIVE_DECREASE,
     damping: float = COLD_DAMPING,
     trust_last: bool = False,
+    known: Adjustment[Any] | None = None,
 ) -> Adjustment[L]:
     """Minimise the Huber loss of the reprojection error over lens, poses and object.
 
@@ -132,6 +144,9 @@ def adjust(
         trust_last: near the optimum, also take the step that is too small to be worth looking at.
             Lens, poses and object are then right to its square; what is said of residuals, cost
             and equations is of the state before.
+        known: an adjustment that may have ended in this start, if perhaps under other priors: what
+            it knows of the pairs is not worked out again. Its ``huber_px`` stays where this one is
+            nearly the same.
 
     Returns:
         The best state found. A step that does not lower the cost is never taken.
@@ -141,13 +156,15 @@ def adjust(
 
     """
     state = _State(lens, poses, World(as_drawn=pairs.world) if world is None else world)
-    now = _evaluated(state, pairs, huber_px)
+    if known is not None and abs(huber_px / known.huber_px - 1) < _SAME_LIMIT:
+        huber_px = known.huber_px
+    now = _known(known, state, pairs, huber_px) or _evaluated(state, pairs, huber_px)
     if now.normal is None:
         raise FitError(
             "the start of the fit sees corners at infinity: check that the corners are named "
             "rightly and that the camera belongs to these photos"
         )
-    normal = now.normal
+    normal, sums = now.normal, now.sums
     near, iterations = damping < COLD_DAMPING, 0
     while iterations < max_iterations:
         step = normal.solve(damping)
@@ -155,7 +172,7 @@ def adjust(
         # Far from the optimum, or damped, a step says too little of what is left to gain.
         if near and gain < relative_decrease and damping < COLD_DAMPING:
             if trust_last:
-                state = state.moved(*step)
+                state, sums = state.moved(*step), None
             break
         iterations += 1
         candidate = state.moved(*step)
@@ -168,7 +185,7 @@ def adjust(
             new = _evaluated(candidate, pairs, huber_px)
         if new.normal is not None and new.cost < now.cost:
             decrease = (now.cost - new.cost) / max(now.cost, 1e-300)
-            state, now, normal = candidate, new, new.normal
+            state, now, normal, sums = candidate, new, new.normal, new.sums
             damping = max(damping / 10, 1e-12)
             if decrease < relative_decrease:
                 break
@@ -184,6 +201,9 @@ def adjust(
         cost=now.cost,
         iterations=iterations,
         normal=normal,
+        pairs=pairs,
+        huber_px=huber_px,
+        sums=sums,
     )
 
 
@@ -193,7 +213,8 @@ class _Evaluation:
 
     cost: float
     residual: FloatArray
-    normal: NormalEquations | None
+    normal: NormalEquations | None = None
+    sums: NormalSums | None = None
 
 
 def _evaluated(state: _State[Any], pairs: Observations, huber_px: float) -> _Evaluation:
@@ -206,13 +227,44 @@ def _evaluated(state: _State[Any], pairs: Observations, huber_px: float) -> _Eva
         for photos, run, terms, root in runs_linearised(lens, state.poses, world, pairs, huber_px):
             residual[run] = terms.residual
             if not np.isfinite(terms.residual).all():
-                return _Evaluation(np.inf, residual, None)
+                return _Evaluation(np.inf, residual)
             sums.add(terms, root, photos, pairs.image[run], run)
-        priors = lens.prior(), world.prior()
-        cost = _cost(residual, pairs, huber_px, priors, world)
+    return _with_priors(state, pairs, huber_px, residual, sums)
+
+
+def _known(
+    fit: Adjustment[Any] | None, state: _State[Any], pairs: Observations, huber_px: float
+) -> _Evaluation | None:
+    """A state that another adjustment ended in; None where its sums are not those of this one."""
+    if fit is None or fit.sums is None or fit.poses is not state.poses:
+        return None
+    same = (
+        all(getattr(fit.pairs, name) is getattr(pairs, name) for name in _OF_PAIRS)
+        and type(fit.lens) is type(state.lens)
+        and np.array_equal(fit.lens.parameters, state.lens.parameters)
+        and fit.world.offsets.shape == state.world.offsets.shape
+        and fit.world.parameters.shape == state.world.parameters.shape
+        and np.array_equal(fit.world.points, state.world.points)
+    )
+    longest = np.hypot(fit.residual[:, 0], fit.residual[:, 1]).max()
+    if not same or (longest > min(huber_px, fit.huber_px) and huber_px != fit.huber_px):
+        return None
+    return _with_priors(state, pairs, huber_px, fit.residual, fit.sums)
+
+
+def _with_priors(
+    state: _State[Any],
+    pairs: Observations,
+    huber_px: float,
+    residual: FloatArray,
+    sums: NormalSums,
+) -> _Evaluation:
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        priors = state.lens.prior(), state.world.prior()
+        cost = _cost(residual, pairs, huber_px, priors, state.world)
     if not np.isfinite(cost):
-        return _Evaluation(np.inf, residual, None)
-    return _Evaluation(cost, residual, sums.equations(priors[0], world))
+        return _Evaluation(np.inf, residual)
+    return _Evaluation(cost, residual, sums.equations(priors[0], state.world), sums)
 
 
 def _cost(
@@ -235,11 +287,12 @@ def runs_linearised(
 
     The arguments are those of :func:`adjust`.
     """
-    views, stops = views_of(lens, poses), body_of(lens, len(poses)).stops
+    body = body_of(lens, len(poses))
+    views = body.views(poses)
     unknowns = len(lens.parameters) + len(world.parameters) + _POSE
-    for photos, run in runs_of_photos(pairs.image, len(views), stops, unknowns):
+    for photos, run in runs_of_photos(pairs.image, len(views), body.stops, unknowns):
         if run.start < run.stop:
-            terms = linearised(lens, poses, world, pairs, run, views)
+            terms = linearised(body, poses, world, pairs, run, views)
             length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
             yield photos, run, terms, np.sqrt(pairs.weight[run] * huber_weight(length, huber_px))
 

@@ -14,7 +14,7 @@ from cubicfish_cli.fitting.adjustment import WARM_DAMPING, adjust
 from cubicfish_cli.fitting.gram import gram
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px, noise_px
-from cubicfish_cli.geometry import decentring, decentring_slope
+from cubicfish_cli.geometry import decentring, decentring_slope, mean_rotation
 from cubicfish_cli.lenses.radial import RadialCamera, project_jacobian
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
@@ -214,6 +214,20 @@ class _Onto:
         return by_values
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bend:
+    """What a bent lens and the poses that go with it differ by from the radial lens and its own.
+
+    Attributes:
+        values: (13,) by what its values differ.
+        turn: (3, 3) the turn that all poses share.
+
+    """
+
+    values: FloatArray
+    turn: FloatArray
+
+
 def bend(
     camera: RadialCamera,
     terms: int,
@@ -221,6 +235,7 @@ def bend(
     pairs: Observations,
     residual: FloatArray,
     spread: float,
+    near: Bend | None = None,
 ) -> tuple[BentFit, Poses]:
     """The bent lens nearest to corners, anchored there, and the poses that go with it.
 
@@ -231,11 +246,18 @@ def bend(
         pairs: the corners.
         residual: (N, 2) of the radial lens, pixels.
         spread: expected asymmetry, see :class:`BentFit`.
+        near: the bend of much the same lens, which is this one's too: P's own nearest lens
+            follows from any that is near.
 
     """
     noise = max(noise_px(residual), 1e-3)
     lens = BentFit.unbent(camera, terms=terms, noise_px=noise, spread=spread)
-    if spread:
+    if near is not None:
+        lens = replace(lens, values=lens.values + near.values)
+        poses = Poses(
+            rotation=near.turn @ poses.rotation, translation=poses.translation @ near.turn.T
+        )
+    elif spread:
         fit = adjust(
             lens,
             poses,
@@ -248,3 +270,12 @@ def bend(
     return replace(
         lens, anchor=lens.values[2:4], anchor_px=_CENTRE_SPREAD * float(lens.values[:2].mean())
     ), poses
+
+
+def bend_between(camera: RadialCamera, poses: Poses, bent: BentFit, bent_poses: Poses) -> Bend:
+    """By what a bent lens and its poses differ from a radial lens and its own."""
+    turns = bent_poses.rotation @ poses.rotation.transpose(0, 2, 1)
+    return Bend(
+        values=bent.values - BentFit.unbent(camera).values,
+        turn=mean_rotation(turns, np.ones(len(turns))),
+    )

@@ -140,6 +140,7 @@ def fit_cubic(
             world=world,
             relative_decrease=max(relative_decrease, NEAR_DECREASE),
             damping=WARM_DAMPING,
+            known=None if start is None else start.fit,
         )
         if relative_decrease < NEAR_DECREASE:  # to the bottom, the loss's scale settled
             fit = fit.again(

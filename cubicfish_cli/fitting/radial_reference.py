@@ -13,7 +13,7 @@ import numpy as np
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.fitting.asymmetric import BentFit, bend
+from cubicfish_cli.fitting.asymmetric import Bend, BentFit, bend, bend_between
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import gross_px, huber_px, noise_px
@@ -77,6 +77,7 @@ class RadialReference:
         unfit: why each photo that was left out was, by name.
         terms: how many coefficients of the radial profile are in use.
         focal_uncertainty: standard deviation of the focal length, as a share of it.
+        bends: what bent this lens before, by expected asymmetry: it is bent so again.
 
     """
 
@@ -87,6 +88,7 @@ class RadialReference:
     unfit: dict[str, Finding]
     terms: int
     focal_uncertainty: float
+    bends: dict[float, Bend] = field(default_factory=dict, repr=False)
     _bent: dict[float, tuple[BentFit, Poses]] = field(default_factory=dict, init=False, repr=False)
 
     def followed(self, world: FloatArray) -> RadialReference:
@@ -98,9 +100,12 @@ class RadialReference:
     def bent(self, spread: float) -> tuple[BentFit, Poses]:
         """The nearest lens of this expected asymmetry, and the poses that go with it."""
         if spread not in self._bent:
-            self._bent[spread] = bend(
-                self.camera, self.terms, self.poses, self.pairs, self.residual, spread
+            near = self.bends.get(spread)
+            bent, poses = self._bent[spread] = bend(
+                self.camera, self.terms, self.poses, self.pairs, self.residual, spread, near
             )
+            if near is None:
+                self.bends[spread] = bend_between(self.camera, self.poses, bent, poses)
         return self._bent[spread]
 
     @property
@@ -166,7 +171,7 @@ def fit_radial(pairs: Observations, *, thorough: bool = True) -> RadialReference
         )
         if set(np.setdiff1d(np.arange(len(pairs.images)), used)) == set(missing.tolist()):
             break
-    return _sound(fit, select_photos(pairs, used), unfit)
+    return _sound(fit, select_photos(pairs, used), unfit, {})
 
 
 def radial_near(
@@ -214,11 +219,11 @@ def refit_radial(reference: RadialReference, pairs: Observations, poses: Poses) 
         damping=WARM_DAMPING,
         trust_last=True,
     )
-    return _sound(fit, pairs, reference.unfit)
+    return _sound(fit, pairs, reference.unfit, dict(reference.bends))
 
 
 def _sound(
-    fit: RadialAdjustment, pairs: Observations, unfit: dict[str, Finding]
+    fit: RadialAdjustment, pairs: Observations, unfit: dict[str, Finding], bends: dict[float, Bend]
 ) -> RadialReference:
     """The reference of a fit, with a profile that grows over the whole valid cone."""
     fit, terms = _sound_profile(fit, pairs)
@@ -230,6 +235,7 @@ def _sound(
         unfit=unfit,
         terms=terms,
         focal_uncertainty=_focal_uncertainty(fit),
+        bends=bends,
     )
 
 

@@ -13,11 +13,12 @@ from cubicfish_cli.fitting.adjustment import adjust, huber_cost, huber_weight
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.normal_equations import _damped
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.radial_reference import fit_radial
+from cubicfish_cli.fitting.radial_reference import fit_radial, refit_radial
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.lenses.nearest import FreeLens
 from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.lenses.sphere import cone_rays
 
 TRUTH = RadialCamera(
     image_size=(960, 720), fx=255, fy=256, cx=500, cy=340, k=np.array([-0.03, 0.002, 0, 0])
@@ -56,6 +57,54 @@ def test_at_the_truth_residual_and_gradient_are_zero():
         np.abs(normal.shared_gradient).max() < 1e-2 * np.sqrt(np.diag(normal.shared)).max() * 1e-3
     )
     assert np.abs(normal.pose_gradient).max() < 1e-5 * np.sqrt(normal.pose.max())
+
+
+def test_what_is_known_of_a_state_is_what_is_worked_out(cubic):
+    """Under another prior and another loss too, as long as no corner is far out."""
+    fit = cubic.fit
+    freer = replace(fit.lens, ray_prior=replace(fit.lens.ray_prior, weight=0.05))
+    state = adjustment._State(freer, fit.poses, fit.world)
+    for limit in (fit.huber_px, 3 * fit.huber_px):
+        known = adjustment._known(fit, state, fit.pairs, limit)
+        anew = adjustment._evaluated(state, fit.pairs, limit)
+        assert known.cost == pytest.approx(anew.cost, rel=1e-12)
+        assert known.cost != pytest.approx(fit.cost, rel=1e-6)
+        for block in ("shared", "shared_gradient", "shared_pose", "pose", "pose_gradient"):
+            np.testing.assert_array_equal(getattr(known.normal, block), getattr(anew.normal, block))
+
+
+def test_nothing_is_known_of_another_state(cubic):
+    fit = cubic.fit
+    same = adjustment._State(fit.lens, fit.poses, fit.world)
+    other_pairs = replace(fit.pairs, pixel=fit.pairs.pixel + 1)
+    other_lens = fit.lens.with_parameters(fit.lens.parameters + 1e-9)
+    worst = np.hypot(*fit.residual.T).max()
+    for state, pairs, limit in (
+        (same, other_pairs, fit.huber_px),
+        (same, fit.pairs, 0.9 * worst),
+        (replace(same, lens=other_lens), fit.pairs, fit.huber_px),
+        (replace(same, poses=fit.poses.scaled(1.0)), fit.pairs, fit.huber_px),
+        (replace(same, world=World(as_drawn=fit.world.points + 1e-9)), fit.pairs, fit.huber_px),
+    ):
+        assert adjustment._known(fit, state, pairs, limit) is None
+    assert adjustment._known(fit, same, fit.pairs, fit.huber_px) is not None
+    ahead = adjust(
+        fit.lens, fit.poses, fit.pairs, huber_px=fit.huber_px, damping=1e-8, trust_last=True
+    )
+    state = adjustment._State(ahead.lens, ahead.poses, ahead.world)
+    assert adjustment._known(ahead, state, fit.pairs, fit.huber_px) is None
+
+
+def test_a_bend_is_the_same_wherever_it_starts(pairs):
+    reference = fit_radial(pairs)
+    anew, _ = reference.bent(1e-3)
+    again = refit_radial(reference, reference.pairs, reference.poses)
+    assert again.bends.keys() == {1e-3}
+    near, _ = again.bent(1e-3)
+    rays = cone_rays(1.2, 100)
+    np.testing.assert_allclose(near.project(rays), anew.project(rays), atol=2e-3)
+    followed = again.followed(reference.pairs.world * 1.0)
+    assert followed.bent(1e-3)[0] is near
 
 
 def dense_step(normal, damping):
