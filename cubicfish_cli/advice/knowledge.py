@@ -13,7 +13,7 @@ from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.records import recorded_number
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
-from cubicfish_cli.fitting.hold import UNTOLD
+from cubicfish_cli.fitting.hold import EXPECTED
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.radial_reference import LOST_PX, radial_near
 from cubicfish_cli.fitting.robust import huber_px, noise_px
@@ -195,7 +195,7 @@ def _hold(fit: Mapping[str, Any]) -> Hold:
     )
     return Hold(
         spread=_OLDER_SPREAD if spread is None or spread < 0 else spread,
-        weight=UNTOLD.weight if weight is None or weight <= 0 else weight,
+        weight=EXPECTED.weight if weight is None or weight <= 0 else weight,
     )
 
 

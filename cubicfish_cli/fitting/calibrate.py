@@ -22,7 +22,7 @@ from cubicfish_cli.fitting.findings import (
 from cubicfish_cli.fitting.folds import folds_of
 from cubicfish_cli.fitting.frame import in_references_frame
 from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
-from cubicfish_cli.fitting.hold import FIRMEST, UNTOLD, choose_hold
+from cubicfish_cli.fitting.hold import FIRMEST, EXPECTED, choose_hold
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.local_noise import within_noise
 from cubicfish_cli.fitting.photo_spread import photo_spread
@@ -385,7 +385,7 @@ def _without_gross(reference: RadialReference) -> tuple[ObjectFit, tuple[Dropped
         else:
             photos = np.arange(len(poses))
         kept = good
-        cubic = fit_cubic(reference, UNTOLD, relative_decrease=_DROP_DECREASE)
+        cubic = fit_cubic(reference, EXPECTED, relative_decrease=_DROP_DECREASE)
         poses = poses.with_photos(photos, cubic.poses)
         miss = cubic.lens.project(poses.apply(everything.image, everything.world))
         miss -= everything.pixel

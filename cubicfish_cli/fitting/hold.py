@@ -26,13 +26,13 @@ from cubicfish_cli.types import FloatArray, IntArray
 SPREADS = (0.0, 1e-4, 1e-3, 1e-2)
 WEIGHTS = tuple(10.0 ** (1.5 - step / 2) for step in range(8))
 FIRMEST = Hold(spread=SPREADS[0], weight=WEIGHTS[0])
-# Where photos that are left out cannot tell.
-UNTOLD = Hold(spread=1e-3, weight=1.0)
-# Another hold must gain over all photos more than so many times what single photos' gains differ
-# by: one or two photos do not decide.
-_CLEARLY = 2.0
+# What is expected before any photo speaks: most lenses that are sold are better held by less
+# asymmetry than the most that is found in some, and few corners better by a firm hold.
+EXPECTED = Hold(spread=1e-4, weight=WEIGHTS[2])
 # What only leads to a choice need not be known to the last digit.
 _SCAN_DECREASE = 1e-4
+# A sum of squared errors, pixels², that is rounding.
+_NO_ERROR = 1e-16
 
 _Place = tuple[int, int]  # indices into SPREADS and WEIGHTS
 _EVERY_PLACE = [
@@ -67,7 +67,7 @@ def choose_hold(
         FitError: no hold gives a sound camera.
 
     """
-    hold = UNTOLD if start is None else start.hold
+    hold = EXPECTED if start is None else start.hold
     if len(groups) < 2:
         return fit_cubic(reference, hold, world=world, start=start, relative_decrease=NEAR_DECREASE)
     place = _place_of(hold)
@@ -77,7 +77,7 @@ def choose_hold(
     )
     leaving = Leaving(start.fit, reference.pairs, huber_px(start.residual), groups)
     squares = _squares(leaving, start.lens, reference, places)
-    chosen = _nearest_of_the_best(squares)
+    chosen = _likeliest(squares)
     # A hold that was made firmer stays so.
     hold = start.hold if chosen == place else _hold(chosen)
     fitted = fit_cubic(
@@ -130,15 +130,19 @@ def _best(squares: Mapping[_Place, FloatArray]) -> _Place:
     return min(squares, key=lambda place: float(squares[place].sum()))
 
 
-def _nearest_of_the_best(squares: Mapping[_Place, FloatArray]) -> _Place:
-    """The hold that is not clearly worse than the best and nearest to what is taken untold.
+def _likeliest(squares: Mapping[_Place, FloatArray]) -> _Place:
+    """The hold that is likeliest by what photos left out and the expectation before them say.
 
-    What corners of one photo say they say together: whether another hold is better is a matter of
-    photos, of which there may be five, and the least of several errors is least by chance too.
+    Corners of one photo share their errors: together they count as one corner, whose noise is of
+    that photo alone and not known (the likelihood is 1 / squared error where all noises are taken
+    to be as likely), so no photo outweighs the others. A step from what is expected, ten times the
+    asymmetry or half a power of ten of weight, is one standard deviation.
     """
-    best, untold = _best(squares), np.array(_place_of(UNTOLD))
-    for place in sorted(squares, key=lambda place: (np.abs(place - untold).sum(), place)):
-        worse = squares[place] - squares[best]
-        if worse.sum() <= _CLEARLY * np.std(worse, ddof=1):
-            return place
-    return best
+    expected = _place_of(EXPECTED)
+
+    def log_likelihood(place: _Place) -> float:
+        away = np.square(np.subtract(place, expected)).sum()
+        told = np.log(np.maximum(squares[place], _NO_ERROR)).sum()
+        return float(-told - away / 2)
+
+    return max(squares, key=log_likelihood)

@@ -11,7 +11,7 @@ from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic, held
 from cubicfish_cli.fitting.folds import photo_folds
 from cubicfish_cli.fitting.held_out import held_out_error
-from cubicfish_cli.fitting.hold import UNTOLD, choose_hold
+from cubicfish_cli.fitting.hold import EXPECTED, choose_hold
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.radial_reference import fit_radial
@@ -159,7 +159,7 @@ def test_photos_left_out_see_asymmetry_that_is_there(target):
 
 
 def test_without_photos_to_leave_out_the_hold_is_a_middle_one(reference):
-    assert choose_hold(reference, []).hold == UNTOLD
+    assert choose_hold(reference, []).hold == EXPECTED
 
 
 @pytest.mark.slow
