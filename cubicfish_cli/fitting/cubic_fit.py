@@ -81,8 +81,7 @@ class CubicResult:
         hold: how P was held to the reference.
         max_angle_deg: half-angle of the cone over which P may be trusted.
         validity: the check for poles and folds over that cone.
-        rival: the hold under which photos that were left out fitted best, where another is held
-            to for want of a clear difference; None where none was sought.
+        rivals: other holds that may be the better ones.
 
     """
 
@@ -90,7 +89,7 @@ class CubicResult:
     hold: Hold
     max_angle_deg: float
     validity: Validity
-    rival: Rival | None = None
+    rivals: tuple[Rival, ...] = ()
 
     @property
     def lens(self) -> CubicFit:
