@@ -11,9 +11,13 @@ from cubicfish_cli import CubicfishError as CubicfishError
 from cubicfish_cli import Detection as Detection
 from cubicfish_cli import Evaluation as Evaluation
 from cubicfish_cli import Event as Event
+from cubicfish_cli import FilmOptions as FilmOptions
 from cubicfish_cli import Finding as Finding
+from cubicfish_cli import GroundOptions as GroundOptions
 from cubicfish_cli import Listener as Listener
+from cubicfish_cli import LookOptions as LookOptions
 from cubicfish_cli import Observations as Observations
+from cubicfish_cli import PlaneOptions as PlaneOptions
 from cubicfish_cli import RectifiedPair as RectifiedPair
 from cubicfish_cli import RigCalibration as RigCalibration
 from cubicfish_cli import RigFile as RigFile
@@ -22,6 +26,7 @@ from cubicfish_cli import Target as Target
 from cubicfish_cli import UndistortMap as UndistortMap
 from cubicfish_cli import Verdict as Verdict
 from cubicfish_cli import View as View
+from cubicfish_cli import ViewOptions as ViewOptions
 from cubicfish_cli import advise_files as advise_files
 from cubicfish_cli import build_map as build_map
 from cubicfish_cli import build_plane as build_plane
@@ -48,6 +53,8 @@ from cubicfish_cli import load_camera as load_camera
 from cubicfish_cli import load_corners as load_corners
 from cubicfish_cli import load_map as load_map
 from cubicfish_cli import load_rig as load_rig
+from cubicfish_cli import map_files as map_files
+from cubicfish_cli import map_rig_files as map_rig_files
 from cubicfish_cli import print_target_files as print_target_files
 from cubicfish_cli import read_picture as read_picture
 from cubicfish_cli import rectify as rectify
@@ -57,12 +64,12 @@ from cubicfish_cli import save_corners as save_corners
 from cubicfish_cli import save_map as save_map
 from cubicfish_cli import save_rig as save_rig
 from cubicfish_cli import save_target as save_target
-from cubicfish_cli import simulate_film as simulate_film
-from cubicfish_cli import simulate_photos as simulate_photos
+from cubicfish_cli import simulate_files as simulate_files
 from cubicfish_cli import stitch as stitch
 from cubicfish_cli import uncertainty as uncertainty
 from cubicfish_cli import undistort as undistort
 from cubicfish_cli import undistort_files as undistort_files
+from cubicfish_cli import undistort_rig_files as undistort_rig_files
 
 __version__: str
 __all__: list[str]

@@ -16,6 +16,11 @@ from cubicfish_cli.formats.rig_yaml import load_rig as load_rig
 from cubicfish_cli.identification.identified import Detection as Detection
 from cubicfish_cli.lenses.cubic import CubicCamera as CubicCamera
 from cubicfish_cli.library.asked import Run as Run
+from cubicfish_cli.library.asked_pictures import FilmOptions as FilmOptions
+from cubicfish_cli.library.asked_pictures import GroundOptions as GroundOptions
+from cubicfish_cli.library.asked_pictures import LookOptions as LookOptions
+from cubicfish_cli.library.asked_pictures import PlaneOptions as PlaneOptions
+from cubicfish_cli.library.asked_pictures import ViewOptions as ViewOptions
 from cubicfish_cli.library.calibration import calibrate as calibrate
 from cubicfish_cli.library.calibration import evaluate as evaluate
 from cubicfish_cli.library.calibration import judge as judge
@@ -31,6 +36,8 @@ from cubicfish_cli.library.exporting import export_files as export_files
 from cubicfish_cli.library.frames import ChosenFrames as ChosenFrames
 from cubicfish_cli.library.frames import choose_frames as choose_frames
 from cubicfish_cli.library.importing import import_camera as import_camera
+from cubicfish_cli.library.map_files import map_files as map_files
+from cubicfish_cli.library.map_files import map_rig_files as map_rig_files
 from cubicfish_cli.library.pictures import undistort as undistort
 from cubicfish_cli.library.report_files import advise_files as advise_files
 from cubicfish_cli.library.report_files import report_files as report_files
@@ -38,12 +45,12 @@ from cubicfish_cli.library.rig_files import calibrate_rig_files as calibrate_rig
 from cubicfish_cli.library.rig_files import evaluate_rig_files as evaluate_rig_files
 from cubicfish_cli.library.rig_pictures import rectify as rectify
 from cubicfish_cli.library.rig_pictures import stitch as stitch
+from cubicfish_cli.library.rig_shots import undistort_rig_files as undistort_rig_files
 from cubicfish_cli.library.rigs import calibrate_rig as calibrate_rig
 from cubicfish_cli.library.rigs import compare_rigs as compare_rigs
 from cubicfish_cli.library.rigs import evaluate_rig as evaluate_rig
 from cubicfish_cli.library.rigs import save_rig as save_rig
-from cubicfish_cli.library.simulation import simulate_film as simulate_film
-from cubicfish_cli.library.simulation import simulate_photos as simulate_photos
+from cubicfish_cli.library.simulation import simulate_files as simulate_files
 from cubicfish_cli.library.target_check import check_target as check_target
 from cubicfish_cli.library.target_files import print_target_files as print_target_files
 from cubicfish_cli.library.undistorting import undistort_files as undistort_files

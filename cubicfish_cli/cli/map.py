@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.cli import options
-from cubicfish_cli.cli.options import as_command, changed, option, record
+from cubicfish_cli.cli.options import as_command, option, record
+from cubicfish_cli.cli.progress import running
 from cubicfish_cli.cli.rendering_options import MaskOptions, crop_option, mask_options
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
-from cubicfish_cli.cli.view_options import ViewOptions, say_what_is_unseen, view_options
-from cubicfish_cli.wording import either
+from cubicfish_cli.cli.view_options import say_what_is_unseen, view_options
+from cubicfish_cli.library.asked_pictures import ViewOptions
 
 if TYPE_CHECKING:
     from cubicfish_cli.undistortion.frames import Crop
@@ -83,47 +84,34 @@ class Asked:
 )
 def command(given: Asked) -> None:
     """See ``_HELP``."""
-    from cubicfish_cli.library.map_files import MapFormat, map_files, pair_map_files
+    from cubicfish_cli.library.map_files import map_files, map_rig_files
 
-    view, mask = given.view, given.mask
-    form = MapFormat(
-        output=given.output,
-        fixed_point=given.fixed_point,
-        origin=given.origin,
-        overwrite=given.overwrite,
-    )
-    mask.check()
-    if given.redistort and mask.mask_limit is not None:
-        raise click.UsageError(
-            "--mask-limit is for the map that undistorts: leave it out, or --redistort"
-        )
-    if given.rig is not None or given.pair is not None:
-        options.refuse_given(
-            "is for the map of one camera: leave it out",
-            {"--redistort": given.redistort, "--crop": given.crop, "--mask-limit": mask.mask_limit},
-        )
-        rig, view = options.rig_file(given.rig), _row_aligned(view)
-        made = pair_map_files(
-            rig,
-            form,
-            view.chosen,
-            pair=given.pair,
-            photo_size=given.photo_size,
-            whole_field=view.leaves_field_open and view.kind == "epipolar-equirectangular",
-            mask=mask.mask,
-        )
-    else:
-        made = map_files(
-            options.model_path(given.model),
-            form,
-            view.chosen,
-            parts=view.parts,
-            photo_size=given.photo_size,
-            crop=given.crop,
-            redistort=given.redistort,
-            mask=mask.mask,
-            mask_limit=mask.mask_limit,
-        )
+    with running(overwrite=given.overwrite) as run:
+        how: dict[str, Any] = {
+            "photo_size": given.photo_size,
+            "fixed_point": given.fixed_point,
+            "origin": given.origin,
+            "run": run,
+        }
+        if given.rig is not None or given.pair is not None:
+            one = {
+                "--redistort": given.redistort,
+                "--crop": given.crop,
+                "--mask-limit": given.mask.mask_limit,
+            }
+            options.refuse_given("is for the map of one camera: leave it out", one)
+            rig, mask = given.rig or options.DEFAULT_RIG, given.mask.mask
+            made = map_rig_files(rig, given.output, given.view, pair=given.pair, mask=mask, **how)
+        else:
+            made = map_files(
+                options.model_path(given.model),
+                given.output,
+                given.view,
+                crop=given.crop,
+                redistort=given.redistort,
+                **vars(given.mask),
+                **how,
+            )
     if given.as_json:
         print_json(made.as_record())
         return
@@ -140,23 +128,3 @@ def command(given: Asked) -> None:
             "note: ffmpeg's remap takes the nearest pixel, so edges are jagged: 'cubicfish "
             "undistort in.mp4 out.mp4' interpolates"
         )
-
-
-def _row_aligned(view: ViewOptions) -> ViewOptions:
-    """What was asked of a picture, as of one whose rows agree with another camera's."""
-    from cubicfish_cli.undistortion.stereo import ROW_ALIGNED
-
-    yaw, _, roll = view.rotate
-    if yaw or roll:
-        raise click.UsageError(
-            "rows of both pictures agree as long as they look up or down only: write --rotate "
-            "0,PITCH,0"
-        )
-    if view.kind in ("cylindrical", "equirectangular"):
-        view = changed(view, kind=f"epipolar-{view.kind}")
-    if view.kind not in ROW_ALIGNED:
-        kinds = either([kind.removeprefix("epipolar-") for kind in ROW_ALIGNED])
-        raise click.UsageError(
-            f"rows of {view.kind} pictures do not agree between cameras: choose --view {kinds}"
-        )
-    return view

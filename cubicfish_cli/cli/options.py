@@ -465,22 +465,6 @@ rig_option = option(
 )
 
 
-def rig_file(given: Path | None) -> Path:
-    """The rig's file: the one that was given, or in that folder, else the default one.
-
-    Raises:
-        CameraFileError: it is not there.
-
-    """
-    path = given or DEFAULT_RIG
-    path = path / DEFAULT_RIG.name if path.is_dir() else path
-    if not path.is_file():
-        raise CameraFileError(
-            f"there is no {path}: name the rig.yaml that 'cubicfish rig' wrote with --rig"
-        )
-    return path
-
-
 def model_path(given: Path | None) -> Path:
     """The camera file to read: the one that was given, else the default one if it is there.
 

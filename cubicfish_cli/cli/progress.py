@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from threading import Timer
 from typing import TYPE_CHECKING, Any
 
@@ -45,7 +46,7 @@ class _Shown(Listener):
 
     def progress(self, step: str, done: float = 0, total: float = 0, now: str = "") -> None:
         if step != self._step:
-            self._end()
+            self.end()
             self._step, self._line = step, self._stack.enter_context(_line(step))
         if self._line is None:
             return
@@ -55,14 +56,14 @@ class _Shown(Listener):
             self._line.count(int(done), int(total))
 
     def tell(self, event: Event, **figures: Any) -> None:
-        self._end()
+        self.end()
         (detail if event.value in _DETAILS else say)(event.line(**figures))
 
     def found(self, findings: Sequence[Finding]) -> None:
-        self._end()
+        self.end()
         say_found(findings)
 
-    def _end(self) -> None:
+    def end(self) -> None:
         self._stack.close()
         self._step = None
 
@@ -73,13 +74,6 @@ def say_found(findings: Sequence[Finding]) -> None:
 
     for line in map(line_of, findings) if verbosity() > 0 else remark_lines(findings):
         say(line)
-
-
-@contextmanager
-def listening() -> Iterator[Listener]:
-    """Show how far the library is while the block runs."""
-    with ExitStack() as stack:
-        yield _Shown(stack)
 
 
 @record
@@ -108,29 +102,33 @@ class SchedulerOptions:
                 "many photos each worker does at a time"
             )
 
-    @contextmanager
-    def connected(self, *, needed: bool = True) -> Iterator[Executor | None]:
-        """The cluster's workers while the block runs; None where the work is done here.
-
-        Args:
-            needed: whether there is work at all.
-
-        Raises:
-            ClusterError: they cannot be used.
-
-        """
-        if self.address is None or not needed:
-            yield None
-            return
-        from cubicfish_cli.executors.cluster.connection import WAIT_S, connect
-
-        with connect(self.address, wait_s=WAIT_S if self.wait_s is None else self.wait_s) as there:
-            threads = count(there.threads, "thread")
-            say(f"Using {count(there.workers, 'worker')} with {threads} at {self.address}.")
-            yield there
-
 
 scheduler_options = bundle(SchedulerOptions)
+
+
+class _Cluster:
+    """The workers of a scheduler, who are called when there is work."""
+
+    def __init__(self, asked: SchedulerOptions, listener: _Shown, stack: ExitStack) -> None:
+        self._asked, self._listener, self._stack = asked, listener, stack
+        self._there: Executor | None = None
+
+    def each(
+        self, work: Callable[[Any], Any], items: Sequence[Any], *, writes_below: Path | None = None
+    ) -> Iterator[tuple[int, Any]]:
+        if self._there is None:
+            self._there = self._connected(str(self._asked.address))
+        return self._there.each(work, items, writes_below=writes_below)
+
+    def _connected(self, address: str) -> Executor:
+        from cubicfish_cli.executors.cluster.connection import WAIT_S, connect
+
+        self._listener.end()
+        wait_s = WAIT_S if self._asked.wait_s is None else self._asked.wait_s
+        there = self._stack.enter_context(connect(address, wait_s=wait_s))
+        threads = count(there.threads, "thread")
+        say(f"Using {count(there.workers, 'worker')} with {threads} at {address}.")
+        return there
 
 
 @contextmanager
@@ -140,7 +138,6 @@ def running(
     no_cache: bool = False,
     overwrite: bool = False,
     scheduler: SchedulerOptions | None = None,
-    needed: bool = True,
 ) -> Iterator[Run]:
     """How the library is to work while the block runs, with what it tells shown.
 
@@ -149,11 +146,12 @@ def running(
         no_cache: whether nothing that was found before is used.
         overwrite: whether files may be replaced.
         scheduler: where the work is done.
-        needed: whether there is work for it at all.
 
     """
-    there = nullcontext() if scheduler is None else scheduler.connected(needed=needed)
-    with there as executor, listening() as listener:
+    with ExitStack() as there, ExitStack() as lines:
+        listener, executor = _Shown(lines), None
+        if scheduler is not None and scheduler.address is not None:
+            executor = _Cluster(scheduler, listener, there)
         yield Run(
             jobs=jobs,
             cache=cache_folder(),

@@ -12,11 +12,7 @@ from cubicfish_cli.cli.numbers import FloatRange, IntRange
 from cubicfish_cli.cli.options import FILE, Parsed, bundle, option, record
 
 if TYPE_CHECKING:
-    from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
-    from cubicfish_cli.library.views import TrustedWithin
     from cubicfish_cli.undistortion.frames import Crop
-    from cubicfish_cli.undistortion.images import Rendering
-    from cubicfish_cli.undistortion.video import Encoding
 
 
 COLOURS = {"black": (0.0, 0.0, 0.0), "white": (1.0, 1.0, 1.0), "grey": (0.5, 0.5, 0.5)}
@@ -67,12 +63,6 @@ class RenderingOptions:
         IntRange(1, 100),
     )
 
-    def rendering(self) -> Rendering:
-        """For the library."""
-        from cubicfish_cli.undistortion.images import Rendering
-
-        return Rendering(interpolation=self.interpolation, border=self.border, quality=self.quality)
-
 
 rendering_options = bundle(RenderingOptions)
 
@@ -91,26 +81,6 @@ class MaskOptions:
         FloatRange(0, min_open=True),
     )
 
-    def check(self) -> None:
-        """Refuse a limit without a mask."""
-        if self.mask_limit is not None and self.mask is None:
-            raise click.UsageError("--mask-limit goes with --mask: name the mask's file")
-
-    def trusted(
-        self, loaded: CameraFile | PointCameraFile, path: Path, crop: Crop | None
-    ) -> TrustedWithin | None:
-        """What says where a camera may be trusted; None where no limit was asked for.
-
-        Raises:
-            CameraFileError: the camera's file does not say.
-
-        """
-        if self.mask_limit is None:
-            return None
-        from cubicfish_cli.library.views import TrustedWithin
-
-        return TrustedWithin(self.mask_limit, loaded, path, crop)
-
 
 mask_options = bundle(MaskOptions)
 
@@ -127,13 +97,6 @@ class EncodingOptions:
         "--crf 0-63", "Of videos: lower is better and larger. [default: 18]", IntRange(0, 63)
     )
     preset: str | None = option("--preset NAME", "Of the video encoder, such as fast or slow.")
-
-    def encoding(self) -> Encoding:
-        """For the library."""
-        from cubicfish_cli.undistortion.video import DEFAULT_CRF, Encoding
-
-        crf = DEFAULT_CRF if self.crf is None else self.crf
-        return Encoding(codec=self.codec, crf=crf, preset=self.preset)
 
 
 encoding_options = bundle(EncodingOptions)

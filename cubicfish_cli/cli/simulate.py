@@ -9,14 +9,90 @@ import click
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.numbers import FloatRange, IntRange
-from cubicfish_cli.cli.options import as_command, needed_target, option, record
-from cubicfish_cli.cli.progress import listening, working
-from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
+from cubicfish_cli.cli.options import as_command, bundle, needed_target, option, record
+from cubicfish_cli.cli.progress import running
+from cubicfish_cli.cli.terminal import print_json, print_wrote, result
+from cubicfish_cli.library.asked_pictures import FILMS, LOOKS, FilmOptions, LookOptions
 
 # The names of rendering.simulate.FORMATS, here so that --help need not load numpy.
 FORMATS = ("jpg", "png")
 # And those of rendering.outside.OUTSIDE_LENSES.
 LENSES = ("moving-pupil", "mirror", "equisolid", "orthographic")
+
+
+def _film(seconds: float | None, rate: float, shutter: float, readout: float) -> FilmOptions | None:
+    """What is asked of a film; None where none is."""
+    if seconds is not None:
+        return FilmOptions(seconds=seconds, rate=rate, shutter_ms=shutter, readout_ms=readout)
+    names = ("rate", "shutter", "readout")
+    films = {f"--{name}": options.is_given(name) for name in names}
+    options.refuse_given("is of films: give --film SECONDS too", films)
+    return None
+
+
+film_options = bundle(
+    _film,
+    option(
+        "--film SECONDS",
+        "Instead of photos a film, film.mp4, of a hand that moves the target in front of the "
+        "camera (pip install 'cubicfish[video]').",
+        FloatRange(*FILMS["seconds"]),
+    ),
+    option(
+        "--rate HZ",
+        "With --film: frames per second.",
+        FloatRange(*FILMS["rate"]),
+        FilmOptions.rate,
+    ),
+    option(
+        "--shutter MS",
+        "With --film: for how long each row gathers light, which blurs what moves.",
+        FloatRange(*FILMS["shutter_ms"]),
+        FilmOptions.shutter_ms,
+    ),
+    option(
+        "--readout MS",
+        "With --film: how long after the first row the last one is read, which bends what moves; "
+        "0 is a global shutter.",
+        FloatRange(*FILMS["readout_ms"]),
+        FilmOptions.readout_ms,
+    ),
+)
+
+look_options = bundle(
+    LookOptions,
+    option(
+        "--noise LEVELS",
+        "Standard deviation of the sensor's noise, grey levels of 255.",
+        FloatRange(*LOOKS["noise"]),
+        LookOptions.noise,
+    ),
+    option(
+        "--blur PX",
+        "Standard deviation of the lens's blur, pixels.",
+        FloatRange(*LOOKS["blur"]),
+        LookOptions.blur,
+    ),
+    option(
+        "--vignetting SHARE",
+        "Share of the light that is lost 90° from the axis.",
+        FloatRange(*LOOKS["vignetting"]),
+        LookOptions.vignetting,
+    ),
+    option(
+        "--exposure --light FACTOR",
+        "1 is a well-lit photo, 0.2 a dark one. Above 1.15 white paper saturates and bleeds: "
+        "dark squares come apart at their corners, by some 2 px at 1.5 and 5 px at 3.",
+        FloatRange(*LOOKS["exposure"]),
+        LookOptions.exposure,
+    ),
+    option(
+        "--seed N",
+        "Other poses and other noise; the same seed gives the same photos.",
+        IntRange(0),
+        LookOptions.seed,
+    ),
+)
 
 
 @record
@@ -39,26 +115,7 @@ class Asked:
     number: int | None = option(
         "-n --number N", "How many photos. [default: 12]", IntRange(1, 10_000)
     )
-    seconds: float | None = option(
-        "--film SECONDS",
-        "Instead of photos a film, film.mp4, of a hand that moves the target in front of the "
-        "camera (pip install 'cubicfish[video]').",
-        FloatRange(0.1, 3600),
-    )
-    rate: float = option("--rate HZ", "With --film: frames per second.", FloatRange(1, 240), 30.0)
-    shutter: float = option(
-        "--shutter MS",
-        "With --film: for how long each row gathers light, which blurs what moves.",
-        FloatRange(0, 1000),
-        8.0,
-    )
-    readout: float = option(
-        "--readout MS",
-        "With --film: how long after the first row the last one is read, which bends what moves; "
-        "0 is a global shutter.",
-        FloatRange(0, 1000),
-        15.0,
-    )
+    film: FilmOptions | None = film_options
     output: Path = options.output_option(
         "Where the photos and their truth go.", default="simulated", folder=True
     )
@@ -68,36 +125,11 @@ class Asked:
         "(camera_from_world), such as the true_poses.csv of earlier photos.",
         options.FILE,
     )
-    noise: float = option(
-        "--noise LEVELS",
-        "Standard deviation of the sensor's noise, grey levels of 255.",
-        FloatRange(0, 100),
-        2.0,
-    )
-    blur: float = option(
-        "--blur PX", "Standard deviation of the lens's blur, pixels.", FloatRange(0, 50), 0.7
-    )
-    vignetting: float = option(
-        "--vignetting SHARE",
-        "Share of the light that is lost 90° from the axis.",
-        FloatRange(0, 0.8),
-        0.4,
-    )
-    exposure: float = option(
-        "--exposure --light FACTOR",
-        "1 is a well-lit photo, 0.2 a dark one. Above 1.15 white paper saturates and bleeds: "
-        "dark squares come apart at their corners, by some 2 px at 1.5 and 5 px at 3.",
-        FloatRange(0.02, 4),
-        1.0,
-    )
-    seed: int = option(
-        "--seed N",
-        "Other poses and other noise; the same seed gives the same photos.",
-        IntRange(0),
-        0,
-    )
-    form: str = option(
-        "--format", "Of the photos; png keeps every grey level.", click.Choice(FORMATS), "jpg"
+    look: LookOptions = look_options
+    form: str | None = option(
+        "--format",
+        "Of the photos; png keeps every grey level. [default: jpg]",
+        click.Choice(FORMATS),
     )
     overwrite: bool = options.overwrite_option
     as_json: bool = options.json_option("simulate")
@@ -123,85 +155,34 @@ def command(given: Asked) -> None:
     know how far the result is from the truth. Of a film each frame has its truth, under the name
     that 'cubicfish frames' gives it: where each corner was when its own row was exposed.
     """
-    from cubicfish_cli.library.simulation import FILM, LOOK, Source, simulate_film, simulate_photos
-    from cubicfish_cli.target import load_target
+    from cubicfish_cli.library.simulation import simulate_files
 
-    _check_film(given.seconds)
-    target = needed_target(given.target)
-    if given.pose_file is not None and given.number is not None:
-        raise click.UsageError("--poses says how many photos there are: leave -n out")
-    thing = load_target(target)
-    if given.lens is not None and options.is_given("model"):
+    lens, target, film = given.lens, needed_target(given.target), given.film
+    if lens is not None and options.is_given("model"):
         raise click.UsageError("--lens stands in the place of --model: leave one of them out")
-    if given.lens is None and given.size is not None:
+    if lens is None and given.size is not None:
         raise click.UsageError("the camera says the size of its photos: --size goes with --lens")
-    if given.lens is not None and given.lens not in LENSES and not Path(given.lens).exists():
-        raise click.UsageError(f"--lens: {given.lens} is no file and none of {', '.join(LENSES)}")
-    choosing = "Choosing where to take photos from"
-    with working(choosing):
-        if given.lens is not None:
-            source = Source.of_lens(given.lens, given.size, thing)
-        else:
-            source = Source.of_file(options.model_path(given.model))
-    if source.note:
-        say(source.note)
-    if any(board.shape is not None for board in thing.boards):
-        say(f"Boards are rendered flat: bends and offsets in {target} are left out.")
-    how = {name: getattr(given, name) for name in LOOK}
-    if given.seconds is not None:
-        with working("Choosing how the target is moved"):
-            made = simulate_film(
-                thing,
-                source,
-                given.seconds,
-                rate=given.rate,
-                shutter_ms=given.shutter,
-                readout_ms=given.readout,
-                **how,
-            )
-        shown, what = count(made.frames, "frame"), f"a film of {count(made.frames, 'frame')}"
-        photos = given.output / FILM
-    else:
-        with working(choosing):
-            made = simulate_photos(
-                thing,
-                source,
-                poses=given.pose_file,
-                number=given.number or 12,
-                **how,
-                form=given.form,
-            )
-        shown = what = count(made.frames, "photo")
-        photos = given.output
-    say(f"Rendering {shown} of {{}}x{{}} pixels.".format(*source.image_size))
-    with listening() as listener:
-        made.save(given.output, overwrite=given.overwrite, listener=listener)
-    texts = {Path(name).stem: given.output / name for name in made.texts}
-    if given.as_json:
-        print_json(
-            {
-                "photos": [given.output / name for name in made.pictures],
-                "corners": made.corners,
-                "image_size": source.image_size,
-                "seed": given.seed,
-                **texts,
-            }
+    if lens is not None and lens not in LENSES and not Path(lens).exists():
+        raise click.UsageError(f"--lens: {lens} is no file and none of {', '.join(LENSES)}")
+    with running(overwrite=given.overwrite) as run:
+        made = simulate_files(
+            target,
+            lens or options.model_path(given.model),
+            given.output,
+            image_size=given.size,
+            film=film,
+            poses=given.pose_file,
+            number=given.number,
+            form=given.form,
+            look=given.look,
+            run=run,
         )
+    if given.as_json:
+        print_json(made.as_record())
         return
-    result(f"wrote {what} with {count(made.corners, 'corner')} to {given.output}")
-    print_wrote(texts.values())
+    what = count(made.frames, "photo" if film is None else "frame")
+    what = f"{'a film of ' * (film is not None)}{what} with {count(made.corners, 'corner')}"
+    result(f"wrote {what} to {given.output}")
+    print_wrote(made.truth.values())
+    photos = given.output if film is None else made.photos[0]
     result(f"\nNext: cubicfish calibrate {photos} --target {target}", whole=True)
-
-
-def _check_film(seconds: float | None) -> None:
-    """Refuse what says how a film is made without --film, and what only photos have with it."""
-    if seconds is None:
-        names = ("rate", "shutter", "readout")
-        films = {f"--{name}": options.is_given(name) for name in names}
-        options.refuse_given("is of films: give --film SECONDS too", films)
-        return
-    photos = {"-n": "number", "--poses": "pose_file", "--format": "form"}
-    options.refuse_given(
-        "is of photos: leave it out with --film",
-        {name: options.is_given(parameter) for name, parameter in photos.items()},
-    )

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.options import as_command, changed, option, record
-from cubicfish_cli.cli.progress import (
-    SchedulerOptions,
-    listening,
-    running,
-    scheduler_options,
-)
+from cubicfish_cli.cli.options import as_command, option, record
+from cubicfish_cli.cli.progress import SchedulerOptions, running, scheduler_options
 from cubicfish_cli.cli.rendering_options import (
     EncodingOptions,
     MaskOptions,
@@ -28,26 +23,14 @@ from cubicfish_cli.cli.rendering_options import (
     rendering_options,
 )
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say, tell
-from cubicfish_cli.cli.view_options import (
-    PlaneOptions,
-    RigOptions,
-    ViewOptions,
-    plane_options,
-    rig_options,
-    say_what_is_unseen,
-    view_options,
-)
-from cubicfish_cli.errors import OutputError, PhotoError
+from cubicfish_cli.cli.view_options import SceneOptions, say_what_is_unseen, scene_options
+from cubicfish_cli.errors import CubicfishError, OutputError, PhotoError
+from cubicfish_cli.words.phrases import listed
 
 if TYPE_CHECKING:
-    from cubicfish_cli.library.rig_shots import Done, PlaneOfGround
-    from cubicfish_cli.library.undistorting import DryRun, Plan, Undistorted
-    from cubicfish_cli.undistortion.batch import FailedPhoto
+    from cubicfish_cli.library.undistorting import UndistortedFiles
     from cubicfish_cli.undistortion.choose import ChosenView
     from cubicfish_cli.undistortion.frames import Crop
-
-
-_MOST_NAMES = 10
 
 
 @record
@@ -67,9 +50,7 @@ class Asked:
         "The picture or video that is made of one; of several, a folder.", metavar="OUT"
     )
     model: Path | None = options.model_option
-    rig: RigOptions = rig_options
-    view: ViewOptions = view_options
-    plane: PlaneOptions = plane_options
+    scene: SceneOptions = scene_options
     crop: Crop | None = crop_option
     pixels: RenderingOptions = rendering_options
     encoding: EncodingOptions = encoding_options
@@ -114,164 +95,69 @@ def command(given: Asked) -> None:
     panorama in any --view (equirectangular unless another is named), the ground from above with
     --ground or --plane, or with --view cube flat faces about each camera, with masks and poses.
     """
-    if given.skip_existing and given.overwrite:
-        raise click.UsageError("--skip-existing and --overwrite exclude each other")
-    if given.rig.is_asked:
-        options.refuse_given(
-            "is for the photos of one camera: leave it out",
-            {
-                "--crop": given.crop,
-                "--mask-limit": given.mask.mask_limit,
-                "--skip-existing": given.skip_existing,
-                "--dry-run": given.dry_run,
-                "--scheduler": given.scheduler.address,
-            },
-        )
-        _undistort_rig(given)
-        return
-    from cubicfish_cli.formats.camera_yaml import load_any_camera, load_camera
-    from cubicfish_cli.library.undistorting import Plan, dry_run_of, undistort_plan
-    from cubicfish_cli.library.views import ViewsBySize
+    from cubicfish_cli.library.undistorting import undistort_files
 
-    view, mask = given.view, given.mask
+    photos, scene, output = _photos(given.sources), given.scene, given.destination
     given.scheduler.check(given.jobs)
-    mask.check()
-    given.plane.check(view)
-    in_planes = given.plane.board is not None
-    names = _with_stdin(given.sources)
-    with listening() as listener:
-        plan = Plan.of_names(
-            names,
-            given.destination,
-            view.parts,
-            listed=names != [*given.sources],
-            planes=in_planes,
-            listener=listener,
-        )
-    if plan.videos and given.scheduler.address is not None:
-        raise click.UsageError("--scheduler is for photos: do videos without it")
-    path = options.model_path(given.model)
-    loaded: Any = load_any_camera(path) if in_planes else load_camera(path)
-    planes = given.plane.views(loaded, given.crop) if in_planes else None
-    views = planes or ViewsBySize(loaded.camera, given.crop, view.chosen)
-    trusted = mask.trusted(loaded, path, given.crop)
-    plan = plan.free(skip_existing=given.skip_existing, overwrite=given.overwrite)
     with running(
         jobs=given.jobs,
         overwrite=given.overwrite,
-        scheduler=given.scheduler,
-        needed=bool(plan.jobs) and not given.dry_run,
+        scheduler=None if given.dry_run else given.scheduler,
     ) as run:
-        if planes is not None:
-            planes.place([job.source for job in (*plan.jobs, *plan.skipped)], run)
-        if not given.dry_run:
-            made = undistort_plan(
-                plan,
-                views,
-                given.pixels.rendering(),
-                given.encoding.encoding(),
-                run,
-                mask=mask.mask,
-                masked=trusted,
-                camera_out=given.camera_out,
-                skip_existing=given.skip_existing,
+        if scene.rig is not None:
+            from cubicfish_cli.library.rig_shots import undistort_rig_files
+
+            options.refuse_given(
+                "is for the photos of one camera: leave it out",
+                {
+                    "--crop": given.crop,
+                    "--mask-limit": given.mask.mask_limit,
+                    "--skip-existing": given.skip_existing,
+                    "--dry-run": given.dry_run,
+                    "--scheduler": given.scheduler.address,
+                },
             )
-    if given.dry_run:
-        found = dry_run_of(plan, views)
-        if given.as_json:
-            print_json({"model": str(path), **found.as_record()})
+            made = undistort_rig_files(
+                photos,
+                output,
+                scene.rig,
+                scene.shown,
+                distance=scene.distance,
+                **vars(given.pixels),
+                mask=given.mask.mask,
+                virtual_camera=given.camera_out,
+                run=run,
+            )
         else:
-            _print_dry_run(found)
-        return
-    if given.as_json:
-        print_json({"model": str(path), **made.as_record()})
-    else:
-        _print(made, given.destination)
-    _end_with(plan, made.failures, as_json=given.as_json)
-
-
-def _undistort_rig(given: Asked) -> None:
-    """Make a picture of every shot of a rig, and say what came of it."""
-    from cubicfish_cli.library.rig_shots import undistort_shots
-
-    view, plane, asked = given.view, given.plane, given.rig
-    mask, camera_out = given.mask.mask, given.camera_out
-    above = asked.ground is not None or plane.board is not None
-    if plane.board is None:
-        options.refuse_given("goes with --plane", {"--shot": asked.shot is not None})
-    if not above:
-        ways = {"--margin": plane.margin, "--pixels-per-unit": plane.pixels_a_unit}
-        named = {name: value is not None for name, value in ways.items()}
-        options.refuse_given("goes with --ground or --plane", named)
-    elif asked.distance is not None:
-        raise click.UsageError("the ground has a distance of its own: leave out --distance")
-    path = options.rig_file(asked.rig)
-    if view.kind == "perspective" and not options.is_given("kind"):
-        view = changed(view, kind="equirectangular")
-    faces = not above and view.kind == "cube" and view.layout != "cross"
-    if faces and (mask is not None or camera_out is not None):
-        raise click.UsageError(
-            "the faces of a rig's cube have masks and cameras beside them: leave out "
-            f"{'--mask' if mask is not None else '--camera'}"
-        )
-    with running(overwrite=given.overwrite) as run:
-        made = undistort_shots(
-            path,
-            given.sources,
-            given.destination,
-            view.chosen,
-            given.pixels.rendering(),
-            run,
-            faces=faces,
-            ground=_ground(view, plane, asked) if above else None,
-            distance=asked.distance,
-            mask=mask,
-            camera_out=camera_out,
-        )
-    files = made.done.files
+            made = undistort_files(
+                photos,
+                output,
+                options.model_path(given.model),
+                scene.shown,
+                crop=given.crop,
+                **vars(given.pixels),
+                **vars(given.encoding),
+                **vars(given.mask),
+                virtual_camera=given.camera_out,
+                skip_existing=given.skip_existing,
+                dry_run=given.dry_run,
+                run=run,
+            )
     if given.as_json:
         print_json(made.as_record())
-    elif files:
-        where = f"{count(len(files), 'picture')} to {given.destination}"
-        if faces:
-            side = made.faces[0].map.view.size[0]
-            wrote = (
-                f"{count(len(files), 'shot')} to {given.destination}: "
-                f"{count(len(made.faces), 'face')} of {side}x{side} pixels each, with masks"
-            )
-        else:
-            if len(files) == 1:
-                where = str(next(iter(files.values()))[0])
-            wrote = f"{where}: {made.view.describe()}"
-        result(f"wrote {wrote}")
-        print_wrote(made.extras)
-    _end_of_shots(made.done, told=given.as_json)
+    if made.groups is not None:
+        if not given.as_json:
+            _print_dry_run(made)
+        return
+    if not given.as_json:
+        _print(made)
+    _end_with(made, as_json=given.as_json)
 
 
-def _ground(view: ViewOptions, plane: PlaneOptions, asked: RigOptions) -> PlaneOfGround:
-    """The ground that is asked for."""
-    from cubicfish_cli.library.rig_shots import PlaneOfGround
-
-    if any(view.rotate) or view.hfov_deg or view.vfov_deg or view.focal or view.fit is not None:
-        raise click.UsageError(
-            "the ground's picture is set by --pixels-per-unit and --margin: leave out the view's "
-            "options"
-        )
-    if view.size is not None:
-        raise click.UsageError("the ground's picture has the size that --pixels-per-unit gives it")
-    if asked.ground is not None and plane.board is not None:
-        raise click.UsageError("--ground and --plane say the same thing twice: leave one out")
-    return PlaneOfGround(
-        below=asked.ground or (0.0, 0.0, 0.0),
-        board=None if plane.board is None else (plane.loaded(), plane.board),
-        shot=asked.shot,
-        margin=plane.margin,
-        pixels_per_unit=plane.pixels_a_unit,
-    )
-
-
-def _with_stdin(sources: Sequence[str]) -> list[str]:
-    """The sources, with the names that stdin lists in the place of '-'."""
+def _photos(sources: Sequence[str]) -> str | list[str]:
+    """The sources, with the names that stdin lists in the place of '-'; one that is named alone."""
+    if len(sources) == 1 and sources[0] != "-":
+        return sources[0]
     names: list[str] = []
     for source in sources:
         if source == "-":
@@ -284,40 +170,51 @@ def _with_stdin(sources: Sequence[str]) -> list[str]:
     return names
 
 
-def _print(made: Undistorted, destination: Path) -> None:
+def _print(made: UndistortedFiles) -> None:
     """Print what was written, and on stderr what was not."""
-    plan, failures, files = made.plan, made.failures, made.files
-    if files or not _share_a_reason(failures):  # else the error at the end says it
-        for line in _failure_lines(failures, plan.kind):
+    if made.files or len(_by_reason(made.failures)) > 1:  # else the error at the end says it
+        for line in _failure_lines(made.failures, made.kind):
             tell(f"failed: {line}")
-    if plan.skipped:
-        say(f"skipped {count(len(plan.skipped), plan.kind)} whose result exists")
+    if made.skipped:
+        say(f"skipped {count(len(made.skipped), made.kind)} whose result exists")
     if made.view is not None:
-        folder = destination.parent if plan.one else destination
-        what = f"{count(len(files), 'video' if plan.videos else 'picture')} to {folder}"
-        named = files[0] if plan.one and len(files) == 1 else what
-        result(f"wrote {named}: {made.view.describe()}")
+        result(f"wrote {_wrote(made, made.view)}")
         say_what_is_unseen(made.seen)
         _warn_of_limit(made.view)
-    elif not failures:
+    elif not made.failures:
         result("nothing to do")
-    if not failures:
+    if not made.failures:
         print_wrote(made.extras)
 
 
-def _print_dry_run(found: DryRun) -> None:
+def _wrote(made: UndistortedFiles, view: ChosenView) -> str:
+    """The picture or how many there are, where they are, and what they show."""
+    folder = made.output if made.output.is_dir() else made.output.parent
+    if made.faces:
+        side = view.first.size[0]
+        return (
+            f"{count(len(made.written), made.kind)} to {folder}: {count(made.faces, 'face')} of "
+            f"{side}x{side} pixels each, with masks"
+        )
+    what = count(len(made.files), "video" if made.kind == "video" else "picture")
+    alone = len(made.files) == len(made.names) == 1
+    return f"{made.files[0] if alone else f'{what} to {folder}'}: {view.describe()}"
+
+
+def _print_dry_run(made: UndistortedFiles) -> None:
     """Print how many files, which fields, and how much of them is empty."""
-    plan, jobs = found.plan, found.possible
-    files = sum(len(job.wanted) for job in jobs)
-    skipped = f", {len(plan.skipped)} skipped" * bool(plan.skipped)
-    given = count(len(plan.jobs), plan.kind)
-    if len(jobs) < len(plan.jobs):
-        given = f"{len(jobs):,} of {given}"
-    result(f"would write {count(files, 'file')} from {given}{skipped}")
-    for group in found.groups:
-        result(f"{count(len(group.images), plan.kind)} of {{}}x{{}} pixels:".format(*group.size))
+    groups, total = made.groups or (), len(made.names)
+    skipped = f", {len(made.skipped)} skipped" * bool(made.skipped)
+    given = count(total, made.kind)
+    if made.failures:
+        given = f"{len(made.written):,} of {given}"
+    result(f"would write {count(len(made.files), 'file')} from {given}{skipped}")
+    unread = dict(made.failures)
+    for group in groups:
+        result(f"{count(len(group.images), made.kind)} of {{}}x{{}} pixels:".format(*group.size))
         if group.view is None or group.empty_share is None:
             result(f"  cannot be done: {group.problem}")
+            unread = {name: why for name, why in unread.items() if name not in group.images}
             continue
         result(f"  view          {group.view.describe()}")
         if group.seen is not None:
@@ -326,7 +223,7 @@ def _print_dry_run(found: DryRun) -> None:
             result(f"  kept field    {100 * group.kept_share:.1f} % of what the camera sees")
         result(f"  empty pixels  {100 * group.empty_share:.1f} %")
         _warn_of_limit(group.view)
-    for line in _failure_lines(found.bad, plan.kind):
+    for line in _failure_lines(unread, made.kind):
         say(f"would fail: {line}")
 
 
@@ -339,26 +236,34 @@ def _warn_of_limit(view: ChosenView) -> None:
         )
 
 
-def _end_with(plan: Plan, failures: Sequence[FailedPhoto], *, as_json: bool) -> None:
-    """End with an error when a photo failed.
+def _end_with(made: UndistortedFiles, *, as_json: bool) -> None:
+    """End with an error when something failed: how many, where the reasons are, what is done.
 
     Args:
-        plan: what was to be done.
-        failures: what was not.
+        made: what was done, and what was not.
         as_json: whether the reasons went to stdout.
 
     """
+    failures, total = made.failures, count(len(made.names), made.kind)
     if not failures:
         return
-    if len(plan.jobs) == 1:
-        raise failures[0].error
-    told_in: str | None = "in the JSON" if as_json else "above"
-    if not as_json and len(failures) == len(plan.jobs) and _share_a_reason(failures):
-        told_in = None
-    raise PhotoError(_ending(failures, len(plan.jobs), plan.kind, told_in=told_in))
+    if len(made.names) == 1:
+        raise next(iter(failures.values()))
+    told_in, done = "in the JSON" if as_json else "above", len(made.written)
+    if not done:
+        reasons = list(_by_reason(failures))
+        shared = len(reasons) == 1 and not as_json
+        why = reasons[0] if shared else f"the reasons are {told_in}"
+        raise PhotoError(f"none of {total} could be undistorted: {why}")
+    rest = "the other is done" if done == 1 else f"the other {done:,} are done"
+    why = f"{'the reason is' if len(failures) == 1 else 'the reasons are'} {told_in}"
+    raise PhotoError(f"{len(failures):,} of {total} could not be undistorted: {why}, {rest}")
 
 
-def _failure_lines(failures: Sequence[FailedPhoto], kind: str) -> list[str]:
+Failures = Mapping[str, CubicfishError]
+
+
+def _failure_lines(failures: Failures, kind: str) -> list[str]:
     """A line for each reason, and for which photos it holds.
 
     Args:
@@ -366,74 +271,28 @@ def _failure_lines(failures: Sequence[FailedPhoto], kind: str) -> list[str]:
         kind: what they are, in a word.
 
     """
-    return [
-        str(own[0].error) if len(own) == 1 else f"{_several(own, kind)}: {reason}"
-        for reason, own in _by_reason(failures).items()
-    ]
+    lines = []
+    for reason, names in _by_reason(failures).items():
+        if len(names) > 1:
+            named = f"{count(len(names), kind)} ({listed(names, f'{kind}s')})"
+            lines.append(f"{named}: {reason}")
+        else:
+            lines.append(f"shot {names[0]}: " * (kind == "shot") + str(failures[names[0]]))
+    return lines
 
 
-def _ending(failures: Sequence[FailedPhoto], total: int, kind: str, *, told_in: str | None) -> str:
-    """What a run says at its end: how many failed, where the reasons are, and what is done.
-
-    Args:
-        failures: photos, and why; one at least.
-        total: how many there were.
-        kind: what they are, in a word.
-        told_in: where the reasons are, None where they are still to be told.
-
-    """
-    done = total - len(failures)
-    if not done:
-        reasons = list(_by_reason(failures))
-        why = reasons[0] if told_in is None and len(reasons) == 1 else f"the reasons are {told_in}"
-        return f"none of {count(total, kind)} could be undistorted: {why}"
-    rest = "the other is done" if done == 1 else f"the other {done:,} are done"
-    why = f"{'the reason is' if len(failures) == 1 else 'the reasons are'} {told_in}"
-    return f"{len(failures):,} of {count(total, kind)} could not be undistorted: {why}, {rest}"
-
-
-def _share_a_reason(failures: Sequence[FailedPhoto]) -> bool:
-    """Whether one sentence is true of all of them."""
-    return len(_by_reason(failures)) == 1
-
-
-def _by_reason(failures: Sequence[FailedPhoto]) -> dict[str, list[FailedPhoto]]:
-    groups: dict[str, list[FailedPhoto]] = {}
-    for failure in failures:
-        groups.setdefault(_reason(failure), []).append(failure)
+def _by_reason(failures: Failures) -> dict[str, list[str]]:
+    groups: dict[str, list[str]] = {}
+    for name, error in failures.items():
+        groups.setdefault(_reason(error), []).append(name)
     return groups
 
 
-def _reason(failure: FailedPhoto) -> str:
+def _reason(error: CubicfishError) -> str:
     """Why, without what is the photo's own: "each is empty: ..." for "a.png is empty: ..."."""
-    error = failure.error
     if not error.about:
         return str(error)
     text = f"{error.what}: {error.do}" if error.do else error.what
     if error.apart:
         return text
     return f"{'each result' if isinstance(error, OutputError) else 'each'} {text}"
-
-
-def _several(failures: Sequence[FailedPhoto], kind: str) -> str:
-    names = [failure.job.name for failure in failures]
-    listed = ", ".join(names[:_MOST_NAMES])
-    more = f" and {len(names) - _MOST_NAMES:,} more" * (len(names) > _MOST_NAMES)
-    return f"{count(len(names), kind)} ({listed}{more})"
-
-
-def _end_of_shots(done: Done, *, told: bool) -> None:
-    """End with an error when a shot failed."""
-    failures, total = done.failures, len(done.files) + len(done.failures)
-    if not failures:
-        return
-    if total == 1:
-        raise next(iter(failures.values()))
-    if not told:
-        for shot, problem in failures.items():
-            tell(f"failed: shot {shot}: {problem}")
-    where = "in the JSON" if told else "above"
-    raise PhotoError(
-        f"{len(failures)} of {total} shots could not be done, for the reasons {where}; the others "
-        "are done"
-    )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -12,16 +12,19 @@ from cubicfish_cli.errors import CameraFileError, UsageError
 from cubicfish_cli.files import Content, refuse_existing, write_files
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.formats.rig_yaml import RigFile, load_rig
-from cubicfish_cli.library.asked import StrPath, in_folder
+from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, path_or_none, rig_file_in
+from cubicfish_cli.library.asked_pictures import ViewOptions
 from cubicfish_cli.library.rig_pictures import pair_maps
-from cubicfish_cli.library.views import TrustedWithin
+from cubicfish_cli.library.views import TrustedWithin, chosen_of
 from cubicfish_cli.plain_yaml import plain_yaml_text
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField
-from cubicfish_cli.undistortion.frames import Crop, camera_for_photos
+from cubicfish_cli.undistortion.frames import Crop, camera_for_photos, parse_crop
 from cubicfish_cli.undistortion.map_formats import build_redistort_map, ffmpeg_command, map_writer
 from cubicfish_cli.undistortion.maps import UndistortMap, build_map
-from cubicfish_cli.undistortion.view import Camera
-from cubicfish_cli.undistortion.view_files import part_name, view_files
+from cubicfish_cli.undistortion.stereo import ROW_ALIGNED
+from cubicfish_cli.undistortion.view import View
+from cubicfish_cli.undistortion.view_files import Masked, part_name, view_files
+from cubicfish_cli.wording import either
 
 SUFFIXES = (".npz", ".exr", ".png", ".pgm")
 
@@ -30,21 +33,22 @@ Origin = Literal["bottom-left", "top-left"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class MapFormat:
-    """How maps are written.
+class _Writer:
+    """Writes maps under a name, whose suffix says how.
 
     Attributes:
-        output: what their files are called; its suffix says which format.
-        fixed_point: whether .npz has the fixed-point maps of cv2.convertMaps.
-        origin: where y of an STMap is 0.
+        output: the name.
+        fixed_point, origin: as for :func:`map_files`.
+        mask: where the masks go.
         overwrite: whether files may be replaced.
 
     """
 
     output: Path
-    fixed_point: bool = False
-    origin: Origin = "bottom-left"
-    overwrite: bool = False
+    fixed_point: bool
+    origin: Origin
+    mask: Path | None
+    overwrite: bool
 
     def __post_init__(self) -> None:
         suffix = self.output.suffix.lower()
@@ -56,22 +60,28 @@ class MapFormat:
         if self.fixed_point and suffix != ".npz":
             raise UsageError("--fixed-point is for maps in .npz")
 
-    def plan(self, parts: Sequence[str]) -> dict[str, Any]:
-        """The files of each part of a map, and what writes them; refused where they exist."""
-        return {
+    def plan(self, parts: Sequence[str], *others: Path) -> dict[str, Any]:
+        """The files of each part of a map, and what writes them.
+
+        Raises:
+            OutputError: one of them, or of others, exists and may not be replaced.
+
+        """
+        plan = {
             part: map_writer(
                 part_name(self.output, part), fixed_point=self.fixed_point, origin=self.origin
             )
             for part in parts
         }
+        refuse_existing(*_files_of(plan), *others, overwrite=self.overwrite)
+        return plan
 
     def write(
         self,
         plan: Mapping[str, Any],
         maps: Mapping[str, UndistortMap],
-        mask: Path | None,
         more: Mapping[Path, Content],
-        masked: Callable[[UndistortMap], Any] | None = None,
+        masked: Masked | None = None,
     ) -> list[Path]:
         """Write maps, their views and what more there is, all or none."""
         files: dict[Path, Content] = {
@@ -79,13 +89,17 @@ class MapFormat:
             for part, (paths, write) in plan.items()
             for index, path in enumerate(paths)
         }
-        files |= {**more, **view_files(maps, mask=mask, beside=self.output, masked=masked)}
-        return write_files(files, overwrite=self.overwrite)
+        views = view_files(maps, mask=self.mask, beside=self.output, masked=masked)
+        return write_files({**files, **more, **views}, overwrite=self.overwrite)
+
+
+def _files_of(plan: Mapping[str, Any]) -> list[Path]:
+    return [path for paths, _ in plan.values() for path in paths]
 
 
 @dataclass(frozen=True, kw_only=True)
 class MapFiles:
-    """What became of :func:`map_files` and :func:`pair_map_files`.
+    """What became of :func:`map_files` and :func:`map_rig_files`.
 
     Attributes:
         model: the file of the camera or the rig.
@@ -111,7 +125,7 @@ class MapFiles:
     def as_record(self) -> dict[str, Any]:
         """Plain data: what ``cubicfish map --json`` prints."""
         return {
-            "model": str(self.model),
+            "model": self.model,
             "files": self.own,
             "extra_files": [path for path in self.written if path not in self.own],
             "image_size": self.image_size,
@@ -123,102 +137,157 @@ class MapFiles:
 
 def map_files(
     camera: StrPath,
-    form: MapFormat,
-    choose: Callable[[Camera], ChosenView],
+    output: StrPath,
+    view: View | ViewOptions | None = None,
     *,
-    parts: Sequence[str] = ("",),
     photo_size: Size | None = None,
-    crop: Crop | None = None,
+    crop: Crop | str | None = None,
     redistort: bool = False,
-    mask: Path | None = None,
+    fixed_point: bool = False,
+    origin: Origin = "bottom-left",
+    mask: StrPath | None = None,
     mask_limit: float | None = None,
+    run: Run = RUN,
 ) -> MapFiles:
-    """Write the map of a camera, as ``cubicfish map`` does.
+    """Write the map of a camera, and the camera of what it shows, as ``cubicfish map`` does.
 
     Args:
-        camera: its file.
-        form: how maps are written.
-        choose: the camera of the photos -> what the map shows.
-        parts: the names of the parts of that.
+        camera: its file, or the folder of that.
+        output: where the map goes: a name in .npz, .exr, .png or .pgm; the files beside it have
+            names that begin alike.
+        view: what the map shows, or what is asked of it, as for :func:`undistort_files`.
         photo_size: (width, height) of photos, an exact rescale of the calibrated ones.
-        crop: the part of the calibrated photo that photos show.
-        redistort: whether the map is the way back.
+        crop: the part of the calibrated photo that photos show, such as ``960x540+160+90``.
+        redistort: makes the way back, from the view to the photo.
+        fixed_point: in .npz, the fixed-point maps of cv2.convertMaps.
+        origin: where y of an STMap (.exr, .png) is 0.
         mask: also writes where the map may be trusted.
-        mask_limit: only where the camera's own uncertainty is at most so many pixels.
+        mask_limit: there only where the camera's own uncertainty is at most so many pixels.
+        run: how the work is done.
 
     Raises:
+        UsageError: what is asked does not go together.
         CubicfishError: the camera cannot be used, there is no such view, or a file exists and may
             not be replaced.
 
     """
-    plan = form.plan(parts)
-    own = [path for paths, _ in plan.values() for path in paths]
-    refuse_existing(*own, overwrite=form.overwrite)
+    if mask_limit is not None and (mask is None or redistort):
+        raise UsageError(
+            "--mask-limit goes with --mask: name the mask's file"
+            if mask is None
+            else "--mask-limit is for the map that undistorts: leave it out, or --redistort"
+        )
+    writer = _Writer(
+        output=Path(output),
+        fixed_point=fixed_point,
+        origin=origin,
+        mask=path_or_none(mask),
+        overwrite=run.overwrite,
+    )
+    plan = writer.plan(view.parts if isinstance(view, ViewOptions) else ("",))
     path = in_folder(Path(camera))
-    loaded = load_camera(path)
-    size = photo_size or ((crop.width, crop.height) if crop else loaded.camera.image_size)
-    there = camera_for_photos(loaded.camera, size, crop)
+    loaded, part = load_camera(path), parse_crop(crop) if isinstance(crop, str) else crop
+    size = photo_size or ((part.width, part.height) if part else loaded.camera.image_size)
+    there = camera_for_photos(loaded.camera, size, part)
     masked = None
     if mask_limit is not None:
-        masked = partial(TrustedWithin(mask_limit, loaded, path, crop).mask, size=size)
-    view = choose(there)
+        masked = partial(TrustedWithin(mask_limit, loaded, path, part).mask, size=size)
+    chosen = chosen_of(view, there)
     build = build_redistort_map if redistort else build_map
-    maps = {part: build(there, one) for part, one in view.views.items()}
-    written = form.write(plan, maps, mask, {}, masked)
-    is_pair = form.output.suffix.lower() == ".pgm"
+    maps = {name: build(there, one) for name, one in chosen.views.items()}
+    written = writer.write(plan, maps, {}, masked)
+    is_pair = writer.output.suffix.lower() == ".pgm"
     return MapFiles(
         model=path,
-        own=own,
+        own=_files_of(plan),
         written=written,
         image_size=size,
-        view=view,
-        seen=None if redistort else view.seen_by(there),
+        view=chosen,
+        seen=None if redistort else chosen.seen_by(there),
         ffmpeg=[ffmpeg_command(*paths) for paths, _ in plan.values()] if is_pair else [],
     )
 
 
-def pair_map_files(
-    rig: Path,
-    form: MapFormat,
-    choose: Callable[[Camera], ChosenView],
+def map_rig_files(
+    rig: StrPath,
+    output: StrPath,
+    view: ViewOptions | None = None,
     *,
     pair: tuple[str, str] | None = None,
     photo_size: Size | None = None,
-    whole_field: bool = False,
-    mask: Path | None = None,
+    fixed_point: bool = False,
+    origin: Origin = "bottom-left",
+    mask: StrPath | None = None,
+    run: Run = RUN,
 ) -> MapFiles:
-    """Write a map for each of two cameras of a rig, and what it takes to measure with them.
+    """Write a map for each of two cameras of a rig, after which both show things in equal rows.
 
     Args:
-        rig: its file.
-        form: how maps are written; what they are called, before the cameras' names.
-        choose: the two as one camera -> one central view whose rows both can share.
+        rig: its file, or the folder of that.
+        output: what maps are called, as for :func:`map_files`, before the cameras' names.
+        view: what is asked of both pictures; by default flat.
         pair: names of its cameras; None for a rig of two.
-        photo_size: of the photos, where it is not the calibrated one.
-        whole_field: whether the view is cut to what the two see.
-        mask: where the masks go.
+        photo_size: (width, height) of photos, an exact rescale of the calibrated ones.
+        fixed_point: as for :func:`map_files`.
+        origin: likewise.
+        mask: also writes where each map may be trusted.
+        run: how the work is done.
+
+    Returns:
+        The files, and in ``stereo`` what it takes to get from disparities to points.
 
     Raises:
+        UsageError: rows of such views do not agree between cameras.
         CubicfishError: the rig cannot be used, or has no such cameras; the two see nothing in
             common; a file exists and may not be replaced.
 
     """
-    loaded = load_rig(rig)
+    writer = _Writer(
+        output=Path(output),
+        fixed_point=fixed_point,
+        origin=origin,
+        mask=path_or_none(mask),
+        overwrite=run.overwrite,
+    )
+    asked, path = _row_aligned(view or ViewOptions()), rig_file_in(Path(rig))
+    loaded = load_rig(path)
     both = _two_cameras(loaded, pair)
-    plan = form.plan(both)
-    about = form.output.with_suffix(".stereo.yaml")
-    own = [path for paths, _ in plan.values() for path in paths]
-    refuse_existing(*own, about, overwrite=form.overwrite)
-    made = pair_maps(loaded, *both, choose, photo_size=photo_size, whole_field=whole_field)
-    written = form.write(plan, made.maps, mask, {about: plain_yaml_text(made.record)})
+    about = writer.output.with_suffix(".stereo.yaml")
+    plan = writer.plan(both, about)
+    made = pair_maps(
+        loaded,
+        *both,
+        asked.chosen,
+        photo_size=photo_size,
+        whole_field=asked.leaves_field_open and asked.kind == "epipolar-equirectangular",
+    )
+    written = writer.write(plan, made.maps, {about: plain_yaml_text(made.record)})
     return MapFiles(
-        model=rig,
-        own=own,
+        model=path,
+        own=_files_of(plan),
         written=written,
         image_size=made.pair.image_size,
         view=made.chosen,
         stereo=made.record,
     )
+
+
+def _row_aligned(view: ViewOptions) -> ViewOptions:
+    """What was asked of a picture, as of one whose rows agree with another camera's."""
+    yaw, _, roll = view.rotate_deg
+    if yaw or roll:
+        raise UsageError(
+            "rows of both pictures agree as long as they look up or down only: write --rotate "
+            "0,PITCH,0"
+        )
+    if view.kind in ("cylindrical", "equirectangular"):
+        view = replace(view, kind=f"epipolar-{view.kind}")
+    if (view.kind or "perspective") not in ROW_ALIGNED:
+        kinds = either([kind.removeprefix("epipolar-") for kind in ROW_ALIGNED])
+        raise UsageError(
+            f"rows of {view.kind} pictures do not agree between cameras: choose --view {kinds}"
+        )
+    return view
 
 
 def _two_cameras(rig: RigFile, pair: tuple[str, str] | None) -> tuple[str, str]:

@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.errors import CubicfishError, PhotoError, UsageError, ViewError
+from cubicfish_cli.errors import CubicfishError, UsageError, ViewError
 from cubicfish_cli.files import refuse_existing, write_files
 from cubicfish_cli.fitting.rig.shots import shots_by_name
 from cubicfish_cli.formats.rig_yaml import RigFile, load_rig
-from cubicfish_cli.library.asked import RUN, Run, StrPath, named_photos, paths_of
+from cubicfish_cli.library.asked import (
+    RUN,
+    Run,
+    StrPath,
+    named_photos,
+    path_or_none,
+    paths_of,
+    rig_file_in,
+)
+from cubicfish_cli.library.asked_pictures import GroundOptions, PlaneOptions, ViewOptions
+from cubicfish_cli.library.pictures import Interpolation, rendering_of
 from cubicfish_cli.library.rig_pictures import Face, body_of_rig, faces_of, faces_texts
-from cubicfish_cli.library.undistorting import refuse_a_file
-from cubicfish_cli.library.views import board_with_plane
+from cubicfish_cli.library.undistorting import UndistortedFiles, is_folder, refuse_itself
+from cubicfish_cli.library.views import board_with_plane, chosen_of
 from cubicfish_cli.listener import SILENT, Count, Listener
 from cubicfish_cli.photos import decode_picture, natural_key, photo_size, read_file, shown
 from cubicfish_cli.target import Target
@@ -29,7 +40,7 @@ from cubicfish_cli.undistortion.images import (
     remap_picture,
 )
 from cubicfish_cli.undistortion.mosaic import Body, Ground, Mosaic, mosaic_of
-from cubicfish_cli.undistortion.view import Camera, View, matrix_of_rotation
+from cubicfish_cli.undistortion.view import View, matrix_of_rotation
 from cubicfish_cli.undistortion.view_files import mask_picture, view_files
 from cubicfish_cli.wording import did_you_mean, quoted
 from cubicfish_cli.words.phrases import plural
@@ -38,18 +49,8 @@ Shot = Mapping[str, Path]
 """Camera -> its photo."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Done:
-    """What became of shots.
-
-    Attributes:
-        files: what was written, by shot.
-        failures: shot -> why it could not be done.
-
-    """
-
-    files: Mapping[str, list[Path]]
-    failures: Mapping[str, CubicfishError]
+Became = tuple[dict[str, list[Path]], dict[str, CubicfishError]]
+"""What was written of each shot, and why others could not be done."""
 
 
 def body_for_photos(body: Body, shots: Mapping[str, Shot]) -> Body:
@@ -133,7 +134,7 @@ def write_pictures(
     progress: Count,
     *,
     overwrite: bool,
-) -> Done:
+) -> Became:
     """Write one picture per shot; one that fails does not stop the others.
 
     Args:
@@ -201,7 +202,7 @@ class Faces:
         check_outputs(planned, overwrite=overwrite)
         refuse_existing(*self.tables, overwrite=overwrite)
 
-    def write(self, rendering: Rendering, progress: Count) -> Done:
+    def write(self, rendering: Rendering, progress: Count) -> Became:
         """Write them; the tables too where no shot failed."""
         masks = {
             face.name: encode_picture(Path("mask.png"), mask_picture(face.map.valid))
@@ -219,10 +220,10 @@ class Faces:
                     files[mask] = masks[face.name]
             return files
 
-        done = _each(self._shots, files_of, progress, overwrite=self._overwrite)
-        if not done.failures:
+        written, failures = _each(self._shots, files_of, progress, overwrite=self._overwrite)
+        if not failures:
             write_files(self.tables, overwrite=self._overwrite)
-        return done
+        return written, failures
 
 
 def _rendered(face: Face, pictures: Mapping[str, Any], rendering: Rendering) -> Any:
@@ -238,7 +239,7 @@ def _each(
     progress: Count,
     *,
     overwrite: bool,
-) -> Done:
+) -> Became:
     done: dict[str, list[Path]] = {}
     failures: dict[str, CubicfishError] = {}
     for number, shot in enumerate(shots, start=1):
@@ -247,7 +248,7 @@ def _each(
         except CubicfishError as problem:
             failures[shot] = problem
         progress(number, len(shots))
-    return Done(files=done, failures=failures)
+    return done, failures
 
 
 def _read(photos: Shot) -> tuple[bytes, dict[str, Any]]:
@@ -259,166 +260,145 @@ def _read(photos: Shot) -> tuple[bytes, dict[str, Any]]:
     return next(iter(data.values())), pictures
 
 
-@dataclass(frozen=True, kw_only=True)
-class PlaneOfGround:
-    """The ground that shots are shown from above on.
+def _views_of_ground(
+    asked: PlaneOptions | GroundOptions, rig: RigFile, body: Body, shots: Iterable[str]
+) -> dict[str, ChosenView]:
+    """The ground in each shot, from above.
 
-    Attributes:
-        below: how far below the first camera it is, and by how much that looks up and is rolled.
-        board: a target, and which of its boards lies on it instead.
-        shot: which shot of the calibration says where that lies; None for each shot itself.
-        margin: how far the picture goes on beyond what is seen or the board.
-        pixels_per_unit: its scale.
+    Raises:
+        ViewError: it is not known where the board lay, or nothing is seen.
 
     """
 
-    below: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    board: tuple[Target, str] | None = None
-    shot: str | None = None
-    margin: float | None = None
-    pixels_per_unit: float | None = None
+    def chosen(ground: Ground) -> ChosenView:
+        view = ground.view(body, margin=asked.margin, pixels_a_unit=asked.pixels_per_unit)
+        return ChosenView(views={"": view}, unit=rig.units or "unit")
 
-    def views(self, rig: RigFile, body: Body, shots: Iterable[str]) -> dict[str, ChosenView]:
-        """The ground in each shot.
-
-        Raises:
-            ViewError: it is not known where the board lay, or nothing is seen.
-
-        """
-
-        def chosen(shot: str | None) -> ChosenView:
-            if self.board is not None:
-                ground = ground_of_board(rig, str(shot), *self.board)
-            else:
-                ground = Ground.below(*self.below)
-            view = ground.view(body, margin=self.margin, pixels_a_unit=self.pixels_per_unit)
-            return ChosenView(views={"": view}, unit=rig.units or "unit")
-
-        if self.board is None or self.shot is not None:
-            return dict.fromkeys(shots, chosen(self.shot))
-        return {shot: chosen(shot) for shot in shots}
+    if isinstance(asked, GroundOptions):
+        below = Ground.below(asked.height, asked.pitch_deg, asked.roll_deg)
+        return dict.fromkeys(shots, chosen(below))
+    of_board = partial(ground_of_board, rig, target=asked.loaded(), board=asked.board)
+    if asked.shot is not None:
+        return dict.fromkeys(shots, chosen(of_board(asked.shot)))
+    return {shot: chosen(of_board(shot)) for shot in shots}
 
 
-@dataclass(frozen=True, kw_only=True)
-class ShotFiles:
-    """What became of :func:`undistort_shots`.
-
-    Attributes:
-        model: the rig's file.
-        done: what was written of each shot, and what was not.
-        view: what the first shot's picture shows, or the first camera's faces.
-        extras: masks, virtual cameras and tables that were written.
-        faces: the faces about each camera; none where a shot is one picture.
-
-    """
-
-    model: Path
-    done: Done
-    view: ChosenView
-    extras: Sequence[Path]
-    faces: Sequence[Face] = ()
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        done = self.done
-        return {
-            "model": self.model,
-            "dry_run": False,
-            "images": len(done.files),
-            "files": [file for own in done.files.values() for file in own],
-            "skipped": [],
-            "failed": [{"image": shot, "problem": str(why)} for shot, why in done.failures.items()],
-            "view": self.view.as_record() if done.files else None,
-            "extra_files": self.extras,
-        }
-
-
-def undistort_shots(
-    rig: Path,
-    sources: Sequence[StrPath],
-    destination: Path,
-    choose: Callable[[Camera], ChosenView],
-    rendering: Rendering,
-    run: Run = RUN,
+def undistort_rig_files(
+    photos: StrPath | Sequence[StrPath],
+    output: StrPath,
+    rig: StrPath,
+    view: View | ViewOptions | PlaneOptions | GroundOptions | None = None,
     *,
-    faces: bool = False,
-    ground: PlaneOfGround | None = None,
     distance: float | None = None,
-    mask: Path | None = None,
-    camera_out: Path | None = None,
-) -> ShotFiles:
+    interpolation: Interpolation = "linear",
+    border: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    quality: int | None = None,
+    mask: StrPath | None = None,
+    virtual_camera: StrPath | None = None,
+    run: Run = RUN,
+) -> UndistortedFiles:
     """Make a picture of every shot of a rig, as ``cubicfish undistort --rig`` does.
 
     Args:
-        rig: its file.
-        sources: photos, or folders of them; see :func:`shots_of`.
-        destination: the picture of one shot, or the folder of several.
-        choose: all cameras as one, or each camera -> what is rendered.
-        rendering: how pixels are made.
+        photos: photos, or folders of them. They are of the camera that their folder is called
+            after, or that their own name begins with; where nothing is called after a camera,
+            they are in the cameras' order.
+        output: a folder; of one shot also a name for its picture.
+        rig: its file, or the folder of that.
+        view: what to show in the frame of the rig, or what is asked of it; by default all around,
+            as longitude and latitude. A cube in six pictures is made about each camera, with masks
+            and, for COLMAP and nerfstudio, where they were taken from.
+        distance: how far away things are that the cameras' pictures join at, in the rig's unit;
+            None for far away.
+        interpolation: how pixels are blended.
+        border: (red, green, blue) of what no camera sees, 0 to 1.
+        quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photos.
+        mask: also writes where the results may be trusted: 255, and 0 elsewhere.
+        virtual_camera: also writes the camera of the results, as :func:`undistort_files`.
         run: how the work is done.
-        faces: whether each camera has pictures of its own, with masks.
-        ground: shows that from above instead.
-        distance: how far away things are that pictures join at; None for far away.
-        mask: also writes where the result may be trusted.
-        camera_out: also writes the virtual camera of the result.
+
+    Returns:
+        The ``files`` that were written, and what ``failed`` and why, by the shots' names.
 
     Raises:
-        UsageError: it is not known which camera a photo is of.
-        CubicfishError: the rig or all photos cannot be used, or a file exists and may not be
-            replaced.
+        UsageError: it is not known which camera a photo is of, or what is asked does not go
+            together.
+        OutputError: a result exists and may not be replaced, or would replace a photo.
+        CubicfishError: the rig or all photos cannot be used.
 
     """
-    loaded, overwrite = load_rig(rig), run.overwrite
-    shots = shots_of(sources, [one.name for one in loaded.cameras], run.listener)
-    body = body_for_photos(replace(body_of_rig(loaded), distance=distance), shots)
-    if faces:
-        parts = {one.name: choose(one.camera).views for one in body.cameras}
-        work = Faces(loaded, body, parts, shots, destination, overwrite=overwrite)
-        done = work.write(rendering, run.listener.counting("Undistorting"))
-        return ShotFiles(
-            model=rig,
-            done=done,
-            view=ChosenView(views=parts[body.cameras[0].name]),
-            extras=[] if done.failures else list(work.tables),
-            faces=work.faces,
+    rendering = rendering_of(interpolation, border, quality)
+    if view is None or (isinstance(view, ViewOptions) and view.kind is None):
+        view = replace(view or ViewOptions(), kind="equirectangular")
+    if isinstance(view, PlaneOptions | GroundOptions) and distance is not None:
+        raise UsageError("the ground has a distance of its own: leave out --distance")
+    in_faces = isinstance(view, ViewOptions) and view.parts != ("",)
+    if in_faces and (mask is not None or virtual_camera is not None):
+        raise UsageError(
+            "the faces of a rig's cube have masks and cameras beside them: leave out "
+            f"{'--mask' if mask is not None else '--camera'}"
         )
-    if ground is not None:
-        views = ground.views(loaded, body, shots)
+    path, goal, overwrite = rig_file_in(Path(rig)), Path(output), run.overwrite
+    loaded = load_rig(path)
+    shots = shots_of(paths_of(photos), [one.name for one in loaded.cameras], run.listener)
+    body = body_for_photos(replace(body_of_rig(loaded), distance=distance), shots)
+    progress = run.listener.counting("Undistorting")
+    if in_faces and isinstance(view, ViewOptions):
+        parts = {one.name: view.chosen(one.camera).views for one in body.cameras}
+        work = Faces(loaded, body, parts, shots, goal, overwrite=overwrite)
+        written, failures = work.write(rendering, progress)
+        return UndistortedFiles(
+            kind="shot",
+            output=goal,
+            written=written,
+            failures=failures,
+            model=path,
+            view=ChosenView(views=parts[body.cameras[0].name]) if written else None,
+            extras=[] if failures else list(work.tables),
+            faces=len(work.faces),
+        )
+    if isinstance(view, PlaneOptions | GroundOptions):
+        views = _views_of_ground(view, loaded, body, shots)
     else:
-        views = dict.fromkeys(shots, choose(body))
+        views = dict.fromkeys(shots, chosen_of(view, body))
     pictures = ShotViews(body, views)
-    outputs = _outputs(shots, destination)
+    outputs = _outputs(shots, goal)
     check_outputs(list(outputs.values()), overwrite=overwrite)
     extras: list[Path] = []
-    if mask is not None or camera_out is not None:
-        made = {"": pictures.only().whole_map}
-        extras = write_files(view_files(made, mask=mask, beside=camera_out), overwrite=overwrite)
-    progress = run.listener.counting("Undistorting")
-    done = write_pictures(pictures, shots, outputs, rendering, progress, overwrite=overwrite)
-    first = views[next(iter(done.files), next(iter(shots)))]
-    return ShotFiles(model=rig, done=done, view=first, extras=extras)
+    if mask is not None or virtual_camera is not None:
+        files = view_files(
+            {"": pictures.only().whole_map},
+            mask=path_or_none(mask),
+            beside=path_or_none(virtual_camera),
+        )
+        extras = write_files(files, overwrite=overwrite)
+    written, failures = write_pictures(
+        pictures, shots, outputs, rendering, progress, overwrite=overwrite
+    )
+    return UndistortedFiles(
+        kind="shot",
+        output=goal,
+        written=written,
+        failures=failures,
+        model=path,
+        view=views[next(iter(written))] if written else None,
+        extras=extras,
+    )
 
 
-def _outputs(shots: Mapping[str, Shot], destination: Path) -> dict[str, Path]:
+def _outputs(shots: Mapping[str, Shot], output: Path) -> dict[str, Path]:
     """Where the picture of each shot goes."""
-    if len(shots) > 1:
-        refuse_a_file(destination, plural(len(shots), "shot"))
-    to_folder = len(shots) > 1 or destination.is_dir() or not destination.suffix
+    to_folder = is_folder(output, plural(len(shots), "shot") if len(shots) > 1 else "")
     outputs = {}
     for shot, photos in shots.items():
         first = next(iter(photos.values()))
-        path = destination / f"{shot}{first.suffix}" if to_folder else destination
-        for photo in photos.values():
-            if path.exists() and path.samefile(photo):
-                raise PhotoError(
-                    f"{shown(path)} is the photo itself: choose another name or folder for OUT"
-                )
-        outputs[shot] = path
+        outputs[shot] = output / f"{shot}{first.suffix}" if to_folder else output
+        refuse_itself([outputs[shot]], list(photos.values()))
     return outputs
 
 
 def shots_of(
-    sources: Sequence[StrPath], cameras: Sequence[str], listener: Listener = SILENT
+    sources: Sequence[Path], cameras: Sequence[str], listener: Listener = SILENT
 ) -> dict[str, Shot]:
     """The shots that the user named: name -> the photo of each camera.
 
@@ -432,10 +412,8 @@ def shots_of(
         FitError: a camera's photos would be of one shot twice.
 
     """
-    paths = paths_of(sources)
-    inside = [path / name for path in paths for name in cameras if (path / name).is_dir()]
-    if inside and len(paths) == 1:
-        paths = inside
+    inside = [path / name for path in sources for name in cameras if (path / name).is_dir()]
+    paths = inside if inside and len(sources) == 1 else list(sources)
     owners = [_owner(path, cameras) for path in paths]
     if not any(owners) and len(paths) == len(cameras):
         owners = list(cameras)

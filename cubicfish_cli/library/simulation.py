@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.arrays import Refusal
-from cubicfish_cli.errors import CameraFileError, CorrespondenceError, OutputError
+from cubicfish_cli.errors import CameraFileError, CorrespondenceError, OutputError, UsageError
 from cubicfish_cli.files import Content, write_files
 from cubicfish_cli.formats.calibrated import Calibrated, camera_text
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.frame_names import frame_name
 from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.listener import SILENT, Count, Listener
+from cubicfish_cli.library.asked import RUN, Run, StrPath
+from cubicfish_cli.library.asked_pictures import LOOKS, FilmOptions, LookOptions
+from cubicfish_cli.listener import Count
 from cubicfish_cli.observations import MAX_SIDE
 from cubicfish_cli.rendering.lens_file import is_lens_file, lens_text, load_lens
 from cubicfish_cli.rendering.outside import (
@@ -38,37 +41,16 @@ from cubicfish_cli.rendering.simulate import (
 )
 from cubicfish_cli.rendering.truth import true_corners_text, visible_points
 from cubicfish_cli.rendering.views import WholeLens
-from cubicfish_cli.target import Target
+from cubicfish_cli.target import Target, load_target
 from cubicfish_cli.wording import did_you_mean, quoted
+from cubicfish_cli.words.codes import Event
+from cubicfish_cli.words.phrases import plural
 
 FILM = "film.mp4"
+_SUFFIXES = {"true_corners": ".csv", "true_poses": ".csv", "true_camera": ".yaml"}
 _SIZE = (960, 720)
+_LOOK = LookOptions()
 _MOST_PHOTOS = 10_000
-_LOOK = {"noise": 2.0, "blur": 0.7, "vignetting": 0.4, "exposure": 1.0, "seed": 0}
-LOOK = tuple(_LOOK)
-_BOUNDS = {"noise": (0, 100), "blur": (0, 50), "vignetting": (0, 0.8), "exposure": (0.02, 4)}
-_MOST_SECONDS = 3600.0
-
-StrPath = str | os.PathLike[str]
-
-
-class LookOptions(TypedDict, total=False):
-    """How simulated pictures look.
-
-    Attributes:
-        noise: standard deviation of the sensor's noise, grey levels of 255, at most 100; 2.
-        blur: standard deviation of the lens's blur, pixels, at most 50; 0.7.
-        vignetting: share of the light that is lost 90° from the axis, at most 0.8; 0.4.
-        exposure: 1 is a well-lit picture, 0.2 a dark one; 0.02 to 4, and overexposed ones bleed.
-        seed: another one gives other poses, other motion and other noise, the same one the same.
-
-    """
-
-    noise: float
-    blur: float
-    vignetting: float
-    exposure: float
-    seed: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,14 +61,14 @@ class Source:
         lens: the true lens.
         image_size: (width, height) of the photos.
         text: target and poses -> what true_camera.yaml holds.
-        note: what is to be known of that file; None for nothing.
+        note: of which tool's lens that is the nearest camera, and how near; None if it is that.
 
     """
 
     lens: WholeLens
     image_size: tuple[int, int]
     text: Callable[[Target, Mapping[str, Pose]], str]
-    note: str | None = None
+    note: Mapping[str, Any] | None = None
 
     @classmethod
     def of(
@@ -95,7 +77,7 @@ class Source:
         image_size: Sequence[int] | None,
         target: Target,
     ) -> Source:
-        """What a caller names: a camera, a lens or a file of one; see :func:`simulate_photos`.
+        """What a caller names: a camera, a lens or a file of one; see :func:`simulate_files`.
 
         Raises:
             CameraFileError: it cannot be used, or is for photos of another size.
@@ -166,9 +148,7 @@ class Source:
             lens=exact,
             image_size=given.image_size,
             text=lambda *_: text,
-            note=f"true_camera.yaml will be the cubic camera nearest to the lens of {found}, "
-            f"{exact.nearest.error.rms_px:.4f} px from it (RMS); photos and corners are the "
-            "lens's own.",
+            note={"found": found, "rms_px": exact.nearest.error.rms_px},
         )
 
     @classmethod
@@ -184,6 +164,9 @@ class Source:
 
 def _is_of_another_tool(path: Path) -> bool:
     """Whether a file is no camera or lens of ours, and of a format that is known."""
+    with suppress(CameraFileError):  # of what is no YAML
+        if is_lens_file(path):
+            return False
     from cubicfish_cli.formats.foreign import sniffed
 
     try:
@@ -198,140 +181,170 @@ def _camera_text(camera: CubicCamera, made_by: Mapping[str, object]) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Simulated:
+class SimulatedFiles:
+    """What became of :func:`simulate_files`.
+
+    Attributes:
+        photos: the photos, or the film.
+        truth: the files beside them: ``true_corners``, ``true_poses`` and ``true_camera``.
+        frames: how many photos or frames.
+        corners: how many corners can be seen in them.
+        image_size: (width, height), pixels.
+        seed: their seed.
+
+    """
+
+    photos: Sequence[Path]
+    truth: Mapping[str, Path]
+    frames: int
+    corners: int
+    image_size: tuple[int, int]
+    seed: int
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish simulate --json`` prints."""
+        named = ("photos", "corners", "image_size", "seed")
+        return {**{name: getattr(self, name) for name in named}, **self.truth}
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Scene:
     """Photos or a film, still to be rendered.
 
     Attributes:
-        pictures: names of the photos' files, or of the film's.
-        frames: how many photos or frames.
-        texts: the truth, by the name of its file.
+        poses: of the photos or frames, by the names of their files.
+        corners: the text of true_corners.csv.
         rendered: progress -> name of a picture's file -> what writes it, in their order.
 
     """
 
-    pictures: list[str]
-    frames: int
-    texts: Mapping[str, str]
+    poses: Mapping[str, Pose]
+    corners: str
     rendered: Callable[[Count], dict[str, Content]]
 
-    @property
-    def corners(self) -> int:
-        """How many corners can be seen."""
-        return self.texts["true_corners.csv"].count("\n") - 2
 
-    def save(
-        self, folder: StrPath, *, overwrite: bool = False, listener: Listener = SILENT
-    ) -> list[Path]:
-        """Render the pictures and write them beside their truth, all or nothing.
-
-        Args:
-            folder: where; it is made if it is not there.
-            overwrite: whether existing files may be replaced.
-            listener: who is told how far it is.
-
-        Returns:
-            The files: pictures first, then true_corners.csv, true_poses.csv, true_camera.yaml.
-
-        Raises:
-            OutputError: a file exists and ``overwrite`` is false, or cannot be written.
-
-        """
-        contents = {**self.rendered(listener.counting("Rendering")), **self.texts}
-        files = {Path(folder) / name: content for name, content in contents.items()}
-        return write_files(files, overwrite=overwrite)
-
-
-def _truth(
-    target: Target, source: Source, poses: Mapping[str, Pose], corners: str
-) -> dict[str, str]:
-    return {
-        "true_corners.csv": corners,
-        "true_poses.csv": pose_table_text(poses),
-        "true_camera.yaml": source.text(target, poses),
-    }
-
-
-def simulate_photos(
-    target: Target,
+def simulate_files(
+    target: Target | StrPath,
     lens: Source | Calibrated | CubicCamera | StrPath,
+    folder: StrPath = "simulated",
     *,
     image_size: Sequence[int] | None = None,
+    film: FilmOptions | None = None,
     poses: StrPath | None = None,
-    number: int = 12,
-    form: str = "jpg",
-    **look: Unpack[LookOptions],
-) -> Simulated:
-    """Photos of a target whose poses fill the camera's field, as ``cubicfish simulate``.
+    number: int | None = None,
+    form: str | None = None,
+    look: LookOptions = _LOOK,
+    run: Run = RUN,
+) -> SimulatedFiles:
+    """Render photos or a film of a target beside their truth, as ``cubicfish simulate`` does.
+
+    The poses of photos fill the camera's field. Of a film each frame has its truth under the name
+    that ``cubicfish frames`` gives it. All files are written, or none.
 
     Args:
-        target: the object; its boards are rendered flat.
+        target: the object, or its file; its boards are rendered flat.
         lens: a camera or a fit; the name of a lens that no camera can hold (``moving-pupil``,
             ``mirror``, ``equisolid``, ``orthographic``); or a file: camera.yaml, a lens's
             formula, or another tool's.
-        image_size: (width, height) of the photos in pixels, for lenses with a name (by default
+        folder: where photo_01.jpg or film.mp4 go, true_corners.csv (pixels), true_poses.csv and
+            true_camera.yaml.
+        image_size: (width, height) of the pictures in pixels, for lenses with a name (by default
             960x720) and files that do not say.
-        poses: a table to take them from instead, such as the true_poses.csv of earlier photos;
-            lengths in the target's unit, rotation vectors in radians, ``camera_from_world``.
-        number: of photos, without one.
-        form: of the files: ``jpg`` or ``png``.
-        look: ``noise``, ``blur``, ``vignetting``, ``exposure`` and ``seed`` of
-            :class:`LookOptions`.
-
-    Returns:
-        Photos still to be rendered, which ``save(folder)`` does: grey, each with its truth in
-        true_corners.csv (pixels), true_poses.csv and true_camera.yaml. ``corners`` says how many
-        there are to be seen.
+        film: makes a film in the place of photos.
+        poses: a table to take photos from, such as the true_poses.csv of earlier ones; lengths
+            in the target's unit, rotation vectors in radians, ``camera_from_world``.
+        number: of photos, without one; by default 12.
+        form: of the photos: ``jpg`` or ``png``; by default ``jpg``.
+        look: how they look.
+        run: how the work is done.
 
     Raises:
+        UsageError: what is asked does not go together.
         CameraFileError: the lens cannot be used.
         CorrespondenceError: the table cannot be used.
+        PhotoError: the extra ``video`` is not installed.
         TargetError: the target cannot be drawn, or is not seen so often.
-        OutputError: no photo shows a corner, or an option is out of its bounds.
+        OutputError: no picture shows a corner, a film's side is odd, or a file exists and may not
+            be replaced.
 
     """
-    shown, seed = _look(look)
-    _check("number", number, 1, _MOST_PHOTOS)
+    for name, value in {"-n": number, "--poses": poses, "--format": form}.items():
+        if film is not None and value is not None:
+            raise UsageError(f"{name} is of photos: leave it out with --film")
+    if poses is not None and number is not None:
+        raise UsageError("--poses says how many photos there are: leave -n out")
+    if number is not None and not 1 <= number <= _MOST_PHOTOS:
+        raise UsageError(f"number must be from 1 to {_MOST_PHOTOS}, not {number}")
+    form, listener = form or FORMATS[0], run.listener
     if form not in FORMATS:
         told = did_you_mean(str(form), FORMATS)
-        raise OutputError(f"photos are not written as {quoted(form)}: {told}")
-    source = Source.of(lens, image_size, target)
-    if poses is None:
-        digits = len(str(number)) if number > 9 else 2
-        chosen = chosen_poses(target, source.lens, source.image_size, number, seed=seed)
-        named = {f"photo_{i:0{digits}d}.{form}": pose for i, pose in enumerate(chosen, start=1)}
+        raise UsageError(f"photos are not written as {quoted(form)}: {told}")
+    thing = target if isinstance(target, Target) else load_target(Path(target))
+    choosing = "Choosing where to take photos from"
+    listener.progress(choosing)
+    source = Source.of(lens, image_size, thing)
+    if source.note is not None:
+        listener.tell(Event.NEAREST_CAMERA, **source.note)
+    if any(board.shape is not None for board in thing.boards):
+        listener.tell(Event.RENDERED_FLAT)
+    flat, seed = thing.with_flat_boards(), look.seed
+    shown = Look(**{name: getattr(look, name) for name in LOOKS})
+    if film is None:
+        listener.progress(choosing)
+        if poses is None:
+            chosen = chosen_poses(thing, source.lens, source.image_size, number or 12, seed=seed)
+            digits = max(2, len(str(len(chosen))))
+            named = {f"photo_{i:0{digits}d}.{form}": pose for i, pose in enumerate(chosen, start=1)}
+        else:
+            named = _poses_of_table(Path(poses), form)
+        scene = _photos(flat, source, named, shown, seed)
     else:
-        named = _poses_of_table(Path(poses), form)
-    flat = target.with_flat_boards()
-    corners = true_corners_text(flat, source.lens, named, source.image_size)
+        listener.progress("Choosing how the target is moved")
+        scene = _film(flat, source, film, shown, seed)
+    texts = {
+        "true_corners": scene.corners,
+        "true_poses": pose_table_text(scene.poses),
+        "true_camera": source.text(thing, scene.poses),
+    }
+    width, height = source.image_size
+    what = "photo" if film is None else "frame"
+    pictures = plural(len(scene.poses), what)
+    listener.tell(Event.RENDERING, pictures=pictures, width=width, height=height)
+    truth = {name: Path(folder) / f"{name}{_SUFFIXES[name]}" for name in texts}
+    photos = {
+        Path(folder) / name: content
+        for name, content in scene.rendered(listener.counting("Rendering")).items()
+    }
+    files = {**photos, **{truth[name]: text for name, text in texts.items()}}
+    write_files(files, overwrite=run.overwrite)
+    return SimulatedFiles(
+        photos=list(photos),
+        truth=truth,
+        frames=len(scene.poses),
+        corners=scene.corners.count("\n") - 2,
+        image_size=source.image_size,
+        seed=seed,
+    )
+
+
+def _photos(
+    target: Target, source: Source, poses: Mapping[str, Pose], look: Look, seed: int
+) -> _Scene:
+    """Photos from these poses."""
+    corners = true_corners_text(target, source.lens, poses, source.image_size)
     if corners.count("\n") <= 2:
         raise OutputError("no photo shows a corner: check the poses, the target and its units")
 
     def rendered(progress: Count) -> dict[str, Content]:
-        photos = simulated_photos(flat, source.lens, source.image_size, named, shown, seed=seed)
+        photos = simulated_photos(target, source.lens, source.image_size, poses, look, seed=seed)
 
         def write(done: int, path: Path) -> None:
-            path.write_bytes(photo_bytes(next(photos)[1], form))
-            progress(done, len(named))
+            path.write_bytes(photo_bytes(next(photos)[1], path.suffix[1:]))
+            progress(done, len(poses))
 
-        return {name: partial(write, done) for done, name in enumerate(named, start=1)}
+        return {name: partial(write, done) for done, name in enumerate(poses, start=1)}
 
-    texts = _truth(flat, source, named, corners)
-    return Simulated(pictures=list(named), frames=len(named), texts=texts, rendered=rendered)
-
-
-def _look(given: LookOptions) -> tuple[Look, int]:
-    """What was asked of the pictures, and the seed."""
-    chosen: dict[str, Any] = {**_LOOK, **given}
-    for name in chosen.keys() - _LOOK.keys():
-        raise TypeError(f"{name} is no option of a simulation")
-    for name, (least, most) in _BOUNDS.items():
-        _check(name, chosen[name], least, most)
-    return Look(**{name: chosen[name] for name in _BOUNDS}), int(chosen["seed"])
-
-
-def _check(name: str, value: float, least: float, most: float) -> None:
-    if not least <= value <= most:
-        raise OutputError(f"{name} must be from {least:g} to {most:g}, not {value}")
+    return _Scene(poses=poses, corners=corners, rendered=rendered)
 
 
 def _poses_of_table(path: Path, form: str) -> dict[str, Pose]:
@@ -348,74 +361,32 @@ def _poses_of_table(path: Path, form: str) -> dict[str, Pose]:
     return named
 
 
-def simulate_film(
-    target: Target,
-    lens: Source | Calibrated | CubicCamera | StrPath,
-    seconds: float,
-    *,
-    image_size: Sequence[int] | None = None,
-    rate: float = 30.0,
-    shutter_ms: float = 8.0,
-    readout_ms: float = 15.0,
-    **look: Unpack[LookOptions],
-) -> Simulated:
-    """A film of a hand that moves a target in front of the camera, as ``cubicfish simulate``.
-
-    Args:
-        target: the object; its boards are rendered flat.
-        lens: a camera or a fit; the name of a lens that no camera can hold (``moving-pupil``,
-            ``mirror``, ``equisolid``, ``orthographic``); or a file: camera.yaml, a lens's
-            formula, or another tool's.
-        seconds: how long the film is, 0.1 to 3600.
-        image_size: (width, height) of the frames in pixels, for lenses with a name (by default
-            960x720) and files that do not say.
-        rate: frames per second, 1 to 240.
-        shutter_ms: for how long each row gathers light, milliseconds up to 1000.
-        readout_ms: how long after the first row the last one is read, milliseconds up to 1000;
-            0 is a global shutter.
-        look: as for :func:`simulate_photos`.
-
-    Returns:
-        The film still to be rendered, which ``save(folder)`` does: film.mp4, and the truth of each
-        frame under the name that ``cubicfish frames`` gives it.
-
-    Raises:
-        CameraFileError: the lens cannot be used.
-        PhotoError: the extra ``video`` is not installed.
-        TargetError: the target cannot be drawn, or is not seen so often.
-        OutputError: no frame shows a corner, a side is odd, or an option is out of its bounds.
-
-    """
+def _film(target: Target, source: Source, asked: FilmOptions, look: Look, seed: int) -> _Scene:
+    """A film of a hand that moves the target."""
     from cubicfish_cli.films.source import library
     from cubicfish_cli.films.write import refuse_odd, write_film
     from cubicfish_cli.rendering.film import Shutter, film_frames, film_truth, hand_path
 
-    shown, seed = _look(look)
-    _check("seconds", seconds, 0.1, _MOST_SECONDS)
-    _check("rate", rate, 1, 240)
-    _check("shutter_ms", shutter_ms, 0, 1000)
-    _check("readout_ms", readout_ms, 0, 1000)
-    shutter = Shutter(rate=rate, open_s=shutter_ms / 1000, readout_s=readout_ms / 1000)
-    source = Source.of(lens, image_size, target)
+    shutter = Shutter(
+        rate=asked.rate, open_s=asked.shutter_ms / 1000, readout_s=asked.readout_ms / 1000
+    )
     size = source.image_size
     library()  # said before the work if it is not there
     refuse_odd(size)
-    frames = max(1, round(seconds * shutter.rate))
+    frames = max(1, round(asked.seconds * shutter.rate))
     names = [f"{frame_name(Path(FILM).stem, one / shutter.rate)}.png" for one in range(frames)]
-    flat = target.with_flat_boards()
-    path = hand_path(flat, source.lens, size, seconds, seed=seed)
-    poses, corners = film_truth(flat, source.lens, size, path, shutter, names)
+    path = hand_path(target, source.lens, size, asked.seconds, seed=seed)
+    poses, corners = film_truth(target, source.lens, size, path, shutter, names)
     if corners.count("\n") <= 2:
         raise OutputError("no frame shows a corner: check the target and its units")
 
     def rendered(progress: Count) -> dict[str, Content]:
         def pictures() -> Iterator[npt.NDArray[np.uint8]]:
-            made = film_frames(flat, source.lens, size, path, shutter, frames, shown, seed=seed)
+            made = film_frames(target, source.lens, size, path, shutter, frames, look, seed=seed)
             for done, picture in enumerate(made, start=1):
                 yield picture
                 progress(done, frames)
 
         return {FILM: lambda file: write_film(file, pictures(), size, shutter.rate)}
 
-    texts = _truth(flat, source, poses, corners)
-    return Simulated(pictures=[FILM], frames=frames, texts=texts, rendered=rendered)
+    return _Scene(poses=poses, corners=corners, rendered=rendered)

@@ -14,17 +14,18 @@ import numpy.typing as npt
 from cubicfish_cli.arrays import Refusal
 from cubicfish_cli.assess.field_uncertainty import sigma_at
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.errors import CameraFileError, ViewError
+from cubicfish_cli.errors import CameraFileError, UsageError, ViewError
 from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.asked import Run
+from cubicfish_cli.library.asked_pictures import PlaneOptions, ViewOptions
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField
 from cubicfish_cli.undistortion.frames import Crop, calibrated_pixels, camera_for_photos
 from cubicfish_cli.undistortion.maps import UndistortMap, build_map
 from cubicfish_cli.undistortion.plane import PlaneView, PointProjector, plane_view
-from cubicfish_cli.undistortion.view import Camera, matrix_of_rotation
+from cubicfish_cli.undistortion.view import Camera, View, matrix_of_rotation
 from cubicfish_cli.wording import did_you_mean, quoted
 from cubicfish_cli.words.codes import Event
 
@@ -68,6 +69,13 @@ class Views(ABC):
         """What the camera sees of the view's field; None where it has none."""
         camera, view = self.chosen(source, size)
         return view.seen_by(camera)
+
+
+def chosen_of(view: View | ViewOptions | None, camera: Camera) -> ChosenView:
+    """The view of a camera: as it is given, or what is asked of it."""
+    if isinstance(view, View):
+        return ChosenView(views={"": view})
+    return (ViewOptions() if view is None else view).chosen(camera)
 
 
 class ViewsBySize(Views):
@@ -197,35 +205,28 @@ class PlanesOfPhotos(Views):
     """A board's plane, whose place is another one in each photo."""
 
     def __init__(
-        self,
-        loaded: CameraFile | PointCameraFile,
-        crop: Crop | None,
-        target: Target,
-        board: str,
-        *,
-        pixels_per_unit: float | None = None,
-        margin: float | None = None,
+        self, loaded: CameraFile | PointCameraFile, crop: Crop | None, asked: PlaneOptions
     ) -> None:
         """Prepare for the board of a target.
 
         Args:
             loaded: the camera, and the poses of the photos that it was calibrated from.
             crop: the part of the calibrated photos that the photos show.
-            target: the object.
-            board: name of one of its boards.
-            pixels_per_unit: as in :func:`build_plane`.
-            margin: likewise.
+            asked: of which board, and how.
 
         Raises:
-            ViewError: it has no such board, or the board has no plane.
+            UsageError: the target has no such board, or the board has no plane.
+            TargetError: the target's file cannot be used.
 
         """
         # Undistortion of a photo or two is done before scipy is loaded.
         from cubicfish_cli.fitting.statistics import photos_on_record
 
-        self._loaded, self._crop, self._target = loaded, crop, target
-        self._board = board_with_plane(target, board)
-        self._scale, self._margin = pixels_per_unit, margin
+        self._loaded, self._crop, self._asked, self._target = loaded, crop, asked, asked.loaded()
+        try:
+            self._board = board_with_plane(self._target, asked.board)
+        except ViewError as problem:
+            raise UsageError(str(problem)) from None
         self._poses = _poses_of(loaded.fit)
         self._photos = {
             Path(str(record.get("image"))).name for record in photos_on_record(loaded.fit)
@@ -267,8 +268,8 @@ class PlanesOfPhotos(Views):
             self._board,
             rotation,
             translation,
-            pixels_per_unit=self._scale,
-            margin=self._margin,
+            pixels_per_unit=self._asked.pixels_per_unit,
+            margin=self._asked.margin,
         )
         return camera, ChosenView(views={"": plane}, unit=self._target.units)
 
@@ -316,14 +317,18 @@ class TrustedWithin:
     """Says of each pixel of a map whether the camera may be trusted there to so many pixels."""
 
     def __init__(
-        self, limit: float, loaded: CameraFile | PointCameraFile, path: Path, crop: Crop | None
+        self,
+        limit: float,
+        loaded: CameraFile | PointCameraFile,
+        path: Path | str,
+        crop: Crop | None,
     ) -> None:
         """Prepare for a camera.
 
         Args:
             limit: the largest uncertainty, pixels of the photo as calibrated.
             loaded: the camera's file.
-            path: where that is, for messages.
+            path: where that is, for messages, or what it is called.
             crop: what part of the calibrated photo photos show.
 
         Raises:
@@ -353,7 +358,7 @@ class TrustedWithin:
         return within
 
 
-def _uncertainty_of(loaded: CameraFile | PointCameraFile, path: Path) -> dict[str, Any]:
+def _uncertainty_of(loaded: CameraFile | PointCameraFile, path: Path | str) -> dict[str, Any]:
     """The uncertainty over the photo that a camera file holds."""
     if isinstance(loaded, PointCameraFile):
         raise CameraFileError(

@@ -81,26 +81,44 @@ def build_view(
         ViewError: something is asked twice, or the view is not one that can be rendered.
 
     """
+    return _asked_view(
+        camera,
+        kind,
+        size=size,
+        hfov_deg=hfov_deg,
+        vfov_deg=vfov_deg,
+        focal=focal,
+        fit=fit,
+        rotate_deg=rotate_deg,
+    ).view
+
+
+def _asked_view(camera: Camera, kind: str, *, rotate_deg: Sequence[float], **asked: Any) -> Fitted:
+    """See :func:`build_view`."""
     if not isinstance(kind, str) or kind not in CENTRAL_KINDS:
         raise ViewError(
             f"unknown kind of view {quoted(kind)}: {did_you_mean(str(kind), sorted(CENTRAL_KINDS))}"
         )
-    asked = {"hfov_deg": hfov_deg, "vfov_deg": vfov_deg, "focal": focal, "fit": fit}
-    names = [name for name, value in asked.items() if value is not None]
+    names = [name for name in ("hfov_deg", "vfov_deg", "focal", "fit") if asked[name] is not None]
+    size, fit = asked["size"], asked["fit"]
     if len(names) > 1 and (names != ["hfov_deg", "vfov_deg"] or size is not None):
         both = names + ["size"] * (names == ["hfov_deg", "vfov_deg"])
         raise ViewError(f"{' and '.join(both)} say the same thing twice: leave one out")
-    angles = _numbers(rotate_deg, "rotate_deg", "(yaw, pitch, roll) in degrees", 3)
     return choose_view(
         camera,
         CENTRAL_KINDS[kind],
         size=None if size is None else _size(size),
-        hfov_deg=_number(hfov_deg, "hfov_deg", "degrees"),
-        vfov_deg=_number(vfov_deg, "vfov_deg", "degrees"),
-        focal=_number(focal, "focal", "pixels per radian"),
+        hfov_deg=_number(asked["hfov_deg"], "hfov_deg", "degrees"),
+        vfov_deg=_number(asked["vfov_deg"], "vfov_deg", "degrees"),
+        focal=_number(asked["focal"], "focal", "pixels per radian"),
         share=None if fit is None else _share(fit),
-        rotation=rotation_from_angles(yaw_deg=angles[0], pitch_deg=angles[1], roll_deg=angles[2]),
-    ).view
+        rotation=_rotation(rotate_deg),
+    )
+
+
+def _rotation(rotate_deg: Sequence[float]) -> Rotation:
+    yaw, pitch, roll = _numbers(rotate_deg, "rotate_deg", "(yaw, pitch, roll) in degrees", 3)
+    return rotation_from_angles(yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll)
 
 
 def choose_view(
@@ -296,32 +314,29 @@ class ChosenView:
 def chosen_view(
     camera: Camera,
     kind: str,
-    rotate_deg: tuple[float, float, float],
     *,
-    size: tuple[int, int] | None,
     cross: bool = False,
-    **field: float | None,
+    size: tuple[int, int] | None = None,
+    rotate_deg: Sequence[float] = (0.0, 0.0, 0.0),
+    **field: Any,
 ) -> ChosenView:
     """The view of a kind, or of a cube, for a camera.
 
     Args:
         camera: the camera.
         kind: a kind of :data:`CENTRAL_KINDS`, or ``cube``.
-        rotate_deg: yaw, pitch and roll.
-        size: of the picture, or of a cube's faces; None for the photo's, or its scale.
         cross: whether a cube is one picture.
-        field: ``hfov_deg``, ``vfov_deg``, ``focal`` and ``share`` as :func:`choose_view` has them.
+        size: of the picture, or of a cube's faces; None for the photo's, or its scale.
+        rotate_deg: yaw, pitch and roll.
+        field: ``hfov_deg``, ``vfov_deg``, ``focal`` and ``fit`` of :func:`build_view`.
 
     Raises:
         ViewError: the view is not one that can be rendered.
 
     """
-    yaw, pitch, roll = rotate_deg
-    rotation = rotation_from_angles(yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll)
     if kind == "cube":
-        return _cube(camera, size, rotation, cross=cross)
-    asked = {name: field.get(name) for name in ("hfov_deg", "vfov_deg", "focal", "share")}
-    fitted = choose_view(camera, CENTRAL_KINDS[kind], size=size, rotation=rotation, **asked)
+        return _cube(camera, size, _rotation(rotate_deg), cross=cross)
+    fitted = _asked_view(camera, kind, size=size, rotate_deg=rotate_deg, **field)
     return ChosenView(views={"": fitted.view}, at_limit=fitted.at_limit)
 
 

@@ -259,7 +259,9 @@ def test_a_view_that_cannot_be_made_is_a_group_that_fails(
     (group,) = one["groups"]
     assert group["view"] is None
     assert "77x50" in group["problem"]
-    assert one["failed"] == [{"image": "small.png", "problem": group["problem"]}]
+    (failed,) = one["failed"]
+    assert failed["image"] == "small.png"
+    assert failed["problem"] == group["problem"]
     assert one["files"] == []
 
 

@@ -15,8 +15,8 @@ import yaml
 from running import SAMPLE, Run
 
 from cubicfish_cli.cli import streams, terminal
-from cubicfish_cli.cli.view_options import WIDEST
 from cubicfish_cli.formats.camera_yaml import load_camera
+from cubicfish_cli.library.asked_pictures import WIDEST
 from cubicfish_cli.undistortion.maps import load_map
 from cubicfish_cli.undistortion.views import CENTRAL_KINDS
 
@@ -232,7 +232,7 @@ def test_a_reason_that_photos_share_is_said_once(run: Run, model: Path, tmp_path
     error = run("undistort", *empty, *end, code=1).stderr
     assert error == f"Error: none of 2 photos could be undistorted: {each}\n"
     lines = run("undistort", *small, *empty, *end, code=1).stderr.splitlines()
-    assert lines[0] == f"failed: 2 photos (e1.png, e2.png): {each}"
+    assert lines[0] == f"failed: 2 photos (e1.png and e2.png): {each}"
     assert lines[1].startswith(f"failed: 3 photos (s1.png, s2.png, s3.png): {why}")
     assert lines[2:] == ["Error: none of 5 photos could be undistorted: the reasons are above"]
     lines = run("undistort", tmp_path / "a.jpg", *small, *end, code=1).stderr.splitlines()
@@ -274,7 +274,7 @@ def test_a_dry_run_counts_what_can_be_done(run: Run, model: Path, tmp_path: Path
     assert said.stdout.startswith("would write 1 file from 1 of 6 photos\n")
     assert said.stdout.count("cannot be done: the photo has 300x200 pixels") == 1
     each = "each is empty: copy it again or leave it out"
-    assert said.stderr == f"would fail: 2 photos (e1.png, e2.png): {each}\n"
+    assert said.stderr == f"would fail: 2 photos (e1.png and e2.png): {each}\n"
 
 
 def test_existing_results_are_skipped_when_asked(
@@ -287,7 +287,7 @@ def test_existing_results_are_skipped_when_asked(
     (photos / "b.jpg").write_bytes(PHOTO.read_bytes())
     said = run(*args)
     assert "skipped 2 photos" in said.stderr
-    assert said.stdout.startswith(f"wrote 1 picture to {out}")
+    assert said.stdout.startswith(f"wrote {out / 'b.jpg'}: ")
     after = {path.name: path.stat().st_mtime_ns for path in out.iterdir()}
     assert {name: after[name] for name in before} == before
     assert len(after) == 3
@@ -502,15 +502,15 @@ def test_a_video_becomes_a_video(run: Run, model: Path, tmp_path: Path) -> None:
     assert run(*args, "--skip-existing").stdout == "nothing to do\n"
 
 
-def test_a_video_needs_the_name_of_one(run: Run, model: Path, tmp_path: Path) -> None:
+def test_a_video_needs_the_name_of_one_or_a_folder(run: Run, model: Path, tmp_path: Path) -> None:
     write_video(tmp_path / "a.mp4")
-    for name, says in (
-        ("frames", "frames/ is a folder: name a video such as flat.mp4"),
-        ("flat.png", "flat.png is no video: name a video such as "),
-    ):
-        said = run("undistort", tmp_path / "a.mp4", tmp_path / name, "-m", model, code=2).stderr
-        assert says in said
-        assert not (tmp_path / name).exists()
+    args = ["undistort", tmp_path / "a.mp4", "-m", model, "--size", "96x72"]
+    said = run(*args, tmp_path / "flat.png", code=2).stderr
+    assert "flat.png is no video: name a video such as " in said
+    assert not (tmp_path / "flat.png").exists()
+    file = tmp_path / "frames" / "a.mp4"
+    assert run(*args, tmp_path / "frames").stdout.startswith(f"wrote {file}: 96x72 pixels")
+    assert file.is_file()
 
 
 def test_a_bad_video_is_named_and_the_rest_done(run: Run, model: Path, tmp_path: Path) -> None:

@@ -93,7 +93,7 @@ def test_a_camera_of_points_shows_its_boards(run: Run, tmp_path: Path) -> None:
         (["--plane", "floor"], "--plane needs the target"),
         (["--plane", "flor", "-t", TARGET], "did you mean 'floor'"),
         (["--plane", "floor", "-t", TARGET, "--hfov", "90"], "leave out the view's options"),
-        (["--pixels-per-unit", "3"], "go with --plane"),
+        (["--pixels-per-unit", "3"], "goes with --plane"),
     ],
 )
 def test_what_does_not_go_together_is_wrong_usage(

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from listening import Heard
@@ -9,8 +10,11 @@ from running import SAMPLE, run_cli
 
 from cubicfish_cli import (
     Event,
+    GroundOptions,
+    PlaneOptions,
     Run,
     Target,
+    ViewOptions,
     advise_files,
     calibrate_files,
     calibrate_rig_files,
@@ -18,17 +22,21 @@ from cubicfish_cli import (
     evaluate_files,
     export_files,
     load_camera,
+    map_files,
+    map_rig_files,
     report_files,
+    undistort_files,
+    undistort_rig_files,
 )
 from cubicfish_cli.errors import OutputError, UsageError
-from cubicfish_cli.library.map_files import MapFormat
 from cubicfish_cli.target import target_text
+from tests.cli.test_export_rig import made_rig
 
 CORNERS, TARGET = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
 
 
 def read(path: Path) -> dict[str, bytes]:
-    return {one.name: one.read_bytes() for one in path.iterdir()}
+    return {one.name: one.read_bytes() for one in path.iterdir() if one.is_file()}
 
 
 def test_a_calibration_is_that_of_the_command(
@@ -155,6 +163,162 @@ def test_a_page_is_that_of_the_command(calibrated: Path, tmp_path: Path) -> None
 
 def test_maps_are_refused_before_a_camera_is_read(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="maps are written as"):
-        MapFormat(output=tmp_path / "a.txt")
+        map_files(tmp_path / "none.yaml", tmp_path / "a.txt")
     with pytest.raises(UsageError, match="--fixed-point is for maps in"):
-        MapFormat(output=tmp_path / "a.exr", fixed_point=True)
+        map_rig_files(tmp_path / "none.yaml", tmp_path / "a.exr", fixed_point=True)
+
+
+@pytest.mark.parametrize(
+    ("line", "view", "options"),
+    [
+        ((), None, {}),
+        (
+            ("--view", "stereographic", "--fit", "outer", "--rotate", "10,5,0"),
+            ViewOptions(kind="stereographic", fit="outer", rotate_deg=(10, 5, 0)),
+            {},
+        ),
+        (
+            ("--view", "cube", "--size", "40x40", "--border", "white", "--interpolation", "cubic"),
+            ViewOptions(kind="cube", size=(40, 40)),
+            {"border": (1, 1, 1), "interpolation": "cubic"},
+        ),
+        (
+            (
+                *("--plane", "floor", "-t", TARGET, "--pixels-per-unit", 0.3, "--margin", 20),
+                *("--quality", 40),
+            ),
+            PlaneOptions(board="floor", target=TARGET, pixels_per_unit=0.3, margin=20),
+            {"quality": 40},
+        ),
+    ],
+)
+def test_pictures_are_those_of_the_command(
+    calibrated: Path, tmp_path: Path, line: tuple[object, ...], view: Any, options: dict[str, Any]
+) -> None:
+    photos = [SAMPLE / "photos" / f"corner_{number:02d}.jpg" for number in (1, 2)]
+    said = run_cli("undistort", *photos, tmp_path / "a", "-m", calibrated, *line, "--json")
+    made = undistort_files(photos, tmp_path / "b", calibrated, view, **options)
+    assert read(tmp_path / "a") == read(tmp_path / "b") != {}
+    record = json.loads(json.dumps(made.as_record(), default=str))
+    files = [file.replace(str(tmp_path / "b"), str(tmp_path / "a")) for file in record["files"]]
+    assert {**record, "files": files} == json.loads(said.stdout)
+    assert made.failed == {}
+
+
+def test_files_beside_pictures_are_those_of_the_command(calibrated: Path, tmp_path: Path) -> None:
+    photo = SAMPLE / "photos" / "corner_01.jpg"
+    for name in "ab":
+        (tmp_path / name).mkdir()
+    a, b = tmp_path / "a", tmp_path / "b"
+    beside = ("--mask", a / "m.png", "--mask-limit", 0.05, "--camera", a / "flat.png")
+    run_cli("undistort", photo, a / "flat.png", "-m", calibrated, *beside)
+    made = undistort_files(
+        photo,
+        b / "flat.png",
+        calibrated,
+        mask=b / "m.png",
+        mask_limit=0.05,
+        virtual_camera=b / "flat.png",
+    )
+    assert read(a) == read(b)
+    assert made.files == (b / "flat.png",)
+    assert sorted(file.name for file in made.extras) == [
+        "flat.view.opencv.yaml",
+        "flat.view.yaml",
+        "m.png",
+    ]
+    outlook = undistort_files(photo, b / "flat.png", calibrated, skip_existing=True, dry_run=True)
+    assert (outlook.skipped, outlook.files) == (("corner_01.jpg",), ())
+    outlook = undistort_files([photo], tmp_path / "c", calibrated, dry_run=True)
+    assert outlook.files == (tmp_path / "c" / "corner_01.jpg",)
+    assert not outlook.files[0].exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"mask_limit": 0.1}, "--mask-limit goes with --mask"),
+        ({"view": PlaneOptions(board="flor", target=TARGET)}, "did you mean 'floor'"),
+        ({"view": PlaneOptions(board="floor", target=TARGET, shot="1")}, "--shot is of a rig"),
+    ],
+)
+def test_pictures_that_cannot_be_are_refused(
+    calibrated: Path, tmp_path: Path, options: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(UsageError, match=said):
+        undistort_files(SAMPLE / "photos", tmp_path / "a", calibrated, **options)
+    assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"kind": "cubes"}, "did you mean 'cube'"),
+        ({"focal": 100, "fit": 0.5}, "--focal and --fit say the same thing twice"),
+        ({"hfov_deg": 200}, "--hfov 200 is too wide: a perspective view shows less than 180"),
+        ({"layout": "cross"}, "--layout is for --view cube"),
+    ],
+)
+def test_views_that_cannot_be_are_refused(asked: dict[str, Any], said: str) -> None:
+    with pytest.raises(UsageError, match=said):
+        ViewOptions(**asked)
+
+
+def test_maps_are_those_of_the_command(calibrated: Path, tmp_path: Path) -> None:
+    for name in "ab":
+        (tmp_path / name).mkdir()
+    a, b = tmp_path / "a", tmp_path / "b"
+    line = ("--fit", "inner", "--size", "90x60", "--crop", "600x400+100+90", "--fixed-point")
+    said = run_cli("map", a / "m.npz", "-m", calibrated, *line, "--mask", a / "k.png", "--json")
+    made = map_files(
+        calibrated,
+        b / "m.npz",
+        ViewOptions(fit="inner", size=(90, 60)),
+        crop="600x400+100+90",
+        fixed_point=True,
+        mask=b / "k.png",
+    )
+    assert read(a) == read(b)
+    assert json.loads(said.stdout)["image_size"] == [600, 400] == list(made.image_size)
+    line = ("--view", "equidistant", "--fit", "outer", "--redistort", "--origin", "top-left")
+    run_cli("map", a / "s.png", "-m", calibrated, *line)
+    whole = ViewOptions(kind="equidistant", fit="outer")
+    map_files(calibrated, b / "s.png", whole, redistort=True, origin="top-left")
+    assert read(a) == read(b)
+    with pytest.raises(UsageError, match="--mask-limit is for the map that undistorts"):
+        map_files(calibrated, b / "t.npz", redistort=True, mask=b / "l.png", mask_limit=1)
+
+
+def test_pictures_and_maps_of_a_rig_are_those_of_the_command(
+    calibrated: Path, tmp_path: Path
+) -> None:
+    rig = made_rig(calibrated, tmp_path / "rig", 2)
+    photos = tmp_path / "photos"
+    for name in ("left", "right"):
+        (photos / name).mkdir(parents=True)
+        for number in (1, 2):
+            photo = SAMPLE / "photos" / f"corner_{number:02d}.jpg"
+            (photos / name / f"{number}.jpg").write_bytes(photo.read_bytes())
+    for name in "ab":
+        (tmp_path / name).mkdir()
+    a, b = tmp_path / "a", tmp_path / "b"
+    run_cli("undistort", photos, a, "--rig", rig, "--size", "80x40", "--distance", 900)
+    made = undistort_rig_files(photos, b, rig.parent, ViewOptions(size=(80, 40)), distance=900)
+    assert read(a) == read(b)
+    assert [*made.written] == ["1", "2"]
+    ground = GroundOptions(height=500, pitch_deg=-20, pixels_per_unit=0.1)
+    line = ("--ground", "500,-20", "--pixels-per-unit", 0.1)
+    run_cli("undistort", photos, a / "g", "--rig", rig, *line)
+    undistort_rig_files(photos, b / "g", rig, ground)
+    assert read(a / "g") == read(b / "g") != {}
+    with pytest.raises(UsageError, match="leave out --distance"):
+        undistort_rig_files(photos, b / "h", rig, ground, distance=3)
+    for folder in (a, b):
+        (folder / "m").mkdir()
+    run_cli("map", a / "m" / "m.npz", "--rig", rig, "--view", "cylindrical", "--size", "60x40")
+    view = ViewOptions(kind="cylindrical", size=(60, 40))
+    maps = map_rig_files(rig, b / "m" / "m.npz", view, pair=("left", "right"))
+    assert read(a / "m") == read(b / "m")
+    assert maps.stereo is not None
+    with pytest.raises(UsageError, match="rows of stereographic pictures do not agree"):
+        map_rig_files(rig, b / "n.npz", ViewOptions(kind="stereographic"))

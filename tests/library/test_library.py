@@ -24,7 +24,10 @@ from cubicfish_cli import (
     CameraFile,
     CubicfishError,
     Event,
+    FilmOptions,
+    LookOptions,
     Observations,
+    Run,
     Target,
     build_map,
     build_plane,
@@ -45,8 +48,7 @@ from cubicfish_cli import (
     save_corners,
     save_map,
     save_target,
-    simulate_film,
-    simulate_photos,
+    simulate_files,
     uncertainty,
     undistort,
     undistort_files,
@@ -57,6 +59,7 @@ from cubicfish_cli.errors import (
     DetectionError,
     FitError,
     OutputError,
+    UsageError,
     ViewError,
 )
 
@@ -479,11 +482,12 @@ def test_photos_of_known_truth_are_those_of_simulate(
         "--exposure", 0.5, "--format", "png", "-o", tmp_path / "command",
     )  # fmt: skip
     heard = Heard()
-    look: dict[str, Any] = {"noise": 4, "blur": 1, "vignetting": 0.2, "exposure": 0.5}
+    look = LookOptions(noise=4, blur=1, vignetting=0.2, exposure=0.5, seed=5)
     for lens in (fitted, fitted.camera, tmp_path / "camera.yaml"):
-        made = simulate_photos(target, lens, number=1, seed=5, form="png", **look)
         folder = tmp_path / type(lens).__name__
-        files = made.save(folder, listener=heard)
+        run = Run(listener=heard)
+        made = simulate_files(target, lens, folder, number=1, form="png", look=look, run=run)
+        files = [*made.photos, *made.truth.values()]
         assert [file.name for file in files] == [
             "photo_01.png",
             "true_corners.csv",
@@ -496,38 +500,46 @@ def test_photos_of_known_truth_are_those_of_simulate(
         np.testing.assert_array_equal(true.P, load_camera(tmp_path / "camera.yaml").camera.P)
         assert made.corners == len(load_corners(files[1], target).pixel) > 50
     assert heard.of("Rendering") == [(0, 0), (1, 1)] * 3
+    size = {"width": 960, "height": 720}
+    assert heard.told == [(Event.RENDERING, {"pictures": "1 photo", **size})] * 3
     before, dark = files[0].read_bytes(), read_picture(files[0]).mean()
-    other = simulate_photos(target, fitted, poses=files[2], form="png", noise=0)
-    assert "exists already" in refusal(OutputError, lambda: other.save(folder))
+    again = {"poses": files[2], "form": "png", "look": LookOptions(noise=0)}
+    assert "exists already" in refusal(
+        OutputError, lambda: simulate_files(target, fitted, folder, **again)
+    )
     assert files[0].read_bytes() == before
-    other.save(folder, overwrite=True)
+    simulate_files(target, fitted, folder, **again, run=Run(overwrite=True))
     assert files[0].read_bytes() != before
     assert read_picture(files[0]).mean() > 1.5 * dark
 
 
 def test_a_film_of_known_truth_has_its_frames(target: Target, tmp_path: Path) -> None:
-    made = simulate_film(target, "equisolid", 0.3, image_size=(640, 480), rate=10, seed=2)
-    assert (made.frames, made.pictures) == (3, ["film.mp4"])
-    again = simulate_film(
-        target, "equisolid", 0.3, image_size=(640, 480), rate=10, seed=2, readout_ms=0
-    )
-    assert again.texts["true_corners.csv"] != made.texts["true_corners.csv"]
-    files = made.save(tmp_path / "film")
-    truth = load_corners(files[1], target)
-    assert truth.image_size == (640, 480)
+    for name, readout_ms in (("a", 15), ("b", 0)):
+        made = simulate_files(
+            target,
+            "equisolid",
+            tmp_path / name,
+            image_size=(640, 480),
+            film=FilmOptions(seconds=0.3, rate=10, readout_ms=readout_ms),
+            look=LookOptions(seed=2),
+        )
+        assert (made.frames, made.photos) == (3, [tmp_path / name / "film.mp4"])
+    a, b = (tmp_path / name / "true_corners.csv" for name in "ab")
+    assert a.read_text() != b.read_text()
+    truth = load_corners(a, target)
+    assert truth.image_size == made.image_size == (640, 480)
     assert len(truth.images) == 3
 
 
 def test_photos_through_another_tools_lens(target: Target, tmp_path: Path) -> None:
     (tmp_path / "info.yaml").write_text(FOREIGN)
-    made = simulate_photos(target, tmp_path / "info.yaml", number=1)
-    rows = made.texts["true_corners.csv"].splitlines()
-    assert rows[0].endswith("image_size 640x480")
-    (tmp_path / "true.csv").write_text(made.texts["true_corners.csv"])
-    (tmp_path / "camera.yaml").write_text(made.texts["true_camera.yaml"])
-    near = evaluate(
-        load_camera(tmp_path / "camera.yaml").camera, load_corners(tmp_path / "true.csv", target)
-    )
+    heard = Heard()
+    run = Run(listener=heard)
+    truth = simulate_files(target, tmp_path / "info.yaml", tmp_path / "a", number=1, run=run).truth
+    assert [event for event, _ in heard.told] == [Event.NEAREST_CAMERA, Event.RENDERING]
+    true = load_corners(truth["true_corners"], target)
+    assert true.image_size == (640, 480)
+    near = evaluate(load_camera(truth["true_camera"]).camera, true)
     assert near.errors.rms_px < 0.01
 
 
@@ -535,28 +547,40 @@ def test_photos_through_another_tools_lens(target: Target, tmp_path: Path) -> No
     ("options", "said"),
     [
         ({"number": 0}, "number must be from 1 to 10000, not 0"),
-        ({"noise": -1}, "noise must be from 0 to 100"),
-        ({"blur": float("nan")}, "blur must be from 0 to 50, not nan"),
-        ({"vignetting": 1}, "vignetting must be from 0 to 0.8"),
-        ({"exposure": 0}, "exposure must be from 0.02 to 4"),
         ({"form": "jpeg"}, "photos are not written as 'jpeg': did you mean 'jpg'?"),
         ({"image_size": (640, 480)}, "the lens is for photos of 960x720 pixels"),
         ({"image_size": (640, -1)}, "image_size must be two whole numbers"),
         ({"poses": "none.csv"}, "none.csv"),
+        ({"poses": "none.csv", "number": 3}, "leave -n out"),
         ({"lens": "no_lens.yaml"}, "no_lens.yaml"),
-        ({"seconds": 0}, "seconds must be from 0.1 to 3600"),
-        ({"seconds": 1, "rate": 0}, "rate must be from 1 to 240"),
-        ({"seconds": 1, "shutter_ms": -1}, "shutter_ms must be from 0 to 1000"),
-        ({"seconds": 1, "readout_ms": 1001}, "readout_ms must be from 0 to 1000"),
+        ({"film": FilmOptions(seconds=1), "form": "png"}, "--format is of photos"),
     ],
 )
 def test_what_cannot_be_simulated_is_refused(
-    fitted: Calibration, target: Target, options: dict[str, Any], said: str
+    fitted: Calibration, target: Target, tmp_path: Path, options: dict[str, Any], said: str
 ) -> None:
-    simulate: Callable[..., object] = simulate_film if "seconds" in options else simulate_photos
-    assert said in refusal(
-        CubicfishError, lambda: simulate(target, **{"lens": fitted.camera, **options})
-    )
+    asked: dict[str, Any] = {"lens": fitted.camera, "folder": tmp_path / "a", **options}
+    assert said in refusal(CubicfishError, lambda: simulate_files(target, **asked))
+    assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.parametrize(
+    ("kind", "options", "said"),
+    [
+        (LookOptions, {"noise": -1}, "noise must be from 0 to 100"),
+        (LookOptions, {"blur": float("nan")}, "blur must be from 0 to 50, not nan"),
+        (LookOptions, {"vignetting": 1}, "vignetting must be from 0 to 0.8"),
+        (LookOptions, {"exposure": 0}, "exposure must be from 0.02 to 4"),
+        (FilmOptions, {"seconds": 0}, "seconds must be from 0.1 to 3600"),
+        (FilmOptions, {"seconds": 1, "rate": 0}, "rate must be from 1 to 240"),
+        (FilmOptions, {"seconds": 1, "shutter_ms": -1}, "shutter_ms must be from 0 to 1000"),
+        (FilmOptions, {"seconds": 1, "readout_ms": 1001}, "readout_ms must be from 0 to 1000"),
+    ],
+)
+def test_looks_out_of_bounds_are_refused(
+    kind: Callable[..., object], options: dict[str, Any], said: str
+) -> None:
+    assert said in refusal(UsageError, lambda: kind(**options))
 
 
 def test_files_are_undistorted_as_the_command_does(fitted: Calibration, tmp_path: Path) -> None:
@@ -577,7 +601,7 @@ def test_files_are_undistorted_as_the_command_does(fitted: Calibration, tmp_path
         fitted,
         view,
         border=(1, 0, 0),
-        listener=heard,
+        run=Run(jobs=1, listener=heard),
     )
     assert made.files == tuple(folder / photo.name for photo in PHOTOS)
     assert list(made.failed) == ["broken.png"]
@@ -590,11 +614,11 @@ def test_files_are_undistorted_as_the_command_does(fitted: Calibration, tmp_path
     assert "exists already" in refusal(OutputError, lambda: undistort_files(*again))
     assert undistort_files(*again, skip_existing=True).skipped == tuple(p.name for p in PHOTOS)
     assert made.files[0].read_bytes() == written
-    own = undistort_files(*again, overwrite=True).files[0]
+    own = undistort_files(*again, run=Run(overwrite=True)).files[0]
     flat = undistort(read_picture(PHOTOS[0]), fitted.camera)
     assert np.abs(read_picture(own).astype(int) - flat).mean() < 3  # JPEG
     assert "is the photo itself" in refusal(
-        OutputError, lambda: undistort_files(photos, photos, fitted, overwrite=True)
+        OutputError, lambda: undistort_files(photos, photos, fitted, run=Run(overwrite=True))
     )
 
 
@@ -605,7 +629,7 @@ def test_files_are_undistorted_as_the_command_does(fitted: Calibration, tmp_path
         (["a.mp4", "b.jpg"], {}, "photos and videos together"),
         (PHOTOS, {"quality": 0}, "quality must be a whole number from 1 to 100"),
         (PHOTOS, {"interpolation": "linaer"}, "did you mean 'linear'?"),
-        (PHOTOS, {"overwrite": True, "skip_existing": True}, "exclude each other"),
+        (PHOTOS, {"run": Run(overwrite=True), "skip_existing": True}, "exclude each other"),
     ],
 )
 def test_files_that_cannot_be_undistorted_are_refused(
@@ -621,7 +645,8 @@ def test_files_that_cannot_be_undistorted_are_refused(
 def test_a_video_is_undistorted_into_a_folder(target: Target, tmp_path: Path) -> None:
     (tmp_path / "info.yaml").write_text(FOREIGN)
     lens = import_camera(tmp_path / "info.yaml")
-    film = simulate_film(target, lens, 0.2, rate=10).save(tmp_path / "film")[0]
+    moving = FilmOptions(seconds=0.2, rate=10)
+    film = simulate_files(target, lens, tmp_path / "film", film=moving).photos[0]
     made = undistort_files(film, tmp_path / "flat", lens)
     assert made.files == (tmp_path / "flat" / "film.mp4",)
     assert made.files[0].stat().st_size > 1000
