@@ -36,8 +36,11 @@ from cubicfish_cli import calibrate_files as calibrate_files
 from cubicfish_cli import calibrate_rig as calibrate_rig
 from cubicfish_cli import calibrate_rig_files as calibrate_rig_files
 from cubicfish_cli import check_target as check_target
+from cubicfish_cli import check_target_files as check_target_files
 from cubicfish_cli import choose_frames as choose_frames
 from cubicfish_cli import compare as compare
+from cubicfish_cli import compare_files as compare_files
+from cubicfish_cli import compare_rig_files as compare_rig_files
 from cubicfish_cli import compare_rigs as compare_rigs
 from cubicfish_cli import detect as detect
 from cubicfish_cli import detect_files as detect_files
@@ -48,7 +51,11 @@ from cubicfish_cli import evaluate_rig_files as evaluate_rig_files
 from cubicfish_cli import export_camera as export_camera
 from cubicfish_cli import export_files as export_files
 from cubicfish_cli import import_camera as import_camera
+from cubicfish_cli import import_corner_files as import_corner_files
+from cubicfish_cli import import_files as import_files
+from cubicfish_cli import info_files as info_files
 from cubicfish_cli import judge as judge
+from cubicfish_cli import load_any_camera as load_any_camera
 from cubicfish_cli import load_camera as load_camera
 from cubicfish_cli import load_corners as load_corners
 from cubicfish_cli import load_map as load_map

@@ -10,6 +10,7 @@ from cubicfish_cli.fitting.comparison import compare as compare
 from cubicfish_cli.fitting.evaluate import Evaluation as Evaluation
 from cubicfish_cli.fitting.rig.calibrate import RigCalibration as RigCalibration
 from cubicfish_cli.formats.camera_yaml import CameraFile as CameraFile
+from cubicfish_cli.formats.camera_yaml import load_any_camera as load_any_camera
 from cubicfish_cli.formats.camera_yaml import load_camera as load_camera
 from cubicfish_cli.formats.rig_yaml import RigFile as RigFile
 from cubicfish_cli.formats.rig_yaml import load_rig as load_rig
@@ -29,6 +30,9 @@ from cubicfish_cli.library.calibration import save_target as save_target
 from cubicfish_cli.library.calibration import uncertainty as uncertainty
 from cubicfish_cli.library.calibration_files import calibrate_files as calibrate_files
 from cubicfish_cli.library.calibration_files import evaluate_files as evaluate_files
+from cubicfish_cli.library.describing import compare_files as compare_files
+from cubicfish_cli.library.describing import compare_rig_files as compare_rig_files
+from cubicfish_cli.library.describing import info_files as info_files
 from cubicfish_cli.library.detection import detect as detect
 from cubicfish_cli.library.detection import detect_files as detect_files
 from cubicfish_cli.library.exporting import export_camera as export_camera
@@ -36,6 +40,8 @@ from cubicfish_cli.library.exporting import export_files as export_files
 from cubicfish_cli.library.frames import ChosenFrames as ChosenFrames
 from cubicfish_cli.library.frames import choose_frames as choose_frames
 from cubicfish_cli.library.importing import import_camera as import_camera
+from cubicfish_cli.library.importing import import_corner_files as import_corner_files
+from cubicfish_cli.library.importing import import_files as import_files
 from cubicfish_cli.library.map_files import map_files as map_files
 from cubicfish_cli.library.map_files import map_rig_files as map_rig_files
 from cubicfish_cli.library.pictures import undistort as undistort
@@ -52,6 +58,7 @@ from cubicfish_cli.library.rigs import evaluate_rig as evaluate_rig
 from cubicfish_cli.library.rigs import save_rig as save_rig
 from cubicfish_cli.library.simulation import simulate_files as simulate_files
 from cubicfish_cli.library.target_check import check_target as check_target
+from cubicfish_cli.library.target_check import check_target_files as check_target_files
 from cubicfish_cli.library.target_files import print_target_files as print_target_files
 from cubicfish_cli.library.undistorting import undistort_files as undistort_files
 from cubicfish_cli.library.views import build_plane as build_plane

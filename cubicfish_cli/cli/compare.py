@@ -10,13 +10,13 @@ import click
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import hold_gate, print_figure, print_spread, px
 from cubicfish_cli.cli.options import as_command, option, record
+from cubicfish_cli.cli.progress import running
 from cubicfish_cli.cli.terminal import print_json, print_table, result
 
-_DRAWN_PIXELS = 150_000
 _BOTH = "two cameras are needed: 'cubicfish compare a.yaml b.yaml'"
 
 if TYPE_CHECKING:
-    from cubicfish_cli.fitting.comparison import ComparedCamera, Comparison
+    from cubicfish_cli.library.describing import ComparedRigFiles
 
 
 @record
@@ -58,15 +58,17 @@ def command(given: Asked) -> None:
     Two rigs (rig.yaml, or its folder) are compared camera by camera: how far apart they stand
     beside the first, with how sure that is, and how far apart their lenses are.
     """
-    from cubicfish_cli.files import refuse_existing
-    from cubicfish_cli.fitting.comparison import compare
-    from cubicfish_cli.undistortion.images import check_suffix
+    from cubicfish_cli.library.describing import compare_files, compare_rig_files
 
     rigs = options.rig_path(given.first), options.rig_path(given.second)
     if rigs[0] is not None and rigs[1] is not None:
         if given.picture is not None or given.max_rms is not None:
             raise click.UsageError("--picture and --max-rms are for two cameras, not for two rigs")
-        _compare_rigs(rigs[0], rigs[1], as_json=given.as_json)
+        of_rigs = compare_rig_files(rigs[0], rigs[1])
+        if given.as_json:
+            print_json(of_rigs.as_record())
+        else:
+            _print_rigs(of_rigs)
         return
     for one, other, rig in (
         (given.first, given.second, rigs[0]),
@@ -76,44 +78,16 @@ def command(given: Asked) -> None:
             raise click.UsageError(
                 f"{one} is a rig and {other} is none: name two rigs, or one of the rig's cameras"
             )
-    if given.picture is not None:
-        refuse_existing(given.picture, overwrite=given.overwrite)
-        check_suffix(given.picture)
-    comparison = compare(
-        _camera(options.in_folder(given.first)), _camera(options.in_folder(given.second))
-    )
-    if given.picture is not None:
-        _draw(comparison, given.picture, overwrite=given.overwrite)
-    record = comparison.as_record()
+    with running(overwrite=given.overwrite) as run:
+        made = compare_files(given.first, given.second, picture=given.picture, run=run)
+    record = made.as_record()
     if given.as_json:
-        print_json({**record, **({"picture": str(given.picture)} if given.picture else {})})
+        print_json(record)
     else:
         _print(record)
-        if given.picture is not None:
-            result(f"\nwrote {given.picture}")
+        if made.picture is not None:
+            result(f"\nwrote {made.picture}")
     hold_gate(record["rms_px"], given.max_rms)
-
-
-def _camera(path: Path) -> ComparedCamera:
-    from cubicfish_cli.formats.camera_yaml import load_camera
-    from cubicfish_cli.rendering.lens_file import is_lens_file, load_lens
-
-    return load_lens(path) if is_lens_file(path) else load_camera(path).camera
-
-
-def _draw(comparison: Comparison, path: Path, *, overwrite: bool) -> None:
-    import numpy as np
-
-    from cubicfish_cli.rendering.difference_picture import difference_picture
-    from cubicfish_cli.undistortion.images import write_picture
-
-    width, height = comparison.first.image_size
-    # Differences are smooth: one in each small block tells all.
-    step = max(1, round((width * height / _DRAWN_PIXELS) ** 0.5))
-    y, x = np.mgrid[:height:step, :width:step] + (step - 1) / 2
-    coarse = np.linalg.norm(comparison.difference(np.stack([x, y], axis=-1)), axis=-1)
-    magnitude = np.kron(coarse, np.ones((step, step)))[:height, :width]
-    write_picture(path, difference_picture(magnitude), overwrite=overwrite)
 
 
 def _print(record: dict[str, Any]) -> None:
@@ -140,17 +114,8 @@ def _print(record: dict[str, Any]) -> None:
     )
 
 
-def _compare_rigs(first: Path, second: Path, *, as_json: bool) -> None:
-    """Say how far apart the cameras of two rigs stand, and how far apart their lenses are."""
-    from cubicfish_cli.formats.rig_yaml import load_rig
-    from cubicfish_cli.library.rigs import compare_rigs
-
-    rig = load_rig(first)
-    found = compare_rigs(rig, load_rig(second))
-    if as_json:
-        print_json({"units": rig.units, "cameras": [one.as_record() for one in found]})
-        return
-    units = f" {rig.units}" if rig.units else ""
+def _print_rigs(made: ComparedRigFiles) -> None:
+    found, units = made.cameras, f" {made.units}" if made.units else ""
     print_table(
         ("camera", f"shift{units}", "± shift", "turned °", "± turn °", "in σ", "lens RMS px"),
         [

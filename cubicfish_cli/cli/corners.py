@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import as_command, needed_target, option, record
+from cubicfish_cli.cli.progress import running
 from cubicfish_cli.cli.terminal import print_json, result, say
-
-if TYPE_CHECKING:
-    from cubicfish_cli.corner_files.read import Read
+from cubicfish_cli.words.phrases import listed
 
 # The names of corner_files.read.CORNER_FORMATS and of corner_files.detections.NUMBERINGS, here so
 # that --help need not load numpy; tests hold them to each other.
@@ -87,24 +86,30 @@ class Asked:
 )
 def command(given: Asked) -> None:
     """See ``_HELP``."""
-    from cubicfish_cli.corner_files.observations_csv import save_corners
-    from cubicfish_cli.corner_files.read import read_corner_files
-    from cubicfish_cli.files import refuse_existing
-    from cubicfish_cli.target import load_target
+    from cubicfish_cli.library.importing import import_corner_files
 
-    target = needed_target(given.target)
-    refuse_existing(given.output, overwrite=given.overwrite)
-    read = read_corner_files(
-        given.files,
-        load_target(target),
-        kind=given.kind,
-        numbering=given.numbering,
-        boards=_boards(given.boards),
-        image_size=given.size,
-        only=given.only,
-    )
-    save_corners(given.output, read.corners, overwrite=given.overwrite)
-    _report(given.output, read, as_json=given.as_json)
+    with running(overwrite=given.overwrite) as run:
+        made = import_corner_files(
+            given.files,
+            needed_target(given.target),
+            given.output,
+            written_by=given.kind,
+            numbering=given.numbering,
+            boards=_boards(given.boards),
+            image_size=given.size,
+            only=given.only,
+            run=run,
+        )
+    if given.as_json:
+        print_json(made.as_record())
+        return
+    corners = made.corners
+    found = f"{count(len(corners.pixel), 'corner')} in {count(len(corners.images), 'photo')}"
+    result(f"wrote {made.file}: {found}")
+    if made.left_out:
+        say(f"{count(made.left_out, 'corner')} left out, as the files say they were not found.")
+    if made.empty:
+        say(f"{count(len(made.empty), 'photo')} without corners: {listed(made.empty, 'photos')}")
 
 
 def _boards(given: tuple[str, ...]) -> dict[str, str]:
@@ -118,26 +123,3 @@ def _boards(given: tuple[str, ...]) -> dict[str, str]:
             raise click.UsageError(f"--board {text!r}: that board was named already")
         boards[label.strip()] = name.strip()
     return boards
-
-
-def _report(output: Path, read: Read, *, as_json: bool) -> None:
-    corners = read.corners
-    if as_json:
-        print_json(
-            {
-                "file": str(output),
-                "image_size": corners.image_size,
-                "images": len(corners.images),
-                "corners": len(corners.pixel),
-                "left_out": read.left_out,
-                "empty_images": read.empty,
-            }
-        )
-        return
-    found = f"{count(len(corners.pixel), 'corner')} in {count(len(corners.images), 'photo')}"
-    result(f"wrote {output}: {found}")
-    if read.left_out:
-        say(f"{count(read.left_out, 'corner')} left out, as the files say they were not found.")
-    if read.empty:
-        shown = ", ".join(read.empty[:5]) + (", ..." if len(read.empty) > 5 else "")
-        say(f"{count(len(read.empty), 'photo')} without corners: {shown}")

@@ -10,7 +10,7 @@ import click
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.numbers import FloatRange
 from cubicfish_cli.cli.options import as_command, option, record
-from cubicfish_cli.cli.progress import working
+from cubicfish_cli.cli.progress import running
 from cubicfish_cli.cli.terminal import print_json, result
 from cubicfish_cli.formats.registry import READABLE
 
@@ -70,42 +70,26 @@ class Asked:
 )
 def command(given: Asked) -> None:
     """See ``_HELP``."""
-    from cubicfish_cli.files import fingerprint, refuse_existing
-    from cubicfish_cli.formats.calibrated import save_camera
-    from cubicfish_cli.library.importing import import_camera
-    from cubicfish_cli.library.provenance import made_at, made_by_record
+    from cubicfish_cli.library.importing import import_files
 
-    made_at()  # said before the work if it cannot be
-    refuse_existing(given.output, overwrite=given.overwrite)
-    source = fingerprint(given.file)
-    with working("Fitting the cubic camera to the lens"):
-        imported = import_camera(
+    with running(overwrite=given.overwrite) as run:
+        files = import_files(
             given.file,
+            given.output,
             written_by=given.name,
             camera=given.camera,
             image_size=given.size,
             max_angle_deg=given.max_angle,
+            command=options.command_line(),
+            run=run,
         )
-    made, conversion = imported.camera, imported.conversion
-    error, (width, height) = conversion.error, made.image_size
-    made_by = {**made_by_record(options.command_line(), {}, None, [source]), **imported.made_by}
-    save_camera(given.output, made, fit={}, made_by=made_by, overwrite=given.overwrite)
     if given.as_json:
-        print_json(
-            {
-                "model": str(given.output),
-                "format": imported.written_by,
-                "lens": imported.lens.name,
-                "image_size": made.image_size,
-                **error.as_record(),
-                "trusted_deg": made.max_angle_deg,
-                "field_ended_by": conversion.ended_by,
-                "fold_deg": conversion.fold_deg,
-            }
-        )
+        print_json(files.as_record())
         return
+    imported, made = files.imported, files.imported.camera
+    error, (width, height) = imported.conversion.error, made.image_size
     result(
-        f"wrote {given.output}: a lens of {imported.written_by}, {width}x{height}, trusted to "
+        f"wrote {files.file}: a lens of {imported.written_by}, {width}x{height}, trusted to "
         f"{made.max_angle_deg:.1f}° from its axis"
     )
     result(f"field: {_why_it_ends(imported, asked=given.max_angle is not None)}")

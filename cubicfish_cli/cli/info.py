@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count, print_verdict, px
 from cubicfish_cli.cli.options import as_command, record
+from cubicfish_cli.cli.rig import print_rig
 from cubicfish_cli.cli.terminal import print_json, result
 
 if TYPE_CHECKING:
@@ -37,41 +38,22 @@ def command(given: Asked) -> None:
     photo shows, how far from the axis corners reach, the errors, the verdict, and when and from
     what it was made. The focal length is in pixels per radian, on the axis.
     """
-    from cubicfish_cli.assess.camera_facts import camera_facts
-    from cubicfish_cli.formats.camera_yaml import load_any_camera
+    from cubicfish_cli.library.describing import info_files
 
-    rig = options.rig_path(given.calibration or given.model)
-    if rig is not None:
-        _rig(rig, as_json=given.as_json)
-        return
-    path = options.model_path(given.calibration or given.model)
-    loaded = load_any_camera(path)
-    facts = camera_facts(loaded.camera, loaded.fit, loaded.made_by)
+    named = given.calibration or given.model
+    made = info_files(options.rig_path(named) or options.model_path(named))
     if given.as_json:
-        print_json({"model": str(path), **facts.as_record()})
+        print_json(made.as_record())
         return
-    result(facts.line + "\n")
-    for name, words in _rows(facts):
-        result(f"{name:<18}{words}")
-    if facts.verdict is not None:
+    if made.facts is None:
+        print_rig(made.rig or {})
+    else:
+        result(made.facts.line + "\n")
+        for name, words in _rows(made.facts):
+            result(f"{name:<18}{words}")
+    if made.verdict is not None:
         result()
-        print_verdict(facts.verdict)
-
-
-def _rig(path: Path, *, as_json: bool) -> None:
-    from cubicfish_cli.assess.rig_verdict import rig_verdict
-    from cubicfish_cli.cli.rig import print_rig
-    from cubicfish_cli.formats.rig_yaml import load_rig
-    from cubicfish_cli.library.rigs import loaded_record
-
-    loaded = load_rig(path)
-    record = loaded_record(loaded)
-    if as_json:
-        print_json({"model": str(path), "rig": {**record, "made_by": dict(loaded.made_by)}})
-        return
-    print_rig(record)
-    result()
-    print_verdict(rig_verdict(record))
+        print_verdict(made.verdict)
 
 
 def _rows(facts: CameraFacts) -> list[tuple[str, str]]:

@@ -163,13 +163,6 @@ def running(
 
 
 @contextmanager
-def working(label: str) -> Iterator[None]:
-    """Show that one long step is under way, and for how long."""
-    with _line(label):
-        yield
-
-
-@contextmanager
 def _line(label: str) -> Iterator[ProgressLine | None]:
     if not can_redraw(sys.stderr) or verbosity() < 0:
         yield None

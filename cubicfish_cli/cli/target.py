@@ -13,7 +13,7 @@ import click
 from cubicfish_cli.cli import options, target_print
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import as_command, common_options, examples, option, record
-from cubicfish_cli.cli.progress import working
+from cubicfish_cli.cli.progress import running
 from cubicfish_cli.cli.streams import columns_of, text_width
 from cubicfish_cli.cli.table import Column, Row, print_columns
 from cubicfish_cli.cli.terminal import print_json, result
@@ -54,27 +54,16 @@ def check(given: Asked) -> None:
     be mistaken for something else in photos, and what looks like a slip of the pen. The exit
     code is 1 only when the file is no usable target.
     """
-    from cubicfish_cli.errors import OutputError
-    from cubicfish_cli.files import refuse_existing, write_text
-    from cubicfish_cli.library.target_check import check_target
-    from cubicfish_cli.rendering.object_drawing import object_svg
-    from cubicfish_cli.target import load_target
+    from cubicfish_cli.library.target_check import check_target_files
 
-    if given.draw is not None:
-        if given.draw.suffix.lower() != ".svg":
-            raise OutputError(f"{given.draw}: drawings are SVG: end the name in .svg")
-        refuse_existing(given.draw, overwrite=given.overwrite)
-    loaded = load_target(given.target).as_printed()
-    with working("Looking at the target from all sides"):
-        checked = check_target(loaded)
-    if given.draw is not None:
-        write_text(given.draw, object_svg(loaded), overwrite=given.overwrite)
+    with running(overwrite=given.overwrite) as run:
+        checked = check_target_files(given.target, given.draw, run=run)
     if given.as_json:
-        print_json({**checked.as_record(), **({"drawing": given.draw} if given.draw else {})})
+        print_json(checked.as_record())
         return
     _print(checked)
-    if given.draw is not None:
-        result(f"\nwrote {given.draw}")
+    if checked.drawing is not None:
+        result(f"\nwrote {checked.drawing}")
 
 
 def _print(checked: TargetCheck) -> None:

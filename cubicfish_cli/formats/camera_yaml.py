@@ -105,14 +105,15 @@ def _of_another_tool(path: Path) -> CameraFileError | None:
     return CameraFileError(f"{path} is {tool} file: 'cubicfish import {path}' makes a camera of it")
 
 
-def load_any_camera(path: Path) -> CameraFile | PointCameraFile:
-    """Read camera.yaml of either lift.
+def load_any_camera(path: Path | str) -> CameraFile | PointCameraFile:
+    """Read camera.yaml of either lift, the paper's literal ``point`` too, as ``project`` does.
 
     Raises:
         CameraFileError: the file is missing, malformed, or of a version or a lift that is not
             known; one line that names the file and the key.
 
     """
+    path = Path(path)
     try:
         record = load_plain_yaml(
             path, error=CameraFileError, max_bytes=MAX_BYTES, if_empty=f"{_NO_CAMERA} wrote"

@@ -1,25 +1,33 @@
-"""Another tool's camera file -> the cubic camera nearest to its lens."""
+"""Another tool's camera file -> the cubic camera nearest to its lens; other detectors' corners."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from cubicfish_cli.arrays import Refusal
+from cubicfish_cli.corner_files.detections import Numbering
+from cubicfish_cli.corner_files.observations_csv import save_corners
+from cubicfish_cli.corner_files.read import CornerFormat, read_corner_files
 from cubicfish_cli.errors import CameraFileError
+from cubicfish_cli.files import fingerprint, refuse_existing
 from cubicfish_cli.fitting.conversion.from_lens import (
     LARGEST_ANGLE_DEG,
     LARGEST_FIELD_DEG,
     ImportedCamera,
     from_lens,
 )
+from cubicfish_cli.formats.calibrated import save_camera
 from cubicfish_cli.formats.camera_yaml import CameraFile
 from cubicfish_cli.formats.foreign import own_field_deg, read_foreign
 from cubicfish_cli.formats.registry import READABLE
 from cubicfish_cli.lenses.lens import Lens
-from cubicfish_cli.observations import MAX_SIDE
+from cubicfish_cli.library.asked import RUN, Run, StrPath, paths_of
+from cubicfish_cli.library.provenance import made_at, made_by_record
+from cubicfish_cli.observations import MAX_SIDE, Observations
+from cubicfish_cli.target import Target, load_target
 from cubicfish_cli.wording import did_you_mean, quoted
 
 _REFUSAL = Refusal(error=CameraFileError)
@@ -48,7 +56,7 @@ class Imported(CameraFile):
 
 
 def import_camera(
-    path: str | os.PathLike[str],
+    path: StrPath,
     *,
     written_by: str | None = None,
     camera: str | None = None,
@@ -108,4 +116,154 @@ def import_camera(
         lens=lens,
         conversion=made,
         knows_its_field=own is not None,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImportedFiles:
+    """What became of :func:`import_files`.
+
+    Attributes:
+        file: the camera.yaml.
+        imported: the camera in it.
+
+    """
+
+    file: Path
+    imported: Imported
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish import --json`` prints."""
+        made, conversion = self.imported.camera, self.imported.conversion
+        return {
+            "model": self.file,
+            "format": self.imported.written_by,
+            "lens": self.imported.lens.name,
+            "image_size": made.image_size,
+            **conversion.error.as_record(),
+            "trusted_deg": made.max_angle_deg,
+            "field_ended_by": conversion.ended_by,
+            "fold_deg": conversion.fold_deg,
+        }
+
+
+def import_files(
+    path: StrPath,
+    output: StrPath = "calibration/camera.yaml",
+    *,
+    written_by: str | None = None,
+    camera: str | None = None,
+    image_size: Sequence[int] | None = None,
+    max_angle_deg: float | None = None,
+    command: str | None = None,
+    run: Run = RUN,
+) -> ImportedFiles:
+    """Write another tool's camera as camera.yaml, as ``cubicfish import`` does.
+
+    Args:
+        path: the other tool's file.
+        output: where the camera goes.
+        written_by: as for :func:`import_camera`.
+        camera: likewise.
+        image_size: likewise.
+        max_angle_deg: likewise.
+        command: the command that is run, for the file.
+        run: how the work is done.
+
+    Raises:
+        CubicfishError: as :func:`import_camera`, or the camera's file exists and may not be
+            replaced.
+
+    """
+    made_at()  # said before the work if it cannot be
+    goal = Path(output)
+    refuse_existing(goal, overwrite=run.overwrite)
+    source = fingerprint(Path(path))
+    run.listener.progress("Fitting the cubic camera to the lens")
+    imported = import_camera(
+        path,
+        written_by=written_by,
+        camera=camera,
+        image_size=image_size,
+        max_angle_deg=max_angle_deg,
+    )
+    made_by = {**made_by_record(command, {}, None, [source]), **imported.made_by}
+    save_camera(goal, imported.camera, fit={}, made_by=made_by, overwrite=run.overwrite)
+    return ImportedFiles(file=goal, imported=imported)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImportedCornerFiles:
+    """What became of :func:`import_corner_files`.
+
+    Attributes:
+        file: the table of corners.
+        corners: what is in it.
+        left_out: how many corners the files declare as not found.
+        empty: names of photos without any corner.
+
+    """
+
+    file: Path
+    corners: Observations
+    left_out: int
+    empty: tuple[str, ...]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish corners --json`` prints."""
+        return {
+            "file": self.file,
+            "image_size": self.corners.image_size,
+            "images": len(self.corners.images),
+            "corners": len(self.corners.pixel),
+            "left_out": self.left_out,
+            "empty_images": self.empty,
+        }
+
+
+def import_corner_files(
+    files: StrPath | Sequence[StrPath],
+    target: Target | StrPath,
+    table: StrPath = "corners.csv",
+    *,
+    written_by: CornerFormat | None = None,
+    numbering: Numbering | None = None,
+    boards: Mapping[str, str] | None = None,
+    image_size: tuple[int, int] | None = None,
+    only: str | None = None,
+    run: Run = RUN,
+) -> ImportedCornerFiles:
+    """Write corners that another detector found as corners.csv, as ``cubicfish corners`` does.
+
+    Args:
+        files: what the detector wrote: files, and folders of ``.orpc`` files.
+        target: the object, or its file.
+        table: where the corners go.
+        written_by: ``deltille``, ``mrcal`` or ``kalibr``; by default told by the files' suffix.
+        numbering: how corners are numbered, as ``cubicfish corners --help`` says.
+        boards: what the files call boards -> their names in the target; an empty name stands for
+            all in files that tell no boards apart.
+        image_size: (width, height) of the photos in pixels, for files that do not say.
+        only: a pattern for the names of photos, such as ``cam0/*``.
+        run: how the work is done.
+
+    Raises:
+        CubicfishError: a file or the target cannot be used, or the table exists and may not be
+            replaced.
+
+    """
+    goal = Path(table)
+    refuse_existing(goal, overwrite=run.overwrite)
+    read = read_corner_files(
+        paths_of(files),
+        target if isinstance(target, Target) else load_target(Path(target)),
+        kind=written_by,
+        numbering=numbering,
+        boards=boards,
+        image_size=image_size,
+        only=only,
+    )
+    save_corners(goal, read.corners, overwrite=run.overwrite)
+    return ImportedCornerFiles(
+        file=goal, corners=read.corners, left_out=read.left_out, empty=read.empty
     )

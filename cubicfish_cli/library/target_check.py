@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.diagnosis.object_check import ObjectFacts, check_object
+from cubicfish_cli.errors import OutputError
+from cubicfish_cli.files import refuse_existing, write_text
 from cubicfish_cli.identification.look_alikes import Turn
+from cubicfish_cli.library.asked import RUN, Run, StrPath, path_or_none
 from cubicfish_cli.printing.paper import MILLIMETRES
-from cubicfish_cli.target import Target
+from cubicfish_cli.rendering.object_drawing import object_svg
+from cubicfish_cli.target import Target, load_target
 from cubicfish_cli.wording import either
 
 _FULL_RANK = 20
@@ -34,12 +39,14 @@ class TargetCheck:
         target: the target.
         facts: what was found.
         advice: (what it is about, text) for each thing that is worth saying, in order.
+        drawing: the file of a drawing; None where there is none.
 
     """
 
     target: Target
     facts: ObjectFacts
     advice: list[tuple[str, str]]
+    drawing: Path | None = None
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -51,6 +58,7 @@ class TargetCheck:
             **{name: own and list(map(_turn_record, own)) for name, own in turns.items()},
             **{name: getattr(self.facts, name) for name in _PAIRS},
             "advice": [{"about": label, "text": text} for label, text in self.advice],
+            **({} if self.drawing is None else {"drawing": self.drawing}),
         }
 
 
@@ -63,6 +71,34 @@ def check_target(target: Target) -> TargetCheck:
     """
     facts = check_object(target)
     return TargetCheck(target=target, facts=facts, advice=_advice(target, facts))
+
+
+def check_target_files(
+    target: StrPath, drawing: StrPath | None = None, *, run: Run = RUN
+) -> TargetCheck:
+    """Look at the target in a file, and draw it, as ``cubicfish target check`` does.
+
+    Args:
+        target: its file.
+        drawing: where an SVG of it goes; None for none.
+        run: how the work is done.
+
+    Raises:
+        TargetError: the file is no usable target.
+        OutputError: the drawing exists and may not be replaced, or has another suffix.
+
+    """
+    path = path_or_none(drawing)
+    if path is not None:
+        if path.suffix.lower() != ".svg":
+            raise OutputError(f"{path}: drawings are SVG: end the name in .svg")
+        refuse_existing(path, overwrite=run.overwrite)
+    loaded = load_target(Path(target)).as_printed()
+    run.listener.progress("Looking at the target from all sides")
+    checked = check_target(loaded)
+    if path is not None:
+        write_text(path, object_svg(loaded), overwrite=run.overwrite)
+    return replace(checked, drawing=path)
 
 
 def print_size(board: Board) -> list[float]:

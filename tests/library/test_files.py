@@ -1,5 +1,7 @@
 """Whole jobs from files to files: what a command does, a program does by one call."""
 
+import contextlib
+import io
 import json
 from pathlib import Path
 from typing import Any
@@ -18,9 +20,15 @@ from cubicfish_cli import (
     advise_files,
     calibrate_files,
     calibrate_rig_files,
+    check_target_files,
+    compare_files,
+    compare_rig_files,
     detect_files,
     evaluate_files,
     export_files,
+    import_corner_files,
+    import_files,
+    info_files,
     load_camera,
     map_files,
     map_rig_files,
@@ -28,6 +36,7 @@ from cubicfish_cli import (
     undistort_files,
     undistort_rig_files,
 )
+from cubicfish_cli.cli.terminal import print_json
 from cubicfish_cli.errors import OutputError, UsageError
 from cubicfish_cli.target import target_text
 from tests.cli.test_export_rig import made_rig
@@ -37,6 +46,13 @@ CORNERS, TARGET = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
 
 def read(path: Path) -> dict[str, bytes]:
     return {one.name: one.read_bytes() for one in path.iterdir() if one.is_file()}
+
+
+def as_json(made: Any) -> Any:
+    """What a command prints of what a call gave."""
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        print_json(made.as_record())
+    return json.loads(out.getvalue())
 
 
 def test_a_calibration_is_that_of_the_command(
@@ -199,7 +215,7 @@ def test_pictures_are_those_of_the_command(
     said = run_cli("undistort", *photos, tmp_path / "a", "-m", calibrated, *line, "--json")
     made = undistort_files(photos, tmp_path / "b", calibrated, view, **options)
     assert read(tmp_path / "a") == read(tmp_path / "b") != {}
-    record = json.loads(json.dumps(made.as_record(), default=str))
+    record = as_json(made)
     files = [file.replace(str(tmp_path / "b"), str(tmp_path / "a")) for file in record["files"]]
     assert {**record, "files": files} == json.loads(said.stdout)
     assert made.failed == {}
@@ -322,3 +338,87 @@ def test_pictures_and_maps_of_a_rig_are_those_of_the_command(
     assert maps.stereo is not None
     with pytest.raises(UsageError, match="rows of stereographic pictures do not agree"):
         map_rig_files(rig, b / "n.npz", ViewOptions(kind="stereographic"))
+
+
+def test_what_cameras_are_and_how_far_apart_is_what_the_commands_say(
+    calibrated: Path, tmp_path: Path
+) -> None:
+    made = info_files(calibrated)
+    assert as_json(made) == json.loads(run_cli("info", calibrated, "--json").stdout)
+    assert made.facts is not None
+    true = SAMPLE / "true_camera.yaml"
+    line = ("compare", calibrated, true, "--picture", tmp_path / "a.png", "--json")
+    said = json.loads(run_cli(*line).stdout)
+    apart = compare_files(calibrated, true, picture=tmp_path / "b.png")
+    assert as_json(apart) == {**said, "picture": str(tmp_path / "b.png")}
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    with pytest.raises(OutputError, match="exists already"):
+        compare_files(calibrated, true, picture=tmp_path / "b.png")
+
+
+def test_what_rigs_are_and_how_far_apart_is_what_the_commands_say(
+    calibrated: Path, tmp_path: Path
+) -> None:
+    rig = made_rig(calibrated, tmp_path / "rig", 2)
+    made = info_files(rig.parent)
+    assert as_json(made) == json.loads(run_cli("info", rig, "--json").stdout)
+    assert made.facts is None
+    assert made.rig is not None
+    assert [one["name"] for one in made.rig["cameras"]] == ["left", "right"]
+    said = json.loads(run_cli("compare", rig, rig, "--json").stdout)
+    found = compare_rig_files(rig.parent, rig)
+    assert as_json(found) == said
+    assert [one.turn_deg for one in found.cameras] == pytest.approx([0, 0], abs=1e-6)
+
+
+def test_another_tools_camera_is_written_as_by_the_command(
+    calibrated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    lens = tmp_path / "c.cameramodel"
+    export_files(calibrated, "mrcal", lens)
+    a, b = tmp_path / "a.yaml", tmp_path / "b.yaml"
+    said = json.loads(run_cli("import", lens, "-o", a, "--max-angle", 70, "--json").stdout)
+    command = load_camera(a).made_by["command"]
+    made = import_files(lens, b, max_angle_deg=70, command=command)
+    assert a.read_bytes() == b.read_bytes()
+    assert as_json(made) == {**said, "model": str(b)}
+    with pytest.raises(OutputError, match="exists already"):
+        import_files(lens, b)
+
+
+def test_corners_of_others_are_written_as_by_the_command(tmp_path: Path) -> None:
+    rows = "".join(f"a.png {50 * n % 450 + 9} {40 * (n // 9) + 8}\n" for n in range(54))
+    (tmp_path / "c.vnl").write_text(f"# filename x y\n{rows}b.png - -\n")
+    board = {"name": "one", "type": "checkerboard", "corners": [9, 6], "square": 25}
+    target = Target.from_data({"units": "mm", "boards": [board]})
+    (tmp_path / "t.yaml").write_text(target_text(target))
+    line = ("corners", tmp_path / "c.vnl", "-t", tmp_path / "t.yaml", "--size", "960x720")
+    more = ("--board", "one", "--numbering", "rows", "-o", tmp_path / "a.csv")
+    said = json.loads(run_cli(*line, *more, "--json").stdout)
+    made = import_corner_files(
+        tmp_path / "c.vnl",
+        target,
+        tmp_path / "b.csv",
+        boards={"": "one"},
+        numbering="rows",
+        image_size=(960, 720),
+    )
+    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+    assert as_json(made) == {**said, "file": str(tmp_path / "b.csv")}
+    assert made.empty == ("b.png",)
+    with pytest.raises(OutputError, match="exists already"):
+        import_corner_files(tmp_path / "c.vnl", target, tmp_path / "b.csv")
+
+
+def test_a_target_is_checked_and_drawn_as_by_the_command(tmp_path: Path) -> None:
+    line = ("target", "check", TARGET, "--draw", tmp_path / "a.svg", "--json")
+    said = json.loads(run_cli(*line).stdout)
+    heard = Heard()
+    made = check_target_files(TARGET, tmp_path / "b.svg", run=Run(listener=heard))
+    assert as_json(made) == {**said, "drawing": str(tmp_path / "b.svg")}
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+    assert heard.steps == [("Looking at the target from all sides", 0, 0, "")]
+    with pytest.raises(OutputError, match="drawings are SVG"):
+        check_target_files(TARGET, tmp_path / "b.png")
+    assert check_target_files(TARGET).drawing is None
