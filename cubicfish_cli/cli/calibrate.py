@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from cubicfish_cli.cli import options
-from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.figures import (
     count,
     hold_gate,
@@ -34,11 +33,10 @@ from cubicfish_cli.cli.photo_table import (
     corners_by_board,
     fitted_rows,
     print_photo_table,
-    say_left_out,
     why_lost,
 )
-from cubicfish_cli.cli.progress import running
-from cubicfish_cli.cli.report import report_option, say_if_no_page
+from cubicfish_cli.cli.progress import say_left_out
+from cubicfish_cli.cli.report import FitOptions, fit_options, say_if_no_page
 from cubicfish_cli.cli.terminal import (
     apart,
     detail,
@@ -109,12 +107,7 @@ class Asked:
     compare: bool = option(
         "--compare", "Also fit other lens models to the same corners, and print one table."
     )
-    report: bool = report_option
-    max_rms: float | None = options.max_rms_option
-    overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option("calibrate")
-    jobs: int | None = options.jobs_option
-    no_cache: bool = options.no_cache_option
+    fit: FitOptions = fit_options("calibrate")
 
 
 @as_command(
@@ -146,8 +139,7 @@ def command(given: Asked) -> None:
         raise click.UsageError(
             f"--title must be a line of plain text, of at most {_LONGEST_TITLE} characters"
         )
-    keep_fonts(not given.no_cache)
-    with running(jobs=given.jobs, no_cache=given.no_cache, overwrite=given.overwrite) as run:
+    with given.fit.running() as run:
         made = calibrate_files(
             given.inputs,
             given.target,
@@ -159,18 +151,18 @@ def command(given: Asked) -> None:
             lift=given.lift,
             best=given.best,
             compare=given.compare,
-            report=given.report,
+            report=given.fit.report,
             title=title,
             command=options.command_line(),
             run=run,
         )
     fitted = made.fitted
-    if given.as_json:
+    if given.fit.as_json:
         print_json(made.as_record())
     say_left_out(fitted.unfit)
     if not isinstance(fitted, PointCalibration):
         _say_findings(fitted, made.record)
-    if not given.as_json:
+    if not given.fit.as_json:
         apart()
         result(made.facts.line, mark=(made.verdict.words, made.verdict.level))
         if isinstance(fitted, PointCalibration):
@@ -179,8 +171,8 @@ def command(given: Asked) -> None:
             _print_calibration(made, fitted)
     for path in made.removed:
         say(f"removed {path}, which was of an earlier calibration")
-    say_if_no_page(made.files, wanted=given.report)
-    hold_gate(fitted.errors.rms_px, given.max_rms)
+    say_if_no_page(made.files, wanted=given.fit.report)
+    hold_gate(fitted.errors.rms_px, given.fit.max_rms)
 
 
 def _say_findings(calibration: Calibration, record: Mapping[str, Any]) -> None:

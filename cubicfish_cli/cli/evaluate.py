@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,14 +19,14 @@ from cubicfish_cli.cli.figures import (
 )
 from cubicfish_cli.cli.options import as_command, record, target_options
 from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table, why_lost
-from cubicfish_cli.cli.progress import running, say_found
+from cubicfish_cli.cli.progress import running, say_found, say_left_out
 from cubicfish_cli.cli.terminal import print_json, print_table, result, say
 from cubicfish_cli.library.asked import check_inputs
-from cubicfish_cli.words.phrases import listed
 
 if TYPE_CHECKING:
     from cubicfish_cli.library.asked import TargetSource
     from cubicfish_cli.library.calibration_files import EvaluatedFiles
+    from cubicfish_cli.words.finding import Finding
 
 
 @record
@@ -82,8 +82,7 @@ def command(given: Asked) -> None:
         say_found(made.inputs.photo_findings)
         for finding in made.inputs.detection.findings:
             say(f"warning: {finding.line}")
-    if evaluation.unplaced:
-        say(f"{listed(evaluation.unplaced, 'photos')}: too few corners to be placed; not counted.")
+    say_left_out(_unplaced(evaluation.unplaced))
     if given.as_json:
         print_json(made.record)
     else:
@@ -112,15 +111,22 @@ def _evaluate_rig(path: Path, given: Asked) -> None:
     for one in evaluation.cameras:
         if one.outside:
             say(f"camera {one.name}: {count(one.outside, 'corner')} not counted: beyond its field.")
-        if one.unplaced:
-            photos = listed(one.unplaced, "photos")
-            say(f"camera {one.name}, {photos}: too few corners to be placed; not counted.")
+        say_left_out(_unplaced(one.unplaced), f"camera {one.name}: ")
     record = evaluation.as_record()
     if given.as_json:
         print_json({"model": str(path), **record})
     else:
         _print_rig(record)
     hold_gate(record["rms_px"], given.max_rms)
+
+
+def _unplaced(photos: Sequence[str]) -> dict[str, Finding]:
+    """What is said of photos that could not be placed."""
+    from cubicfish_cli.words.codes import Code, Severity
+    from cubicfish_cli.words.finding import Finding
+
+    too_few = Finding(code=Code.TOO_FEW_CORNERS, severity=Severity.CARE)
+    return dict.fromkeys(photos, too_few)
 
 
 def _print_rig(record: Mapping[str, Any]) -> None:

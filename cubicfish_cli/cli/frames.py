@@ -52,30 +52,10 @@ def command(given: Asked) -> None:
     from cubicfish_cli.library.frames import choose_frames
 
     target = given.target
-    if target.is_known:
-        target.check()
-    with running(jobs=given.jobs, no_cache=given.no_cache) as run:
-        chosen = choose_frames(
-            given.films,
-            given.output,
-            target.load(run.listener) if target.is_known else None,
-            most=given.most,
-            jobs=run.jobs,
-            cache=run.cache,
-            overwrite=given.overwrite,
-            listener=run.listener,
-        )
+    with running(jobs=given.jobs, no_cache=given.no_cache, overwrite=given.overwrite) as run:
+        chosen = choose_frames(given.films, given.output, target, most=given.most, run=run)
     if given.as_json:
-        print_json(
-            {
-                "photos": [str(path) for path in chosen.photos],
-                "file": str(chosen.table),
-                "sheet": str(chosen.sheet),
-                "frames": chosen.frames,
-                "looked_at": chosen.looked_at,
-                "films": chosen.films,
-            }
-        )
+        print_json(chosen.as_record())
         return
     result(
         f"{count(len(chosen.photos), 'frame')} of {chosen.frames:,} chosen; boards were looked for "

@@ -15,13 +15,12 @@ from typing import TYPE_CHECKING, Any
 from cubicfish_cli.cli.options import verbosity
 from cubicfish_cli.cli.streams import Style, columns_of
 from cubicfish_cli.cli.table import Column, Row, fitting, print_columns
-from cubicfish_cli.cli.terminal import result, say
-from cubicfish_cli.words.phrases import listed
+from cubicfish_cli.cli.terminal import result
 
 if TYPE_CHECKING:
     from cubicfish_cli.identification.identified import Detection, PhotoReport
     from cubicfish_cli.observations import Observations
-    from cubicfish_cli.words.finding import Finding, Level
+    from cubicfish_cli.words.finding import Level
 
 ByBoard = Mapping[str, Mapping[str, int]]
 
@@ -273,12 +272,3 @@ def _rest(rows: Sequence[PhotoRow], chosen: Sequence[PhotoRow]) -> str:
     if rms and most:
         words += f", each within {px(max(rms))} px RMS and {px(max(most))} px at the worst corner"
     return words
-
-
-def say_left_out(unfit: Mapping[str, Finding]) -> None:
-    """Say which photos took no part in a fit, those with the same reason in one line."""
-    photos: dict[str, list[str]] = {}
-    for photo, why in unfit.items():
-        photos.setdefault(why.line, []).append(photo)
-    for why_not, names in photos.items():
-        say(f"left out: {listed(names, 'photos')}: {why_not}")

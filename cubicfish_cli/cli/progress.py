@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from threading import Timer
 from typing import TYPE_CHECKING, Any
@@ -68,12 +69,23 @@ class _Shown(Listener):
         self._step = None
 
 
-def say_found(findings: Sequence[Finding]) -> None:
-    """Say what is told of photos; what several share once, unless all is wanted (``--verbose``)."""
+def say_found(findings: Sequence[Finding], mark: str = "") -> None:
+    """Say what is told of photos; what several share once, unless all is wanted (``--verbose``).
+
+    Args:
+        findings: each about one photo.
+        mark: how each line begins.
+
+    """
     from cubicfish_cli.identification.identified import line_of, remark_lines
 
     for line in map(line_of, findings) if verbosity() > 0 else remark_lines(findings):
-        say(line)
+        say(mark + line)
+
+
+def say_left_out(unfit: Mapping[str, Finding], of: str = "") -> None:
+    """Say which photos took no part in a fit, and why; ``of`` says of which camera."""
+    say_found([replace(why, images=(photo,)) for photo, why in unfit.items()], f"left out: {of}")
 
 
 @record

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.figures import print_verdict
-from cubicfish_cli.cli.options import as_command, option, record
+from cubicfish_cli.cli.options import as_command, bundle, option, record
 from cubicfish_cli.cli.progress import running
 from cubicfish_cli.cli.terminal import print_json, result, say
+from cubicfish_cli.library.asked import Run
 
 PAGE = "report.html"
 
@@ -70,12 +74,41 @@ def command(given: Asked) -> None:
     result(f"\nwrote {made.page}")
 
 
-report_option = option(
-    "--report/--no-report",
-    "Also write report.html, one page about the calibration (takes a second or two; needs "
-    "the extra 'report').",
-    default=True,
-)
+@dataclass(frozen=True, kw_only=True)
+class FitOptions:
+    """What is asked of every fit: how it is done, and what comes of it."""
+
+    report: bool
+    max_rms: float | None
+    overwrite: bool
+    as_json: bool
+    jobs: int | None
+    no_cache: bool
+
+    @contextmanager
+    def running(self) -> Iterator[Run]:
+        """How the library is to work while the block runs."""
+        keep_fonts(not self.no_cache)
+        with running(jobs=self.jobs, no_cache=self.no_cache, overwrite=self.overwrite) as run:
+            yield run
+
+
+def fit_options(command: str) -> Any:
+    """:class:`FitOptions` of a command, as one field of its record."""
+    return bundle(
+        FitOptions,
+        option(
+            "--report/--no-report",
+            "Also write report.html, one page about the calibration (takes a second or two; needs "
+            "the extra 'report').",
+            default=True,
+        ),
+        options.max_rms_option,
+        options.overwrite_option,
+        options.json_option(command),
+        options.jobs_option,
+        options.no_cache_option,
+    )
 
 
 def say_if_no_page(outputs: Mapping[str, Path], *, wanted: bool) -> None:

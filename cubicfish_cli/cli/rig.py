@@ -7,12 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.cli import options
-from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.figures import count, hold_gate, mark_of, print_errors, print_verdict, px
 from cubicfish_cli.cli.numbers import IntRange, Seconds
 from cubicfish_cli.cli.options import FILE, as_command, option, record, target_options
-from cubicfish_cli.cli.progress import running
-from cubicfish_cli.cli.report import report_option
+from cubicfish_cli.cli.report import FitOptions, fit_options
 from cubicfish_cli.cli.terminal import apart, print_json, print_table, print_wrote, result, say
 from cubicfish_cli.films import MOST
 
@@ -71,12 +69,7 @@ class Asked:
     refine_target: RefineTarget = options.refine_target_option(
         "Fit the object too, as 'cubicfish calibrate' does."
     )
-    report: bool = report_option
-    max_rms: float | None = options.max_rms_option
-    overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option("rig")
-    jobs: int | None = options.jobs_option
-    no_cache: bool = options.no_cache_option
+    fit: FitOptions = fit_options("rig")
 
 
 @as_command(
@@ -98,8 +91,7 @@ def command(given: Asked) -> None:
     """
     from cubicfish_cli.library.rig_files import calibrate_rig_files
 
-    keep_fonts(not given.no_cache)
-    with running(jobs=given.jobs, no_cache=given.no_cache, overwrite=given.overwrite) as run:
+    with given.fit.running() as run:
         made = calibrate_rig_files(
             given.inputs,
             given.target,
@@ -112,22 +104,22 @@ def command(given: Asked) -> None:
             most=given.most,
             hold_lenses=given.hold_lenses,
             refine_target=given.refine_target,
-            report=given.report,
+            report=given.fit.report,
             command=options.command_line(),
             run=run,
         )
-    if given.as_json:
+    if given.fit.as_json:
         print_json(made.as_record())
     for finding in made.rig.findings:
         say(f"{mark_of(finding)}: {finding.line}")
-    if not given.as_json:
+    if not given.fit.as_json:
         apart()
         print_rig(made.record)
         result()
         print_verdict(made.verdict)
         result()
         print_wrote(made.files)
-    hold_gate(made.rig.errors.rms_px, given.max_rms)
+    hold_gate(made.rig.errors.rms_px, given.fit.max_rms)
 
 
 def _lens(text: Path) -> tuple[str, Path | str]:

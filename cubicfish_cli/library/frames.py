@@ -22,7 +22,7 @@ from cubicfish_cli.films.scan import Measured, scan
 from cubicfish_cli.films.source import open_films
 from cubicfish_cli.films.write import write_frame
 from cubicfish_cli.films.written import Chosen, listed, write_chosen
-from cubicfish_cli.library.asked import Run, StrPath, paths_of
+from cubicfish_cli.library.asked import RUN, Run, StrPath, TargetSource, paths_of
 from cubicfish_cli.library.frame_search import Search, both_looks
 from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.photos import Photo, expanded, photo_size, shown
@@ -58,17 +58,25 @@ class ChosenFrames:
     looked_at: int
     films: tuple[dict[str, Any], ...]
 
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish frames --json`` prints."""
+        return {
+            "photos": self.photos,
+            "file": self.table,
+            "sheet": self.sheet,
+            "frames": self.frames,
+            "looked_at": self.looked_at,
+            "films": self.films,
+        }
+
 
 def choose_frames(
     films: StrPath | Sequence[StrPath],
     folder: StrPath,
-    target: Target | Sequence[Target] | None = None,
+    target: TargetSource | Target | Sequence[Target] | StrPath | None = None,
     *,
     most: int = MOST,
-    jobs: int | None = 1,
-    cache: StrPath | None = None,
-    overwrite: bool = False,
-    listener: Listener = SILENT,
+    run: Run = RUN,
 ) -> ChosenFrames:
     """Choose the frames of films that a camera is best calibrated from, as ``cubicfish frames``.
 
@@ -79,12 +87,9 @@ def choose_frames(
     Args:
         films: films of one camera, all of one size: files, recordings with their topic, or globs.
         folder: where the frames go.
-        target: the object, or what it may be; None looks for any checkerboard.
+        target: the object or its file, or what it may be; None looks for any checkerboard.
         most: how many frames may be chosen.
-        jobs: processes to use where boards are searched closely; None for one per processor.
-        cache: a folder in which what is found then is kept; by default nothing is.
-        overwrite: whether frames of an earlier choice may be replaced.
-        listener: who is told how far it is, and what is odd about a film.
+        run: how the work is done.
 
     Raises:
         PhotoError: a film cannot be used.
@@ -93,8 +98,8 @@ def choose_frames(
             not installed.
 
     """
-    folder, targets = Path(folder), _targets(target)
-    run = Run(jobs=jobs, cache=None if cache is None else Path(cache), listener=listener)
+    listener, overwrite = run.listener, run.overwrite
+    folder, targets = Path(folder), _targets(target, listener)
     opened = open_films(_expanded(films))
     for name in (table.NAME, sheet.NAME):
         refuse_existing(folder / name, overwrite=overwrite)
@@ -233,10 +238,13 @@ def refuse_other_photos(photos: Sequence[Photo], films: StrPath | Sequence[StrPa
             )
 
 
-def _targets(target: Target | Sequence[Target] | None) -> list[Target] | None:
-    if target is None or isinstance(target, Target):
-        return None if target is None else [target]
-    return list(target) or None
+def _targets(
+    target: TargetSource | Target | Sequence[Target] | StrPath | None, listener: Listener = SILENT
+) -> list[Target] | None:
+    if isinstance(target, Sequence) and not isinstance(target, str):
+        return list(target) or None
+    source = TargetSource.of(target)
+    return source.load(listener) if source.is_known else None
 
 
 def _fingerprint(targets: Sequence[Target] | None) -> str | None:

@@ -233,16 +233,7 @@ def with_frames(
     if kept:
         run.listener.tell(Event.FRAMES_KEPT, frames=len(kept), folder=folder)
         return [*photos, *kept]
-    chosen = choose_frames(
-        films,
-        folder,
-        targets,
-        most=most,
-        jobs=run.jobs,
-        cache=run.cache,
-        overwrite=run.overwrite,
-        listener=run.listener,
-    )
+    chosen = choose_frames(films, folder, targets, most=most, run=run)
     told = {"chosen": len(chosen.photos), "frames": chosen.frames, "folder": folder}
     run.listener.tell(Event.FRAMES_CHOSEN, **told)
     return [*photos, *chosen.photos]

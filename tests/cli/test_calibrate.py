@@ -266,7 +266,9 @@ def test_photos_left_out_for_the_same_reason_are_said_in_one_line(run: Run, tmp_
         "calibrate", tmp_path / "few.csv", "-t", TARGET, "-o", tmp_path / "c", "--no-report"
     )
     said = [line for line in result.stderr.splitlines() if line.startswith("left out")]
-    assert said == ["left out: corner_09.jpg and corner_10.jpg: too few corners to be placed"]
+    assert said == [
+        "left out: 2 photos (corner_09.jpg and corner_10.jpg): too few corners to be placed"
+    ]
 
 
 def test_a_date_of_ones_own_makes_the_same_bytes_again(

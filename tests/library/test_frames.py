@@ -13,6 +13,7 @@ from listening import Heard
 from cubicfish_cli.errors import DetectionError, PhotoError
 from cubicfish_cli.films.choose import Choice, Patch, Seen
 from cubicfish_cli.library import frame_search
+from cubicfish_cli.library.asked import Run
 from cubicfish_cli.library.frame_search import Found, Search
 from cubicfish_cli.library.frames import choose_frames, earlier_frames
 from cubicfish_cli.photos import read_picture
@@ -116,7 +117,7 @@ def test_a_program_chooses_frames_and_finds_them_again(tmp_path: Path, target: T
         tmp_path / "photos",
         target,
         most=5,
-        listener=heard,
+        run=Run(listener=heard),
     )
     assert len(chosen.photos) == 5
     assert read_picture(chosen.photos[0]).shape[:2] == SIZE[::-1]
