@@ -149,6 +149,18 @@ class TargetSource:
         return None if self.path is None else fingerprint(self.path)
 
 
+def target_in(given: Target | StrPath) -> Target:
+    """A target that a caller has, or has in a file.
+
+    Raises:
+        TargetError: its file cannot be used.
+
+    """
+    from cubicfish_cli.target import Target, load_target
+
+    return given if isinstance(given, Target) else load_target(Path(given))
+
+
 def _is_of_kalibr(path: Path) -> bool:
     with path.open("rb") as file:
         return b"target_type" in file.read(_FIRST_BYTES)

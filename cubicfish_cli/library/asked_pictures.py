@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cubicfish_cli.errors import UsageError
-from cubicfish_cli.library.asked import StrPath
+from cubicfish_cli.library.asked import StrPath, target_in
 from cubicfish_cli.wording import did_you_mean, either, quoted
 
 if TYPE_CHECKING:
@@ -184,9 +183,7 @@ class PlaneOptions:
             TargetError: its file cannot be used.
 
         """
-        from cubicfish_cli.target import Target, load_target
-
-        return self.target if isinstance(self.target, Target) else load_target(Path(self.target))
+        return target_in(self.target)
 
 
 @dataclass(frozen=True, kw_only=True)

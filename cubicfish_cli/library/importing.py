@@ -24,10 +24,10 @@ from cubicfish_cli.formats.camera_yaml import CameraFile
 from cubicfish_cli.formats.foreign import own_field_deg, read_foreign
 from cubicfish_cli.formats.registry import READABLE
 from cubicfish_cli.lenses.lens import Lens
-from cubicfish_cli.library.asked import RUN, Run, StrPath, paths_of
+from cubicfish_cli.library.asked import RUN, Run, StrPath, paths_of, target_in
 from cubicfish_cli.library.provenance import made_at, made_by_record
 from cubicfish_cli.observations import MAX_SIDE, Observations
-from cubicfish_cli.target import Target, load_target
+from cubicfish_cli.target import Target
 from cubicfish_cli.wording import did_you_mean, quoted
 
 _REFUSAL = Refusal(error=CameraFileError)
@@ -256,7 +256,7 @@ def import_corner_files(
     refuse_existing(goal, overwrite=run.overwrite)
     read = read_corner_files(
         paths_of(files),
-        target if isinstance(target, Target) else load_target(Path(target)),
+        target_in(target),
         kind=written_by,
         numbering=numbering,
         boards=boards,

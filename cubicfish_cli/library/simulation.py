@@ -20,7 +20,7 @@ from cubicfish_cli.formats.calibrated import Calibrated, camera_text
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.frame_names import frame_name
 from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.library.asked import RUN, Run, StrPath
+from cubicfish_cli.library.asked import RUN, Run, StrPath, target_in
 from cubicfish_cli.library.asked_pictures import LOOKS, FilmOptions, LookOptions
 from cubicfish_cli.listener import Count
 from cubicfish_cli.observations import MAX_SIDE
@@ -41,7 +41,7 @@ from cubicfish_cli.rendering.simulate import (
 )
 from cubicfish_cli.rendering.truth import true_corners_text, visible_points
 from cubicfish_cli.rendering.views import WholeLens
-from cubicfish_cli.target import Target, load_target
+from cubicfish_cli.target import Target
 from cubicfish_cli.wording import did_you_mean, quoted
 from cubicfish_cli.words.codes import Event
 from cubicfish_cli.words.phrases import plural
@@ -279,7 +279,7 @@ def simulate_files(
     if form not in FORMATS:
         told = did_you_mean(str(form), FORMATS)
         raise UsageError(f"photos are not written as {quoted(form)}: {told}")
-    thing = target if isinstance(target, Target) else load_target(Path(target))
+    thing = target_in(target)
     choosing = "Choosing where to take photos from"
     listener.progress(choosing)
     source = Source.of(lens, image_size, thing)

@@ -235,6 +235,27 @@ def test_libraries_stay_in_the_parts_that_need_them() -> None:
         assert not misplaced, path
 
 
+# What commands take of the package beside one call of a public name: names resolved, words read.
+RESOLVING = {
+    "as_text", "check_inputs", "connect", "in_folder", "length_mm", "parse_crop", "parse_size",
+    "read_bytes", "rig_in",
+}  # fmt: skip
+PRINTING = {"counted", "distances_words", "missing", "photo_verdicts", "print_size", "recorded"}
+WORDS = {"identification", "wording", "words"}
+
+
+def test_what_commands_call_is_public() -> None:
+    allowed = {*cubicfish_cli.__all__, *RESOLVING, *PRINTING}
+    for path in sorted((PACKAGE / "cli").glob("*.py")):
+        taken = set()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("cubicfish_cli."):
+                parts = str(node.module).split(".")[1:]
+                if "cli" not in parts and not WORDS & set(parts):
+                    taken |= {alias.name for alias in node.names if alias.name.islower()}
+        assert taken <= allowed, path
+
+
 def test_packages_import_nothing_by_themselves() -> None:
     packages = [path for path in IMPORTED if path.stem == "__init__" and path.parent != PACKAGE]
     assert len(packages) > 10
