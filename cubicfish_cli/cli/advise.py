@@ -87,8 +87,7 @@ def command(given: Asked) -> None:
             run=run,
         )
     if given.as_json:
-        files = {"model": camera, "picture": given.output, "poses": given.poses}
-        print_json({**made.advice.as_record(), **files})
+        print_json(made.as_record())
         return
     _print(made.advice, made.verdict)
     print_wrote(made.written)

@@ -98,11 +98,7 @@ def command(given: Asked) -> None:
     from cubicfish_cli.library.exporting import export_files
 
     named = given.calibration or given.model
-    path = rig_path(named)
-    if path is None:
-        if given.pair is not None:
-            raise click.UsageError("--pair names two cameras of a rig: name the rig.yaml")
-        path = options.model_path(named)
+    path = rig_path(named) or options.model_path(named)
     with running(overwrite=given.overwrite) as run:
         made = export_files(
             path,

@@ -47,7 +47,8 @@ class Asked:
         "'cubicfish undistort photos/ flat/'",
     )
     destination: Path = options.argument(
-        "The picture or video that is made of one; of several, a folder.", metavar="OUT"
+        "The picture or video that is made of one; of several, or without a suffix, a folder.",
+        metavar="OUT",
     )
     model: Path | None = options.model_option
     scene: SceneOptions = scene_options

@@ -8,21 +8,24 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from cubicfish_cli.errors import CameraFileError, UsageError
+import numpy as np
+
+from cubicfish_cli.errors import CameraFileError, UsageError, ViewError
 from cubicfish_cli.files import Content, refuse_existing, write_files
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.formats.rig_yaml import RigFile, load_rig
 from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, path_or_none, rig_file_in
 from cubicfish_cli.library.asked_pictures import ViewOptions
-from cubicfish_cli.library.rig_pictures import pair_maps
+from cubicfish_cli.library.rig_pictures import rectify
 from cubicfish_cli.library.views import TrustedWithin, chosen_of
 from cubicfish_cli.plain_yaml import plain_yaml_text
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField
+from cubicfish_cli.undistortion.fit import sees
 from cubicfish_cli.undistortion.frames import Crop, camera_for_photos, parse_crop
 from cubicfish_cli.undistortion.map_formats import build_redistort_map, ffmpeg_command, map_writer
 from cubicfish_cli.undistortion.maps import UndistortMap, build_map
 from cubicfish_cli.undistortion.stereo import ROW_ALIGNED
-from cubicfish_cli.undistortion.view import View
+from cubicfish_cli.undistortion.view import CentralView, View
 from cubicfish_cli.undistortion.view_files import Masked, part_name, view_files
 from cubicfish_cli.wording import either
 
@@ -254,21 +257,37 @@ def map_rig_files(
     both = _two_cameras(loaded, pair)
     about = writer.output.with_suffix(".stereo.yaml")
     plan = writer.plan(both, about)
-    made = pair_maps(
-        loaded,
-        *both,
-        asked.chosen,
-        photo_size=photo_size,
-        whole_field=asked.leaves_field_open and asked.kind == "epipolar-equirectangular",
-    )
-    written = writer.write(plan, made.maps, {about: plain_yaml_text(made.record)})
+    between = rectify(loaded, *both)
+    if photo_size is not None:
+        one, other = (camera_for_photos(loaded.camera(name).camera, photo_size) for name in both)
+        between = replace(between, cameras=(one, other))
+    if not sees(between, np.array([0.0, 0.0, 1.0])):
+        raise ViewError(
+            "the two cameras see nothing in common where both look: name two others with --pair"
+        )
+    chosen = asked.chosen(between)
+    common = chosen.first
+    if not isinstance(common, CentralView):
+        raise ViewError("rows of both pictures agree in one central view only")
+    if asked.leaves_field_open and asked.kind == "epipolar-equirectangular":
+        common = between.field_view(common)
+        chosen = ChosenView(views={"": common})
+    turned = zip(both, between.cameras, between.views(common), strict=True)
+    maps = {name: build_map(camera, own) for name, camera, own in turned}
+    record = {
+        "cameras": list(both),
+        "units": loaded.units,
+        "photo_sizes": [list(camera.image_size) for camera in between.cameras],
+        **between.as_record(common),
+    }
+    written = writer.write(plan, maps, {about: plain_yaml_text(record)})
     return MapFiles(
         model=path,
         own=_files_of(plan),
         written=written,
-        image_size=made.pair.image_size,
-        view=made.chosen,
-        stereo=made.record,
+        image_size=between.image_size,
+        view=chosen,
+        stereo=record,
     )
 
 

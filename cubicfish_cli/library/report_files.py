@@ -15,7 +15,7 @@ from cubicfish_cli.errors import CubicfishError, OutputError, UsageError
 from cubicfish_cli.files import Content, refuse_existing, write_files, write_text
 from cubicfish_cli.formats.rig_yaml import load_rig
 from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, rig_in
+from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, path_or_none, rig_in
 from cubicfish_cli.library.rigs import loaded_record
 from cubicfish_cli.printing import extra
 from cubicfish_cli.rendering.pose import pose_table_text
@@ -88,9 +88,7 @@ def report_files(
         from cubicfish_cli.report.page import report_html
 
     run.listener.progress("Making the report")
-    facts = facts_of_files(
-        model, target=None if target is None else Path(target), photos=list(map(Path, photos))
-    )
+    facts = facts_of_files(model, target=path_or_none(target), photos=list(map(Path, photos)))
     write_text(path, report_html(facts), overwrite=run.overwrite)
     return ReportFiles(page=path, model=model, verdict=facts.verdict, absent=facts.absent)
 
@@ -118,15 +116,29 @@ class AdviceFiles:
     """What became of :func:`advise_files`.
 
     Attributes:
+        model: the camera's file.
         advice: what photos leave open, and which to take next.
         verdict: what the camera is worth.
-        written: the files.
+        picture: the drawing; None where none was asked for.
+        poses: the table of proposed poses; likewise.
 
     """
 
+    model: Path
     advice: Advice
     verdict: Verdict
-    written: Sequence[Path]
+    picture: Path | None = None
+    poses: Path | None = None
+
+    @property
+    def written(self) -> list[Path]:
+        """The files."""
+        return [path for path in (self.picture, self.poses) if path is not None]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish advise --json`` prints."""
+        files = {"model": self.model, "picture": self.picture, "poses": self.poses}
+        return {**self.advice.as_record(), **files}
 
 
 def advise_files(
@@ -157,9 +169,7 @@ def advise_files(
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    drawing, table, given, drawn = (
-        None if one is None else Path(one) for one in (picture, poses, corners, target)
-    )
+    drawing, table, given, drawn = map(path_or_none, (picture, poses, corners, target))
     if drawing is not None and drawing.suffix.lower() != ".svg":
         raise OutputError(f"{drawing}: drawings are SVG: end the name in .svg")
     refuse_existing(*filter(None, (drawing, table)), overwrite=run.overwrite)
@@ -187,5 +197,7 @@ def advise_files(
     if table is not None:
         named = {f"next_{i}.jpg": one.view.pose for i, one in enumerate(advice.proposals, start=1)}
         files[table] = pose_table_text(named)
-    written = write_files(files, overwrite=run.overwrite)
-    return AdviceFiles(advice=advice, verdict=facts.verdict, written=written)
+    write_files(files, overwrite=run.overwrite)
+    return AdviceFiles(
+        model=path, advice=advice, verdict=facts.verdict, picture=drawing, poses=table
+    )

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -17,14 +16,12 @@ from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
 from cubicfish_cli.lenses.pinhole import PinholeLens
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.rendering.pose import rotation_matrix
-from cubicfish_cli.undistortion.choose import ChosenView, build_view
-from cubicfish_cli.undistortion.fit import sees
-from cubicfish_cli.undistortion.frames import camera_for_photos
+from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.maps import UndistortMap, build_map
 from cubicfish_cli.undistortion.mosaic import Body, BodyCamera, mosaic_of
 from cubicfish_cli.undistortion.projections import PerspectiveView
 from cubicfish_cli.undistortion.stereo import RectifiedPair, rectified_pair
-from cubicfish_cli.undistortion.view import Camera, CentralView, View
+from cubicfish_cli.undistortion.view import View
 from cubicfish_cli.wording import did_you_mean, quoted
 
 # A face of which the camera sees less than this share is not worth a file.
@@ -69,77 +66,6 @@ def rectify(rig: RigFile | RigCalibration, first: str, second: str) -> Rectified
     turn = other.rotation @ one.rotation.T
     shift = other.translation - turn @ one.translation
     return rectified_pair(one.camera, other.camera, turn, shift)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PairMaps:
-    """What makes pictures with common rows of two cameras' photos.
-
-    Attributes:
-        pair: the cameras, turned.
-        chosen: what both show.
-        maps: by the camera's name.
-        record: plain data: what it takes to measure with the pictures.
-
-    """
-
-    pair: RectifiedPair
-    chosen: ChosenView
-    maps: dict[str, UndistortMap]
-    record: dict[str, Any]
-
-
-def pair_maps(
-    rig: RigFile,
-    first: str,
-    second: str,
-    choose: Callable[[Camera], ChosenView],
-    *,
-    photo_size: tuple[int, int] | None = None,
-    whole_field: bool = False,
-) -> PairMaps:
-    """The maps of two cameras of a rig.
-
-    Args:
-        rig: the rig.
-        first: name of a camera.
-        second: name of another.
-        choose: the two as one camera -> one central view whose rows both can share.
-        photo_size: (width, height) of photos, an exact rescale of the calibrated ones.
-        whole_field: whether the view is cut to what the two see.
-
-    Raises:
-        ViewError: there is no such camera, or the two see nothing in common.
-
-    """
-    pair = rectify(rig, first, second)
-    if photo_size is not None:
-        cameras = [
-            camera_for_photos(rig.camera(name).camera, photo_size) for name in (first, second)
-        ]
-        pair = replace(pair, cameras=(cameras[0], cameras[1]))
-    if not sees(pair, np.array([0.0, 0.0, 1.0])):
-        raise ViewError(
-            "the two cameras see nothing in common where both look: name two others with --pair"
-        )
-    chosen = choose(pair)
-    common = chosen.first
-    if not isinstance(common, CentralView):
-        raise ViewError("rows of both pictures agree in one central view only")
-    if whole_field:
-        common = pair.field_view(common)
-        chosen = ChosenView(views={"": common})
-    maps = {
-        name: build_map(camera, own)
-        for name, camera, own in zip((first, second), pair.cameras, pair.views(common), strict=True)
-    }
-    record = {
-        "cameras": [first, second],
-        "units": rig.units,
-        "photo_sizes": [list(camera.image_size) for camera in pair.cameras],
-        **pair.as_record(common),
-    }
-    return PairMaps(pair=pair, chosen=chosen, maps=maps, record=record)
 
 
 def stitch(
@@ -213,7 +139,7 @@ def faces_of(body: Body, views: Mapping[str, Mapping[str, View]]) -> tuple[Face,
     return tuple(faces)
 
 
-def faces_texts(rig: RigFile, faces: tuple[Face, ...], photos: Mapping[str, str]) -> dict[str, str]:
+def faces_texts(rig: RigFile, faces: Sequence[Face], photos: Mapping[str, str]) -> dict[str, str]:
     """Where faces were taken from, for COLMAP and, where it is known, for nerfstudio.
 
     Shots that took part in the calibration have their place in the target's frame; one shot alone

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,7 @@ from cubicfish_cli.library.pictures import Interpolation, rendering_of
 from cubicfish_cli.library.rig_pictures import Face, body_of_rig, faces_of, faces_texts
 from cubicfish_cli.library.undistorting import UndistortedFiles, is_folder, refuse_itself
 from cubicfish_cli.library.views import board_with_plane, chosen_of
-from cubicfish_cli.listener import SILENT, Count, Listener
+from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.photos import decode_picture, natural_key, photo_size, read_file, shown
 from cubicfish_cli.target import Target
 from cubicfish_cli.undistortion.choose import ChosenView
@@ -39,7 +39,7 @@ from cubicfish_cli.undistortion.images import (
     encode_picture,
     remap_picture,
 )
-from cubicfish_cli.undistortion.mosaic import Body, Ground, Mosaic, mosaic_of
+from cubicfish_cli.undistortion.mosaic import Body, Ground, mosaic_of
 from cubicfish_cli.undistortion.view import View, matrix_of_rotation
 from cubicfish_cli.undistortion.view_files import mask_picture, view_files
 from cubicfish_cli.wording import did_you_mean, quoted
@@ -96,134 +96,92 @@ def ground_of_board(rig: RigFile, shot: str, target: Target, board: str) -> Grou
     )
 
 
-class ShotViews:
-    """A view a shot, most often the same for all."""
+def _pictures(
+    body: Body,
+    views: Mapping[str, ChosenView],
+    shots: Mapping[str, Shot],
+    outputs: Mapping[str, Path],
+    rendering: Rendering,
+    run: Run,
+    *,
+    mask: Path | None,
+    beside: Path | None,
+) -> tuple[Became, list[Path]]:
+    """Write one picture per shot, and the mask and the virtual camera of all.
 
-    def __init__(self, body: Body, views: Mapping[str, ChosenView]) -> None:
-        """Prepare to show all that the body's cameras see."""
-        self._body, self.views = body, views
-        self._made: tuple[View, Mosaic] | None = None
+    Raises:
+        OutputError: one exists and may not be replaced, or cannot be written.
+        ViewError: shots have a mask or a camera each.
 
-    def mosaic(self, shot: str) -> Mosaic:
-        """What makes the picture of a shot."""
-        view = self.views[shot].first
-        if self._made is None or self._made[0] != view:
-            self._made = view, mosaic_of(self._body, view)
-        return self._made[1]
-
-    def only(self) -> Mosaic:
-        """What makes the pictures of all shots.
-
-        Raises:
-            ViewError: their views differ.
-
-        """
-        if len({view.first for view in self.views.values()}) > 1:
+    """
+    mosaic = lru_cache(maxsize=1)(partial(mosaic_of, body))  # most often the same for all
+    check_outputs(list(outputs.values()), overwrite=run.overwrite)
+    extras: list[Path] = []
+    if mask is not None or beside is not None:
+        if len({view.first for view in views.values()}) > 1:
             raise ViewError(
                 "these shots have a mask and a virtual camera each, since their planes differ: do "
                 "them one at a time"
             )
-        return self.mosaic(next(iter(self.views)))
-
-
-def write_pictures(
-    work: ShotViews,
-    shots: Mapping[str, Shot],
-    outputs: Mapping[str, Path],
-    rendering: Rendering,
-    progress: Count,
-    *,
-    overwrite: bool,
-) -> Became:
-    """Write one picture per shot; one that fails does not stop the others.
-
-    Args:
-        work: what is rendered.
-        shots: the photos.
-        outputs: where the picture of each goes.
-        rendering: how pixels are made.
-        progress: called with shots done and all shots.
-        overwrite: whether files may be replaced.
-
-    """
+        made = {"": mosaic(views[next(iter(shots))].first).whole_map}
+        files = view_files(made, mask=mask, beside=beside)
+        extras = write_files(files, overwrite=run.overwrite)
 
     def files_of(shot: str) -> dict[Path, bytes]:
         like, pictures = _read(shots[shot])
-        picture, _ = work.mosaic(shot).render(pictures, rendering)
+        picture, _ = mosaic(views[shot].first).render(pictures, rendering)
         path = outputs[shot]
         return {path: encode_picture(path, picture, quality=rendering.quality, like=like)}
 
-    return _each(shots, files_of, progress, overwrite=overwrite)
+    return _each(shots, files_of, run), extras
 
 
-class Faces:
-    """The faces of a cube about each camera, with masks, and where all were taken from."""
+def _faces(
+    rig: RigFile,
+    faces: Sequence[Face],
+    shots: Mapping[str, Shot],
+    folder: Path,
+    rendering: Rendering,
+    run: Run,
+) -> tuple[Became, list[Path]]:
+    """Write the faces of a cube about each camera, with masks, and where all were taken from.
 
-    def __init__(
-        self,
-        rig: RigFile,
-        body: Body,
-        views: Mapping[str, Mapping[str, View]],
-        shots: Mapping[str, Shot],
-        folder: Path,
-        *,
-        overwrite: bool,
-    ) -> None:
-        """Plan the files.
+    Raises:
+        OutputError: one exists and may not be replaced, or cannot be written.
 
-        Args:
-            rig: the rig.
-            body: its cameras for these photos.
-            views: for each camera, name of the face -> view in its frame.
-            shots: the photos.
-            folder: where pictures, masks and tables go.
-            overwrite: whether files may be replaced.
+    """
+    suffix = next(iter(next(iter(shots.values())).values())).suffix
+    names = {shot: f"{shot}{suffix}" for shot in shots}
+    tables = {folder / name: text for name, text in faces_texts(rig, faces, names).items()}
+    masks = {
+        face.name: encode_picture(Path("mask.png"), mask_picture(face.map.valid)) for face in faces
+    }
+    paths = {
+        (shot, face.name): (
+            folder / "images" / face.name / names[shot],
+            folder / "masks" / face.name / f"{names[shot]}.png",
+        )
+        for shot, photos in shots.items()
+        for face in faces
+        if face.camera.name in photos
+    }
+    check_outputs([path for pair in paths.values() for path in pair], overwrite=run.overwrite)
+    refuse_existing(*tables, overwrite=run.overwrite)
 
-        Raises:
-            OutputError: one exists and may not be replaced, or cannot be written.
+    def files_of(shot: str) -> dict[Path, bytes]:
+        like, pictures = _read(shots[shot])
+        files = {}
+        for face in faces:
+            if face.camera.name in pictures:
+                path, mask = paths[shot, face.name]
+                part = _rendered(face, pictures, rendering)
+                files[path] = encode_picture(path, part, quality=rendering.quality, like=like)
+                files[mask] = masks[face.name]
+        return files
 
-        """
-        self.faces = faces_of(body, views)
-        self._shots, self._folder, self._overwrite = shots, folder, overwrite
-        suffix = next(iter(next(iter(shots.values())).values())).suffix
-        names = {shot: f"{shot}{suffix}" for shot in shots}
-        texts = faces_texts(rig, self.faces, names)
-        self.tables = {folder / name: text for name, text in texts.items()}
-        self._paths = {
-            (shot, face.name): (
-                folder / "images" / face.name / names[shot],
-                folder / "masks" / face.name / f"{names[shot]}.png",
-            )
-            for shot, photos in shots.items()
-            for face in self.faces
-            if face.camera.name in photos
-        }
-        planned = [path for pair in self._paths.values() for path in pair]
-        check_outputs(planned, overwrite=overwrite)
-        refuse_existing(*self.tables, overwrite=overwrite)
-
-    def write(self, rendering: Rendering, progress: Count) -> Became:
-        """Write them; the tables too where no shot failed."""
-        masks = {
-            face.name: encode_picture(Path("mask.png"), mask_picture(face.map.valid))
-            for face in self.faces
-        }
-
-        def files_of(shot: str) -> dict[Path, bytes]:
-            like, pictures = _read(self._shots[shot])
-            files = {}
-            for face in self.faces:
-                if face.camera.name in pictures:
-                    path, mask = self._paths[shot, face.name]
-                    part = _rendered(face, pictures, rendering)
-                    files[path] = encode_picture(path, part, quality=rendering.quality, like=like)
-                    files[mask] = masks[face.name]
-            return files
-
-        written, failures = _each(self._shots, files_of, progress, overwrite=self._overwrite)
-        if not failures:
-            write_files(self.tables, overwrite=self._overwrite)
-        return written, failures
+    written, failures = _each(shots, files_of, run)
+    extras = [] if failures else write_files(tables, overwrite=run.overwrite)
+    return (written, failures), extras
 
 
 def _rendered(face: Face, pictures: Mapping[str, Any], rendering: Rendering) -> Any:
@@ -234,20 +192,18 @@ def _rendered(face: Face, pictures: Mapping[str, Any], rendering: Rendering) -> 
 
 
 def _each(
-    shots: Mapping[str, Shot],
-    files_of: Callable[[str], Mapping[Path, bytes]],
-    progress: Count,
-    *,
-    overwrite: bool,
+    shots: Iterable[str], files_of: Callable[[str], Mapping[Path, bytes]], run: Run
 ) -> Became:
+    """Write the files of each shot; one that fails does not stop the others."""
     done: dict[str, list[Path]] = {}
     failures: dict[str, CubicfishError] = {}
-    for number, shot in enumerate(shots, start=1):
+    progress, every = run.listener.counting("Undistorting"), list(shots)
+    for number, shot in enumerate(every, start=1):
         try:
-            done[shot] = write_files(files_of(shot), overwrite=overwrite)
+            done[shot] = write_files(files_of(shot), overwrite=run.overwrite)
         except CubicfishError as problem:
             failures[shot] = problem
-        progress(number, len(shots))
+        progress(number, len(every))
     return done, failures
 
 
@@ -338,43 +294,31 @@ def undistort_rig_files(
             "the faces of a rig's cube have masks and cameras beside them: leave out "
             f"{'--mask' if mask is not None else '--camera'}"
         )
-    path, goal, overwrite = rig_file_in(Path(rig)), Path(output), run.overwrite
+    path, goal = rig_file_in(Path(rig)), Path(output)
     loaded = load_rig(path)
     shots = shots_of(paths_of(photos), [one.name for one in loaded.cameras], run.listener)
     body = body_for_photos(replace(body_of_rig(loaded), distance=distance), shots)
-    progress = run.listener.counting("Undistorting")
+    faces: Sequence[Face] = ()
     if in_faces and isinstance(view, ViewOptions):
         parts = {one.name: view.chosen(one.camera).views for one in body.cameras}
-        work = Faces(loaded, body, parts, shots, goal, overwrite=overwrite)
-        written, failures = work.write(rendering, progress)
-        return UndistortedFiles(
-            kind="shot",
-            output=goal,
-            written=written,
-            failures=failures,
-            model=path,
-            view=ChosenView(views=parts[body.cameras[0].name]) if written else None,
-            extras=[] if failures else list(work.tables),
-            faces=len(work.faces),
-        )
-    if isinstance(view, PlaneOptions | GroundOptions):
-        views = _views_of_ground(view, loaded, body, shots)
+        views = dict.fromkeys(shots, ChosenView(views=parts[body.cameras[0].name]))
+        faces = faces_of(body, parts)
+        (written, failures), extras = _faces(loaded, faces, shots, goal, rendering, run)
     else:
-        views = dict.fromkeys(shots, chosen_of(view, body))
-    pictures = ShotViews(body, views)
-    outputs = _outputs(shots, goal)
-    check_outputs(list(outputs.values()), overwrite=overwrite)
-    extras: list[Path] = []
-    if mask is not None or virtual_camera is not None:
-        files = view_files(
-            {"": pictures.only().whole_map},
+        if isinstance(view, PlaneOptions | GroundOptions):
+            views = _views_of_ground(view, loaded, body, shots)
+        else:
+            views = dict.fromkeys(shots, chosen_of(view, body))
+        (written, failures), extras = _pictures(
+            body,
+            views,
+            shots,
+            _outputs(shots, goal),
+            rendering,
+            run,
             mask=path_or_none(mask),
             beside=path_or_none(virtual_camera),
         )
-        extras = write_files(files, overwrite=overwrite)
-    written, failures = write_pictures(
-        pictures, shots, outputs, rendering, progress, overwrite=overwrite
-    )
     return UndistortedFiles(
         kind="shot",
         output=goal,
@@ -383,6 +327,7 @@ def undistort_rig_files(
         model=path,
         view=views[next(iter(written))] if written else None,
         extras=extras,
+        faces=len(faces),
     )
 
 

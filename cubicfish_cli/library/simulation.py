@@ -73,7 +73,7 @@ class Source:
     @classmethod
     def of(
         cls,
-        lens: Source | Calibrated | CubicCamera | StrPath,
+        lens: Calibrated | CubicCamera | StrPath,
         image_size: Sequence[int] | None,
         target: Target,
     ) -> Source:
@@ -87,9 +87,7 @@ class Source:
         if image_size is not None:
             refusal = Refusal(error=CameraFileError)
             size = refusal.size(image_size, "image_size", limit=MAX_SIDE)
-        if isinstance(lens, Source):
-            source = lens
-        elif isinstance(lens, Calibrated | CubicCamera):
+        if isinstance(lens, Calibrated | CubicCamera):
             camera = lens.camera if isinstance(lens, Calibrated) else lens
             text = _camera_text(camera, {})
             source = cls(lens=camera, image_size=camera.image_size, text=lambda *_: text)
@@ -225,7 +223,7 @@ class _Scene:
 
 def simulate_files(
     target: Target | StrPath,
-    lens: Source | Calibrated | CubicCamera | StrPath,
+    lens: Calibrated | CubicCamera | StrPath,
     folder: StrPath = "simulated",
     *,
     image_size: Sequence[int] | None = None,
