@@ -22,7 +22,7 @@ from cubicfish_cli.fitting.findings import (
 from cubicfish_cli.fitting.folds import folds_of
 from cubicfish_cli.fitting.frame import in_references_frame
 from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
-from cubicfish_cli.fitting.hold import EXPECTED, FIRMEST, choose_hold
+from cubicfish_cli.fitting.hold import FIRMEST, EXPECTED, choose_hold
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.local_noise import within_noise
 from cubicfish_cli.fitting.photo_spread import photo_spread
@@ -137,8 +137,8 @@ class Calibration(Calibrated):
         covered_deg: angle from the axis of the farthest used corner.
         reach: what corners say of the field's rim.
         hold: how P was held to the reference.
-        rivals: how else photos that were left out would have it held, and how likely they are
-            right.
+        rival: how photos that were left out would rather have it held, and how likely they are
+            right; None where nothing was left out.
         dropped: corners left out because they were grossly off.
         unfit: photos left out, with the reason.
         refined: what of the object was fitted: ``off``, ``shape`` or ``points``.
@@ -168,7 +168,7 @@ class Calibration(Calibrated):
     covered_deg: float
     reach: Reach
     hold: Hold
-    rivals: tuple[Rival, ...]
+    rival: Rival | None
     dropped: tuple[DroppedCorner, ...]
     unfit: dict[str, Finding]
     refined: Level
@@ -352,7 +352,7 @@ def _calibrated(
         covered_deg=covered_deg,
         reach=rim,
         hold=cubic.hold,
-        rivals=cubic.rivals,
+        rival=cubic.rival,
         dropped=dropped,
         unfit=reference.unfit,
         refined=fit.level,
@@ -477,7 +477,7 @@ def _judged(
     if measured is None or measured.rms_px >= held_out.rms_px:
         return fit, held_out
     rival = Rival(hold=fit.cubic.hold, likely=measured.doubt(held_out))
-    return replace(fit, cubic=replace(cubic, rivals=(rival,))), measured
+    return replace(fit, cubic=replace(cubic, rival=rival)), measured
 
 
 def _refuse_too_little(pairs: Observations) -> None:

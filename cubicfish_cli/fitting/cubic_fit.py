@@ -81,7 +81,8 @@ class CubicResult:
         hold: how P was held to the reference.
         max_angle_deg: half-angle of the cone over which P may be trusted.
         validity: the check for poles and folds over that cone.
-        rivals: other holds that may be the better ones.
+        rival: the hold under which photos that were left out fitted best, where another is held
+            to for want of a clear difference; None where none was sought.
 
     """
 
@@ -89,7 +90,7 @@ class CubicResult:
     hold: Hold
     max_angle_deg: float
     validity: Validity
-    rivals: tuple[Rival, ...] = ()
+    rival: Rival | None = None
 
     @property
     def lens(self) -> CubicFit:

@@ -11,13 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import softmax
 
 from cubicfish_cli.fitting.cubic_fit import NEAR_DECREASE, CubicResult, Hold, Rival, fit_cubic
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.radial_reference import RadialReference
 from cubicfish_cli.fitting.robust import huber_px
+from cubicfish_cli.fitting.statistics import likely_positive
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.types import FloatArray, IntArray
 
@@ -31,8 +31,6 @@ FIRMEST = Hold(spread=SPREADS[0], weight=WEIGHTS[0])
 EXPECTED = Hold(spread=1e-4, weight=WEIGHTS[2])
 # What only leads to a choice need not be known to the last digit.
 _SCAN_DECREASE = 1e-4
-# A hold that is less likely is no rival.
-_HARDLY = 0.01
 # A sum of squared errors, pixels², that is rounding.
 _NO_ERROR = 1e-16
 
@@ -79,19 +77,15 @@ def choose_hold(
     )
     leaving = Leaving(start.fit, reference.pairs, huber_px(start.residual), groups)
     squares = _squares(leaving, start.lens, reference, places)
-    likely = _likely(squares)
-    chosen = max(likely, key=lambda place: likely[place])
+    chosen = _likeliest(squares)
     # A hold that was made firmer stays so.
     hold = start.hold if chosen == place else _hold(chosen)
     fitted = fit_cubic(
         reference, hold, world=start.fit.world, start=start, relative_decrease=NEAR_DECREASE
     )
-    rivals = tuple(
-        Rival(hold=_hold(place), likely=share)
-        for place, share in likely.items()
-        if place != chosen and share > _HARDLY
-    )
-    return replace(fitted, rivals=rivals)
+    best = _best(squares)
+    likely = likely_positive(squares[chosen] - squares[best])
+    return replace(fitted, rival=Rival(hold=_hold(best), likely=likely))
 
 
 def _hold(place: _Place) -> Hold:
@@ -132,8 +126,12 @@ def _squares(
     return dict(zip(places, of_places, strict=True))
 
 
-def _likely(squares: Mapping[_Place, FloatArray]) -> dict[_Place, float]:
-    """How likely each hold is, by what photos left out and the expectation before them say.
+def _best(squares: Mapping[_Place, FloatArray]) -> _Place:
+    return min(squares, key=lambda place: float(squares[place].sum()))
+
+
+def _likeliest(squares: Mapping[_Place, FloatArray]) -> _Place:
+    """The hold that is likeliest by what photos left out and the expectation before them say.
 
     Corners of one photo share their errors: together they count as one corner, whose noise is of
     that photo alone and not known (the likelihood is 1 / squared error where all noises are taken
@@ -141,6 +139,10 @@ def _likely(squares: Mapping[_Place, FloatArray]) -> dict[_Place, float]:
     asymmetry or half a power of ten of weight, is one standard deviation.
     """
     expected = _place_of(EXPECTED)
-    away = np.square(np.subtract(list(squares), expected)).sum(axis=1)
-    told = np.log(np.maximum(list(squares.values()), _NO_ERROR)).sum(axis=1)
-    return dict(zip(squares, softmax(-told - away / 2).tolist(), strict=True))
+
+    def log_likelihood(place: _Place) -> float:
+        away = np.square(np.subtract(place, expected)).sum()
+        told = np.log(np.maximum(squares[place], _NO_ERROR)).sum()
+        return float(-told - away / 2)
+
+    return max(squares, key=log_likelihood)

@@ -5,10 +5,10 @@ the model misses. The noise of single corners, carried through the fit, knows no
 does is how far the camera moves when a photo is left out: a variance estimate that is robust to
 errors shared within clusters, the photos (Liang & Zeger 1986; Bell & McCaffrey 2002).
 
-Nor does it know how P should be held. The squared distances to the cameras of other holds are
-added, each times how likely it is the better one (as in the averaging of models, Buckland, Burnham
-& Augustin 1997); so is that to a target that was refined further, where photos do not tell whether
-it should have been. And in a middle without any corner,
+Nor does it know how P should be held. Where photos that are left out do not tell the hold that was
+taken from the one that predicts best, the distance between the two cameras is in doubt, too (as in
+the averaging of models, Buckland, Burnham & Augustin 1997); so it is where they do not tell whether
+the target should have been refined further. And in a middle without any corner,
 where a mirror camera sees itself, P and the lens that it is held to are two guesses: they are off
 by what they differ by.
 """
@@ -49,8 +49,8 @@ class PhotoSpread:
         left_out: (G, K) steps of the lens's parameters without each cluster.
         influence: (G, K) steps with the cluster's pull gone, but not its weight.
         rival: (R, K) steps to lenses that photos left out do not tell from the one that was taken:
-            as a target that is refined further has it, and as other holds have it, each times the
-            root of how likely that is the better one.
+            as a target that is refined further has it, and as the hold that predicted best has it,
+            each times the root of how likely that is the better one.
         aligned: (M, 3) unit rays over which a common turn is taken out.
         held_to: the lens that P is held to, in P's frame.
         empty: angle from the axis within which no corner is or is near, radians.
@@ -168,7 +168,8 @@ def photo_spread(
     assert prior is not None
     aligned = cone_rays(reference.covered, _ALIGNED_RAYS)
     others = [np.sqrt(likely) * _step(result.lens, lens, aligned) for lens, likely in doubted]
-    for rival in result.rivals:
+    rival = result.rival
+    if rival is not None:
         step = leaving.held_as(held(result.lens, reference, rival.hold))[:count]
         others.append(np.sqrt(rival.likely) * step)
     return PhotoSpread(

@@ -119,7 +119,7 @@ def to_the_bottom(fit: ObjectFit) -> ObjectFit:
     """The same fit to the last digit, which it need not be to lead on or to be compared."""
     cubic = fit_cubic(fit.reference, fit.cubic.hold, world=fit.cubic.fit.world, start=fit.cubic)
     reference = fit.reference.followed(cubic.fit.world.points)
-    return replace(fit, reference=reference, cubic=replace(cubic, rivals=fit.cubic.rivals))
+    return replace(fit, reference=reference, cubic=replace(cubic, rival=fit.cubic.rival))
 
 
 def free_world(drawing: Drawing, *, noise: float, offset_spread: float | None) -> World:

@@ -102,14 +102,12 @@ def test_a_rival_hold_adds_how_far_its_camera_is():
     rays = cone_rays(reference.covered, 60)
     alone = photo_spread(cubic, reference, np.arange(PHOTOS)).sigma_px(rays)
     like = Rival(hold=HOLD, likely=1.0)
-    itself = photo_spread(replace(cubic, rivals=(like,)), reference, np.arange(PHOTOS))
+    itself = photo_spread(replace(cubic, rival=like), reference, np.arange(PHOTOS))
     np.testing.assert_allclose(itself.sigma_px(rays), alone, rtol=1e-2)
     freer = Hold(spread=1e-2, weight=0.1)
     sure, half = (
         photo_spread(
-            replace(cubic, rivals=(Rival(hold=freer, likely=likely),)),
-            reference,
-            np.arange(PHOTOS),
+            replace(cubic, rival=Rival(hold=freer, likely=likely)), reference, np.arange(PHOTOS)
         ).sigma_px(rays)
         for likely in (1.0, 0.5)
     )

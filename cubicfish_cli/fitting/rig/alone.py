@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -60,7 +60,8 @@ class Alone(Placed):
 
     Attributes:
         camera: its lens, as a camera.
-        rivals: the lens with the priors of other holds, and how likely each is the better one.
+        rival: the lens with the prior of the hold that predicted best, and how likely that is the
+            better one; None where there is none.
         record: of its fit.
         level: what of the object was fitted.
         told: what is likely wrong with it.
@@ -68,7 +69,7 @@ class Alone(Placed):
     """
 
     camera: CubicCamera
-    rivals: Sequence[tuple[FitLens, float]]
+    rival: tuple[FitLens, float] | None
     record: Mapping[str, Any]
     level: Level
     told: tuple[RigFinding, ...]
@@ -131,7 +132,7 @@ def alone(
         poses = placed.poses
     pairs = with_mean_weight_one(pairs.with_world((pairs.world - origin) / scale))
     poses = poses.of_world(-origin).scaled(1 / scale)
-    rivals: Sequence[tuple[FitLens, float]] = ()
+    rival: tuple[FitLens, float] | None = None
     lens: FitLens = FixedLens(camera=own)
     if found is None or hold:
         fit = adjust(lens, poses, pairs, huber_px=_WIDE_HUBER_PX, relative_decrease=_ROUGH_DECREASE)
@@ -140,13 +141,14 @@ def alone(
         reference = radial_near(own.radial, pairs, poses)
         result = fit_cubic(reference, found.hold, relative_decrease=_ROUGH_DECREASE)
         lens, poses = result.lens, result.poses
-        rivals = [(held(result.lens, reference, one.hold), one.likely) for one in found.rivals]
+        if found.rival is not None:
+            rival = held(result.lens, reference, found.rival.hold), found.rival.likely
     return Alone(
         lens=lens,
         pairs=pairs,
         poses=poses,
         camera=own,
-        rivals=rivals,
+        rival=rival,
         record=record,
         level=level,
         told=told,

@@ -29,7 +29,7 @@ def place_covariances(
     limit: float,
     rays: list[FloatArray],
     shots: Sequence[str],
-    rivals: Sequence[Sequence[tuple[FitLens, float]]],
+    rivals: Sequence[tuple[FitLens, float] | None],
 ) -> FloatArray:
     """Covariance (C, 6, 6) of camera_from_rig: turn (radians, camera frame), then shift.
 
@@ -42,8 +42,8 @@ def place_covariances(
         limit: where its loss turns linear, pixels.
         rays: for each camera (M, 3) unit rays over its field.
         shots: names of the shots.
-        rivals: for each camera its lens as other holds have it, and how likely each is the better
-            one.
+        rivals: for each camera its lens as the hold that predicted best has it, and how likely
+            that is the better one; None where there is none.
 
     """
     lens = fit.lens
@@ -72,9 +72,9 @@ def _of_rivals(
     pairs: Observations,
     limit: float,
     lens: RigLens,
-    rivals: Sequence[Sequence[tuple[FitLens, float]]],
+    rivals: Sequence[tuple[FitLens, float] | None],
 ) -> list[FloatArray]:
-    """Steps (K,) to the rig with each lens held as each rival: how it should be is in doubt.
+    """Steps (K,) to the rig with each lens held as its rival: how it should be is in doubt.
 
     Each times the root of how likely that is the better one.
     """
@@ -82,15 +82,15 @@ def _of_rivals(
         return []
     leaving = Leaving(fit, pairs, limit, [])
     found = []
-    for camera, held_otherwise in enumerate(rivals):
+    for camera, rival in enumerate(rivals):
         own = lens.lenses[camera]
-        if not len(own.parameters):
+        if rival is None or not len(own.parameters):
             continue
-        for held, likely in held_otherwise:
-            others = list(lens.lenses)
-            others[camera] = held.with_parameters(own.parameters)
-            step = leaving.held_as(lens.with_lenses(others))[: len(lens.parameters)]
-            found.append(np.sqrt(likely) * step)
+        others = list(lens.lenses)
+        held, likely = rival
+        others[camera] = held.with_parameters(own.parameters)
+        step = leaving.held_as(lens.with_lenses(others))[: len(lens.parameters)]
+        found.append(np.sqrt(likely) * step)
     return found
 
 
