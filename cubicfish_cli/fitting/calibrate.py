@@ -22,7 +22,7 @@ from cubicfish_cli.fitting.findings import (
 from cubicfish_cli.fitting.folds import folds_of
 from cubicfish_cli.fitting.frame import in_references_frame
 from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
-from cubicfish_cli.fitting.hold import FIRMEST, EXPECTED, choose_hold
+from cubicfish_cli.fitting.hold import EXPECTED, FIRMEST, choose_hold
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.local_noise import within_noise
 from cubicfish_cli.fitting.photo_spread import photo_spread

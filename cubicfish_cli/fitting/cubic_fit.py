@@ -64,7 +64,7 @@ class Rival:
 
     Attributes:
         hold: the hold.
-        likely: how likely other photos would be told better by it, 0 to 1.
+        likely: how likely it is the better of the two, 0 to 1.
 
     """
 
@@ -81,8 +81,8 @@ class CubicResult:
         hold: how P was held to the reference.
         max_angle_deg: half-angle of the cone over which P may be trusted.
         validity: the check for poles and folds over that cone.
-        rival: the hold under which photos that were left out fitted best, where another is held
-            to for want of a clear difference; None where none was sought.
+        rival: the hold that photos left out speak for by themselves, and how likely it is better
+            than that which is expected besides; None where none was sought.
 
     """
 

@@ -7,17 +7,17 @@ out say, from the plain radial lens at one end to a nearly free P at the other.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import expit
 
 from cubicfish_cli.fitting.cubic_fit import NEAR_DECREASE, CubicResult, Hold, Rival, fit_cubic
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.radial_reference import RadialReference
 from cubicfish_cli.fitting.robust import huber_px
-from cubicfish_cli.fitting.statistics import likely_positive
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.types import FloatArray, IntArray
 
@@ -77,15 +77,16 @@ def choose_hold(
     )
     leaving = Leaving(start.fit, reference.pairs, huber_px(start.residual), groups)
     squares = _squares(leaving, start.lens, reference, places)
-    chosen = _likeliest(squares)
+    told, expected = _told(squares), _expected(squares)
+    chosen = max(squares, key=lambda place: told[place] + expected[place])
     # A hold that was made firmer stays so.
     hold = start.hold if chosen == place else _hold(chosen)
     fitted = fit_cubic(
         reference, hold, world=start.fit.world, start=start, relative_decrease=NEAR_DECREASE
     )
-    best = _best(squares)
-    likely = likely_positive(squares[chosen] - squares[best])
-    return replace(fitted, rival=Rival(hold=_hold(best), likely=likely))
+    best = max(squares, key=lambda place: told[place])
+    better = told[best] + expected[best] - told[chosen] - expected[chosen]
+    return replace(fitted, rival=Rival(hold=_hold(best), likely=float(expit(better))))
 
 
 def _hold(place: _Place) -> Hold:
@@ -126,23 +127,24 @@ def _squares(
     return dict(zip(places, of_places, strict=True))
 
 
-def _best(squares: Mapping[_Place, FloatArray]) -> _Place:
-    return min(squares, key=lambda place: float(squares[place].sum()))
-
-
-def _likeliest(squares: Mapping[_Place, FloatArray]) -> _Place:
-    """The hold that is likeliest by what photos left out and the expectation before them say.
+def _told(squares: Mapping[_Place, FloatArray]) -> dict[_Place, float]:
+    """Log likelihood of each hold by the photos left out.
 
     Corners of one photo share their errors: together they count as one corner, whose noise is of
     that photo alone and not known (the likelihood is 1 / squared error where all noises are taken
-    to be as likely), so no photo outweighs the others. A step from what is expected, ten times the
-    asymmetry or half a power of ten of weight, is one standard deviation.
+    to be as likely), so no photo outweighs the others.
     """
-    expected = _place_of(EXPECTED)
+    return {
+        place: -float(np.log(np.maximum(of_photos, _NO_ERROR)).sum())
+        for place, of_photos in squares.items()
+    }
 
-    def log_likelihood(place: _Place) -> float:
-        away = np.square(np.subtract(place, expected)).sum()
-        told = np.log(np.maximum(squares[place], _NO_ERROR)).sum()
-        return float(-told - away / 2)
 
-    return max(squares, key=log_likelihood)
+def _expected(places: Iterable[_Place]) -> dict[_Place, float]:
+    """Log likelihood of each hold before any photo speaks.
+
+    A step from what is expected, ten times the asymmetry or half a power of ten of weight, is one
+    standard deviation.
+    """
+    middle = _place_of(EXPECTED)
+    return {place: -float(np.square(np.subtract(place, middle)).sum()) / 2 for place in places}

@@ -247,14 +247,20 @@ def test_an_object_that_was_fitted_too_stays_free():
 
 
 @pytest.mark.slow
-def test_so_many_photos_as_said_reach_the_goal(poor):
-    advice = advise(poor.camera, poor.as_record(), poor.pairs, TARGET, goal_px=0.09, proposals=12)
-    assert 1 < advice.photos_needed <= len(advice.proposals)
-    new = [proposal.view.pose for proposal in advice.proposals[: advice.photos_needed]]
-    again = fit_of([*FIRST, *new])
-    said = advise(again.camera, again.as_record(), again.pairs, TARGET, goal_px=0.09)
+def test_so_many_photos_as_said_reach_the_goal():
+    """In the median: more photos may speak for another hold of P, which nobody can foresee."""
+    reached = []
+    for seed in range(4):
+        first = fit_of(FIRST, seed=seed)
+        said = advise(
+            first.camera, first.as_record(), first.pairs, TARGET, goal_px=0.09, proposals=12
+        )
+        assert 1 < said.photos_needed <= len(said.proposals)
+        new = [proposal.view.pose for proposal in said.proposals[: said.photos_needed]]
+        again = fit_of([*FIRST, *new], seed=seed)
+        reached.append(recorded(again.as_record()).p95_px)
     # How the fit hangs on single photos is foretold by those so far, not known.
-    assert said.now.p95_px < 1.25 * 0.09
+    assert np.median(reached) < 1.25 * 0.09
 
 
 @pytest.mark.slow
