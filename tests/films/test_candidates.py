@@ -18,7 +18,7 @@ from cubicfish_cli.films.source import Film
 
 
 def test_near_copies_are_told_before_corners_are_looked_for(tmp_path: Path) -> None:
-    one, other = photos()[:2]
+    one, other = photos(3)[:2]
     pictures = [one, one, np.roll(one, (9, 9), (0, 1)), other, one, other]
     sharp = [0.5, 0.6, 0.6, 0.6, 0.2, 0.5]
     frames = []

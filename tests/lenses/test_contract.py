@@ -87,7 +87,7 @@ def test_outside_the_field_is_nan(lens):
     assert not np.isinf(everywhere).any()
     assert np.isnan(lens.unproject([[np.nan, 1.0], [1e9, -1e9]])).all()
     width, height = lens.image_size
-    grid = np.random.default_rng(3).uniform(-3, 4, (3000, 2)) * [width, height]
+    grid = np.random.default_rng(3).uniform(-3, 4, (1000, 2)) * [width, height]
     rays = lens.unproject(grid)
     seen = np.isfinite(rays[:, 0])
     assert seen.any()

@@ -36,6 +36,7 @@ from cubicfish_cli import (
     undistort_files,
     undistort_rig_files,
 )
+from cubicfish_cli.advice import advise
 from cubicfish_cli.cli.terminal import print_json
 from cubicfish_cli.errors import OutputError, UsageError
 from cubicfish_cli.target import target_text
@@ -156,7 +157,10 @@ def test_a_camera_is_exported_as_the_command_does(calibrated: Path, tmp_path: Pa
         export_files(calibrated, "opencv", tmp_path / "c", pair=("left", "right"))
 
 
-def test_what_to_photograph_next_is_what_the_command_says(calibrated: Path, tmp_path: Path) -> None:
+def test_what_to_photograph_next_is_what_the_command_says(
+    calibrated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(advise, "_VIEWS", 20)  # of few views both choose sooner
     line = ("advise", calibrated, "--goal", 0.001, "--poses", tmp_path / "a.csv", "--json")
     said = json.loads(run_cli(*line).stdout)
     made = advise_files(calibrated, goal_px=0.001, poses=tmp_path / "b.csv")

@@ -14,8 +14,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from lenses import smaller
 from listening import Heard
 from running import SAMPLE, run_cli
+from synthetic import checkerboard
 
 import cubicfish
 import cubicfish_cli
@@ -472,13 +474,22 @@ def test_what_cannot_be_imported_is_refused(
     assert said in refusal(CameraFileError, lambda: import_camera(path, **options))
 
 
+@pytest.fixture(scope="module")
+def board() -> Target:
+    """One board of few squares: poses and pictures of it are quickly made."""
+    return Target(units="mm", boards=(checkerboard("board", 5, 4, 40.0),))
+
+
 def test_photos_of_known_truth_are_those_of_simulate(
-    fitted: Calibration, target: Target, tmp_path: Path
+    fitted: Calibration, board: Target, tmp_path: Path
 ) -> None:
+    target = board
+    fitted = replace(fitted, camera=smaller(fitted.camera, 3))
     fitted.save(tmp_path / "camera.yaml")
+    save_target(tmp_path / "target.yaml", target)
     options = ["-n", 1, "--seed", 5, "--noise", 4, "--blur", 1, "--vignetting", 0.2]
     run_cli(
-        "simulate", "-t", SAMPLE / "target.yaml", "-m", tmp_path, *options,
+        "simulate", "-t", tmp_path / "target.yaml", "-m", tmp_path, *options,
         "--exposure", 0.5, "--format", "png", "-o", tmp_path / "command",
     )  # fmt: skip
     heard = Heard()
@@ -498,9 +509,9 @@ def test_photos_of_known_truth_are_those_of_simulate(
             assert file.read_bytes() == (tmp_path / "command" / file.name).read_bytes()
         true = load_camera(files[3]).camera
         np.testing.assert_array_equal(true.P, load_camera(tmp_path / "camera.yaml").camera.P)
-        assert made.corners == len(load_corners(files[1], target).pixel) > 50
+        assert made.corners == len(load_corners(files[1], target).pixel) >= 10
     assert heard.of("Rendering") == [(0, 0), (1, 1)] * 3
-    size = {"width": 960, "height": 720}
+    size = {"width": 320, "height": 240}
     assert heard.told == [(Event.RENDERING, {"pictures": "1 photo", **size})] * 3
     before, dark = files[0].read_bytes(), read_picture(files[0]).mean()
     again = {"poses": files[2], "form": "png", "look": LookOptions(noise=0)}
@@ -513,31 +524,31 @@ def test_photos_of_known_truth_are_those_of_simulate(
     assert read_picture(files[0]).mean() > 1.5 * dark
 
 
-def test_a_film_of_known_truth_has_its_frames(target: Target, tmp_path: Path) -> None:
+def test_a_film_of_known_truth_has_its_frames(board: Target, tmp_path: Path) -> None:
     for name, readout_ms in (("a", 15), ("b", 0)):
         made = simulate_files(
-            target,
+            board,
             "equisolid",
             tmp_path / name,
-            image_size=(640, 480),
+            image_size=(320, 240),
             film=FilmOptions(seconds=0.3, rate=10, readout_ms=readout_ms),
             look=LookOptions(seed=2),
         )
         assert (made.frames, made.photos) == (3, [tmp_path / name / "film.mp4"])
     a, b = (tmp_path / name / "true_corners.csv" for name in "ab")
     assert a.read_text() != b.read_text()
-    truth = load_corners(a, target)
-    assert truth.image_size == made.image_size == (640, 480)
+    truth = load_corners(a, board)
+    assert truth.image_size == made.image_size == (320, 240)
     assert len(truth.images) == 3
 
 
-def test_photos_through_another_tools_lens(target: Target, tmp_path: Path) -> None:
+def test_photos_through_another_tools_lens(board: Target, tmp_path: Path) -> None:
     (tmp_path / "info.yaml").write_text(FOREIGN)
     heard = Heard()
     run = Run(listener=heard)
-    truth = simulate_files(target, tmp_path / "info.yaml", tmp_path / "a", number=1, run=run).truth
+    truth = simulate_files(board, tmp_path / "info.yaml", tmp_path / "a", number=1, run=run).truth
     assert [event for event, _ in heard.told] == [Event.NEAREST_CAMERA, Event.RENDERING]
-    true = load_corners(truth["true_corners"], target)
+    true = load_corners(truth["true_corners"], board)
     assert true.image_size == (640, 480)
     near = evaluate(load_camera(truth["true_camera"]).camera, true)
     assert near.errors.rms_px < 0.01
@@ -642,11 +653,11 @@ def test_files_that_cannot_be_undistorted_are_refused(
     assert not folder.exists()
 
 
-def test_a_video_is_undistorted_into_a_folder(target: Target, tmp_path: Path) -> None:
+def test_a_video_is_undistorted_into_a_folder(board: Target, tmp_path: Path) -> None:
     (tmp_path / "info.yaml").write_text(FOREIGN)
     lens = import_camera(tmp_path / "info.yaml")
     moving = FilmOptions(seconds=0.2, rate=10)
-    film = simulate_files(target, lens, tmp_path / "film", film=moving).photos[0]
+    film = simulate_files(board, lens, tmp_path / "film", film=moving).photos[0]
     made = undistort_files(film, tmp_path / "flat", lens)
     assert made.files == (tmp_path / "flat" / "film.mp4",)
     assert made.files[0].stat().st_size > 1000

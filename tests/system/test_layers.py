@@ -2,6 +2,7 @@
 
 import ast
 import sys
+from functools import cache
 from pathlib import Path
 
 import cubicfish_cli
@@ -215,11 +216,14 @@ def imported(path: Path) -> set[str]:
     return names
 
 
-IMPORTED = {path: imported(path) for path in sorted(PACKAGE.rglob("*.py"))}
+@cache
+def all_imported() -> dict[Path, set[str]]:
+    """What each file imports: read when a test asks, not while tests are collected."""
+    return {path: imported(path) for path in sorted(PACKAGE.rglob("*.py"))}
 
 
 def test_a_module_imports_only_what_stands_above_it() -> None:
-    for path, names in IMPORTED.items():
+    for path, names in all_imported().items():
         part = part_of(path)
         assert part in ALLOWED, f"{part} has no place in the layers: give it one here"
         parts = {full.split(".")[1] for full in names if full.startswith("cubicfish_cli.")}
@@ -227,7 +231,7 @@ def test_a_module_imports_only_what_stands_above_it() -> None:
 
 
 def test_libraries_stay_in_the_parts_that_need_them() -> None:
-    for path, names in IMPORTED.items():
+    for path, names in all_imported().items():
         libraries = {full.split(".")[0] for full in names} - sys.stdlib_module_names
         libraries -= {"cubicfish_cli"}
         assert libraries <= set(CONFINED), f"{path}: declare it here and in pyproject.toml"
@@ -257,9 +261,13 @@ def test_what_commands_call_is_public() -> None:
 
 
 def test_packages_import_nothing_by_themselves() -> None:
-    packages = [path for path in IMPORTED if path.stem == "__init__" and path.parent != PACKAGE]
+    packages = {
+        path: names
+        for path, names in all_imported().items()
+        if path.stem == "__init__" and path.parent != PACKAGE
+    }
     assert len(packages) > 10
-    assert {path: IMPORTED[path] for path in packages if IMPORTED[path]} == {}
+    assert {path: names for path, names in packages.items() if names} == {}
 
 
 def test_the_package_itself_imports_nothing_until_it_is_asked() -> None:

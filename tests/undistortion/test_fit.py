@@ -1,6 +1,7 @@
 """Fields found from what the camera sees: nothing empty, nothing lost, and no more than that."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from cubicfish_cli.undistortion.views import CENTRAL_KINDS, axis_focal
 SIZE = (120, 90)
 
 
+@cache
 def lens(field_deg: float) -> AsymmetricLens:
     """A decentred lens whose circle of this field fills most of the photo's height."""
     half = field_deg / 2
@@ -37,6 +39,7 @@ def lens(field_deg: float) -> AsymmetricLens:
     )
 
 
+@cache  # the same for all views of a camera
 def regions_rays(camera) -> np.ndarray:
     angle = np.radians(camera.max_angle_deg)
     turn = np.linspace(0, 2 * np.pi, 3000)
