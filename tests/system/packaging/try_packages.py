@@ -107,10 +107,13 @@ def main() -> int:
         help="environments with all extras, and with the newest or the oldest libraries",
     )  # fmt: skip
     parser.add_argument("--with", nargs="*", default=[], dest="there", metavar="PYTHON")
+    parser.add_argument("--dist", type=Path, help="a folder to leave the distributions in")
     parser.add_argument("--quick", action="store_true", help="a chain of the main commands only")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="cubicfish-packages-") as name:
-        wrong = try_all(Path(name), args.python, args.extras, args.there, quick=args.quick)
+        wrong = try_all(
+            Path(name), args.python, args.extras, args.there, quick=args.quick, dist=args.dist
+        )
     tell(f"\n{len(wrong)} wrong")
     for line in wrong:
         tell(f"  {line}")
@@ -124,9 +127,14 @@ def try_all(
     there: Sequence[str],
     *,
     quick: bool,
+    dist: Path | None = None,
 ) -> list[str]:
     """Everything that the arguments name; what was wrong, a line each."""
     sdist, wheel = build(folder)
+    if dist is not None:
+        dist.mkdir(exist_ok=True)
+        shutil.copy2(sdist, dist)
+        shutil.copy2(wheel, dist)
     tell(f"built {sdist.name} ({sdist.stat().st_size / 1e6:.1f} MB) and {wheel.name} "
          f"({wheel.stat().st_size / 1e6:.1f} MB)")  # fmt: skip
     if not without_network():
