@@ -7,9 +7,11 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from lenses import smaller
 from running import SAMPLE, Run
-from synthetic import TRUE_LENS
+from synthetic import TRUE_LENS, checkerboard
 
+from cubicfish_cli import save_camera, save_target
 from cubicfish_cli.cli import simulate
 from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.fitting.conversion.from_lens import ExactLens
@@ -20,9 +22,17 @@ from cubicfish_cli.rendering import simulate as library
 from cubicfish_cli.rendering.lens_file import lens_text, load_lens
 from cubicfish_cli.rendering.outside import OUTSIDE_LENSES, outside_lens
 from cubicfish_cli.rendering.pose import camera_points, load_poses
-from cubicfish_cli.target import load_target
+from cubicfish_cli.target import Target, load_target
 
 TARGET = SAMPLE / "target.yaml"
+
+
+@pytest.fixture(scope="module")
+def board(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One board of few squares: poses and pictures of it are quickly made."""
+    path = tmp_path_factory.mktemp("board") / "target.yaml"
+    save_target(path, Target(units="mm", boards=(checkerboard("board", 7, 5, 40.0),)))
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -75,11 +85,11 @@ def _by_name(corners):
 
 @pytest.mark.slow
 def test_a_seed_gives_the_same_photos_and_poses_can_be_taken_again(
-    run: Run, small_lens: Path, tmp_path: Path
+    run: Run, small_lens: Path, board: Path, tmp_path: Path
 ) -> None:
     def take(name: str, *options: object) -> dict[str, bytes]:
         folder = tmp_path / name
-        run("simulate", "-t", TARGET, "-m", small_lens, "-o", folder, *options)
+        run("simulate", "-t", board, "-m", small_lens, "-o", folder, *options)
         return {path.name: path.read_bytes() for path in folder.iterdir()}
 
     first = take("a", "-n", 2, "--format", "png")
@@ -106,14 +116,14 @@ def test_a_seed_gives_the_same_photos_and_poses_can_be_taken_again(
 
 @pytest.mark.slow
 def test_two_photos_from_one_pose_differ_in_their_noise_only(
-    run: Run, small_lens: Path, tmp_path: Path
+    run: Run, small_lens: Path, board: Path, tmp_path: Path
 ) -> None:
-    run("simulate", "-t", TARGET, "-m", small_lens, "-n", 1, "-o", tmp_path / "a")
+    run("simulate", "-t", board, "-m", small_lens, "-n", 1, "-o", tmp_path / "a")
     text = (tmp_path / "a" / "true_poses.csv").read_text()
     row = text.splitlines()[-1]
     (tmp_path / "two.csv").write_text(text + row.replace("photo_01", "second") + "\n")
     options = ("--poses", tmp_path / "two.csv", "--format", "png", "--noise", 3, "-o", tmp_path)
-    run("simulate", "-t", TARGET, "-m", small_lens, *options)
+    run("simulate", "-t", board, "-m", small_lens, *options)
     one, two = (
         cv2.imread(str(tmp_path / name), 0).astype(float) for name in ("photo_01.png", "second.png")
     )
@@ -122,13 +132,15 @@ def test_two_photos_from_one_pose_differ_in_their_noise_only(
 
 
 @pytest.mark.slow
-def test_a_lens_that_no_camera_can_hold_and_its_truth(run: Run, tmp_path: Path) -> None:
+def test_a_lens_that_no_camera_can_hold_and_its_truth(
+    run: Run, board: Path, tmp_path: Path
+) -> None:
     lens = ("--lens", "moving-pupil", "--size", "480x360")
-    run("simulate", "-t", TARGET, *lens, "-n", 2, "-o", tmp_path / "a", "--format", "png")
+    run("simulate", "-t", board, *lens, "-n", 2, "-o", tmp_path / "a", "--format", "png")
     truth = load_lens(tmp_path / "a" / "true_camera.yaml")
     assert truth.lens == outside_lens("moving-pupil", (480, 360))
     assert 0 < truth.centre < 1
-    target = load_target(TARGET)
+    target = load_target(board)
     pairs = load_corners(tmp_path / "a" / "true_corners.csv", target)
     poses = list(load_poses(tmp_path / "a" / "true_poses.csv").values())
     for index, pose in enumerate(poses):
@@ -144,7 +156,7 @@ def test_a_lens_that_no_camera_can_hold_and_its_truth(run: Run, tmp_path: Path) 
     # What it wrote is a lens to simulate with, and to compare with.
     poses_file = tmp_path / "a" / "true_poses.csv"
     model = ("-m", tmp_path / "a" / "true_camera.yaml")
-    run("simulate", "-t", TARGET, *model, "--poses", poses_file, "-o", tmp_path / "b",
+    run("simulate", "-t", board, *model, "--poses", poses_file, "-o", tmp_path / "b",
         "--format", "png")  # fmt: skip
     for name in ("photo_01.png", "true_corners.csv"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
@@ -155,15 +167,16 @@ def test_a_lens_that_no_camera_can_hold_and_its_truth(run: Run, tmp_path: Path) 
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["mrcal", "colmap-thin-prism-fisheye"])
 def test_another_tools_lens_is_taken_as_it_is(
-    run: Run, calibrated: Path, tmp_path: Path, form: str
+    run: Run, calibrated: Path, board: Path, tmp_path: Path, form: str
 ) -> None:
-    file = tmp_path / "lens"
-    run("export", "--to", form, "-m", calibrated / "camera.yaml", "-o", file)
-    said = run("simulate", "-t", TARGET, "--lens", file, "-n", 1, "-o", tmp_path / "a")
+    file, camera = tmp_path / "lens", tmp_path / "camera.yaml"
+    save_camera(camera, smaller(load_camera(calibrated / "camera.yaml").camera, 2))
+    run("export", "--to", form, "-m", camera, "-o", file)
+    said = run("simulate", "-t", board, "--lens", file, "-n", 1, "-o", tmp_path / "a")
     assert "nearest to the lens of" in said.stderr
     given, _ = read_foreign(file)
     lens = ExactLens.of(given)
-    target = load_target(TARGET)
+    target = load_target(board)
     pairs = load_corners(tmp_path / "a" / "true_corners.csv", target)
     (pose,) = load_poses(tmp_path / "a" / "true_poses.csv").values()
     points = camera_points(pose, pairs.world)
@@ -176,8 +189,8 @@ def test_another_tools_lens_is_taken_as_it_is(
 
 
 @pytest.mark.slow
-def test_overexposed_photos_bleed(run: Run, small_lens: Path, tmp_path: Path) -> None:
-    options = ("-t", TARGET, "-m", small_lens, "-n", 1, "--noise", 0, "--format", "png")
+def test_overexposed_photos_bleed(run: Run, small_lens: Path, board: Path, tmp_path: Path) -> None:
+    options = ("-t", board, "-m", small_lens, "-n", 1, "--noise", 0, "--format", "png")
     dark = []
     for exposure in (1, 2):
         run("simulate", *options, "--exposure", exposure, "-o", tmp_path / str(exposure))
@@ -188,12 +201,12 @@ def test_overexposed_photos_bleed(run: Run, small_lens: Path, tmp_path: Path) ->
 
 
 @pytest.mark.slow
-def test_json(run: Run, small_lens: Path, tmp_path: Path) -> None:
-    said = run("simulate", "-t", TARGET, "-m", small_lens, "-n", 1, "-o", tmp_path, "--json")
+def test_json(run: Run, small_lens: Path, board: Path, tmp_path: Path) -> None:
+    said = run("simulate", "-t", board, "-m", small_lens, "-n", 1, "-o", tmp_path, "--json")
     record = json.loads(said.stdout)
     assert record["photos"] == [str(tmp_path / "photo_01.jpg")]
     assert record["corners"] == len(
-        load_corners(tmp_path / "true_corners.csv", load_target(TARGET)).pixel
+        load_corners(tmp_path / "true_corners.csv", load_target(board)).pixel
     )
     assert record["true_poses"] == str(tmp_path / "true_poses.csv")
 
@@ -253,13 +266,13 @@ def test_what_goes_wrong_is_said_before_anything_is_written(
 
 @pytest.mark.slow
 def test_a_film_comes_with_the_truth_of_its_frames(
-    run: Run, small_lens: Path, tmp_path: Path
+    run: Run, small_lens: Path, board: Path, tmp_path: Path
 ) -> None:
     pytest.importorskip("av")
     from cubicfish_cli.films.source import decode, opened
 
     options = ("--film", 2.1, "--rate", 10, "--shutter", 4, "--readout", 8, "-o", tmp_path / "f")
-    said = run("simulate", "-t", TARGET, "-m", small_lens, *options, "--json")
+    said = run("simulate", "-t", board, "-m", small_lens, *options, "--json")
     record = json.loads(said.stdout)
     assert record["photos"] == [str(tmp_path / "f" / "film.mp4")]
     with opened(tmp_path / "f" / "film.mp4") as (container, stream):
@@ -270,7 +283,7 @@ def test_a_film_comes_with_the_truth_of_its_frames(
     assert list(poses)[:3] == [f"film_000000.{n}00s.png" for n in range(3)]
     assert len(poses) == 21
     # What is decoded shows the corners where the table has them.
-    truth = load_corners(tmp_path / "f" / "true_corners.csv", load_target(TARGET))
+    truth = load_corners(tmp_path / "f" / "true_corners.csv", load_target(board))
     assert len(truth.pixel) == record["corners"]
     name = truth.images[0]
     own = truth.pixel[truth.image == 0]

@@ -139,7 +139,7 @@ def test_markers_in_the_light_squares_do_not_hide_a_board(tmp_path, share, scale
     target, lens = load_target(path), lens_of_size(scale)
     pose = look_at((120, 60, -220), (140, 100, 0), roll=0.3)
     image = render(
-        target, lens.unproject, pose, lens.image_size, noise=2.0, blur=0.6, supersample=3, seed=1
+        target, lens.unproject, pose, lens.image_size, noise=2.0, blur=0.6, supersample=2, seed=1
     )
     found, truth = find_grids(image), project_corners(target, lens, pose, lens.image_size)
     assert [len(grid) for grid in found.grids] == [48]

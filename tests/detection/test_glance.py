@@ -13,7 +13,7 @@ from cubicfish_cli.photos import read_grey
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.5, 1.0, 2.0])
 def test_grids_are_where_a_closer_look_finds_them(share: float) -> None:
-    for path in sorted((SAMPLE / "photos").glob("*.jpg"))[:3]:
+    for path in sorted((SAMPLE / "photos").glob("*.jpg"))[:2]:
         photo = cv2.resize(read_grey(path), None, fx=share, fy=share)
         seen, found = glance_at_grids(photo), find_grids(photo)
         assert seen.image_size == found.image_size
