@@ -1,4 +1,9 @@
-"""What tests of the command line share."""
+"""What tests of the command line share.
+
+What fits is loaded where it is asked for: the process that hands tests out to others needs none.
+"""
+
+from __future__ import annotations
 
 import os
 import signal
@@ -13,18 +18,18 @@ for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
 from running import MISSING, SAMPLE, Run, run_cli
 
-from cubicfish_cli.corner_files.observations_csv import load_corners
-from cubicfish_cli.fitting import calibrate
-from cubicfish_cli.fitting.calibrate import Calibration
 from cubicfish_cli.printing import extra
-from cubicfish_cli.target import load_target
 
-# Loaded executor are slow at times; no test judges by the clock.
+if TYPE_CHECKING:
+    from cubicfish_cli.fitting.calibrate import Calibration
+
+# Busy machines are slow at times; no test judges by the clock.
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
 
@@ -63,6 +68,10 @@ def with_report(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="session")
 def fitted() -> Calibration:
     """The fit of the sample's exact corners."""
+    from cubicfish_cli.corner_files.observations_csv import load_corners
+    from cubicfish_cli.fitting import calibrate
+    from cubicfish_cli.target import load_target
+
     target = load_target(SAMPLE / "target.yaml")
     pairs = load_corners(SAMPLE / "true_corners.csv", target)
     return calibrate.calibrate(pairs, hold_out=False)
@@ -71,6 +80,8 @@ def fitted() -> Calibration:
 @pytest.fixture
 def quick_fit(fitted: Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
     """Let ``cubicfish calibrate`` give that fit at once, whatever its input."""
+    from cubicfish_cli.fitting import calibrate
+
     monkeypatch.setattr(calibrate, "calibrate", lambda pairs, **options: fitted)
 
 

@@ -99,13 +99,13 @@ def test_every_code_has_words_and_all_words_a_code() -> None:
     assert grids == set(phrases["help"]) <= {code.value for code in Code}
 
 
-@pytest.mark.parametrize(("key", "saying"), SAYINGS.items(), ids=lambda one: "/".join(one[:2]))
-def test_what_says_take_photos_is_mended_by_photos(key: tuple[str, str], saying: Any) -> None:
+def test_what_says_take_photos_is_mended_by_photos() -> None:
     """A remedy that programs read and one that people read are the same."""
-    asked = any(words in saying.do for words in ("take more photos", "take photos", "take three"))
-    wants = saying.remedy in (Remedy.TAKE_PHOTOS, Remedy.TAKE_AGAIN)
-    # Without --hold-out it is the option that helps first.
-    assert wants or not asked or key == ("not_held_out", "")
+    for key, saying in SAYINGS.items():
+        asked = any(word in saying.do for word in ("take more photos", "take photos", "take three"))
+        wants = saying.remedy in (Remedy.TAKE_PHOTOS, Remedy.TAKE_AGAIN)
+        # Without --hold-out it is the option that helps first.
+        assert wants or not asked or key == ("not_held_out", ""), key
 
 
 def test_a_remedy_that_begins_otherwise_asks_for_photos_all_the_same() -> None:
