@@ -233,10 +233,10 @@ def test_a_reason_that_photos_share_is_said_once(run: Run, model: Path, tmp_path
     assert error == f"Error: none of 2 photos could be undistorted: {each}\n"
     lines = run("undistort", *small, *empty, *end, code=1).stderr.splitlines()
     assert lines[0] == f"failed: 2 photos (e1.png and e2.png): {each}"
-    assert lines[1].startswith(f"failed: 3 photos (s1.png, s2.png, s3.png): {why}")
+    assert lines[1].startswith(f"failed: 3 photos (s1.png, s2.png and s3.png): {why}")
     assert lines[2:] == ["Error: none of 5 photos could be undistorted: the reasons are above"]
     lines = run("undistort", tmp_path / "a.jpg", *small, *end, code=1).stderr.splitlines()
-    assert lines[0].startswith("failed: 3 photos (s1.png, s2.png, s3.png): ")
+    assert lines[0].startswith("failed: 3 photos (s1.png, s2.png and s3.png): ")
     assert lines[1:] == [
         "Error: 3 of 4 photos could not be undistorted: the reasons are above, the other is done"
     ]

@@ -57,7 +57,7 @@ def photos(kind, counts, first_square="dark"):
     seen = []
     for place in ((30.0, -20.0, -230.0), (-60.0, 50.0, -240.0)):
         pose = look_at(middle + np.array(place), middle, up=np.array([0.0, -1.0, 0.0]))
-        seen.append(render(target, LENS.unproject, pose, SIZE, noise=1.5))
+        seen.append(render(target, LENS.unproject, pose, SIZE, noise=1.5, supersample=2))
     return tuple(seen)
 
 
@@ -79,7 +79,13 @@ def evidence(pictures, target):
 
 
 @pytest.mark.parametrize(
-    "drawn", [(6, 4), (5, 6), (3, 6), (5, 7)], ids=["exchanged", "more", "fewer", "squares"]
+    "drawn",
+    [
+        pytest.param((6, 4), id="exchanged"),
+        pytest.param((5, 6), id="more", marks=pytest.mark.slow),
+        pytest.param((3, 6), id="fewer", marks=pytest.mark.slow),
+        pytest.param((5, 7), id="squares", marks=pytest.mark.slow),
+    ],
 )
 def test_the_markers_tell_how_long_their_rows_are(drawn):
     pictures = photos("charuco", (4, 6))
@@ -89,6 +95,7 @@ def test_the_markers_tell_how_long_their_rows_are(drawn):
     assert told.figures["first_square"] == "dark"
 
 
+@pytest.mark.slow
 def test_the_older_layout_is_named_where_rows_are_of_an_even_number_of_squares():
     pictures = photos("charuco", (5, 4), "light")
     (told,) = find_faults(evidence(pictures, drawing("charuco", (5, 4))))
