@@ -109,7 +109,7 @@ def _nothing_is_sharp(pyramid: Pyramid) -> bool:
     if len(pyramid.levels) < 4:
         return False
     small, smallest = _steepest(pyramid.levels[1]), _steepest(pyramid.levels[3])
-    edges = smallest > _LEAST_EDGE * smallest.max()
+    edges = smallest > _LEAST_EDGE * max(small.max(), smallest.max())
     return bool((smallest > _SLOPE_GROWTH * small)[edges].any())
 
 
