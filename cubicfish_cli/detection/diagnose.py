@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.detection.believe import USUAL_BLUR, is_regular
+from cubicfish_cli.detection.accept import USUAL_BLUR, is_regular
 from cubicfish_cli.detection.corners import find_corners
 from cubicfish_cli.detection.finder import MOST_PIXELS
 from cubicfish_cli.detection.grids import Float32Array, FoundGrids
@@ -69,7 +69,7 @@ def explain_no_grids(image: npt.NDArray[np.generic], found: FoundGrids) -> Findi
         return Finding(code=Code.LOW_CONTRAST)
     if full is not None and _dark_squares_apart(small >= _BRIGHT * full):
         return Finding(code=Code.TOO_BRIGHT, case="burnt")
-    side, blur = _unbelieved(pyramid)
+    side, blur = _not_accepted(pyramid)
     if side < _SMALLEST_SQUARE:
         figures = {"side_px": side * zoom, "least_px": _SMALLEST_SQUARE * zoom}
         return Finding(code=Code.SQUARES_TOO_SMALL, figures=figures)
@@ -82,7 +82,7 @@ def explain_no_grids(image: npt.NDArray[np.generic], found: FoundGrids) -> Findi
     return Finding(code=Code.NO_CHECKERBOARD)
 
 
-def _unbelieved(pyramid: Pyramid) -> tuple[float, float]:
+def _not_accepted(pyramid: Pyramid) -> tuple[float, float]:
     """Side and blur, px, of the squares of the largest regular patch; (inf, 0) without any."""
     corners = find_corners(pyramid)
     for patch in find_patches(pyramid, corners)[:1]:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from cubicfish_cli.detection.believe import (
+from cubicfish_cli.detection.accept import (
     hang_together,
     is_beyond_chance,
     is_board,

@@ -187,7 +187,7 @@ def find_faults(evidence: Evidence, known: Sequence[Finding] = ()) -> list[Findi
     Args:
         evidence: what says so.
         known: what was found before, and comes first; where there is no fit only what is bad is
-            believed, and explains it.
+            accepted, and explains it.
 
     Returns:
         What was known, and what was found, in the order of the table.

@@ -1,7 +1,7 @@
 """What is wrong with a drawing, by comparing it with the object as it was measured.
 
 Hypotheses from the simplest on: corners counted in another order, names of boards exchanged, a
-wrong square, a wrong place. The first that explains the difference is believed.
+wrong square, a wrong place. The first that explains the difference is accepted.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ AXES: Mapping[str, Callable[[Board], Board]] = {
 }
 """Axes that are drawn the other way round from corner (0, 0), by their keys: the board as meant."""
 
-# A hypothesis is believed when it leaves no more than this of the difference (RMS).
+# A hypothesis is accepted when it leaves no more than this of the difference (RMS).
 _EXPLAINED = 1 / 3
 # In another order or under other names a board is off by much more than by this share of the
 # object; a drawing whose boards are nearer to their places has no such fault.

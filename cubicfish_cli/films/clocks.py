@@ -14,7 +14,7 @@ from cubicfish_cli.types import FloatArray, IntArray
 
 # Two films must share so long a time, in frames and as a share of the shorter one.
 _LEAST_COMMON, _LEAST_SHARE = 40, 0.4
-# The likeness of two films' motion is believed where it stands out of what chance gives by so many
+# The likeness of two films' motion is accepted where it stands out of what chance gives by so many
 # standard deviations, and beats that of the clocks as they are by so many.
 _SURE, _BETTER = 5.0, 3.0
 _LEAST_LIKENESS = 0.5

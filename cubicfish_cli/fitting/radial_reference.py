@@ -35,10 +35,10 @@ CHECK_ALL = (
     "and that all photos show this one target through one lens at one zoom"
 )
 """What to do where corners fit no lens at all."""
-# A fit whose noise is above this share of the photo's longer side is not believed.
+# A fit whose noise is above this share of the photo's longer side is not accepted.
 _POOR_SHARE = 0.004
 # A start whose photos are off by more than this share of it in the median leads nowhere, and
-# neither does a first fit so many times as noisy as what is believed.
+# neither does a first fit so many times as noisy as what is accepted.
 _HOPELESS_SHARE = 0.1
 _HOPELESS = 4.0
 _FIRST_ITERATIONS = 30

@@ -17,7 +17,7 @@ from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # Below this ratio of the runner-up's RMS to the winner's a name is not settled.
 CLEAR_RATIO = 1.3
-# No RMS is believed to be smaller than this: what is below is not what tells labelings apart.
+# No RMS is taken to be smaller than this: what is below is not what tells labelings apart.
 _NOISE_FLOOR_PX = 0.05
 # A rival that has no place for a grid which the winner places well misses it by this share of
 # the distance of neighbouring corners: a grid that is none of the boards hardly fits by chance.

@@ -20,7 +20,7 @@ from itertools import product
 
 import numpy as np
 
-from cubicfish_cli.detection.believe import MOST_MISS
+from cubicfish_cli.detection.accept import MOST_MISS
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.detection.lattice import Lattice
 from cubicfish_cli.detection.nearby import nearest

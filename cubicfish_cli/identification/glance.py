@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.detection.believe import is_beyond_chance, is_large_enough
+from cubicfish_cli.detection.accept import is_beyond_chance, is_large_enough
 from cubicfish_cli.detection.corners import find_corners
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.detection.growth import clean

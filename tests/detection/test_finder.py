@@ -6,7 +6,7 @@ import pytest
 from synthetic import box_of_four, lens_of_size
 
 from cubicfish_cli.detection import finder
-from cubicfish_cli.detection.believe import is_large_enough
+from cubicfish_cli.detection.accept import is_large_enough
 from cubicfish_cli.detection.diagnose import explain_no_grids
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.growth import measure_contrast

@@ -1,4 +1,4 @@
-"""Is a grid the image of a checkerboard, or an accident of texture?"""
+"""Acceptance of grids: the image of a checkerboard, or an accident of texture."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LEAST_CORNERS = 8
 LEAST_SQUARES = 4
 # In cells that are black or white at random, each crossing of edges is part of a flawless piece of
 # chequerboard of N corners or more, in closed squares, with a chance of 2^-(1.7 + 0.93 N): counted
-# in 150 million cells for N of 8 to 24. So many such pieces a picture are believed in by mistake.
+# in 150 million cells for N of 8 to 24. So many such pieces per picture are accepted by mistake.
 _PIECE_BITS, _CORNER_BITS = 1.7, 0.93
 _BY_CHANCE = 1e-3
 # What a printed board keeps low, as medians over its corners: the distance from what the other

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from cubicfish_cli.detection.believe import (
+from cubicfish_cli.detection.accept import (
     hang_together,
     is_beyond_chance,
     is_board,
