@@ -77,16 +77,13 @@ def choose_hold(
     )
     leaving = Leaving(start.fit, reference.pairs, huber_px(start.residual), groups)
     squares = _squares(leaving, start.lens, reference, places)
-    told, expected = _told(squares), _expected(squares)
-    chosen = max(squares, key=lambda place: told[place] + expected[place])
+    chosen, rival = _likeliest(squares)
     # A hold that was made firmer stays so.
     hold = start.hold if chosen == place else _hold(chosen)
     fitted = fit_cubic(
         reference, hold, world=start.fit.world, start=start, relative_decrease=NEAR_DECREASE
     )
-    best = max(squares, key=lambda place: told[place])
-    better = told[best] + expected[best] - told[chosen] - expected[chosen]
-    return replace(fitted, rival=Rival(hold=_hold(best), likely=float(expit(better))))
+    return replace(fitted, rival=rival)
 
 
 def _hold(place: _Place) -> Hold:
@@ -125,6 +122,15 @@ def _squares(
     squares = {photo: np.square(residual).sum(axis=(0, 1)) for photo, residual in photos}
     of_places = np.array([squares[photo] for photo in range(len(squares))]).T
     return dict(zip(places, of_places, strict=True))
+
+
+def _likeliest(squares: Mapping[_Place, FloatArray]) -> tuple[_Place, Rival]:
+    """The hold that is taken, and the one that photos left out speak for by themselves."""
+    told, expected = _told(squares), _expected(squares)
+    chosen = max(squares, key=lambda place: told[place] + expected[place])
+    best = max(squares, key=lambda place: told[place])
+    better = told[best] + expected[best] - told[chosen] - expected[chosen]
+    return chosen, Rival(hold=_hold(best), likely=float(expit(better)))
 
 
 def _told(squares: Mapping[_Place, FloatArray]) -> dict[_Place, float]:

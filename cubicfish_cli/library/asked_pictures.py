@@ -18,17 +18,6 @@ if TYPE_CHECKING:
     from cubicfish_cli.undistortion.choose import ChosenView, Share
     from cubicfish_cli.undistortion.view import Camera
 
-KINDS = (
-    "perspective",
-    "cylindrical",
-    "equirectangular",
-    "epipolar-cylindrical",
-    "epipolar-equirectangular",
-    "stereographic",
-    "equidistant",
-    "cube",
-)
-
 # The widest --hfov and --vfov of each, and whether it may be as wide as that or must stay below.
 # Known to the views too, which need numpy: a test holds them together.
 WIDEST: Mapping[str, tuple[tuple[float, bool], tuple[float, bool]]] = {
@@ -40,6 +29,7 @@ WIDEST: Mapping[str, tuple[tuple[float, bool], tuple[float, bool]]] = {
     "stereographic": ((360, False), (360, False)),
     "equidistant": ((360, True), (360, True)),
 }
+KINDS = (*WIDEST, "cube")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic, held
 from cubicfish_cli.fitting.folds import photo_folds
 from cubicfish_cli.fitting.held_out import held_out_error
-from cubicfish_cli.fitting.hold import EXPECTED, choose_hold
+from cubicfish_cli.fitting.hold import EXPECTED, _hold, _likeliest, _place_of, choose_hold
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.radial_reference import fit_radial
@@ -156,6 +156,26 @@ def test_photos_left_out_see_asymmetry_that_is_there(target):
         found.append(choose_hold(reference, FOLDS).hold)
     assert found[0].spread <= 1e-4
     assert found[1].spread > found[0].spread or found[1].weight < 0.1 * found[0].weight
+
+
+def test_one_photo_does_not_choose_the_hold():
+    """By the sum of squares it would, being as far off as all others together."""
+    middle, other = _place_of(EXPECTED), (3, 7)
+    squares = {middle: np.array([*[1.0] * 10, 100.0]), other: np.array([*[1.3] * 10, 20.0])}
+    assert squares[other].sum() < squares[middle].sum()
+    chosen, rival = _likeliest(squares)
+    assert (chosen, rival.hold) == (middle, EXPECTED)
+
+
+def test_what_many_photos_say_outweighs_what_is_expected():
+    middle, other = _place_of(EXPECTED), (3, 4)  # a distance of √8 standard deviations
+    squares = {middle: np.full(3, 1.5), other: np.ones(3)}
+    chosen, rival = _likeliest(squares)
+    assert (chosen, rival.hold) == (middle, _hold(other))
+    # Bayes: three times the likelihood of a photo, against exp(-8 / 2) of the expectation.
+    odds = 1.5**3 * np.exp(-4)
+    assert rival.likely == pytest.approx(odds / (1 + odds))
+    assert _likeliest({middle: np.full(12, 1.5), other: np.ones(12)})[0] == other
 
 
 def test_without_photos_to_leave_out_the_hold_is_a_middle_one(reference):
