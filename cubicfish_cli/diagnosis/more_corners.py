@@ -12,7 +12,7 @@ from cubicfish_cli.boards.board import Board
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.identification.identified import FEWEST_CORNERS, GridReport, Identified
 from cubicfish_cli.identification.name_grids import name_again
-from cubicfish_cli.identification.placement import TURNS
+from cubicfish_cli.placement import TURNS
 from cubicfish_cli.target import Target
 
 FEWEST_PHOTOS = 2

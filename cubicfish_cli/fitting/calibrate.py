@@ -26,6 +26,7 @@ from cubicfish_cli.fitting.hold import EXPECTED, FIRMEST, choose_hold
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.local_noise import within_noise
 from cubicfish_cli.fitting.photo_spread import photo_spread
+from cubicfish_cli.fitting.orientation import oriented
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import (
     CHECK_ALL,
@@ -298,7 +299,7 @@ def _calibrated(
     _refuse_undetermined(fit.reference)
     drawing = Drawing(target=target, pairs=fit.reference.pairs, scale=scale)
     drawn = fit
-    fit, held_out, refused = _climb(drawn, drawing, refine_target, hold_out, stages)
+    fit, drawing, held_out, refused = _climb(drawn, drawing, refine_target, hold_out, stages)
     fit = to_the_bottom(fit)
     drawn = fit if fit.level == "off" else drawn
     stages.begin("checks")
@@ -411,10 +412,11 @@ def _without_noisy(fit: ObjectFit) -> ObjectFit:
 
 def _climb(
     fit: ObjectFit, drawing: Drawing, refine_target: RefineTarget, hold_out: bool, stages: Stages
-) -> tuple[ObjectFit, dict[Level, HeldOut | None], ObjectFit | None]:
+) -> tuple[ObjectFit, Drawing, dict[Level, HeldOut | None], ObjectFit | None]:
     """Refine the object up to the level asked for, or as far as held-out photos gain by it.
 
-    The last is a richer fit by which they did not gain.
+    The drawing's pairs have the fit's names. The last is a richer fit by which photos that were
+    left out did not gain.
     """
     measured: dict[Level, HeldOut | None] = {}
     auto = refine_target == "auto"
@@ -423,22 +425,23 @@ def _climb(
     if hold_out and (auto or refine_target == "off"):
         fit, measured["off"] = _judged(fit, partial(stages.begin, "held out"))
     if drawing.target is None or refine_target == "off" or (auto and measured["off"] is None):
-        return fit, measured, None
+        return fit, drawing, measured, None
     groups = folds_of(fit.reference)
     for level in LEVELS[1:]:
         fitting, holding = _STAGES[level]
         stages.begin(fitting)
-        richer = refine_object(fit, drawing, level, groups)
+        start, own = oriented(fit, drawing) if level == "points" else (fit, drawing)
+        richer = refine_object(start, own, level, groups)
         if hold_out and (auto or level == refine_target):
             richer, measured[level] = _judged(richer, partial(stages.begin, holding))
         if auto:
             before, after = measured[fit.level], measured[level]
             if before is None or after is None or after.times(before) > _WORTH:
-                return fit, measured, richer
-        fit = richer
+                return fit, drawing, measured, richer
+        fit, drawing = richer, own
         if level == refine_target:
             break
-    return fit, measured, None
+    return fit, drawing, measured, None
 
 
 def _in_doubt(

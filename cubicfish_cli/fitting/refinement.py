@@ -57,6 +57,17 @@ class Drawing:
         """The same object for some of the pairs."""
         return replace(self, pairs=pairs)
 
+    def world(self, pairs: Observations) -> FloatArray:
+        """(N, 3) where corners of these names are as drawn, in units of ``pairs``.
+
+        Raises:
+            ValueError: the drawing is unknown.
+
+        """
+        if self.target is None:
+            raise ValueError("pairs without a target have no names")
+        return self.target.world_points(pairs.board, pairs.column, pairs.row) / self.scale
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ObjectFit:

@@ -172,13 +172,13 @@ class World:
         return replace(self, noise=noise, offset_weight=weight)
 
     def select(self, rows: IntArray) -> World:
-        """The same object for some of the pairs, (n,) increasing; what is free stays as it is."""
-        place = np.full(len(self.as_drawn), -1, np.intp)
-        place[rows] = np.arange(len(rows))
+        """The same object for the pairs of some rows (n,); what is free stays as it is."""
         parts = []
         for part in self.parts:
-            own = place[part.pairs] >= 0
-            parts.append(replace(part, pairs=place[part.pairs[own]], basis=part.basis[own]))
+            place = np.full(len(self.as_drawn), -1, np.intp)
+            place[part.pairs] = np.arange(len(part.pairs))
+            own = np.flatnonzero(place[rows] >= 0)
+            parts.append(replace(part, pairs=own, basis=part.basis[place[rows[own]]]))
         return replace(
             self,
             as_drawn=self.as_drawn[rows],

@@ -11,7 +11,7 @@ import numpy as np
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.geometry import similarity
 from cubicfish_cli.identification.ends import Ends, clearly_more, doubtful_rims
-from cubicfish_cli.identification.placement import SAME, Placement, Reach, reach_of
+from cubicfish_cli.placement import SAME, Placement, Reach, reach_of
 from cubicfish_cli.identification.search import Labelings
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
@@ -297,9 +297,9 @@ def rim_in_doubt(grid: Grid, sides: Placement, board: int, ends: Ends | None) ->
 
     Few corners speak for that line, and the board may go on at the other side: there it is cut.
     """
-    reach = reach_of(grid, sides)
+    reach = reach_of(grid.cells, grid.parity, sides)
     for rim in doubtful_rims(grid):
-        side, offset = reach_of(replace(grid, cells=grid.cells[~rim]), sides).places()
+        side, offset = reach_of(grid.cells[~rim], grid.parity, sides).places()
         rival = (sides.board[side] == board) & ~reach.allows(side, offset)
         if ends is not None:
             gaps = int(ends.table[0, 0, 0, 0])  # within the grid, wherever it lies

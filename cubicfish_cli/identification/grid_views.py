@@ -18,7 +18,7 @@ from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px
-from cubicfish_cli.identification.placement import Reach
+from cubicfish_cli.placement import Reach
 from cubicfish_cli.identification.search import GridView, grid_moments
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations

@@ -52,7 +52,7 @@ class Place:
 
     Attributes:
         board: index into the target's boards.
-        turn: quarter turns, index into :data:`cubicfish_cli.identification.placement.TURNS`.
+        turn: quarter turns, index into :data:`cubicfish_cli.placement.TURNS`.
         column, row: where the grid's cell (0, 0) lies on the board.
 
     """

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.geometry import Similarity, similarity
-from cubicfish_cli.identification.placement import Placement, placement_of
+from cubicfish_cli.placement import Placement, placement_of
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
@@ -48,21 +48,13 @@ class Turn:
     error: float
 
 
-def _motions(sides: Placement, board: int) -> tuple[FloatArray, FloatArray]:
-    """(P, 3, 3), (P, 3) matrices and shifts that carry a board onto each of its places."""
-    side, places = sides.wholes[board]
-    scale = sides.square[side] / sides.square[4 * board]
-    matrix = scale[:, None, None] * (sides.frame[side] @ sides.frame[4 * board].T)
-    return matrix, places.mean(axis=1) - matrix @ places[0].mean(axis=0)
-
-
 def symmetries(target: Target) -> tuple[list[Turn], list[Turn]]:
     """Turns of the whole object that make no difference, and those that hardly do."""
     sides = placement_of(target)
     everything = list(range(len(sides.wholes)))
     # The board with the fewest places has the fewest candidates.
     base = min(everything, key=lambda board: len(sides.wholes[board][0]))
-    matrix, shift = _motions(sides, base)
+    matrix, shift = sides.motions(base)
     # A board that is off by NEARLY turns the motion that is based on it.
     slack = 10 * NEARLY
     landed = np.empty((len(matrix), 0), np.intp)
@@ -97,7 +89,7 @@ def look_alikes(target: Target, faced: BoolArray) -> tuple[list[Turn] | None, in
     looked: set[tuple[int, ...]] = set()
     views = np.unique(faced, axis=0)
     for base in everything:
-        matrix, shift = _motions(sides, base)
+        matrix, shift = sides.motions(base)
         landings = [sides.landing(matrix, shift, board) for board in everything]
         error = np.stack([one for one, _ in landings], axis=1)
         place = np.stack([one for _, one in landings], axis=1)

@@ -13,7 +13,7 @@ from cubicfish_cli.identification.decide import Decided, Decision, rim_in_doubt
 from cubicfish_cli.identification.ends import solid, solid_size
 from cubicfish_cli.identification.grid_views import grid_poses
 from cubicfish_cli.identification.identified import GridReport, Identified, Place
-from cubicfish_cli.identification.placement import Placement, reach_of
+from cubicfish_cli.placement import Placement, reach_of
 from cubicfish_cli.identification.scene import Decisions, Scene, named_lens, nameless_lens, spread
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
@@ -125,7 +125,7 @@ def _cut_unnamed(
         }
         poses = grid_poses(camera, list(cut.values()), scene.image_size)
         for (index, part), pose in zip(cut.items(), poses, strict=True):
-            scene.put(index, part, reach_of(part, scene.sides), pose)
+            scene.put(index, part, reach_of(part.cells, part.parity, scene.sides), pose)
         after = scene.decide(sides, own)
         if after is not None and scene.named_corners(own, after) > scene.named_corners(own, before):
             decisions[photo] = after

@@ -21,7 +21,7 @@ from cubicfish_cli.identification.grid_views import (
     pairs_of_parts,
     view_of,
 )
-from cubicfish_cli.identification.placement import Placement, Reach, placement_of, reach_of
+from cubicfish_cli.placement import Placement, Reach, placement_of, reach_of
 from cubicfish_cli.identification.search import search
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.target import Target
@@ -80,11 +80,11 @@ class Scene:
         for own in grids:
             first = len(scene.grids)
             for found in own:
-                grid, room = found, reach_of(found, sides)
+                grid, room = found, reach_of(found.cells, found.parity, sides)
                 if not room.wide_enough:
                     cut = without_strays(grid, sides.sizes_seen)
                     if cut is not None:
-                        grid, room = cut, reach_of(cut, sides)
+                        grid, room = cut, reach_of(cut.cells, cut.parity, sides)
                 scene.grids.append(grid)
                 scene.reach.append(room)
             order = sorted(range(first, len(scene.grids)), key=lambda k: -len(scene.grids[k]))
@@ -243,8 +243,8 @@ def _has_other_colours(grids: Sequence[Sequence[Grid]], sides: Placement) -> boo
         ]  # fmt: skip
         if whole:
             largest = max(whole, key=len)
-            votes += reach_of(largest, exchanged).possible
-            votes -= reach_of(largest, sides).possible
+            votes += reach_of(largest.cells, largest.parity, exchanged).possible
+            votes -= reach_of(largest.cells, largest.parity, sides).possible
     return votes > 0
 
 

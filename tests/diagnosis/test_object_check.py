@@ -18,7 +18,7 @@ from cubicfish_cli.geometry import similarity
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.look_alikes import ALIKE, Turn
 from cubicfish_cli.identification.name_grids import name_grids
-from cubicfish_cli.identification.placement import placement_of
+from cubicfish_cli.placement import placement_of
 from cubicfish_cli.target import Target
 
 

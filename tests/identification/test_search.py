@@ -18,7 +18,7 @@ from cubicfish_cli.identification.decide import CLEAR_RATIO, Decided, decide, de
 from cubicfish_cli.identification.ends import Ends, ends_of
 from cubicfish_cli.identification.grid_views import grid_poses, view_of
 from cubicfish_cli.identification.identified import Place
-from cubicfish_cli.identification.placement import placement_of, reach_of
+from cubicfish_cli.placement import placement_of, reach_of
 from cubicfish_cli.identification.search import (
     form_cost,
     gauss_newton,
@@ -93,7 +93,7 @@ def one_photo(seed=0, *, noise=0.1, target=None, farthest=2.0):
     sides = placement_of(target)
     poses = grid_poses(LENS, grids, IMAGE_SIZE)
     views = [
-        view_of(LENS, grid, pose, reach_of(grid, sides))
+        view_of(LENS, grid, pose, reach_of(grid.cells, grid.parity, sides))
         for grid, pose in zip(grids, poses, strict=True)
     ]
     ends = [
@@ -168,7 +168,7 @@ def test_places_are_charged_for_the_room_that_they_leave():
     pixel = LENS.project(np.column_stack([cells, np.ones(len(cells))]) @ form.T)
     grid = Grid(cells=cells, pixel=pixel, parity=-1, step=40.0, contrast=np.full(20, 9.0))
     ends = ends_of(LENS, grid, form, NO_PIXEL, farthest=2.0)
-    side, offset = reach_of(grid, sides).places()
+    side, offset = reach_of(grid.cells, grid.parity, sides).places()
     missing = ends.missing(sides, side, offset)
     corner = (side == 0) & (offset == [0, 0]).all(axis=1)
     middle = (side == 0) & (offset == [3, 1]).all(axis=1)
@@ -227,7 +227,7 @@ def test_a_slide_along_a_common_edge_is_told_by_an_end_or_not_at_all():
     grids, truth = [grid for grid, _ in both], [place for _, place in both]
     poses = grid_poses(LENS, grids, IMAGE_SIZE)
     views = [
-        view_of(LENS, grid, pose, reach_of(grid, sides))
+        view_of(LENS, grid, pose, reach_of(grid.cells, grid.parity, sides))
         for grid, pose in zip(grids, poses, strict=True)
     ]
     found = search(views, sides)
@@ -270,7 +270,7 @@ def test_a_grid_that_fills_a_board_is_that_board():
         grid = Grid(
             cells=cells, pixel=10.0 * cells, parity=-1, step=10.0, contrast=np.full(len(cells), 9.0)
         )
-        alone = decide_alone(grid, sides, reach_of(grid, sides), None)
+        alone = decide_alone(grid, sides, reach_of(grid.cells, grid.parity, sides), None)
         assert alone.verdict == (verdict,)
         if verdict is Decided.NAMED:
             assert sides.board[alone.side[0]] == 1
@@ -286,7 +286,7 @@ def test_one_of_two_boards_alike_is_not_guessed(size, verdict):
     grid = Grid(
         cells=cells, pixel=10.0 * cells, parity=-1, step=10.0, contrast=np.full(len(cells), 9.0)
     )
-    assert decide_alone(grid, sides, reach_of(grid, sides), None).verdict == (verdict,)
+    assert decide_alone(grid, sides, reach_of(grid.cells, grid.parity, sides), None).verdict == (verdict,)
 
 
 def test_a_narrow_lens_leaves_two_poses_of_a_plane_and_a_wide_one_does_not():

@@ -18,7 +18,6 @@ from functools import cached_property
 
 import numpy as np
 
-from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.geometry import Similarity
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
@@ -90,10 +89,7 @@ class Placement:
             last = self.size[upright] - 1
             cells = np.array([[0, 0], [last[0], 0], last, [0, last[1]]])
             colour = int(self.colour[upright])
-            whole = Grid(
-                cells=cells, pixel=1.0 * cells, parity=colour, step=1.0, contrast=np.ones(4)
-            )
-            side, offset = reach_of(whole, self).places()
+            side, offset = reach_of(cells, colour, self).places()
             fills = (np.abs(self.matrix[side]) @ (last + 1) == self.size[side]).all(axis=1)
             order = np.argsort(side[fills] != upright, kind="stable")
             side, offset = side[fills][order], offset[fills][order]
@@ -118,6 +114,13 @@ class Placement:
             place.append(distance.argmin(axis=1))
             error.append(distance.min(axis=1))
         return np.concatenate(error), np.concatenate(place)
+
+    def motions(self, board: int) -> tuple[FloatArray, FloatArray]:
+        """(P, 3, 3), (P, 3) matrices and shifts that carry a board onto each of its places."""
+        side, places = self.wholes[board]
+        scale = self.square[side] / self.square[4 * board]
+        matrix = scale[:, None, None] * (self.frame[side] @ self.frame[4 * board].T)
+        return matrix, places.mean(axis=1) - matrix @ places[0].mean(axis=0)
 
     def is_symmetry(self, motion: Similarity) -> bool:
         """Whether ``motion`` carries the target onto itself, colours included."""
@@ -208,12 +211,19 @@ class Reach:
         return bool(((room > 1) | ((room == 1) & fits)).any())
 
 
-def reach_of(grid: Grid, sides: Placement) -> Reach:
-    """Where on the target ``grid`` fits, by its extent and the colour of its squares."""
-    box = np.stack([grid.cells.min(axis=0), grid.cells.max(axis=0)])
+def reach_of(cells: IntArray, parity: int, sides: Placement) -> Reach:
+    """Where on the target a grid fits, by its extent and the colour of its squares.
+
+    Args:
+        cells: (N, 2) of its corners.
+        parity: +1 when the square down-right of cell (0, 0) is light, else -1.
+        sides: the target's boards in all turns.
+
+    """
+    box = np.stack([cells.min(axis=0), cells.max(axis=0)])
     ends = box @ np.swapaxes(sides.matrix, -1, -2)
     # A quarter turn swaps the two colours that meet at a corner.
-    flipped = (sides.colour * grid.parity < 0) ^ (sides.turn % 2 == 1)
+    flipped = (sides.colour * parity < 0) ^ (sides.turn % 2 == 1)
     return Reach(
         low=-ends.min(axis=1),
         high=sides.size - 1 - ends.max(axis=1),

@@ -1,0 +1,241 @@
+"""Which way round photos show a target that looks the same after a turn.
+
+No photo says which end of such a board is which, so the names of its corners are a guess in each.
+The print says it: corners are a little off their drawn places, and that repeats in all photos, one
+way round. Named at random, what corners are off by is averaged away and stays in the residuals.
+
+To first order, every photo pulls at the corners' places by its residuals, its pose fitted anew, in
+one direction by the one name and in another by the other. What is named rightly pulls together: the
+likelihood of a choice, with lens, shapes and places left open, grows with the squared length of the
+sum of all pulls, in the metric of their covariance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from cubicfish_cli.fitting.adjustment import runs_linearised
+from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.refinement import FIRST_SPREAD, Drawing, ObjectFit, free_world
+from cubicfish_cli.fitting.robust import huber_px, noise_px
+from cubicfish_cli.fitting.world import World
+from cubicfish_cli.observations import Observations
+from cubicfish_cli.symmetry import Symmetry, symmetries
+from cubicfish_cli.types import FloatArray, IntArray
+
+# What corners may be off by, in FIRST_SPREAD: the likeliest is taken.
+_SPREADS = (1.0, 3.0, 10.0, 30.0)
+# A photo is named otherwise where that is more likely by this factor, as if its errors were its
+# corners' own. They are not, so it is no small one.
+_LIKELIER = np.log(1000.0)
+# Sums whose squares differ by less are as good.
+_SAME = 0.01
+_STARTS = 30
+_SWEEPS = 50
+
+
+def oriented(fit: ObjectFit, drawing: Drawing) -> tuple[ObjectFit, Drawing]:
+    """A fit and its drawing with each photo named the way round that goes with the other photos.
+
+    Args:
+        fit: below the level ``points``.
+        drawing: the object as drawn, with the pairs of ``fit``.
+
+    Returns:
+        The same two where nothing is named otherwise; else with other names, and the poses that
+        leave all corners where they were.
+
+    """
+    motions = symmetries(drawing.target) if drawing.target else ()
+    if not motions:
+        return fit, drawing
+    pairs = drawing.pairs
+    ways = [(pairs, fit.cubic.poses)]
+    ways += [_renamed(drawing, fit.cubic.poses, motion) for motion in motions]
+    way = _likeliest(fit, drawing, ways)
+    # What may be another corner altogether is left as it is.
+    way[pairs.image[~pairs.certain]] = 0
+    if not way.any():
+        return fit, drawing
+    poses = fit.cubic.poses
+    for number, (named, turned) in enumerate(ways[1:], 1):
+        photos = np.flatnonzero(way == number)
+        pairs = _with_names(pairs, named, np.isin(pairs.image, photos))
+        poses = poses.with_photos(photos, turned[photos])
+    adjusted = replace(fit.cubic.fit, poses=poses, sums=None)
+    return replace(fit, cubic=replace(fit.cubic, fit=adjusted)), drawing.of(pairs)
+
+
+def _renamed(drawing: Drawing, poses: Poses, motion: Symmetry) -> tuple[Observations, Poses]:
+    """All corners named as after a motion, and the poses that leave them where they were."""
+    pairs = drawing.pairs
+    board, column, row = motion.names(pairs.board, pairs.column, pairs.row)
+    named = replace(pairs, board=board, column=column, row=row)
+    moved = Poses(rotation=motion.rotation[None], translation=motion.shift[None] / drawing.scale)
+    return named.with_world(drawing.world(named)), poses @ moved.inverse()
+
+
+def _with_names(pairs: Observations, named: Observations, rows: FloatArray) -> Observations:
+    """The pairs, some rows (N,) with the names and the places of others."""
+    names = {
+        name: np.where(rows, getattr(named, name), getattr(pairs, name))
+        for name in ("board", "column", "row")
+    }
+    return replace(pairs, **names, world=np.where(rows[:, None], named.world, pairs.world))
+
+
+def _likeliest(
+    fit: ObjectFit, drawing: Drawing, ways: Sequence[tuple[Observations, Poses]]
+) -> IntArray:
+    """(M,) which of W ways each photo is named in, 0 where no other is surely better."""
+    noise = noise_px(fit.cubic.residual)
+    free = free_world(
+        drawing.of(Observations.stacked([pairs for pairs, _ in ways])),
+        noise=noise,
+        offset_spread=FIRST_SPREAD,
+    )
+    previous = fit.cubic.fit.world
+    if previous.free:
+        free = replace(free, parameters=previous.parameters, spread=previous.spread)
+    count = len(drawing.pairs.image)
+    pulls = [
+        _pulls(fit, pairs, poses, free.select(np.arange(way * count, (way + 1) * count)))
+        for way, (pairs, poses) in enumerate(ways)
+    ]
+    return _choice(fit, free, pulls, noise)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Pulls:
+    """What M photos put into the normal equations, their poses eliminated.
+
+    D unknowns: the lens's parameters, the boards', three coordinates of each free corner.
+
+    Attributes:
+        gradient: (M, D).
+        hessian: (D, D), of all photos.
+        square: of the residuals that no pose takes away, of all photos.
+
+    """
+
+    gradient: FloatArray
+    hessian: FloatArray
+    square: float
+
+
+def _pulls(fit: ObjectFit, pairs: Observations, poses: Poses, world: World) -> _Pulls:
+    lens = fit.cubic.lens
+    shared = len(lens.parameters) + len(world.parameters)
+    size = shared + world.offsets.size
+    gradient, hessian, square = np.zeros((len(poses), size)), np.zeros((size, size)), 0.0
+    limit = huber_px(fit.cubic.residual)
+    for photos, run, terms, root in runs_linearised(lens, poses, world, pairs, limit):
+        rows = root[:, None, None] * np.concatenate(
+            [terms.d_lens, terms.d_board, terms.d_corner, terms.d_turn, terms.d_shift], axis=2
+        )
+        residual = root[:, None] * terms.residual
+        for photo in range(photos.start, photos.stop):
+            own = np.flatnonzero(pairs.image[run] == photo)
+            count, index = len(own), np.arange(len(own))
+            basis, _ = np.linalg.qr(rows[own, :, -6:].reshape(-1, 6))
+            by_corner = np.zeros((count, 2, count, 3))
+            by_corner[index, :, index] = rows[own, :, shared : shared + 3]
+            free = np.concatenate(
+                [
+                    rows[own, :, :shared].reshape(2 * count, -1),
+                    by_corner.reshape(2 * count, -1),
+                    residual[own].reshape(2 * count, 1),
+                ],
+                axis=1,
+            )
+            free -= basis @ (basis.T @ free)
+            places = shared + 3 * world.corner[run][own][:, None] + np.arange(3)
+            columns = np.concatenate([np.arange(shared), places.reshape(-1)])
+            product = free.T @ free
+            gradient[photo, columns] = product[:-1, -1]
+            hessian[np.ix_(columns, columns)] += product[:-1, :-1]
+            square += product[-1, -1]
+    return _Pulls(gradient=gradient, hessian=hessian, square=square)
+
+
+def _choice(fit: ObjectFit, world: World, pulls: Sequence[_Pulls], noise: float) -> IntArray:
+    """(M,) the likeliest way of each photo, 0 where no other is surely better."""
+    lens = len(fit.cubic.lens.parameters)
+    shared = lens + len(world.parameters)
+    each = np.stack([one.gradient for one in pulls], axis=1)
+    hessian = np.mean([one.hessian for one in pulls], axis=0)
+    held = np.zeros(len(hessian))
+    of_lens, of_boards = fit.cubic.lens.prior(), world.prior()
+    for own, prior in ((slice(0, lens), of_lens), (slice(lens, shared), of_boards)):
+        hessian[own, own] += prior[:-1, :-1]
+        held[own] += prior[:-1, -1]
+    best = None
+    for spread in _SPREADS:
+        pull = np.where(np.arange(len(held)) < shared, 0, world.offset_weight / spread)
+        root = np.linalg.cholesky(hessian + np.diag(pull**2))
+        flat = np.vstack([held, each.reshape(-1, len(held))])
+        flat = solve_triangular(root, flat.T, lower=True).T
+        tried = _Together.most(flat[0], flat[1:].reshape(*each.shape))
+        likely = tried.square / (2 * noise**2) - np.log(np.diagonal(root)).sum()
+        likely += np.log(pull[shared:]).sum()
+        if best is None or likely > best[0]:
+            best = likely, tried
+    # What is left when they pull together.
+    left = 1 - best[1].square / pulls[0].square
+    return best[1].surely(noise * np.sqrt(max(left, 0)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Together:
+    """Pulls that add up.
+
+    Attributes:
+        choice: (M,) which of each photo's.
+        gain: (M,) by how much the square of the sum is larger than with the first.
+        square: of the sum.
+
+    """
+
+    choice: IntArray
+    gain: FloatArray
+    square: float
+
+    @classmethod
+    def most(cls, held: FloatArray, pulls: FloatArray) -> _Together:
+        """Those of pulls (M, W, D) that add up, with another (D,), to the longest sum.
+
+        Photo by photo from many starts, as far as it goes.
+        """
+        photos, ways, _ = pulls.shape
+        every = np.arange(photos)
+        choice = np.random.default_rng(0).integers(0, ways, (_STARTS, photos))
+        choice[0] = 0
+        total = held + pulls[every, choice].sum(axis=1)
+        for _ in range(_SWEEPS):
+            before = choice.copy()
+            for photo, own in enumerate(pulls):
+                rest = total - own[choice[:, photo]]
+                gain = 2 * rest @ own.T + np.sum(own * own, axis=1)
+                choice[:, photo] = gain.argmax(axis=1)
+                total = rest + own[choice[:, photo]]
+            if (choice == before).all():
+                break
+        square = np.sum(total * total, axis=1)
+        # A motion of all photos alike is none: of what is as good, the nearest to the names.
+        as_good = np.flatnonzero(square >= (1 - _SAME) * square.max())
+        best = as_good[np.argmin(np.count_nonzero(choice[as_good], axis=1))]
+        rest = total[best] - pulls[every, choice[best]]
+        length = np.sum(np.square(rest[:, None] + pulls), axis=2)
+        return cls(
+            choice=choice[best],
+            gain=length[every, choice[best]] - length[:, 0],
+            square=float(square[best]),
+        )
+
+    def surely(self, noise: float) -> IntArray:
+        """(M,) the choice where it is likelier than the first, beyond errors that photos share."""
+        return np.where(self.gain > 2 * _LIKELIER * noise**2, self.choice, 0)
