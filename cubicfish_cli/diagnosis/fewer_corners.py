@@ -26,9 +26,9 @@ from cubicfish_cli.diagnosis.more_corners import (
 )
 from cubicfish_cli.identification.ends import Ends
 from cubicfish_cli.identification.identified import FEWEST_CORNERS, Identified, Place
-from cubicfish_cli.placement import TURNS
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.photos import Picture
+from cubicfish_cli.placement import TURNS
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray
 

@@ -25,8 +25,8 @@ from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
 from cubicfish_cli.fitting.hold import EXPECTED, FIRMEST, choose_hold
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.local_noise import within_noise
-from cubicfish_cli.fitting.photo_spread import photo_spread
 from cubicfish_cli.fitting.orientation import oriented
+from cubicfish_cli.fitting.photo_spread import photo_spread
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import (
     CHECK_ALL,
@@ -66,8 +66,9 @@ from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.lift import lift
 from cubicfish_cli.observations import Observations
+from cubicfish_cli.symmetry import Symmetry, renamed
 from cubicfish_cli.target import Target
-from cubicfish_cli.types import BoolArray, FloatArray
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
 
@@ -145,6 +146,8 @@ class Calibration(Calibrated):
         refined: what of the object was fitted: ``off``, ``shape`` or ``points``.
         target: the object as fitted (the given one where nothing was refined); None for pairs
             that came without one.
+        renamed: photos that show the target the other way round than they said, as its print
+            says, and the motion of the target that their corners were named anew by.
         departures: by how much the object departs from its drawing, a board each.
         uncertainty_grid: how far the pixels of distant points may be off, on a grid over the photo,
             as ``uncertainty_record`` of fitting/uncertainty.py has it.
@@ -174,6 +177,7 @@ class Calibration(Calibrated):
     unfit: dict[str, Finding]
     refined: Level
     target: Target | None
+    renamed: Mapping[str, Symmetry]
     departures: tuple[Departure, ...]
     uncertainty_grid: dict[str, Any]
     coverage: float
@@ -188,6 +192,10 @@ class Calibration(Calibrated):
         doubts = (doubt for one in self.departures for doubt in one.doubts)
         return (*self.notes, *unfit, *doubts)
 
+    def named(self, corners: Observations) -> Observations:
+        """Corners of the photos by the names that the fit gave them, of the target as fitted."""
+        return renamed(corners, self.target, self.renamed) if self.target else corners
+
     def as_record(self) -> dict[str, Any]:
         """Plain data: ``fit`` of camera.yaml and the command's JSON."""
         held_out = self.held_out
@@ -200,6 +208,7 @@ class Calibration(Calibrated):
             "companion_held_out_rms_px": held_out.companion_rms_px if held_out else None,
             "refine_target": self.refined,
             "held_out_by_level": dict(self.held_out_by_level),
+            "renamed_images": list(self.renamed),
             "departures": [departure.as_record() for departure in self.departures],
             "rank": self.rank,
             "covered_deg": self.covered_deg,
@@ -294,7 +303,7 @@ def _calibrated(
     scale = world_scale(pairs)
     reference = fit_radial(pairs.with_world(pairs.world / scale))
     stages.begin("cubic")
-    fit, dropped = _without_gross(reference)
+    fit, gross, gross_error = _without_gross(reference)
     fit = _without_noisy(fit)
     _refuse_undetermined(fit.reference)
     drawing = Drawing(target=target, pairs=fit.reference.pairs, scale=scale)
@@ -324,6 +333,9 @@ def _calibrated(
     poses = cubic.poses.scaled(scale)
     camera, poses = in_references_frame(camera, poses, reference.covered)
     share = coverage(used.pixel, camera.outline(), pairs.image_size)
+    if target is not None:
+        gross = renamed(gross, target, drawing.renamed)
+    dropped = tuple(_dropped(gross, gross_error))
     notes = dropped_groups(pairs, [(c.image, c.board, c.error_px) for c in dropped])
     findings: Sequence[Finding] = ()
     if diagnose is not None:
@@ -358,6 +370,7 @@ def _calibrated(
         unfit=reference.unfit,
         refined=fit.level,
         target=refined,
+        renamed=drawing.renamed,
         departures=tuple(departures(target, refined, doubted=not wrong))
         if target and refined
         else (),
@@ -368,8 +381,10 @@ def _calibrated(
     )
 
 
-def _without_gross(reference: RadialReference) -> tuple[ObjectFit, tuple[DroppedCorner, ...]]:
-    """Fit to the object as drawn without grossly wrong corners.
+def _without_gross(
+    reference: RadialReference,
+) -> tuple[ObjectFit, Observations, FloatArray]:
+    """Fit to the object as drawn without grossly wrong corners; these, and how far they are off.
 
     Every round judges all corners anew: a corner that only looked wrong because others had
     pulled its photo's pose away comes back.
@@ -394,7 +409,7 @@ def _without_gross(reference: RadialReference) -> tuple[ObjectFit, tuple[Dropped
         good = length <= gross_px(cubic.residual)
     cubic = choose_hold(reference, folds_of(reference), start=cubic, everywhere=True)
     fit = ObjectFit(level="off", reference=reference, cubic=cubic)
-    return fit, tuple(_dropped(everything, ~kept, length))
+    return fit, everything.select(~kept), length[~kept]
 
 
 def _without_noisy(fit: ObjectFit) -> ObjectFit:
@@ -507,16 +522,16 @@ def _refuse_undetermined(reference: RadialReference) -> None:
         )
 
 
-def _dropped(pairs: Observations, gross: BoolArray, length: FloatArray) -> list[DroppedCorner]:
+def _dropped(pairs: Observations, error_px: FloatArray) -> list[DroppedCorner]:
     return [
         DroppedCorner(
             image=pairs.images[pairs.image[index]],
             board=pairs.boards[pairs.board[index]] if pairs.boards else None,
             column=int(pairs.column[index]),
             row=int(pairs.row[index]),
-            error_px=float(length[index]),
+            error_px=float(error),
         )
-        for index in np.flatnonzero(gross)
+        for index, error in enumerate(error_px)
     ]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from cubicfish_cli.fitting.statistics import ErrorStatistics, error_statistics, 
 from cubicfish_cli.fitting.subset import middle, select, with_mean_weight_one
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
+from cubicfish_cli.symmetry import best_named
 from cubicfish_cli.types import FloatArray
 
 
@@ -52,6 +54,29 @@ class Evaluation:
         }
 
 
+def named_as_refined(camera: CubicCamera, pairs: Observations) -> Observations:
+    """Corners by the names under which a known camera sees them best.
+
+    A target that looks the same after a turn does so no more when its corners are refined.
+    """
+    target = pairs.target
+    if target is None or all(board.shape is None for board in target.boards):
+        return pairs
+    return best_named(pairs, target, partial(_squared, camera))
+
+
+def _squared(camera: CubicCamera, pairs: Observations) -> FloatArray:
+    """(N,) squared errors of corners, their photos' poses fitted; 0 outside the camera's field."""
+    squared = np.full(len(pairs.image), np.inf)
+    placed, own, photos = fit_poses(camera.radial, pairs)
+    if placed is not None:
+        _, residual, index = pose_only_residual(camera, own, placed.poses)
+        rows = np.flatnonzero(np.isin(pairs.image, photos))
+        squared[rows] = 0
+        squared[rows[index]] = np.sum(residual**2, axis=1)
+    return squared
+
+
 def evaluate(camera: CubicCamera, pairs: Observations) -> Evaluation:
     """Refit the pose of every photo under a fixed camera and measure what is left.
 
@@ -65,6 +90,7 @@ def evaluate(camera: CubicCamera, pairs: Observations) -> Evaluation:
             "the corners are of photos of {}x{} pixels and the camera is for {}x{}: "
             "use photos of the camera's own size".format(*pairs.image_size, *camera.image_size)
         )
+    pairs = named_as_refined(camera, pairs)
     origin = middle(pairs)
     weight = pairs.weight.mean()
     pairs = with_mean_weight_one(pairs.with_world(pairs.world - origin))

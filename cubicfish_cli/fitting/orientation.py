@@ -24,7 +24,7 @@ from cubicfish_cli.fitting.refinement import FIRST_SPREAD, Drawing, ObjectFit, f
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.symmetry import Symmetry, symmetries
+from cubicfish_cli.symmetry import chosen, symmetries
 from cubicfish_cli.types import FloatArray, IntArray
 
 # What corners may be off by, in FIRST_SPREAD: the likeliest is taken.
@@ -34,6 +34,7 @@ _SPREADS = (1.0, 3.0, 10.0, 30.0)
 _LIKELIER = np.log(1000.0)
 # Sums whose squares differ by less are as good.
 _SAME = 0.01
+_ROUNDING = 1e-10
 _STARTS = 30
 _SWEEPS = 50
 
@@ -51,50 +52,34 @@ def oriented(fit: ObjectFit, drawing: Drawing) -> tuple[ObjectFit, Drawing]:
 
     """
     motions = symmetries(drawing.target) if drawing.target else ()
-    if not motions:
+    if not motions or drawing.target is None:
         return fit, drawing
-    pairs = drawing.pairs
-    ways = [(pairs, fit.cubic.poses)]
-    ways += [_renamed(drawing, fit.cubic.poses, motion) for motion in motions]
-    way = _likeliest(fit, drawing, ways)
+    pairs, poses, scale = drawing.pairs, fit.cubic.poses, drawing.scale
+    namings = [pairs, *(one.named(pairs, drawing.target, scale) for one in motions)]
+    turned = [poses, *(poses.of_moved(one.rotation, one.shift / scale) for one in motions)]
+    way = _likeliest(fit, drawing, namings, turned)
     # What may be another corner altogether is left as it is.
     way[pairs.image[~pairs.certain]] = 0
     if not way.any():
         return fit, drawing
-    poses = fit.cubic.poses
-    for number, (named, turned) in enumerate(ways[1:], 1):
+    for number, other in enumerate(turned):
         photos = np.flatnonzero(way == number)
-        pairs = _with_names(pairs, named, np.isin(pairs.image, photos))
-        poses = poses.with_photos(photos, turned[photos])
+        poses = poses.with_photos(photos, other[photos])
     adjusted = replace(fit.cubic.fit, poses=poses, sums=None)
-    return replace(fit, cubic=replace(fit.cubic, fit=adjusted)), drawing.of(pairs)
-
-
-def _renamed(drawing: Drawing, poses: Poses, motion: Symmetry) -> tuple[Observations, Poses]:
-    """All corners named as after a motion, and the poses that leave them where they were."""
-    pairs = drawing.pairs
-    board, column, row = motion.names(pairs.board, pairs.column, pairs.row)
-    named = replace(pairs, board=board, column=column, row=row)
-    moved = Poses(rotation=motion.rotation[None], translation=motion.shift[None] / drawing.scale)
-    return named.with_world(drawing.world(named)), poses @ moved.inverse()
-
-
-def _with_names(pairs: Observations, named: Observations, rows: FloatArray) -> Observations:
-    """The pairs, some rows (N,) with the names and the places of others."""
-    names = {
-        name: np.where(rows, getattr(named, name), getattr(pairs, name))
-        for name in ("board", "column", "row")
-    }
-    return replace(pairs, **names, world=np.where(rows[:, None], named.world, pairs.world))
+    renamed = {pairs.images[photo]: motions[way[photo] - 1] for photo in np.flatnonzero(way)}
+    return (
+        replace(fit, cubic=replace(fit.cubic, fit=adjusted)),
+        replace(drawing, pairs=chosen(namings, way), renamed=renamed),
+    )
 
 
 def _likeliest(
-    fit: ObjectFit, drawing: Drawing, ways: Sequence[tuple[Observations, Poses]]
+    fit: ObjectFit, drawing: Drawing, namings: Sequence[Observations], turned: Sequence[Poses]
 ) -> IntArray:
     """(M,) which of W ways each photo is named in, 0 where no other is surely better."""
     noise = noise_px(fit.cubic.residual)
     free = free_world(
-        drawing.of(Observations.stacked([pairs for pairs, _ in ways])),
+        drawing.of(Observations.stacked(namings)),
         noise=noise,
         offset_spread=FIRST_SPREAD,
     )
@@ -104,7 +89,7 @@ def _likeliest(
     count = len(drawing.pairs.image)
     pulls = [
         _pulls(fit, pairs, poses, free.select(np.arange(way * count, (way + 1) * count)))
-        for way, (pairs, poses) in enumerate(ways)
+        for way, (pairs, poses) in enumerate(zip(namings, turned, strict=True))
     ]
     return _choice(fit, free, pulls, noise)
 
@@ -118,20 +103,21 @@ class _Pulls:
     Attributes:
         gradient: (M, D).
         hessian: (D, D), of all photos.
-        square: of the residuals that no pose takes away, of all photos.
+        square: (M,) of the residuals that no pose takes away.
 
     """
 
     gradient: FloatArray
     hessian: FloatArray
-    square: float
+    square: FloatArray
 
 
 def _pulls(fit: ObjectFit, pairs: Observations, poses: Poses, world: World) -> _Pulls:
     lens = fit.cubic.lens
     shared = len(lens.parameters) + len(world.parameters)
     size = shared + world.offsets.size
-    gradient, hessian, square = np.zeros((len(poses), size)), np.zeros((size, size)), 0.0
+    gradient, hessian = np.zeros((len(poses), size)), np.zeros((size, size))
+    square = np.zeros(len(poses))
     limit = huber_px(fit.cubic.residual)
     for photos, run, terms, root in runs_linearised(lens, poses, world, pairs, limit):
         rows = root[:, None, None] * np.concatenate(
@@ -158,7 +144,7 @@ def _pulls(fit: ObjectFit, pairs: Observations, poses: Poses, world: World) -> _
             product = free.T @ free
             gradient[photo, columns] = product[:-1, -1]
             hessian[np.ix_(columns, columns)] += product[:-1, :-1]
-            square += product[-1, -1]
+            square[photo] = product[-1, -1]
     return _Pulls(gradient=gradient, hessian=hessian, square=square)
 
 
@@ -167,26 +153,26 @@ def _choice(fit: ObjectFit, world: World, pulls: Sequence[_Pulls], noise: float)
     lens = len(fit.cubic.lens.parameters)
     shared = lens + len(world.parameters)
     each = np.stack([one.gradient for one in pulls], axis=1)
+    square = np.stack([one.square for one in pulls], axis=1)
     hessian = np.mean([one.hessian for one in pulls], axis=0)
     held = np.zeros(len(hessian))
     of_lens, of_boards = fit.cubic.lens.prior(), world.prior()
     for own, prior in ((slice(0, lens), of_lens), (slice(lens, shared), of_boards)):
         hessian[own, own] += prior[:-1, :-1]
         held[own] += prior[:-1, -1]
-    best = None
+    flat = np.vstack([held, each.reshape(-1, len(held))]).T
+    tried = []
     for spread in _SPREADS:
-        pull = np.where(np.arange(len(held)) < shared, 0, world.offset_weight / spread)
-        root = np.linalg.cholesky(hessian + np.diag(pull**2))
-        flat = np.vstack([held, each.reshape(-1, len(held))])
-        flat = solve_triangular(root, flat.T, lower=True).T
-        tried = _Together.most(flat[0], flat[1:].reshape(*each.shape))
-        likely = tried.square / (2 * noise**2) - np.log(np.diagonal(root)).sum()
-        likely += np.log(pull[shared:]).sum()
-        if best is None or likely > best[0]:
-            best = likely, tried
-    # What is left when they pull together.
-    left = 1 - best[1].square / pulls[0].square
-    return best[1].surely(noise * np.sqrt(max(left, 0)))
+        pull = np.full(len(held) - shared, world.offset_weight / spread)
+        pulled = hessian + np.diag(np.append(np.zeros(shared), pull**2))
+        unit = np.sqrt(np.diagonal(pulled))
+        root = np.linalg.cholesky(pulled / np.outer(unit, unit) + _ROUNDING * np.eye(len(held)))
+        length = solve_triangular(root, flat / unit[:, None], lower=True).T
+        found = _Together.most(length[0], length[1:].reshape(*each.shape), square)
+        likely = -found.left / (2 * noise**2) + np.log(pull).sum()
+        tried.append((likely - np.log(np.diagonal(root) * unit).sum(), found))
+    _, together = max(tried, key=lambda one: one[0])
+    return together.surely(noise * np.sqrt(max(together.left / square[:, 0].sum(), 0)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -195,20 +181,20 @@ class _Together:
 
     Attributes:
         choice: (M,) which of each photo's.
-        gain: (M,) by how much the square of the sum is larger than with the first.
-        square: of the sum.
+        gain: (M,) by how much more is left with the first of a photo's.
+        left: what is left of the squares of all residuals.
 
     """
 
     choice: IntArray
     gain: FloatArray
-    square: float
+    left: float
 
     @classmethod
-    def most(cls, held: FloatArray, pulls: FloatArray) -> _Together:
-        """Those of pulls (M, W, D) that add up, with another (D,), to the longest sum.
+    def most(cls, held: FloatArray, pulls: FloatArray, square: FloatArray) -> _Together:
+        """Those of pulls (M, W, D) that leave the least of squares (M, W), with another pull (D,).
 
-        Photo by photo from many starts, as far as it goes.
+        They take the square of their sum away. Photo by photo from many starts, as far as it goes.
         """
         photos, ways, _ = pulls.shape
         every = np.arange(photos)
@@ -219,21 +205,21 @@ class _Together:
             before = choice.copy()
             for photo, own in enumerate(pulls):
                 rest = total - own[choice[:, photo]]
-                gain = 2 * rest @ own.T + np.sum(own * own, axis=1)
+                gain = 2 * rest @ own.T + np.sum(own * own, axis=1) - square[photo]
                 choice[:, photo] = gain.argmax(axis=1)
                 total = rest + own[choice[:, photo]]
             if (choice == before).all():
                 break
-        square = np.sum(total * total, axis=1)
+        left = square[every, choice].sum(axis=1) - np.sum(total * total, axis=1)
         # A motion of all photos alike is none: of what is as good, the nearest to the names.
-        as_good = np.flatnonzero(square >= (1 - _SAME) * square.max())
+        as_good = np.flatnonzero(left <= left.min() + _SAME * np.abs(left.min()))
         best = as_good[np.argmin(np.count_nonzero(choice[as_good], axis=1))]
         rest = total[best] - pulls[every, choice[best]]
-        length = np.sum(np.square(rest[:, None] + pulls), axis=2)
+        each = square - np.sum(np.square(rest[:, None] + pulls), axis=2)
         return cls(
             choice=choice[best],
-            gain=length[every, choice[best]] - length[:, 0],
-            square=float(square[best]),
+            gain=each[:, 0] - each[every, choice[best]],
+            left=float(left[best]),
         )
 
     def surely(self, noise: float) -> IntArray:

@@ -76,6 +76,11 @@ class Poses:
         """The same poses for a world in which their own world's origin is at ``origin`` (3,)."""
         return Poses(rotation=self.rotation, translation=self.translation - self.rotation @ origin)
 
+    def of_moved(self, rotation: FloatArray, shift: FloatArray) -> Poses:
+        """The same views of a world whose points a motion, (3, 3) and (3,), has moved."""
+        turned = self.rotation @ rotation.T
+        return Poses(rotation=turned, translation=self.translation - turned @ shift)
+
     @property
     def rotation_vector(self) -> FloatArray:
         """(M, 3) rotation vectors, radians."""

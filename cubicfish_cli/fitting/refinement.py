@@ -4,8 +4,8 @@ or each corner's own place as well.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -21,6 +21,7 @@ from cubicfish_cli.fitting.radial_reference import RadialReference, refit_radial
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
+from cubicfish_cli.symmetry import Symmetry
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray
 
@@ -46,27 +47,18 @@ class Drawing:
         target: the drawing; None for pairs that came without one.
         pairs: pairs whose world points are the drawing's, divided by ``scale``.
         scale: the target's units in one unit of ``pairs``.
+        renamed: by which motion of the target photos were named otherwise than they came.
 
     """
 
     target: Target | None
     pairs: Observations
     scale: float
+    renamed: Mapping[str, Symmetry] = field(default_factory=dict)
 
     def of(self, pairs: Observations) -> Drawing:
         """The same object for some of the pairs."""
         return replace(self, pairs=pairs)
-
-    def world(self, pairs: Observations) -> FloatArray:
-        """(N, 3) where corners of these names are as drawn, in units of ``pairs``.
-
-        Raises:
-            ValueError: the drawing is unknown.
-
-        """
-        if self.target is None:
-            raise ValueError("pairs without a target have no names")
-        return self.target.world_points(pairs.board, pairs.column, pairs.row) / self.scale
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -16,8 +16,8 @@ import numpy as np
 
 from cubicfish_cli.geometry import mean_rotation
 from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.placement import Placement
 from cubicfish_cli.identification.scene import Decisions, Scene, rigid
+from cubicfish_cli.placement import Placement
 from cubicfish_cli.types import FloatArray
 
 # Grids that fit the object this much worse than planes of their own, and miss it by this share

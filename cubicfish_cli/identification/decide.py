@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
@@ -11,8 +11,8 @@ import numpy as np
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.geometry import similarity
 from cubicfish_cli.identification.ends import Ends, clearly_more, doubtful_rims
-from cubicfish_cli.placement import SAME, Placement, Reach, reach_of
 from cubicfish_cli.identification.search import Labelings
+from cubicfish_cli.placement import SAME, Placement, Reach, reach_of
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # Below this ratio of the runner-up's RMS to the winner's a name is not settled.

@@ -24,8 +24,8 @@ from cubicfish_cli.detection.accept import MOST_MISS
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.detection.lattice import Lattice
 from cubicfish_cli.detection.nearby import nearest
-from cubicfish_cli.placement import Placement
 from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.placement import Placement
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # A line at the rim is weak with at most so many corners, or with so small a share of what the

@@ -18,10 +18,10 @@ from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import huber_px
-from cubicfish_cli.placement import Reach
 from cubicfish_cli.identification.search import GridView, grid_moments
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
+from cubicfish_cli.placement import Reach
 from cubicfish_cli.types import FloatArray, IntArray
 
 # RMS, as a share of the distance of neighbouring corners, from which a grid is no plane of

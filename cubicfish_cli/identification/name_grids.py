@@ -13,10 +13,10 @@ from cubicfish_cli.identification.decide import Decided, Decision, rim_in_doubt
 from cubicfish_cli.identification.ends import solid, solid_size
 from cubicfish_cli.identification.grid_views import grid_poses
 from cubicfish_cli.identification.identified import GridReport, Identified, Place
-from cubicfish_cli.placement import Placement, reach_of
 from cubicfish_cli.identification.scene import Decisions, Scene, named_lens, nameless_lens, spread
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
+from cubicfish_cli.placement import Placement, reach_of
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray
 

@@ -21,9 +21,9 @@ from cubicfish_cli.identification.grid_views import (
     pairs_of_parts,
     view_of,
 )
-from cubicfish_cli.placement import Placement, Reach, placement_of, reach_of
 from cubicfish_cli.identification.search import search
 from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.placement import Placement, Reach, placement_of, reach_of
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray
 

@@ -23,8 +23,8 @@ import numpy as np
 from cubicfish_cli.detection.grids import Rows
 from cubicfish_cli.fitting.poses import rotation_from_vector
 from cubicfish_cli.geometry import nearest_rotation
-from cubicfish_cli.placement import Placement, Reach
 from cubicfish_cli.lenses.radial import RadialCamera, project_jacobian
+from cubicfish_cli.placement import Placement, Reach
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # How far a grid's own orientation may be off: a few corners with noise give no better.

@@ -281,6 +281,8 @@ def calibrate_files(
     if drawn is not None:
         made_by["target"] = recorded_as(drawn, place.path / NAMES["drawn"])
     made_by = {**({} if title is None else {"title": title}), **made_by}
+    if isinstance(fitted, Calibration):
+        loaded = loaded.named_by(fitted)
     record, camera = fitted.as_record(), fitted.camera
     facts = camera_facts(camera, record, made_by)
     contents = contents_of(fitted, made_by, loaded.corners if with_corners else None, drawn)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from cubicfish_cli.errors import (
 from cubicfish_cli.files import Fingerprint, fingerprint
 from cubicfish_cli.films import MOST
 from cubicfish_cli.films.recordings import is_recording
+from cubicfish_cli.fitting.calibrate import Calibration
 from cubicfish_cli.identification.identified import Detection, line_of
 from cubicfish_cli.library.asked import (
     Run,
@@ -79,6 +80,11 @@ class Inputs:
         """What is told of photos and grids."""
         photos = () if self.detection is None else self.detection.photos
         return [one for photo in photos for one in photo.findings]
+
+    def named_by(self, fitted: Calibration) -> Inputs:
+        """The same with the names that a fit gave the corners."""
+        corners = self.corners and fitted.named(self.corners)
+        return replace(self, pairs=fitted.named(self.pairs), corners=corners)
 
     def drawn(self, target: TargetSource) -> str | None:
         """The text of a target that is in no file yet."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.point_cubic import PointCamera
 from cubicfish_cli.observations import Observations
+from cubicfish_cli.symmetry import best_named
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray
 from cubicfish_cli.words.finding import Finding, joined
@@ -198,6 +199,8 @@ def gather(
     errors = None
     pixels: tuple[tuple[str, FloatArray], ...] = ()
     if pairs is not None:
+        if target is not None and fit.get("renamed_images"):
+            pairs = best_named(pairs, target, partial(_squared, camera, photos))
         errors, problem = _errors(camera, fit, pairs, photos, dropped)
         if problem:
             lines.append(f"Corners and errors: {problem}.")
@@ -265,6 +268,20 @@ def _dropped(fit: Mapping[str, Any]) -> tuple[DroppedFacts, ...]:
         )
         for record in recorded_mappings(fit.get("dropped_corners"))
     )
+
+
+def _squared(
+    camera: CubicCamera | PointCamera, photos: Sequence[PhotoFacts], pairs: Observations
+) -> FloatArray:
+    """(N,) squared errors of corners in photos whose poses are on record, else NaN."""
+    squared = np.full(len(pairs.image), np.nan)
+    for photo in photos:
+        turn, shift = photo.rotation, photo.translation
+        if photo.name in pairs.images and turn is not None and shift is not None:
+            rows = np.flatnonzero(pairs.image == pairs.images.index(photo.name))
+            points = pairs.world[rows] @ turn.T + shift
+            squared[rows] = np.sum(np.square(camera.project(points) - pairs.pixel[rows]), axis=1)
+    return squared
 
 
 def _errors(

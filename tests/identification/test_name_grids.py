@@ -21,8 +21,8 @@ from cubicfish_cli.geometry import similarity
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.identified import Identified, Place
 from cubicfish_cli.identification.name_grids import name_grids
-from cubicfish_cli.placement import placement_of
 from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.placement import placement_of
 from cubicfish_cli.target import Target, load_target
 
 OV_CUBE = Path(__file__).parents[3] / "shared" / "data" / "ov_cube"

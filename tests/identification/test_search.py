@@ -18,7 +18,6 @@ from cubicfish_cli.identification.decide import CLEAR_RATIO, Decided, decide, de
 from cubicfish_cli.identification.ends import Ends, ends_of
 from cubicfish_cli.identification.grid_views import grid_poses, view_of
 from cubicfish_cli.identification.identified import Place
-from cubicfish_cli.placement import placement_of, reach_of
 from cubicfish_cli.identification.search import (
     form_cost,
     gauss_newton,
@@ -27,6 +26,7 @@ from cubicfish_cli.identification.search import (
     search,
 )
 from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.placement import placement_of, reach_of
 from cubicfish_cli.rendering.pose import look_at
 from cubicfish_cli.target import Target
 
@@ -286,7 +286,9 @@ def test_one_of_two_boards_alike_is_not_guessed(size, verdict):
     grid = Grid(
         cells=cells, pixel=10.0 * cells, parity=-1, step=10.0, contrast=np.full(len(cells), 9.0)
     )
-    assert decide_alone(grid, sides, reach_of(grid.cells, grid.parity, sides), None).verdict == (verdict,)
+    assert decide_alone(grid, sides, reach_of(grid.cells, grid.parity, sides), None).verdict == (
+        verdict,
+    )
 
 
 def test_a_narrow_lens_leaves_two_poses_of_a_plane_and_a_wide_one_does_not():

@@ -6,8 +6,8 @@ import numpy as np
 
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.identification.identified import Place
-from cubicfish_cli.placement import TURNS
 from cubicfish_cli.observations import Observations
+from cubicfish_cli.placement import TURNS
 from cubicfish_cli.target import Target
 
 

@@ -65,6 +65,7 @@ class Alone(Placed):
         record: of its fit.
         level: what of the object was fitted.
         told: what is likely wrong with it.
+        seen: all its corners, by the names that it gives them.
 
     """
 
@@ -73,6 +74,7 @@ class Alone(Placed):
     record: Mapping[str, Any]
     level: Level
     told: tuple[RigFinding, ...]
+    seen: Observations
 
     def as_camera(self, lens: FitLens) -> CubicCamera:
         """The camera with a lens that its own was adjusted to, in the adjustment's frame."""
@@ -152,4 +154,5 @@ def alone(
         record=record,
         level=level,
         told=told,
+        seen=camera.pairs if found is None else found.named(camera.pairs),
     )

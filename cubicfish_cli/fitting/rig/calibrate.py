@@ -40,6 +40,7 @@ from cubicfish_cli.fitting.rig.evaluate import (
 from cubicfish_cli.fitting.rig.evidence import Moved, RigEvidence
 from cubicfish_cli.fitting.rig.gather import gathered, set_apart
 from cubicfish_cli.fitting.rig.moved import moved_camera
+from cubicfish_cli.fitting.rig.names import agreeing
 from cubicfish_cli.fitting.rig.shots import Shots
 from cubicfish_cli.fitting.rig.spread import place_covariances
 from cubicfish_cli.fitting.rig.start import common_shots, connected, refuse_exchanged, start_rig
@@ -200,8 +201,13 @@ def calibrate_rig(
     if progress is not None:
         progress("all cameras together", 0.8)
     names = [camera.name for camera in cameras]
-    moves = [None if one.moving is None else (one.pairs, one.moving) for one in cameras]
+    moves = [
+        None if given.moving is None else (own.seen, given.moving)
+        for given, own in zip(cameras, singly, strict=True)
+    ]
     lens, views, pairs, seen, moving = gathered(singly, shots, moves)
+    if target is not None:
+        views, pairs = agreeing(lens, views, pairs, target.moved(-origin), scale)
     try:
         start = start_rig(names, lens, views, pairs, seen.shot)
     except FitError as error:

@@ -13,11 +13,13 @@ import numpy as np
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import Adjustment, adjust
+from cubicfish_cli.fitting.evaluate import named_as_refined
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.rig.gather import Placed, gathered, unplaced
+from cubicfish_cli.fitting.rig.names import agreeing
 from cubicfish_cli.fitting.rig.shots import Shots
 from cubicfish_cli.fitting.rig.start import common_shots, place_shots
 from cubicfish_cli.fitting.rig_lens import RigLens
@@ -220,7 +222,7 @@ def evaluate_rig(
                     camera.name, *own.image_size, *camera.camera.image_size
                 )
             )
-        one, beyond, lost = _placed(camera, own)
+        one, beyond, lost = _placed(camera, named_as_refined(camera.camera, own))
         placed.append(one)
         outside.append(beyond)
         unplaced.append(lost)
@@ -229,7 +231,9 @@ def evaluate_rig(
         rotation=np.stack([one.rotation for one in cameras]),
         translation=np.stack([one.translation for one in cameras]),
     )
-    lens = replace(lens, places=places, held=True)
+    lens, target = replace(lens, places=places, held=True), pairs[0].target
+    if target is not None:
+        views, joint = agreeing(lens, views, joint, target, 1.0, known=True)
     start, _ = place_shots(lens, views, joint)
     fit = adjust(lens, start, joint, huber_px=_WIDE_HUBER_PX)
     limit = huber_px(fit.residual)

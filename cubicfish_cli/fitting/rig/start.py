@@ -104,9 +104,10 @@ def exchanged_shots(relative: Poses) -> BoolArray:
     count = len(relative)
     back = relative.inverse()
     seeds = np.unique(np.linspace(0, count - 1, min(count, _SEEDS)).astype(int))
-    apart = [(_apart(relative, relative, seed), _apart(back, relative, seed)) for seed in seeds]
-    cost = [float(np.minimum(np.minimum(*pair), _FAR).sum()) for pair in apart]
-    as_is, turned = apart[int(np.argmin(cost))]
+    near = [relative[np.array([seed])] for seed in seeds]
+    both = [(apart(relative, one), apart(back, one)) for one in near]
+    cost = [float(np.minimum(np.minimum(*pair), _FAR).sum()) for pair in both]
+    as_is, turned = both[int(np.argmin(cost))]
     usual = float(np.median(np.minimum(as_is, turned)))
     like = _LIKE * usual + _FRAMES
     found = (as_is > _CLEARLY * turned) & (turned < like)
@@ -114,10 +115,10 @@ def exchanged_shots(relative: Poses) -> BoolArray:
     return np.asarray(found if found.sum() <= straight.sum() else straight)
 
 
-def _apart(poses: Poses, others: Poses, seed: int) -> FloatArray:
-    """(S,) how far poses are from one of others: radians, and lengths."""
-    turn = Rotation.from_matrix(poses.rotation) * Rotation.from_matrix(others.rotation[seed]).inv()
-    shift = np.linalg.norm(poses.translation - others.translation[seed], axis=1)
+def apart(poses: Poses, other: Poses) -> FloatArray:
+    """(S,) how far poses are from another one (1,): radians, and lengths."""
+    turn = Rotation.from_matrix(poses.rotation) * Rotation.from_matrix(other.rotation[0]).inv()
+    shift = np.linalg.norm(poses.translation - other.translation, axis=1)
     return np.asarray(turn.magnitude() + shift)
 
 
@@ -211,8 +212,8 @@ def start_rig(
         typical = max(typical, error)
     shots, misfit = place_shots(lens, views, pairs)
     several = np.bincount(lens.shot, minlength=len(shots))[lens.shot] > 1
-    apart = several & (misfit > np.maximum(_GROSS_TIMES * typical, _GROSS_SHARE * size))
-    return RigStart(places=places, shots=shots, misfit=misfit, apart=apart)
+    wrong = several & (misfit > np.maximum(_GROSS_TIMES * typical, _GROSS_SHARE * size))
+    return RigStart(places=places, shots=shots, misfit=misfit, apart=wrong)
 
 
 def _refuse_exchanged(first: str, second: str, relative: Poses, shots: Sequence[str]) -> None:
