@@ -445,10 +445,15 @@ def _climb(
     for level in LEVELS[1:]:
         fitting, holding = _STAGES[level]
         stages.begin(fitting)
-        start, own = oriented(fit, drawing) if level == "points" else (fit, drawing)
-        richer = refine_object(start, own, level, groups)
+        starts = [(fit, drawing)]
+        if level == "points":
+            starts = oriented(fit, drawing)
+        found = [(refine_object(start, own, level, groups), own) for start, own in starts]
+        richer, own = found[-1]
         if hold_out and (auto or level == refine_target):
-            richer, measured[level] = _judged(richer, partial(stages.begin, holding))
+            progress = partial(stages.begin, holding)
+            judged = [(*_judged(one, progress), own) for one, own in found]
+            richer, measured[level], own = _better_named(judged)
         if auto:
             before, after = measured[fit.level], measured[level]
             if before is None or after is None or after.times(before) > _WORTH:
@@ -457,6 +462,17 @@ def _climb(
         if level == refine_target:
             break
     return fit, drawing, measured, None
+
+
+Judged = tuple[ObjectFit, HeldOut | None, Drawing]
+
+
+def _better_named(judged: Sequence[Judged]) -> Judged:
+    """Of fits with the names that were given, and with likelier ones, if photos agree."""
+    (*_, given, _), (*_, likelier, _) = judged[0], judged[-1]
+    if given is None or likelier is None or likelier.times(given) > 1:
+        return judged[0]
+    return judged[-1]
 
 
 def _in_doubt(

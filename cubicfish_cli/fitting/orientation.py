@@ -24,57 +24,68 @@ from cubicfish_cli.fitting.refinement import FIRST_SPREAD, Drawing, ObjectFit, f
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.symmetry import chosen, symmetries
+from cubicfish_cli.symmetry import Symmetry, chosen, symmetries
 from cubicfish_cli.types import FloatArray, IntArray
 
 # What corners may be off by, in FIRST_SPREAD: the likeliest is taken.
 _SPREADS = (1.0, 3.0, 10.0, 30.0)
-# A photo is named otherwise where that is more likely by this factor, as if its errors were its
-# corners' own. They are not, so it is no small one.
-_LIKELIER = np.log(1000.0)
-# Sums whose squares differ by less are as good.
-_SAME = 0.01
+# A photo is named otherwise where that is more likely by this factor, its errors as large as its
+# residuals are now.
+_LIKELIER = np.log(10.0)
 _ROUNDING = 1e-10
 _STARTS = 30
 _SWEEPS = 50
 
 
-def oriented(fit: ObjectFit, drawing: Drawing) -> tuple[ObjectFit, Drawing]:
-    """A fit and its drawing with each photo named the way round that goes with the other photos.
+def oriented(fit: ObjectFit, drawing: Drawing) -> list[tuple[ObjectFit, Drawing]]:
+    """A fit and its drawing, and again with each photo named as goes with the other photos.
 
     Args:
         fit: below the level ``points``.
         drawing: the object as drawn, with the pairs of ``fit``.
 
     Returns:
-        The same two where nothing is named otherwise; else with other names, and the poses that
-        leave all corners where they were.
+        The two that were given; then, where other names are likelier, those with other names and
+        the poses that leave all corners where they were.
 
     """
-    motions = symmetries(drawing.target) if drawing.target else ()
-    if not motions or drawing.target is None:
-        return fit, drawing
+    given, target = (fit, drawing), drawing.target
+    motions = symmetries(target) if target else ()
+    if not motions or target is None:
+        return [given]
     pairs, poses, scale = drawing.pairs, fit.cubic.poses, drawing.scale
-    namings = [pairs, *(one.named(pairs, drawing.target, scale) for one in motions)]
+    namings = [pairs, *(one.named(pairs, target, scale) for one in motions)]
     turned = [poses, *(poses.of_moved(one.rotation, one.shift / scale) for one in motions)]
-    way = _likeliest(fit, drawing, namings, turned)
+    way = _likeliest(fit, drawing, namings, turned, _products(motions))
     # What may be another corner altogether is left as it is.
     way[pairs.image[~pairs.certain]] = 0
     if not way.any():
-        return fit, drawing
-    for number, other in enumerate(turned):
+        return [given]
+    for number, views in enumerate(turned):
         photos = np.flatnonzero(way == number)
-        poses = poses.with_photos(photos, other[photos])
+        poses = poses.with_photos(photos, views[photos])
     adjusted = replace(fit.cubic.fit, poses=poses, sums=None)
     renamed = {pairs.images[photo]: motions[way[photo] - 1] for photo in np.flatnonzero(way)}
-    return (
-        replace(fit, cubic=replace(fit.cubic, fit=adjusted)),
-        replace(drawing, pairs=chosen(namings, way), renamed=renamed),
-    )
+    other = replace(fit, cubic=replace(fit.cubic, fit=adjusted))
+    return [given, (other, replace(drawing, pairs=chosen(namings, way), renamed=renamed))]
+
+
+def _products(motions: Sequence[Symmetry]) -> IntArray:
+    """(W, W) which way one way after another is; the first is to stay."""
+    forms = np.tile(np.eye(4), (len(motions) + 1, 1, 1))
+    for form, motion in zip(forms[1:], motions, strict=True):
+        form[:3, :3], form[:3, 3] = motion.rotation, motion.shift
+    both = forms[:, None] @ forms
+    apart = np.abs(both[:, :, None] - forms).max(axis=(-2, -1))
+    return np.asarray(apart.argmin(axis=-1))
 
 
 def _likeliest(
-    fit: ObjectFit, drawing: Drawing, namings: Sequence[Observations], turned: Sequence[Poses]
+    fit: ObjectFit,
+    drawing: Drawing,
+    namings: Sequence[Observations],
+    turned: Sequence[Poses],
+    products: IntArray,
 ) -> IntArray:
     """(M,) which of W ways each photo is named in, 0 where no other is surely better."""
     noise = noise_px(fit.cubic.residual)
@@ -91,7 +102,9 @@ def _likeliest(
         _pulls(fit, pairs, poses, free.select(np.arange(way * count, (way + 1) * count)))
         for way, (pairs, poses) in enumerate(zip(namings, turned, strict=True))
     ]
-    return _choice(fit, free, pulls, noise)
+    found = _best(fit, free, pulls, products)
+    corners = np.bincount(drawing.pairs.image, minlength=len(fit.cubic.poses))
+    return found.surely(noise, 2 * corners - 6)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -148,12 +161,13 @@ def _pulls(fit: ObjectFit, pairs: Observations, poses: Poses, world: World) -> _
     return _Pulls(gradient=gradient, hessian=hessian, square=square)
 
 
-def _choice(fit: ObjectFit, world: World, pulls: Sequence[_Pulls], noise: float) -> IntArray:
-    """(M,) the likeliest way of each photo, 0 where no other is surely better."""
+def _best(fit: ObjectFit, world: World, pulls: Sequence[_Pulls], products: IntArray) -> _Together:
+    """The likeliest way of each photo, whatever its corners are then off by."""
     lens = len(fit.cubic.lens.parameters)
     shared = lens + len(world.parameters)
     each = np.stack([one.gradient for one in pulls], axis=1)
     square = np.stack([one.square for one in pulls], axis=1)
+    # By what names photos are seen changes the equations little: they are those of all alike.
     hessian = np.mean([one.hessian for one in pulls], axis=0)
     held = np.zeros(len(hessian))
     of_lens, of_boards = fit.cubic.lens.prior(), world.prior()
@@ -168,11 +182,10 @@ def _choice(fit: ObjectFit, world: World, pulls: Sequence[_Pulls], noise: float)
         unit = np.sqrt(np.diagonal(pulled))
         root = np.linalg.cholesky(pulled / np.outer(unit, unit) + _ROUNDING * np.eye(len(held)))
         length = solve_triangular(root, flat / unit[:, None], lower=True).T
-        found = _Together.most(length[0], length[1:].reshape(*each.shape), square)
-        likely = -found.left / (2 * noise**2) + np.log(pull).sum()
+        found = _Together.most(length[0], length[1:].reshape(*each.shape), square, products)
+        likely = -found.left / (2 * world.noise**2) + np.log(pull).sum()
         tried.append((likely - np.log(np.diagonal(root) * unit).sum(), found))
-    _, together = max(tried, key=lambda one: one[0])
-    return together.surely(noise * np.sqrt(max(together.left / square[:, 0].sum(), 0)))
+    return max(tried, key=lambda one: one[0])[1]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -182,16 +195,20 @@ class _Together:
     Attributes:
         choice: (M,) which of each photo's.
         gain: (M,) by how much more is left with the first of a photo's.
-        left: what is left of the squares of all residuals.
+        square: (M,) of their residuals with the first.
+        left: of the squares of all residuals.
 
     """
 
     choice: IntArray
     gain: FloatArray
+    square: FloatArray
     left: float
 
     @classmethod
-    def most(cls, held: FloatArray, pulls: FloatArray, square: FloatArray) -> _Together:
+    def most(
+        cls, held: FloatArray, pulls: FloatArray, square: FloatArray, products: IntArray
+    ) -> _Together:
         """Those of pulls (M, W, D) that leave the least of squares (M, W), with another pull (D,).
 
         They take the square of their sum away. Photo by photo from many starts, as far as it goes.
@@ -211,17 +228,26 @@ class _Together:
             if (choice == before).all():
                 break
         left = square[every, choice].sum(axis=1) - np.sum(total * total, axis=1)
-        # A motion of all photos alike is none: of what is as good, the nearest to the names.
-        as_good = np.flatnonzero(left <= left.min() + _SAME * np.abs(left.min()))
-        best = as_good[np.argmin(np.count_nonzero(choice[as_good], axis=1))]
-        rest = total[best] - pulls[every, choice[best]]
+        # A motion of all photos alike is none: of these, the nearest to the names that are given.
+        alike = products[:, choice[np.argmin(left)]]
+        best = alike[np.argmin(np.count_nonzero(alike, axis=1))]
+        rest = held + pulls[every, best].sum(axis=0) - pulls[every, best]
         each = square - np.sum(np.square(rest[:, None] + pulls), axis=2)
         return cls(
-            choice=choice[best],
-            gain=each[:, 0] - each[every, choice[best]],
-            left=float(left[best]),
+            choice=best,
+            gain=each[:, 0] - each[every, best],
+            square=square[:, 0],
+            left=float(left.min()),
         )
 
-    def surely(self, noise: float) -> IntArray:
-        """(M,) the choice where it is likelier than the first, beyond errors that photos share."""
-        return np.where(self.gain > 2 * _LIKELIER * noise**2, self.choice, 0)
+    def surely(self, noise: float, rows: IntArray) -> IntArray:
+        """(M,) the choice where it is likelier than the first, beyond errors that photos share.
+
+        Args:
+            noise: of the typical photo, pixels.
+            rows: (M,) residuals of each photo less what its pose takes.
+
+        """
+        # One photo's corners may be off by more than those of others.
+        variance = np.maximum(noise**2, self.square / np.maximum(rows, 1))
+        return np.where(self.gain > 2 * _LIKELIER * variance, self.choice, 0)

@@ -7,12 +7,14 @@ up names them the other way round. In one shot they see one thing: that tells.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.rig.start import apart, common_shots, median_pose
 from cubicfish_cli.fitting.rig_lens import RigLens
+from cubicfish_cli.fitting.subset import world_scale
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.symmetry import chosen, symmetries
 from cubicfish_cli.target import Target
@@ -50,7 +52,10 @@ def agreeing(
     if not motions:
         return views, pairs
     turned = [views, *(views.of_moved(one.rotation, one.shift / scale) for one in motions)]
-    way = _ways(lens, turned, known=known)
+    # Places are told apart in radians and in lengths of about the target's.
+    size = 1 / world_scale(pairs)
+    near = replace(lens, places=lens.places.scaled(size))
+    way = _ways(near, [one.scaled(size) for one in turned], known=known)
     if not way.any():
         return views, pairs
     for number, other in enumerate(turned):

@@ -16,6 +16,7 @@ from cubicfish_cli.fitting.folds import dealt_out
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.rig.calibrate import RigCalibration, RigCamera, calibrate_rig
 from cubicfish_cli.fitting.rig.clocks import Moving
+from cubicfish_cli.fitting.rig.evaluate import evaluate_rig
 from cubicfish_cli.fitting.rig.shots import (
     Shots,
     shots_by_name,
@@ -32,6 +33,7 @@ from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
+from cubicfish_cli.symmetry import renamed, symmetries
 from cubicfish_cli.target import Target
 
 NAMES = ("left", "right")
@@ -510,3 +512,54 @@ def test_poses_of_matrices_are_what_the_tests_think() -> None:
     pose: Pose = pose_of_matrix(turn, -turn.T @ APART[1])
     assert np.allclose(pose[0], APART[0])
     assert np.allclose(pose[1], APART[1])
+
+
+@functools.cache
+def symmetric_shots() -> tuple[Target, tuple[Observations, ...], RigTruth]:
+    """Shots of one board that looks the same after half a turn, by its true names."""
+    board = {"name": "board", "type": "checkerboard", "corners": [8, 6], "square": 40.0}
+    of = Target.from_data({"units": "mm", "boards": [board]})
+    lenses = [outside_lens("equisolid", (800, 600)), outside_lens("equisolid", (640, 640))]
+    near = (np.array([0.02, 0.3, -0.02]), np.array([-120.0, 10.0, 5.0]))
+    corners, truth = simulated_rig(
+        lenses,
+        [(np.zeros(3), np.zeros(3)), near],
+        of,
+        14,
+        distances=(150, 400),
+        seed=1,
+        errors=CornerErrors(noise=0.1, shared=0, spread=0),
+    )
+    return of, tuple(one.with_target(of) for one in corners), truth
+
+
+@pytest.mark.parametrize("named", ["by chance", "upside down"])
+def test_cameras_that_name_a_symmetric_board_otherwise_are_one_rig(named: str) -> None:
+    of, shown, truth = symmetric_shots()
+    (half,) = symmetries(of)
+    given = []
+    for number, pairs in enumerate(shown):
+        chance = np.random.default_rng(number).random(len(pairs.images)) < 0.5
+        turned = chance if named == "by chance" else np.full(len(chance), number == 1)
+        photos = [pairs.images[photo] for photo in np.flatnonzero(turned)]
+        given.append(renamed(pairs, of, dict.fromkeys(photos, half)))
+    rig, by_truth = (
+        calibrate_rig(
+            [RigCamera(name=name, pairs=one) for name, one in zip(NAMES, pairs, strict=True)],
+            matched(pairs),
+            target=of,
+            refine_target="off",
+            diagnose=find_faults,
+        )
+        for pairs in (given, shown)
+    )
+    assert rig.findings == ()
+    assert len(rig.shots) == 14
+    right = truth.camera_from_rig[1]
+    np.testing.assert_allclose(rig.cameras[1].translation, right[1], atol=3)
+    np.testing.assert_allclose(
+        rig.cameras[1].translation, by_truth.cameras[1].translation, atol=1e-3
+    )
+    # And a rig that is known explains shots with such names as well as with true ones.
+    told, true = (evaluate_rig(rig.cameras, pairs, matched(pairs)) for pairs in (given, shown))
+    assert told.errors.rms_px == pytest.approx(true.errors.rms_px, rel=1e-3)

@@ -1,0 +1,95 @@
+"""Photos of a board that looks the same after a turn are named the way round its print says."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from symmetric_board import drawn, misnamed, photos
+
+from cubicfish_cli.fitting.calibrate import calibrate
+from cubicfish_cli.fitting.evaluate import evaluate
+from cubicfish_cli.symmetry import symmetries
+
+
+@pytest.mark.parametrize(("columns", "rows", "count"), [(6, 4, 12), (4, 4, 24)])
+def test_names_by_chance_are_made_those_of_one_print(columns: int, rows: int, count: int) -> None:
+    target = drawn(columns, rows)
+    truth = photos(columns, rows, 0.1, count)
+    given, way = misnamed(truth, target)
+    motions = symmetries(target)
+    assert set(way) == set(range(len(motions) + 1))
+    right, found = (calibrate(one, target=target, refine_target="points") for one in (truth, given))
+    # All photos are named as they are, or all are turned alike.
+    said = found.named(given)
+    ways = [truth, *(motion.named(truth, target) for motion in motions)]
+    assert any((said.column == one.column).all() and (said.row == one.row).all() for one in ways)
+    assert found.renamed
+    assert found.as_record()["renamed_images"] == list(found.renamed)
+    assert found.errors.rms_px == pytest.approx(right.errors.rms_px, rel=0.01)
+    assert found.held_out is not None
+    assert right.held_out is not None
+    assert found.held_out.rms_px == pytest.approx(right.held_out.rms_px, rel=0.02)
+    # The pairs that were used have these names, and poses that go with them.
+    used = found.pairs
+    points = found.poses.apply(used.image, used.world)
+    residual = found.camera.project(points) - used.pixel
+    np.testing.assert_allclose(residual, found.residual, atol=1e-6)
+
+
+def test_a_print_that_is_exact_loses_nothing_by_it() -> None:
+    """There is nothing to tell names by, and nothing that hangs on them."""
+    target = drawn(6, 4)
+    truth = photos(6, 4, 0.0)
+    given, _ = misnamed(truth, target)
+    right, found = (calibrate(one, target=target, refine_target="points") for one in (truth, given))
+    assert found.held_out is not None
+    assert right.held_out is not None
+    assert found.held_out.rms_px < 1.05 * right.held_out.rms_px
+
+
+def test_a_board_without_symmetry_keeps_its_names() -> None:
+    target = drawn(7, 4)
+    given = photos(7, 4, 0.1)
+    found = calibrate(given, target=target, refine_target="points")
+    assert found.as_record()["renamed_images"] == []
+    assert found.named(given) is given
+
+
+def test_corners_that_may_be_others_keep_their_names() -> None:
+    target = drawn(6, 4)
+    given, way = misnamed(photos(6, 4, 0.1), target)
+    doubtful = way.index(1)
+    given = replace(given, certain=given.image != doubtful)
+    found = calibrate(given, target=target, refine_target="points")
+    assert found.renamed
+    assert given.images[doubtful] not in found.renamed
+
+
+def test_a_refined_board_says_which_way_round_new_photos_show_it() -> None:
+    target = drawn(6, 4)
+    truth = photos(6, 4, 0.1)
+    found = calibrate(truth, target=target, refine_target="points")
+    assert found.target is not None
+    given, _ = misnamed(truth, target)
+    by_truth, by_chance = (
+        evaluate(found.camera, one.with_target(found.target)) for one in (truth, given)
+    )
+    assert by_chance.errors.rms_px == pytest.approx(by_truth.errors.rms_px, rel=1e-6)
+    # As drawn there is nothing to tell: the error is what it was, and larger.
+    as_drawn = evaluate(found.camera, given.with_target(target))
+    assert as_drawn.errors.rms_px > 1.1 * by_chance.errors.rms_px
+    np.testing.assert_array_equal(as_drawn.pairs.column, given.column)
+
+
+def test_dropped_corners_have_the_names_of_the_others() -> None:
+    target = drawn(6, 4)
+    given, way = misnamed(photos(6, 4, 0.1), target)
+    row = int(np.flatnonzero(given.image == way.index(1))[3])
+    pixel = given.pixel.copy()
+    pixel[row] += 20
+    given = replace(given, pixel=pixel)
+    found = calibrate(given, target=target, refine_target="points")
+    (dropped,) = found.dropped
+    assert dropped.image == given.images[given.image[row]]
+    said = found.named(given)
+    assert (dropped.column, dropped.row) == (said.column[row], said.row[row])
