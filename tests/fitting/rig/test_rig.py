@@ -563,3 +563,10 @@ def test_cameras_that_name_a_symmetric_board_otherwise_are_one_rig(named: str) -
     # And a rig that is known explains shots with such names as well as with true ones.
     told, true = (evaluate_rig(rig.cameras, pairs, matched(pairs)) for pairs in (given, shown))
     assert told.errors.rms_px == pytest.approx(true.errors.rms_px, rel=1e-3)
+    # One shot alone is told by where the cameras stand.
+    turned = renamed(shown[1], of, dict.fromkeys(shown[1].images, half))
+    shot = set(shown[0].images) & set(shown[1].images)
+    name = sorted(shot)[0]
+    one = [pairs.select(pairs.image == pairs.images.index(name)).only_seen()[0]
+           for pairs in (shown[0], turned)]  # fmt: skip
+    assert evaluate_rig(rig.cameras, one, matched(one)).errors.rms_px < 0.5
