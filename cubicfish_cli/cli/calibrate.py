@@ -255,6 +255,9 @@ def _print_object(calibration: Calibration) -> None:
     result(
         f"target fitted too: {what[calibration.refined]}" + f" (held-out: {tried})" * bool(tried)
     )
+    if calibration.renamed:
+        photos = count(len(calibration.renamed), "photo")
+        result(f"{photos} named the other way round, as the refined board says")
     print_table(
         ("board", f"bend x {units}", f"bend y {units}", f"twist {units}", "stretch x %",
          "stretch y %", f"moved {units}", "turned °", f"corners {units}"),
