@@ -425,6 +425,9 @@ def _without_noisy(fit: ObjectFit) -> ObjectFit:
     return replace(fit, reference=reference, cubic=choose_hold(reference, folds_of(reference)))
 
 
+Judged = tuple[ObjectFit, HeldOut | None, Drawing]
+
+
 def _climb(
     fit: ObjectFit, drawing: Drawing, refine_target: RefineTarget, hold_out: bool, stages: Stages
 ) -> tuple[ObjectFit, Drawing, dict[Level, HeldOut | None], ObjectFit | None]:
@@ -445,15 +448,18 @@ def _climb(
     for level in LEVELS[1:]:
         fitting, holding = _STAGES[level]
         stages.begin(fitting)
-        starts = [(fit, drawing)]
-        if level == "points":
-            starts = oriented(fit, drawing)
-        found = [(refine_object(start, own, level, groups), own) for start, own in starts]
-        richer, own = found[-1]
-        if hold_out and (auto or level == refine_target):
+        starts = oriented(fit, drawing) if level == "points" else [(fit, drawing)]
+        judge = hold_out and (auto or level == refine_target)
+        found: list[Judged] = [
+            (refine_object(start, own, level, groups), None, own)
+            for start, own in (starts if judge else starts[-1:])
+        ]
+        if judge:
             progress = partial(stages.begin, holding)
-            judged = [(*_judged(one, progress), own) for one, own in found]
-            richer, measured[level], own = _better_named(judged)
+            found = [(*_judged(one, progress), own) for one, _, own in found]
+        richer, error, own = _better_named(found)
+        if judge:
+            measured[level] = error
         if auto:
             before, after = measured[fit.level], measured[level]
             if before is None or after is None or after.times(before) > _WORTH:
@@ -462,9 +468,6 @@ def _climb(
         if level == refine_target:
             break
     return fit, drawing, measured, None
-
-
-Judged = tuple[ObjectFit, HeldOut | None, Drawing]
 
 
 def _better_named(judged: Sequence[Judged]) -> Judged:

@@ -94,9 +94,7 @@ def _likeliest(
         noise=noise,
         offset_spread=FIRST_SPREAD,
     )
-    previous = fit.cubic.fit.world
-    if previous.free:
-        free = replace(free, parameters=previous.parameters, spread=previous.spread)
+    free = free.started(fit.cubic.fit.world)
     count = len(drawing.pairs.image)
     pulls = [
         _pulls(fit, pairs, poses, free.select(np.arange(way * count, (way + 1) * count)))
@@ -127,37 +125,45 @@ class _Pulls:
 
 def _pulls(fit: ObjectFit, pairs: Observations, poses: Poses, world: World) -> _Pulls:
     lens = fit.cubic.lens
-    shared = len(lens.parameters) + len(world.parameters)
-    size = shared + world.offsets.size
-    gradient, hessian = np.zeros((len(poses), size)), np.zeros((size, size))
-    square = np.zeros(len(poses))
+    shared, corners = len(lens.parameters) + len(world.parameters), len(world.offsets)
+    gradient, square = np.zeros((len(poses), shared + 3 * corners)), np.zeros(len(poses))
+    of_shared, own = np.zeros((shared, shared)), np.zeros((corners, 3, 3))
+    cross = np.zeros((corners, 3, shared))
+    by_pose = np.zeros((len(poses), 6, corners, 3))  # corners by an orthonormal basis of poses
     limit = huber_px(fit.cubic.residual)
     for photos, run, terms, root in runs_linearised(lens, poses, world, pairs, limit):
-        rows = root[:, None, None] * np.concatenate(
-            [terms.d_lens, terms.d_board, terms.d_corner, terms.d_turn, terms.d_shift], axis=2
-        )
-        residual = root[:, None] * terms.residual
-        for photo in range(photos.start, photos.stop):
-            own = np.flatnonzero(pairs.image[run] == photo)
-            count, index = len(own), np.arange(len(own))
-            basis, _ = np.linalg.qr(rows[own, :, -6:].reshape(-1, 6))
-            by_corner = np.zeros((count, 2, count, 3))
-            by_corner[index, :, index] = rows[own, :, shared : shared + 3]
-            free = np.concatenate(
-                [
-                    rows[own, :, :shared].reshape(2 * count, -1),
-                    by_corner.reshape(2 * count, -1),
-                    residual[own].reshape(2 * count, 1),
-                ],
-                axis=1,
-            )
-            free -= basis @ (basis.T @ free)
-            places = shared + 3 * world.corner[run][own][:, None] + np.arange(3)
-            columns = np.concatenate([np.arange(shared), places.reshape(-1)])
-            product = free.T @ free
-            gradient[photo, columns] = product[:-1, -1]
-            hessian[np.ix_(columns, columns)] += product[:-1, :-1]
+        weight = root[:, None, None]
+        free = weight * np.concatenate([terms.d_lens, terms.d_board], axis=2)
+        pose = weight * np.concatenate([terms.d_turn, terms.d_shift], axis=2)
+        by_corner, residual = weight * terms.d_corner, weight[:, :, 0] * terms.residual
+        bounds = np.searchsorted(pairs.image[run], np.arange(photos.start, photos.stop + 1))
+        for photo, first, stop in zip(
+            range(photos.start, photos.stop), bounds[:-1], bounds[1:], strict=True
+        ):
+            rows, corner = slice(first, stop), world.corner[run][first:stop]
+            basis, _ = np.linalg.qr(pose[rows].reshape(-1, 6))
+            left = np.concatenate([free[rows], residual[rows, :, None]], axis=2)
+            left = left.reshape(-1, shared + 1)
+            left -= basis @ (basis.T @ left)
+            product = left.T @ left
+            of_shared += product[:-1, :-1]
             square[photo] = product[-1, -1]
+            gradient[photo, :shared] = product[:-1, -1]
+            mine = by_corner[rows].transpose(0, 2, 1)
+            each = mine @ left.reshape(len(corner), 2, -1)
+            cross[corner] += each[:, :, :-1]
+            gradient[photo, shared:].reshape(corners, 3)[corner] = each[:, :, -1]
+            own[corner] += mine @ by_corner[rows]
+            seen = mine @ basis.reshape(len(corner), 2, 6)
+            by_pose[photo][:, corner] = seen.transpose(2, 0, 1)
+    flat = by_pose.reshape(-1, 3 * corners)
+    hessian = np.zeros((gradient.shape[1],) * 2)
+    hessian[:shared, :shared] = of_shared
+    hessian[shared:, :shared] = cross.reshape(-1, shared)
+    hessian[:shared, shared:] = hessian[shared:, :shared].T
+    hessian[shared:, shared:] = -flat.T @ flat
+    places = shared + np.arange(3 * corners).reshape(corners, 3)
+    hessian[places[:, :, None], places[:, None, :]] += own
     return _Pulls(gradient=gradient, hessian=hessian, square=square)
 
 

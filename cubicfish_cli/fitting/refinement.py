@@ -110,9 +110,7 @@ def refine_object(
         raise ValueError("pairs without a target have no boards to refine")
     spread = FIRST_SPREAD if level == "points" else None
     free = free_world(drawing, noise=noise_px(fit.cubic.residual), offset_spread=spread)
-    previous = fit.cubic.fit.world
-    if previous.free:
-        free = replace(free, parameters=previous.parameters, spread=previous.spread)
+    free = free.started(fit.cubic.fit.world)
     adjusted = _adjusted(fit.cubic.lens, fit.cubic.poses, drawing.pairs, free)
     adjusted, spread = settled_spread(adjusted, drawing.pairs, spread)
     return _joint(fit, drawing, level, adjusted, spread, groups)

@@ -190,6 +190,19 @@ class World:
         """These pairs' points under the shapes, places and offsets of another selection."""
         return replace(self, parameters=other.parameters, offsets=other.offsets)
 
+    def started(self, other: World) -> World:
+        """The same freedom, with shapes and places from where boards have them in another."""
+        parameters, spread = self.parameters.copy(), self.spread.copy()
+        theirs = {part.board: part for part in other.parts}
+        for part in self.parts:
+            known = theirs.get(part.board, part)
+            for own, other_own in ((part.shape, known.shape), (part.place, known.place)):
+                # The board that holds still may be another one.
+                if known is not part and own.stop - own.start == other_own.stop - other_own.start:
+                    parameters[own] = other.parameters[other_own]
+                    spread[own] = other.spread[other_own]
+        return replace(self, parameters=parameters, spread=spread)
+
     @cached_property
     def points(self) -> FloatArray:
         """(N, 3) world point of each pair."""

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import synthetic
 from symmetric_board import drawn, misnamed, photos
 
 from cubicfish_cli.fitting.calibrate import _better_named, calibrate
@@ -112,3 +113,16 @@ def test_dropped_corners_have_the_names_of_the_others() -> None:
     assert dropped == {
         (given.images[given.image[row]], int(said.column[row]), int(said.row[row])) for row in rows
     }
+
+
+def test_a_box_of_which_some_boards_are_never_seen() -> None:
+    """By other names photos show boards that no photo shows by the names given."""
+    box = synthetic.box_of_four()
+    assert symmetries(box)
+    pairs = synthetic.synthetic_corners(
+        box, synthetic.poses_around(box, 8, seed=21), noise=0.05, seed=21
+    ).with_target(box)
+    pairs = pairs.select(pairs.board < 2).only_seen()[0]
+    found = calibrate(pairs, target=box, refine_target="points")
+    assert found.refined == "points"
+    assert found.errors.rms_px < 0.1
