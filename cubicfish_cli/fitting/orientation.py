@@ -33,6 +33,7 @@ _SPREADS = (1.0, 3.0, 10.0, 30.0)
 # residuals are now.
 _LIKELIER = np.log(10.0)
 _ROUNDING = 1e-10
+_LEAST_PULL, _LEAST_NOISE = 1e-9, 1e-9
 _STARTS = 30
 _SWEEPS = 50
 
@@ -56,7 +57,10 @@ def oriented(fit: ObjectFit, drawing: Drawing) -> list[tuple[ObjectFit, Drawing]
     pairs, poses, scale = drawing.pairs, fit.cubic.poses, drawing.scale
     namings = [pairs, *(one.named(pairs, target, scale) for one in motions)]
     turned = [poses, *(poses.of_moved(one.rotation, one.shift / scale) for one in motions)]
-    way = _likeliest(fit, drawing, namings, turned, _products(motions))
+    try:
+        way = _likeliest(fit, drawing, namings, turned, _products(motions))
+    except np.linalg.LinAlgError:  # corners without any error: nothing pulls
+        return [given]
     # What may be another corner altogether is left as it is.
     way[pairs.image[~pairs.certain]] = 0
     if not way.any():
@@ -183,13 +187,13 @@ def _best(fit: ObjectFit, world: World, pulls: Sequence[_Pulls], products: IntAr
     flat = np.vstack([held, each.reshape(-1, len(held))]).T
     tried = []
     for spread in _SPREADS:
-        pull = np.full(len(held) - shared, world.offset_weight / spread)
+        pull = np.full(len(held) - shared, max(world.offset_weight / spread, _LEAST_PULL))
         pulled = hessian + np.diag(np.append(np.zeros(shared), pull**2))
         unit = np.sqrt(np.diagonal(pulled))
         root = np.linalg.cholesky(pulled / np.outer(unit, unit) + _ROUNDING * np.eye(len(held)))
         length = solve_triangular(root, flat / unit[:, None], lower=True).T
         found = _Together.most(length[0], length[1:].reshape(*each.shape), square, products)
-        likely = -found.left / (2 * world.noise**2) + np.log(pull).sum()
+        likely = -found.left / (2 * max(world.noise, _LEAST_NOISE) ** 2) + np.log(pull).sum()
         tried.append((likely - np.log(np.diagonal(root) * unit).sum(), found))
     return max(tried, key=lambda one: one[0])[1]
 

@@ -126,3 +126,12 @@ def test_a_box_of_which_some_boards_are_never_seen() -> None:
     found = calibrate(pairs, target=box, refine_target="points")
     assert found.refined == "points"
     assert found.errors.rms_px < 0.1
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-12, 1e-3])
+def test_corners_without_errors_keep_their_names_and_their_fit(noise: float) -> None:
+    target = drawn(6, 4)
+    poses = synthetic.poses_around(target, 10, seed=2)
+    exact = synthetic.synthetic_corners(target, poses, noise=noise, seed=2).with_target(target)
+    found = calibrate(exact, target=target, refine_target="points")
+    assert found.errors.rms_px < 0.01
