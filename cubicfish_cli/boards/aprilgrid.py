@@ -10,6 +10,7 @@ point at column c and row r (from the bottom) is corner (c, rows - 1 - r) here.
 
 from __future__ import annotations
 
+from math import floor
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ import numpy.typing as npt
 from cubicfish_cli.boards.board import AROUND_SQUARE, Board, Face
 from cubicfish_cli.boards.markers import (
     TAG_FAMILIES,
+    known_family,
     marker_ink,
     marker_modules,
     read_markers,
@@ -38,6 +40,8 @@ class AprilGrid(Board):
     # A tag's frame is not in the target file: other programs print one module.
     marker_borders = (2, 1)
     numbering = "rows-from-bottom"
+    designed_counts = (2, 6)
+    designed_spacing = 0.3  # as Kalibr's own boards have it
 
     @classmethod
     def read(cls, section: Section, name: str, *, alone: bool) -> Board:
@@ -61,6 +65,29 @@ class AprilGrid(Board):
             spacing=spacing,
             shape=read_shape(section, 2 * columns, 2 * rows),
         )
+
+    @classmethod
+    def designed_marker_count(cls, counts: tuple[int, int]) -> int:
+        """As :meth:`Board.designed_marker_count`."""
+        return counts[0] * counts[1]
+
+    @classmethod
+    def designed_length(cls, count: int, square: float) -> float:
+        """As :meth:`Board.designed_length`."""
+        return square * (count * (1 + cls.designed_spacing) + cls.designed_spacing)
+
+    @classmethod
+    def designed_count(cls, length: float, square: float) -> int:
+        """As :meth:`Board.designed_count`."""
+        gap = cls.designed_spacing
+        return floor((length / square - gap) / (1 + gap) + 1e-9)
+
+    @classmethod
+    def designed_family(cls, asked: str | None, count: int) -> str:
+        """As :meth:`Board.designed_family`, also by the name that AprilTag has for it."""
+        name = TAG_FAMILIES.get(asked or "tag36h11", asked or "")
+        known = (*TAG_FAMILIES, *TAG_FAMILIES.values())
+        return known_family(cls.kind, name, TAG_FAMILIES.values(), known, count)
 
     @property
     def family(self) -> str:

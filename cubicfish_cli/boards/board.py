@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import floor
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy.typing as npt
 from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.boards.section import Section
 from cubicfish_cli.boards.shape import BoardShape
+from cubicfish_cli.errors import TargetError
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 FirstSquare = Literal["dark", "light"]
@@ -68,7 +70,7 @@ class Face:
 class Board(ABC):
     """One rigid part of the target: a planar grid of corners, or a list of points.
 
-    A type of board is a subclass, listed in :data:`cubicfish_cli.boards.types.BOARD_TYPES`.
+    A type of board is a subclass, listed in :data:`cubicfish_cli.boards.registry.ENTRIES`.
 
     Attributes:
         kind: its ``type`` in target.yaml (of the class).
@@ -77,6 +79,10 @@ class Board(ABC):
         per_cell: corners along each side of one cell of the print: 2 on a tag, else 1.
         marker_borders: widths in modules of the frames that its markers may have; they are
             printed with the first.
+        designed_counts: the fewest and the most corners (of an aprilgrid: tags) along a side of
+            boards that are designed for a size of paper: fewer say little, more are small (of the
+            class).
+        designed_spacing: ``spacing`` of such boards (of the class).
         numbering: how other programs number its corners, as in ``corners import``.
         name: unique within the target.
         columns, rows: number of corners along x and along y (a list of points: their count, 1).
@@ -99,6 +105,8 @@ class Board(ABC):
     has_squares: ClassVar[bool] = False
     per_cell: ClassVar[int] = 1
     marker_borders: ClassVar[tuple[int, ...]] = ()
+    designed_counts: ClassVar[tuple[int, int]] = (4, 11)
+    designed_spacing: ClassVar[float] = 0.0
     numbering: ClassVar[Literal["rows", "rows-from-bottom"]] = "rows"
 
     name: str
@@ -129,6 +137,72 @@ class Board(ABC):
             TargetError: a key is missing, or a value is not usable.
 
         """
+
+    @classmethod
+    def designed(
+        cls, name: str, counts: tuple[int, int], square: float, family: str | None, first: int
+    ) -> Board:
+        """A new board at the world's origin.
+
+        Args:
+            name: the board's.
+            counts: corners (of an aprilgrid: tags) along x and along y.
+            square: side of a square, or of a tag.
+            family: of its markers, of those of :meth:`designed_family`; None without markers.
+            first: id of its first marker.
+
+        """
+        columns, rows = (cls.per_cell * count for count in counts)
+        return cls(
+            name=name,
+            columns=columns,
+            rows=rows,
+            square=square,
+            origin=np.zeros(3),
+            x_axis=np.array([1.0, 0.0, 0.0]),
+            y_axis=np.array([0.0, 1.0, 0.0]),
+            markers=None
+            if family is None
+            else Markers(
+                dictionary=family,
+                side=cls.designed_marker_side(square),
+                first=first,
+                count=cls.designed_marker_count(counts),
+            ),
+            spacing=cls.designed_spacing,
+        )
+
+    @classmethod
+    def designed_marker_count(cls, counts: tuple[int, int]) -> int:
+        """How many markers a board of so many corners (or tags) carries."""
+        return 0
+
+    @classmethod
+    def designed_marker_side(cls, square: float) -> float:
+        """Side of a marker."""
+        return square
+
+    @classmethod
+    def designed_length(cls, count: int, square: float) -> float:
+        """Length of the print of so many corners (or tags)."""
+        return square * (count + 1)
+
+    @classmethod
+    def designed_count(cls, length: float, square: float) -> int:
+        """How many corners (or tags) fit into a length."""
+        return floor(length / square + 1e-9) - 1
+
+    @classmethod
+    def designed_family(cls, asked: str | None, count: int) -> str | None:
+        """The family of ``count`` markers, by the name that is asked for or the usual one.
+
+        Raises:
+            TargetError: there is none of this name for such boards, or it is too small.
+
+        """
+        if asked is not None:
+            raise TargetError(f"{cls.kind}s have no markers: '--type charuco' or 'aprilgrid' do")
+        return None
 
     @abstractmethod
     def own_record(self) -> dict[str, Any]:

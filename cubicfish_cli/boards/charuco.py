@@ -11,6 +11,7 @@ from cubicfish_cli.boards.board import Board, Face, FirstSquare
 from cubicfish_cli.boards.checkerboard import Checkerboard, squares_of
 from cubicfish_cli.boards.markers import (
     MARKER_DICTIONARIES,
+    known_family,
     marker_ink,
     marker_modules,
     read_markers,
@@ -19,6 +20,9 @@ from cubicfish_cli.boards.markers import (
 from cubicfish_cli.boards.section import Section
 from cubicfish_cli.boards.shape import PLACE_KEYS, SHAPE_KEYS
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
+
+# Of boards that are designed here, where nobody asks for another.
+_USUAL_FAMILIES = ("DICT_5X5_50", "DICT_5X5_100", "DICT_5X5_250", "DICT_5X5_1000")
 
 
 class Charuco(Checkerboard):
@@ -36,6 +40,7 @@ class Charuco(Checkerboard):
         *SHAPE_KEYS,
     )
     marker_borders = (1,)
+    designed_counts = (4, 9)
 
     @classmethod
     def read(cls, section: Section, name: str, *, alone: bool) -> Board:
@@ -55,6 +60,24 @@ class Charuco(Checkerboard):
         )
         markers = read_markers(section, dictionary, side, int(carries.sum()))
         return cls(**fields, markers=replace(markers, inverted=inverted))
+
+    @classmethod
+    def designed_marker_count(cls, counts: tuple[int, int]) -> int:
+        """As :meth:`Board.designed_marker_count`."""
+        # The square up-left of corner (0, 0) is dark, and so is the larger half of an odd number.
+        return (counts[0] + 1) * (counts[1] + 1) // 2
+
+    @classmethod
+    def designed_marker_side(cls, square: float) -> float:
+        """As :meth:`Board.designed_marker_side`: large enough to be read."""
+        return round(0.75 * square, 2)
+
+    @classmethod
+    def designed_family(cls, asked: str | None, count: int) -> str:
+        """As :meth:`Board.designed_family`; else the smallest usual one that is large enough."""
+        usual = [one for one in _USUAL_FAMILIES if MARKER_DICTIONARIES[one] >= count]
+        name = next(iter(usual), _USUAL_FAMILIES[-1]) if asked is None else asked
+        return known_family(cls.kind, name, MARKER_DICTIONARIES, MARKER_DICTIONARIES, count)
 
     def own_record(self) -> dict[str, Any]:
         """As :meth:`Board.own_record`."""

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.errors import TargetError
 from cubicfish_cli.types import BoolArray, IntArray
+from cubicfish_cli.wording import did_you_mean, quoted
 
 if TYPE_CHECKING:
     from cubicfish_cli.boards.section import Section
@@ -68,6 +71,28 @@ def read_markers(section: Section, dictionary: str, side: float, count: int) -> 
             f"but {dictionary} has only {available}: choose a larger family",
         )
     return Markers(dictionary=dictionary, side=side, first=first, count=count)
+
+
+def known_family(
+    kind: str, name: str, fitting: Collection[str], known: Iterable[str], count: int
+) -> str:
+    """The family of ``count`` markers that was named for new boards of a type.
+
+    Raises:
+        TargetError: it is not among the ``fitting`` ones, or has too few markers.
+
+    """
+    if name not in fitting:
+        raise TargetError(
+            f"--dictionary {quoted(name)} is no family of markers for a board of type {kind}: "
+            f"{did_you_mean(name, known)}"
+        )
+    if MARKER_DICTIONARIES[name] < count:
+        raise TargetError(
+            f"these boards carry {count} markers, but {name} has only {MARKER_DICTIONARIES[name]}: "
+            "take another --dictionary, or larger squares"
+        )
+    return name
 
 
 def marker_ink(markers: Markers, ids: IntArray, border: int) -> BoolArray:

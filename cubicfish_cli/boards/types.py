@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from cubicfish_cli.boards.aprilgrid import AprilGrid
+from importlib import import_module
+
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.boards.charuco import Charuco
-from cubicfish_cli.boards.checkerboard import Checkerboard
-from cubicfish_cli.boards.point_list import PointList
+from cubicfish_cli.boards.registry import ENTRIES
 
 BOARD_TYPES: dict[str, type[Board]] = {
-    board.kind: board for board in (Checkerboard, Charuco, AprilGrid, PointList)
+    kind: getattr(import_module(f"cubicfish_cli.boards.{entry.module}"), entry.name)
+    for kind, entry in ENTRIES.items()
 }

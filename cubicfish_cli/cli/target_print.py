@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cubicfish_cli.boards.registry import DESIGNED
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.figures import count
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from cubicfish_cli.library.target_files import PrintedFiles
 
 _OBJECTS = ("corner", "box", "block", "board")
-_TYPES = ("checkerboard", "charuco", "aprilgrid")
 
 
 @record
@@ -43,7 +43,7 @@ class Asked:
         default="A4",
     )
     board_type: str | None = option(
-        "--type", "Of a target's boards. [default: checkerboard]", click.Choice(_TYPES)
+        "--type", "Of a target's boards. [default: checkerboard]", click.Choice(DESIGNED)
     )
     square: str | None = option(
         "--square LENGTH",

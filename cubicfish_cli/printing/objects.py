@@ -14,7 +14,6 @@ from typing import Literal
 import numpy as np
 
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.boards.markers import MARKER_DICTIONARIES, TAG_FAMILIES, Markers
 from cubicfish_cli.boards.types import BOARD_TYPES
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.printing.layout import BAND, SHORTEST_SHEET, lay_out
@@ -27,7 +26,6 @@ from cubicfish_cli.printing.sheet import (
     Side,
 )
 from cubicfish_cli.target import Target
-from cubicfish_cli.wording import did_you_mean, quoted
 
 Kind = Literal["corner", "box", "block", "board"]
 Counts = tuple[int, int]
@@ -39,16 +37,8 @@ KINDS: dict[Kind, str] = {
     "block": "the top and the four sides of a block, seen from outside",
     "board": "one flat board",
 }
-# Of aprilgrids, Kalibr's own: gap between tags / side of a tag.
-SPACING = 0.3
-MARKER_SHARE = 0.75
-# Fewer inner corners along a side than this say little, more are small (of aprilgrids,
-# tags); markers must be large enough to be read.
-_FEWEST = {"checkerboard": 4, "charuco": 4, "aprilgrid": 2}
-_MOST = {"checkerboard": 11, "charuco": 9, "aprilgrid": 6}
 # Placement of squares that are tried, in millimetres.
 _NICE = (*range(5, 40), *range(40, 80, 2), *range(80, 301, 5))
-_CHARUCO_FAMILIES = ("DICT_5X5_50", "DICT_5X5_100", "DICT_5X5_250", "DICT_5X5_1000")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -228,26 +218,27 @@ def _fitting(
     """The squares and their numbers that cover most of the sheets."""
     # White up to the paper's edge begins where the printer can print.
     rim = margin if wanted.kind == "board" else 0.0
+    board = BOARD_TYPES[wanted.type]
     best: tuple[float, float, list[Counts]] | None = None
     for square in (wanted.square,) if wanted.square is not None else _NICE:
-        quiet = square / BOARD_TYPES[wanted.type].per_cell
+        quiet = square / board.per_cell
         limits = []
         for one in faces:
             across, down = (sides[k] for k in one.size)
             free = (across - 2 * max(quiet, rim), down - STRIP - quiet - max(quiet, rim))
-            columns, rows = (_limit(wanted.type, length, square) for length in free)
+            columns, rows = (board.designed_count(length, square) for length in free)
             limits.append((columns, rows))
         if wanted.counts is not None:
             needed = _chosen(wanted, _alike(faces, wanted.counts))
             counts = needed if needed and all(map(_within, needed, limits)) else None
         else:
-            most = _MOST[wanted.type]
+            _, most = board.designed_counts
             if wanted.square is None:
                 limits = [(min(columns, most), min(rows, most)) for columns, rows in limits]
             counts = _chosen(wanted, limits)
         if counts is None:
             continue
-        sizes = [_print_size(wanted.type, one, square) for one in counts]
+        sizes = [[board.designed_length(n, square) for n in one] for one in counts]
         score = sum(width * height for width, height in sizes)
         if best is None or score >= best[0]:
             best = score, square, counts
@@ -261,21 +252,6 @@ def _fitting(
             "--square and --corners to have it on several pages"
         )
     return float(best[1]), best[2]
-
-
-def _limit(kind: str, length: float, square: float) -> int:
-    """How many corners, or tags, fit into a length."""
-    if kind == "aprilgrid":
-        return floor((length / square - SPACING) / (1 + SPACING) + 1e-9)
-    return floor(length / square + 1e-9) - 1
-
-
-def _print_size(kind: str, counts: Counts, square: float) -> tuple[float, float]:
-    if kind == "aprilgrid":
-        width, height = (square * (n * (1 + SPACING) + SPACING) for n in counts)
-    else:
-        width, height = (square * (n + 1) for n in counts)
-    return width, height
 
 
 def _within(counts: Counts, limit: Counts) -> bool:
@@ -297,8 +273,10 @@ def _chosen(wanted: Wanted, limits: Sequence[Counts]) -> list[Counts] | None:
     numbers is odd.
     """
     given = wanted.counts
-    fewest = _FEWEST[wanted.type] if given is None else min(_FEWEST[wanted.type], 3)
-    if wanted.type != "checkerboard":
+    board = BOARD_TYPES[wanted.type]
+    fewest, _ = board.designed_counts
+    fewest = fewest if given is None else min(fewest, 3)
+    if board.marker_borders:
         if given is None and any(min(limit) < fewest for limit in limits):
             return None
         return list(limits)
@@ -337,66 +315,14 @@ def _boards(
     wanted: Wanted, faces: Sequence[_Face], square: float, counts: Sequence[Counts]
 ) -> list[Board]:
     """The boards, not yet in their places."""
-    per_board = [_marker_count(wanted.type, one) for one in counts]
-    dictionary = _dictionary(wanted, sum(per_board))
-    side = square if wanted.type == "aprilgrid" else round(MARKER_SHARE * square, 2)
+    kind = BOARD_TYPES[wanted.type]
+    markers = list(map(kind.designed_marker_count, counts))
+    family = kind.designed_family(wanted.dictionary, sum(markers))
     boards, first = [], 0
-    for one, (columns, rows), markers in zip(faces, counts, per_board, strict=True):
-        tags = BOARD_TYPES[wanted.type].per_cell
-        boards.append(
-            BOARD_TYPES[wanted.type](
-                name=one.name,
-                columns=tags * columns,
-                rows=tags * rows,
-                square=square,
-                origin=np.zeros(3),
-                x_axis=np.array([1.0, 0.0, 0.0]),
-                y_axis=np.array([0.0, 1.0, 0.0]),
-                markers=Markers(dictionary=dictionary, side=side, first=first, count=markers)
-                if dictionary is not None
-                else None,
-                spacing=SPACING if wanted.type == "aprilgrid" else 0.0,
-            )
-        )
-        first += markers
+    for one, own, carried in zip(faces, counts, markers, strict=True):
+        boards.append(kind.designed(one.name, own, square, family, first))
+        first += carried
     return boards
-
-
-def _marker_count(kind: str, counts: Counts) -> int:
-    columns, rows = counts
-    if kind == "aprilgrid":
-        return columns * rows
-    # The square up-left of corner (0, 0) is dark, and so is the larger half of an odd number.
-    return (columns + 1) * (rows + 1) // 2 if kind == "charuco" else 0
-
-
-def _dictionary(wanted: Wanted, count: int) -> str | None:
-    if wanted.type == "checkerboard":
-        if wanted.dictionary is not None:
-            raise TargetError("checkerboards have no markers: '--type charuco' or 'aprilgrid' do")
-        return None
-    name = wanted.dictionary
-    if wanted.type == "aprilgrid":
-        name = TAG_FAMILIES.get(name or "tag36h11", name)
-        known = (*TAG_FAMILIES, *TAG_FAMILIES.values())
-        fits = name in TAG_FAMILIES.values()
-    else:
-        if name is None:
-            name = next((f for f in _CHARUCO_FAMILIES if MARKER_DICTIONARIES[f] >= count), "")
-            name = name or _CHARUCO_FAMILIES[-1]
-        known = tuple(MARKER_DICTIONARIES)
-        fits = name in MARKER_DICTIONARIES
-    if name is None or not fits:
-        raise TargetError(
-            f"--dictionary {quoted(name)} is no family of markers for a board of type "
-            f"{wanted.type}: {did_you_mean(str(name), known)}"
-        )
-    if MARKER_DICTIONARIES[name] < count:
-        raise TargetError(
-            f"these boards carry {count} markers, but {name} has only {MARKER_DICTIONARIES[name]}: "
-            "take another --dictionary, or larger squares"
-        )
-    return name
 
 
 def _sheets(

@@ -50,9 +50,9 @@ def _step(line: str, *writes: str, input: str = "", extra: str | None = None) ->
 
 
 COMMANDS = (
-    "target", "target check", "target print", "calibrate", "frames", "detect", "corners",
-    "evaluate", "compare", "report", "advise", "undistort", "map", "project", "unproject", "export",
-    "import", "simulate",
+    "target", "target check", "target print", "calibrate", "rig", "frames", "detect", "corners",
+    "evaluate", "compare", "info", "report", "advise", "undistort", "map", "project", "unproject",
+    "export", "import", "simulate",
 )  # fmt: skip
 _NARROW = ("--max-angle 60", "")
 FORMATS = {
