@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from cubicfish_cli.errors import UsageError
 from cubicfish_cli.library.asked import StrPath, target_in
+from cubicfish_cli.undistortion.limits import WIDEST
 from cubicfish_cli.wording import did_you_mean, either, quoted
 
 if TYPE_CHECKING:
@@ -18,17 +19,6 @@ if TYPE_CHECKING:
     from cubicfish_cli.undistortion.choose import ChosenView, Share
     from cubicfish_cli.undistortion.view import Camera
 
-# The widest --hfov and --vfov of each, and whether it may be as wide as that or must stay below.
-# Known to the views too, which need numpy: a test holds them together.
-WIDEST: Mapping[str, tuple[tuple[float, bool], tuple[float, bool]]] = {
-    "perspective": ((180, False), (180, False)),
-    "cylindrical": ((360, True), (180, False)),
-    "equirectangular": ((360, True), (180, True)),
-    "epipolar-cylindrical": ((180, False), (360, True)),
-    "epipolar-equirectangular": ((180, True), (360, True)),
-    "stereographic": ((360, False), (360, False)),
-    "equidistant": ((360, True), (360, True)),
-}
 KINDS = (*WIDEST, "cube")
 
 

@@ -19,7 +19,11 @@ from cubicfish_cli.undistortion.fit import (
     seen_field_deg,
 )
 from cubicfish_cli.undistortion.plane import PlaneView
-from cubicfish_cli.undistortion.projections import CylindricalView, EquirectangularView
+from cubicfish_cli.undistortion.projections import (
+    CylindricalView,
+    EquirectangularView,
+    PerspectiveView,
+)
 from cubicfish_cli.undistortion.view import (
     Camera,
     CentralView,
@@ -81,98 +85,58 @@ def build_view(
         ViewError: something is asked twice, or the view is not one that can be rendered.
 
     """
-    return _asked_view(
-        camera,
-        kind,
-        size=size,
-        hfov_deg=hfov_deg,
-        vfov_deg=vfov_deg,
-        focal=focal,
-        fit=fit,
-        rotate_deg=rotate_deg,
-    ).view
+    field = {"hfov_deg": hfov_deg, "vfov_deg": vfov_deg, "focal": focal, "fit": fit}
+    return _fitted(camera, kind, size, rotate_deg, **field).view
 
 
-def _asked_view(camera: Camera, kind: str, *, rotate_deg: Sequence[float], **asked: Any) -> Fitted:
-    """See :func:`build_view`."""
+def _fitted(
+    camera: Camera,
+    kind: str,
+    size: Sequence[int] | None,
+    rotate_deg: Sequence[float],
+    **field: Any,
+) -> Fitted:
+    """See :func:`build_view`; ``field`` is its hfov_deg, vfov_deg, focal and fit."""
     if not isinstance(kind, str) or kind not in CENTRAL_KINDS:
         raise ViewError(
             f"unknown kind of view {quoted(kind)}: {did_you_mean(str(kind), sorted(CENTRAL_KINDS))}"
         )
-    names = [name for name in ("hfov_deg", "vfov_deg", "focal", "fit") if asked[name] is not None]
-    size, fit = asked["size"], asked["fit"]
+    names = [name for name, value in field.items() if value is not None]
     if len(names) > 1 and (names != ["hfov_deg", "vfov_deg"] or size is not None):
         both = names + ["size"] * (names == ["hfov_deg", "vfov_deg"])
         raise ViewError(f"{' and '.join(both)} say the same thing twice: leave one out")
-    return choose_view(
-        camera,
-        CENTRAL_KINDS[kind],
-        size=None if size is None else _size(size),
-        hfov_deg=_number(asked["hfov_deg"], "hfov_deg", "degrees"),
-        vfov_deg=_number(asked["vfov_deg"], "vfov_deg", "degrees"),
-        focal=_number(asked["focal"], "focal", "pixels per radian"),
-        share=None if fit is None else _share(fit),
-        rotation=_rotation(rotate_deg),
+    make = CENTRAL_KINDS[kind]
+    asked_size = None if size is None else _size(size)
+    hfov_deg, vfov_deg = (
+        _number(field[name], name, "degrees") for name in ("hfov_deg", "vfov_deg")
     )
+    focal = _number(field["focal"], "focal", "pixels per radian")
+    share = None if field["fit"] is None else _share(field["fit"])
+    rotation = _rotation(rotate_deg)
+    if issubclass(make, EquirectangularView) and asked_size is None and not names:
+        return _fixed(cropped_view(camera, make, axis_focal(camera), rotation))
+    whole = asked_size or camera.image_size
+    if hfov_deg is not None:
+        return _fixed(_with_hfov(make, hfov_deg, vfov_deg, whole, rotation))
+    if vfov_deg is not None:
+        return _fixed(make.with_field(vfov_deg, whole, rotation, vertical=True))
+    if focal is not None:
+        return _fixed(make(size=whole, focal=focal, rotation=rotation))
+    if share is None and make is PerspectiveView:
+        default = default_view(camera)
+        scaled = default.focal * whole[0] / default.size[0]
+        return _fixed(make(size=whole, focal=scaled, rotation=rotation))
+    fitted = fit_view(camera, make, whole, rotation, share=OUTER if share is None else share)
+    if share is None and issubclass(make, CylindricalView) and fitted.at_limit:
+        # All round, for the sake of what is nearly overhead, is not what anyone means.
+        least = axis_focal(camera) * whole[0] / camera.image_size[0]
+        return _fixed(make(size=whole, focal=max(fitted.view.focal, least), rotation=rotation))
+    return fitted
 
 
 def _rotation(rotate_deg: Sequence[float]) -> Rotation:
     yaw, pitch, roll = _numbers(rotate_deg, "rotate_deg", "(yaw, pitch, roll) in degrees", 3)
     return rotation_from_angles(yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll)
-
-
-def choose_view(
-    camera: Camera,
-    kind: type[CentralView],
-    *,
-    size: tuple[int, int] | None,
-    hfov_deg: float | None,
-    vfov_deg: float | None,
-    focal: float | None,
-    share: float | None,
-    rotation: Rotation,
-) -> Fitted:
-    """The view of a kind whose field is asked for in one of several ways, or in none.
-
-    Without a field of its own, a flat view keeps the default view's field at any size, and others
-    show all that the camera sees; a cylinder, which may not, keeps the photo's scale. A picture of
-    longitude and latitude is as large as that.
-
-    Args:
-        camera: the camera.
-        kind: the kind of view.
-        size: (width, height), pixels; None for the photo's.
-        hfov_deg: field across the width; with ``vfov_deg`` it sets the height.
-        vfov_deg: field down the height.
-        focal: pixels per radian in the middle.
-        share: as in :func:`~.fit.fit_view`.
-        rotation: where it looks, as in :class:`~.view.CentralView`.
-
-    Raises:
-        ViewError: the view is not one that can be rendered.
-
-    """
-    if issubclass(kind, EquirectangularView) and (size, hfov_deg, vfov_deg, focal, share) == (
-        (None,) * 5
-    ):
-        return _fixed(cropped_view(camera, kind, axis_focal(camera), rotation))
-    size = size or camera.image_size
-    if hfov_deg is not None:
-        return _fixed(_with_hfov(kind, hfov_deg, vfov_deg, size, rotation))
-    if vfov_deg is not None:
-        return _fixed(kind.with_field(vfov_deg, size, rotation, vertical=True))
-    if focal is not None:
-        return _fixed(kind(size=size, focal=focal, rotation=rotation))
-    if share is None and kind is CENTRAL_KINDS["perspective"]:
-        default = default_view(camera)
-        scaled = default.focal * size[0] / default.size[0]
-        return _fixed(kind(size=size, focal=scaled, rotation=rotation))
-    fitted = fit_view(camera, kind, size, rotation, share=OUTER if share is None else share)
-    if share is None and issubclass(kind, CylindricalView) and fitted.at_limit:
-        # All round, for the sake of what is nearly overhead, is not what anyone means.
-        least = axis_focal(camera) * size[0] / camera.image_size[0]
-        return _fixed(kind(size=size, focal=max(fitted.view.focal, least), rotation=rotation))
-    return fitted
 
 
 def _fixed(view: CentralView) -> Fitted:
@@ -336,7 +300,7 @@ def chosen_view(
     """
     if kind == "cube":
         return _cube(camera, size, _rotation(rotate_deg), cross=cross)
-    fitted = _asked_view(camera, kind, size=size, rotate_deg=rotate_deg, **field)
+    fitted = _fitted(camera, kind, size, rotate_deg, **field)
     return ChosenView(views={"": fitted.view}, at_limit=fitted.at_limit)
 
 

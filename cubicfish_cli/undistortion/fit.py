@@ -17,6 +17,7 @@ import numpy.typing as npt
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.types import FloatArray
+from cubicfish_cli.undistortion.limits import WIDEST
 from cubicfish_cli.undistortion.view import Camera, CentralView, Rotation, View
 
 INNER, OUTER = 0.0, 1.0
@@ -101,8 +102,8 @@ def cropped_view(
     region = _region(camera)
     if not len(region):
         raise ViewError("the camera sees nothing within its cone: calibrate it again")
-    most = np.array([kind.max_hfov_deg, kind.max_vfov_deg])
-    most = np.maximum(2, 2 * np.floor(focal * np.deg2rad(most) / 2)).astype(int)
+    widest = np.deg2rad([limit for limit, _ in WIDEST[kind.kind]])
+    most = np.maximum(2, 2 * np.floor(focal * widest / 2)).astype(int)
     turned = kind(size=(2, 2), focal=focal, rotation=rotation).camera_from_view
     half = np.abs(kind.ray_offsets(region @ turned)).max(axis=0)
     size = np.minimum(2 * np.ceil(focal * half).astype(int) + 2, most)

@@ -39,7 +39,6 @@ class PerspectiveView(CentralView):
     """A flat picture without distortion: straight lines are straight."""
 
     kind: ClassVar[str] = "perspective"
-    max_hfov_deg = max_vfov_deg = 180.0
     advice: ClassVar[str] = ": choose about 120 or less"
 
     @staticmethod
@@ -73,8 +72,6 @@ class CylindricalView(CentralView):
     """A picture on an upright cylinder, unrolled."""
 
     kind: ClassVar[str] = "cylindrical"
-    max_hfov_deg, max_vfov_deg = 360.0, 180.0
-    closed = (True, False)
 
     @staticmethod
     def offset(angle: float, axis: int) -> float:
@@ -114,8 +111,6 @@ class EquirectangularView(CentralView):
     """Longitude and latitude: what panorama viewers take."""
 
     kind: ClassVar[str] = "equirectangular"
-    max_hfov_deg, max_vfov_deg = 360.0, 180.0
-    closed = (True, True)
 
     @staticmethod
     def offset(angle: float, axis: int) -> float:
@@ -178,22 +173,18 @@ class EpipolarCylindricalView(_OnItsSide, CylindricalView):
     """A picture on a cylinder that lies on its side, unrolled."""
 
     kind: ClassVar[str] = "epipolar-cylindrical"
-    max_hfov_deg, max_vfov_deg = 180.0, 360.0
-    closed = (False, True)
 
 
 class EpipolarEquirectangularView(_OnItsSide, EquirectangularView):
     """Angles along, and about, the horizontal."""
 
     kind: ClassVar[str] = "epipolar-equirectangular"
-    max_hfov_deg, max_vfov_deg = 180.0, 360.0
 
 
 class StereographicView(CentralView):
     """A "little planet": circles stay circles."""
 
     kind: ClassVar[str] = "stereographic"
-    max_hfov_deg = max_vfov_deg = 360.0
 
     @staticmethod
     def offset(angle: float, axis: int) -> float:
@@ -229,8 +220,6 @@ class EquidistantView(CentralView):
     """An ideal fisheye: the distance from the middle is the angle from the axis."""
 
     kind: ClassVar[str] = "equidistant"
-    max_hfov_deg = max_vfov_deg = 360.0
-    closed = (True, True)
 
     @staticmethod
     def offset(angle: float, axis: int) -> float:

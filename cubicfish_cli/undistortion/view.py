@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.types import FloatArray
+from cubicfish_cli.undistortion.limits import WIDEST
 from cubicfish_cli.wording import quoted
 
 Rotation = tuple[float, float, float]
@@ -132,10 +133,6 @@ class CentralView(View):
     is told by its radial functions: how far from the middle, in focal lengths, an angle lies.
     """
 
-    max_hfov_deg: ClassVar[float]
-    max_vfov_deg: ClassVar[float]
-    # Whether a field may be as large as that, or must stay below.
-    closed: ClassVar[tuple[bool, bool]] = (False, False)
     advice: ClassVar[str] = ""
 
     focal: float
@@ -195,11 +192,11 @@ class CentralView(View):
 
         """
         axis = int(vertical)
-        limit = (cls.max_hfov_deg, cls.max_vfov_deg)[axis]
+        limit, closed = WIDEST[cls.kind][axis]
         if (
             not is_numbers((field_deg,), 1)
             or not 0 < field_deg <= limit
-            or (field_deg == limit and not cls.closed[axis])
+            or (field_deg == limit and not closed)
         ):
             raise ViewError(
                 f"the {'vertical ' * vertical}field of a {cls.kind} view must be between 0° and "

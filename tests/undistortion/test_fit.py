@@ -15,6 +15,7 @@ from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.fit import Fitted, fit_view, kept_share, seen_field_deg, sees
+from cubicfish_cli.undistortion.limits import WIDEST
 from cubicfish_cli.undistortion.maps import build_map
 from cubicfish_cli.undistortion.view import CentralView, rotation_from_angles
 from cubicfish_cli.undistortion.views import CENTRAL_KINDS, axis_focal
@@ -147,7 +148,7 @@ def test_the_seen_field_is_what_rays_say(kind, yaw):
     camera = cubic_camera(100.0)
     rotation = rotation_from_angles(yaw_deg=yaw)
     view = CENTRAL_KINDS[kind].with_field(150, (700, 500), rotation)
-    if view.closed[0]:  # the camera is beyond both ends of a full turn, and nothing between
+    if WIDEST[kind][0][1]:  # the camera is beyond both ends of a full turn, and nothing between
         view = replace(view, focal=700 / (2 * np.pi))
     step = 0.01
     angle = np.arange(-view.hfov_deg / 2, view.hfov_deg / 2, step)

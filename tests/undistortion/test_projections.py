@@ -12,6 +12,7 @@ from lenses import cubic_camera
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.undistortion.cube import FACES, CrossView, face_views
+from cubicfish_cli.undistortion.limits import WIDEST
 from cubicfish_cli.undistortion.maps import build_map
 from cubicfish_cli.undistortion.plane import PlaneView
 from cubicfish_cli.undistortion.projections import (
@@ -120,7 +121,7 @@ def test_nothing_behind_is_shown():
 def views():
     for kind, make in CENTRAL_KINDS.items():
         for field in (40, 110, 170, 220, 300, 359.9):
-            if field < make.max_hfov_deg:
+            if field < WIDEST[kind][0][0]:
                 for rotation in ((0.0, 0.0, 0.0), TURNED):
                     view = make.with_field(field, (101, 75), rotation)
                     yield pytest.param(view, id=f"{kind}-{field}-{rotation != (0, 0, 0)}")
