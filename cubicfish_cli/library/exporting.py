@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import ROUND_UP, Decimal
 from functools import partial
@@ -42,10 +42,9 @@ from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, rig_in
 from cubicfish_cli.library.rig_pictures import rectify
-from cubicfish_cli.listener import Listener
 from cubicfish_cli.rendering.pose import rotation_matrix
 from cubicfish_cli.undistortion.fit import sees
-from cubicfish_cli.undistortion.lens_tables import LensTables, lens_tables
+from cubicfish_cli.undistortion.lens_tables import lens_tables
 from cubicfish_cli.undistortion.map_formats import require_exr, write_float_exr
 from cubicfish_cli.undistortion.maps import build_map, save_map
 from cubicfish_cli.undistortion.views import default_view
@@ -142,44 +141,6 @@ def export_camera(
             for photo, (vector, translation) in poses_on_record(fit).items()
         },
     )
-
-
-def exported_rig(
-    rig: RigFile,
-    cameras: Sequence[RigFileCamera],
-    name: str,
-    goal: Path,
-    *,
-    max_error: float,
-    max_angle_deg: float | None = None,
-) -> tuple[dict[str, Exported], dict[Path, str]]:
-    """Cameras of a rig as the lenses of a format, with their places.
-
-    Args:
-        rig: the rig.
-        cameras: those of its cameras that are wanted.
-        name: the format, one of ``RIG_FILE_NAMES``.
-        goal: its file or folder.
-        max_error: as for :func:`export_camera`.
-        max_angle_deg: likewise.
-
-    Returns:
-        The lenses by their cameras' names, and the texts of the files.
-
-    Raises:
-        FitError: a lens is farther from its camera than that; the text names the camera.
-
-    """
-    made = {}
-    for one in cameras:
-        try:
-            made[one.name] = export_camera(
-                one.file, name, max_error=max_error, max_angle_deg=max_angle_deg
-            )
-        except FitError as problem:
-            raise FitError(f"camera {one.name}: {problem}") from problem
-    converted = [(one, made[one.name]) for one in cameras]
-    return made, rig_texts(name, lens_rig(rig, converted), goal)
 
 
 def lens_rig(rig: RigFile, converted: Sequence[tuple[RigFileCamera, Exported]]) -> LensRig:
@@ -300,78 +261,6 @@ def _rounded_up(value: float) -> str:
     return f"{Decimal(value).quantize(step, ROUND_UP).normalize():f}"
 
 
-def usd_paths(folder: Path, names: Iterable[str]) -> list[Path]:
-    """The stage, and the two tables of each camera by its name."""
-    return [folder / "rig.usda", *(folder / file for name in names for file in _tables(name))]
-
-
-def _tables(name: str) -> tuple[str, str]:
-    return f"{prim_name(name)}_enter.exr", f"{prim_name(name)}_leave.exr"
-
-
-def usd_files(
-    folder: Path,
-    cameras: Sequence[tuple[str, CubicCamera, Pose | None]],
-    units: str | None,
-    *,
-    max_error: float,
-    listener: Listener,
-) -> tuple[dict[Path, Content], dict[str, tuple[LensTables, str]]]:
-    """The stage and the tables.
-
-    Args:
-        folder: where.
-        cameras: name, camera and camera_from_rig of each; None where there is no rig.
-        units: of lengths.
-        max_error: of what is lost between the tables' entries, pixels.
-        listener: who is told how far it is.
-
-    Returns:
-        What :func:`write_files` writes, and of each camera its tables and how near they come.
-
-    Raises:
-        FitError: more is lost; the text names the camera.
-
-    """
-    placed, made = [], {}
-    files: dict[Path, Content] = {}
-    stage = usd_paths(folder, ())[0]
-    for name, camera, place in cameras:
-        listener.progress(f"Making the tables of {name}")
-        tables = lens_tables(camera)
-        if not tables.max_px <= max_error:
-            raise FitError(
-                f"camera {name}: the tables miss it by up to {tables.max_px:.2f} px between their "
-                f"entries, more than the {max_error:g} px of --max-error: raise it"
-            )
-        error = (
-            f"conversion error: RMS {tables.rms_px:.4f} px, largest {tables.max_px:.4f} px between "
-            f"pixels, up to {camera.max_angle_deg:.1f} degrees from the axis"
-        )
-        made[name] = tables, error
-        rotation, translation = (np.eye(3), np.zeros(3)) if place is None else place
-        enter, leave = _tables(name)
-        placed.append(
-            TableCamera(
-                name=name,
-                image_size=camera.image_size,
-                rotation=rotation.T,
-                translation=-rotation.T @ translation,
-                enter=enter,
-                leave=leave,
-                note=[f"cubicfish {__version__}: the camera at every pixel", error],
-            )
-        )
-        flat = np.zeros(tables.leave.shape[:2], np.float32)
-        leaving = (*np.moveaxis(tables.leave, -1, 0), flat)
-        for file, channels in ((enter, np.moveaxis(tables.enter, -1, 0)), (leave, leaving)):
-            planes = {
-                key: np.ascontiguousarray(one) for key, one in zip("RGB", channels, strict=True)
-            }
-            files[folder / file] = partial(write_float_exr, channels=planes)
-    return {stage: usd_text(placed, METRES.get(units or "")), **files}, made
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ExportedFiles:
     """What became of :func:`export_files`.
@@ -428,7 +317,8 @@ def export_files(
         refuse_existing(goal, overwrite=run.overwrite)
     loaded = load_camera(in_folder(path))
     if to == "usd":
-        return _export_usd(output, [("camera", loaded.camera, None)], None, max_error, run)
+        alone = ("camera", loaded.camera, (np.eye(3), np.zeros(3)))
+        return _export_usd(output, [alone], None, max_error, run)
     if to == "maps":
         if goal.suffix.lower() != ".npz":
             raise UsageError(f"{goal}: --to maps writes .npz; 'cubicfish map' writes others")
@@ -466,25 +356,30 @@ def _export_rig(
         placed = [(one.name, one.camera, (one.rotation, one.translation)) for one in chosen]
         return _export_usd(output, placed, rig.units, max_error, run)
     if to not in RIG_FILE_NAMES:
-        one = path.parent / rig.cameras[0].path
+        first = path.parent / rig.cameras[0].path
         raise UsageError(
-            f"--to {to} holds one camera: name one of the rig's, such as {one}, or choose one of "
+            f"--to {to} holds one camera: name one of the rig's, such as {first}, or choose one of "
             + ", ".join([*RIG_FILE_NAMES, "usd"])
         )
     run.listener.progress("Fitting the other lenses")
     goal = Path(output or RIG_FILE_NAMES[to])
-    lenses, texts = exported_rig(
-        rig, chosen, to, goal, max_error=max_error, max_angle_deg=max_angle_deg
-    )
+    made = []
+    for one in chosen:
+        try:
+            own = export_camera(one.file, to, max_error=max_error, max_angle_deg=max_angle_deg)
+        except FitError as problem:
+            raise FitError(f"camera {one.name}: {problem}") from problem
+        made.append((one, own))
+    texts = rig_texts(to, lens_rig(rig, made), goal)
     written = write_files(texts, overwrite=run.overwrite)
     lines, warnings = [], []
-    for name, lens in lenses.items():
-        lines.append(f"{name}: {lens.note[1]}")
+    for one, lens in made:
+        lines.append(f"{one.name}: {lens.note[1]}")
         lines += [f"  {_without_matrix(line)}" for line in lens.note[2:]]
         warning = lens.warning(max_error)
         if warning is not None:
-            warnings.append(f"camera {name}: {warning}")
-    records = [{"name": name, **lens.as_record()} for name, lens in lenses.items()]
+            warnings.append(f"camera {one.name}: {warning}")
+    records = [{"name": one.name, **lens.as_record()} for one, lens in made]
     return ExportedFiles(
         files=written,
         record={"files": written, "format": to, "cameras": records},
@@ -495,31 +390,66 @@ def _export_rig(
 
 def _export_usd(
     output: StrPath | None,
-    cameras: Sequence[tuple[str, CubicCamera, Pose | None]],
+    cameras: Sequence[tuple[str, CubicCamera, Pose]],
     units: str | None,
     max_error: float,
     run: Run,
 ) -> ExportedFiles:
-    """Write cameras as tables, which hold any lens, into a folder."""
+    """Write cameras as tables, which hold any lens, into a folder: by name, with their places.
+
+    Raises:
+        FitError: more is lost; the text names the camera.
+        OutputError: a file exists and may not be replaced, or cannot be written.
+
+    """
     folder = Path(output or "usd")
-    paths = usd_paths(folder, [name for name, *_ in cameras])
-    refuse_existing(*paths, overwrite=run.overwrite)
-    require_exr(paths[1])
-    files, made = usd_files(folder, cameras, units, max_error=max_error, listener=run.listener)
+    stage = folder / "rig.usda"
+    tables = {
+        name: [f"{prim_name(name)}_{way}.exr" for way in ("enter", "leave")] for name, *_ in cameras
+    }
+    paths = [folder / file for own in tables.values() for file in own]
+    refuse_existing(stage, *paths, overwrite=run.overwrite)
+    require_exr(paths[0])
+    files: dict[Path, Content] = {}
+    placed, records, lines = [], [], []
+    for name, camera, (rotation, translation) in cameras:
+        run.listener.progress(f"Making the tables of {name}")
+        made = lens_tables(camera)
+        if not made.max_px <= max_error:
+            raise FitError(
+                f"camera {name}: the tables miss it by up to {made.max_px:.2f} px between their "
+                f"entries, more than the {max_error:g} px of --max-error: raise it"
+            )
+        error = (
+            f"conversion error: RMS {made.rms_px:.4f} px, largest {made.max_px:.4f} px between "
+            f"pixels, up to {camera.max_angle_deg:.1f} degrees from the axis"
+        )
+        lines.append(f"{name}: {error}")
+        figures = {"rms_px": made.rms_px, "max_px": made.max_px}
+        records.append({"name": name, **figures, "max_angle_deg": camera.max_angle_deg})
+        enter, leave = tables[name]
+        placed.append(
+            TableCamera(
+                name=name,
+                image_size=camera.image_size,
+                rotation=rotation.T,
+                translation=-rotation.T @ translation,
+                enter=enter,
+                leave=leave,
+                note=[f"cubicfish {__version__}: the camera at every pixel", error],
+            )
+        )
+        flat = np.zeros(made.leave.shape[:2], np.float32)
+        leaving = (*np.moveaxis(made.leave, -1, 0), flat)
+        for file, channels in ((enter, np.moveaxis(made.enter, -1, 0)), (leave, leaving)):
+            planes = dict(zip("RGB", map(np.ascontiguousarray, channels), strict=True))
+            files[folder / file] = partial(write_float_exr, channels=planes)
+    files = {stage: usd_text(placed, METRES.get(units or "")), **files}
     written = write_files(files, overwrite=run.overwrite)
-    records = [
-        {
-            "name": name,
-            "rms_px": made[name][0].rms_px,
-            "max_px": made[name][0].max_px,
-            "max_angle_deg": camera.max_angle_deg,
-        }
-        for name, camera, _ in cameras
-    ]
     return ExportedFiles(
         files=written,
         record={"files": written, "format": "usd", "cameras": records},
-        lines=tuple(f"{name}: {error}" for name, (_, error) in made.items()),
+        lines=tuple(lines),
     )
 
 

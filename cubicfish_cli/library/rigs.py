@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -36,7 +35,6 @@ from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera, rig_text
 from cubicfish_cli.frame_names import time_of
 from cubicfish_cli.geometry import camera_centre, total_sigma
 from cubicfish_cli.identification.identified import Detection
-from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.calibration import observed
 from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.observations import Observations
@@ -188,28 +186,6 @@ def _matched(
     return shots_of_table(names, photos, shots)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class KnownPlace:
-    """A camera of a rig's file, as what judges rigs asks for it."""
-
-    name: str
-    camera: CubicCamera
-    rotation: FloatArray
-    translation: FloatArray
-    covariance: FloatArray | None
-
-    @classmethod
-    def of(cls, camera: RigFileCamera) -> KnownPlace:
-        """The same camera."""
-        return cls(
-            name=camera.name,
-            camera=camera.file.camera,
-            rotation=camera.rotation,
-            translation=camera.translation,
-            covariance=camera.covariance,
-        )
-
-
 def _times_of_names(photos: Sequence[str]) -> dict[str, float]:
     found = ((photo, time_of(photo)) for photo in photos)
     return {photo: time for photo, time in found if time is not None}
@@ -355,7 +331,7 @@ def evaluate_rig(
     pairs = [observed(own, target) for own in cameras.values()]
     names = list(cameras)
     return rig_evaluation.evaluate_rig(
-        [KnownPlace.of(known[name]) for name in names],
+        [known[name] for name in names],
         pairs,
         _matched(names, [one.images for one in pairs], shots, tolerance, times or {}),
     )
@@ -377,10 +353,7 @@ def compare_rigs(first: RigFile, second: RigFile) -> list[ComparedCamera]:
             f"one rig's lengths are in {first.units} and the other's in {second.units}: calibrate "
             "both with targets of one unit"
         )
-    return rig_comparison.compare_rigs(
-        [KnownPlace.of(one) for one in first.cameras],
-        [KnownPlace.of(one) for one in second.cameras],
-    )
+    return rig_comparison.compare_rigs(first.cameras, second.cameras)
 
 
 def loaded_record(rig: RigFile) -> dict[str, Any]:
