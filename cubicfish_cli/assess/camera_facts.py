@@ -32,6 +32,14 @@ class FieldSeen:
     vertical: float
     diagonal: float
 
+    @property
+    def words(self) -> str:
+        """All three in a line."""
+        return (
+            f"{self.horizontal:.1f}° horizontal, {self.vertical:.1f}° vertical, "
+            f"{self.diagonal:.1f}° diagonal"
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class CameraFacts:

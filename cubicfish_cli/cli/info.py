@@ -65,14 +65,7 @@ def _rows(facts: CameraFacts) -> list[tuple[str, str]]:
             ("principal point", _two(facts.principal_point, facts.principal_point_sigma_px)),
         ]
     if facts.field is not None:
-        seen = facts.field
-        rows.append(
-            (
-                "field of view",
-                f"{seen.horizontal:.1f}° horizontal, {seen.vertical:.1f}° vertical, "
-                f"{seen.diagonal:.1f}° diagonal",
-            )
-        )
+        rows.append(("field of view", facts.field.words))
     if facts.max_angle_deg is not None:
         reach = f"; corners reach {facts.covered_deg:.1f}°" if facts.covered_deg else ""
         rows.append(("trusted", f"to {facts.max_angle_deg:.1f}° from the axis{reach}"))

@@ -96,6 +96,18 @@ class _Writer:
         return write_files({**files, **more, **views}, overwrite=self.overwrite)
 
 
+def _writer(
+    output: StrPath, fixed_point: bool, origin: Origin, mask: StrPath | None, run: Run
+) -> _Writer:
+    return _Writer(
+        output=Path(output),
+        fixed_point=fixed_point,
+        origin=origin,
+        mask=path_or_none(mask),
+        overwrite=run.overwrite,
+    )
+
+
 def _files_of(plan: Mapping[str, Any]) -> list[Path]:
     return [path for paths, _ in plan.values() for path in paths]
 
@@ -180,13 +192,7 @@ def map_files(
             if mask is None
             else "--mask-limit is for the map that undistorts: leave it out, or --redistort"
         )
-    writer = _Writer(
-        output=Path(output),
-        fixed_point=fixed_point,
-        origin=origin,
-        mask=path_or_none(mask),
-        overwrite=run.overwrite,
-    )
+    writer = _writer(output, fixed_point, origin, mask, run)
     plan = writer.plan(view.parts if isinstance(view, ViewOptions) else ("",))
     path = in_folder(Path(camera))
     loaded, part = load_camera(path), parse_crop(crop) if isinstance(crop, str) else crop
@@ -245,13 +251,7 @@ def map_rig_files(
             common; a file exists and may not be replaced.
 
     """
-    writer = _Writer(
-        output=Path(output),
-        fixed_point=fixed_point,
-        origin=origin,
-        mask=path_or_none(mask),
-        overwrite=run.overwrite,
-    )
+    writer = _writer(output, fixed_point, origin, mask, run)
     asked, path = _row_aligned(view or ViewOptions()), rig_file_in(Path(rig))
     loaded = load_rig(path)
     both = _two_cameras(loaded, pair)

@@ -250,12 +250,7 @@ class _Thing:
                     "seen; poses can be sampled for boards of other types"
                 )
         world = target.corners()[3]
-        ends = [
-            board.world_points(
-                [0, board.columns - 1, board.columns - 1, 0], [0, 0, board.rows - 1, board.rows - 1]
-            )
-            for board in boards
-        ]
+        ends = [board.outline() for board in boards]
         return cls(
             boards=boards,
             middles=np.array(

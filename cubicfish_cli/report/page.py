@@ -175,14 +175,7 @@ def _lens(known: CameraFacts) -> list[tuple[str, str]]:
             spread = [f" ± {one:.2f}" for one in sigma] if sigma is not None else ["", ""]
             rows.append((name, f"x {value[0]:.2f}{spread[0]}, y {value[1]:.2f}{spread[1]}"))
     if known.field is not None:
-        field = known.field
-        rows.append(
-            (
-                "Field of view",
-                f"{field.horizontal:.1f}° horizontal, {field.vertical:.1f}° vertical, "
-                f"{field.diagonal:.1f}° diagonal",
-            )
-        )
+        rows.append(("Field of view", known.field.words))
     return rows
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cubicfish_cli.boards.board import Board
 from cubicfish_cli.printing.extra import drawing
 from cubicfish_cli.report.facts import Facts
 from cubicfish_cli.report.figures import (
@@ -50,7 +49,7 @@ def scene_figures(facts: Facts) -> dict[str, Drawn]:
     rotation = np.array([photo.rotation for photo in placed])
     translation = np.array([photo.translation for photo in placed])
     centre = -np.einsum("nij,ni->nj", rotation, translation)
-    plates = [] if facts.target is None else [rim(board) for board in facts.target.boards]
+    plates = [] if facts.target is None else [board.outline() for board in facts.target.boards]
     loose = np.zeros((0, 3))
     if not plates and facts.errors is not None:
         world = facts.errors.pairs.world
@@ -70,14 +69,6 @@ def scene_figures(facts: Facts) -> dict[str, Drawn]:
                         (plates, loose, centre, rotation))
             for name, (title, to_viewer, upright, words) in views.items()
         }  # fmt: skip
-
-
-def rim(board: Board) -> FloatArray:
-    """World points of a board: (4, 3) its outermost corners in order, or all points of a list."""
-    if board.points is not None:
-        return board.points
-    column, row = board.columns - 1, board.rows - 1
-    return board.world_points([0, column, column, 0], [0, 0, row, row])
 
 
 def _directions(offsets: FloatArray, ups: FloatArray) -> tuple[FloatArray, FloatArray]:
