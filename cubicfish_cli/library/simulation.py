@@ -363,7 +363,7 @@ def _film(target: Target, source: Source, asked: FilmOptions, look: Look, seed: 
     """A film of a hand that moves the target."""
     from cubicfish_cli.films.source import library
     from cubicfish_cli.films.write import refuse_odd, write_film
-    from cubicfish_cli.rendering.film import Shutter, film_frames, film_truth, hand_path
+    from cubicfish_cli.rendering.film import Film, Shutter, hand_path
 
     shutter = Shutter(
         rate=asked.rate, open_s=asked.shutter_ms / 1000, readout_s=asked.readout_ms / 1000
@@ -374,14 +374,14 @@ def _film(target: Target, source: Source, asked: FilmOptions, look: Look, seed: 
     frames = max(1, round(asked.seconds * shutter.rate))
     names = [f"{frame_name(Path(FILM).stem, one / shutter.rate)}.png" for one in range(frames)]
     path = hand_path(target, source.lens, size, asked.seconds, seed=seed)
-    poses, corners = film_truth(target, source.lens, size, path, shutter, names)
+    made = Film(target=target, lens=source.lens, image_size=size, path=path, shutter=shutter)
+    poses, corners = made.truth(names)
     if corners.count("\n") <= 2:
         raise OutputError("no frame shows a corner: check the target and its units")
 
     def rendered(progress: Count) -> dict[str, Content]:
         def pictures() -> Iterator[npt.NDArray[np.uint8]]:
-            made = film_frames(target, source.lens, size, path, shutter, frames, look, seed=seed)
-            for done, picture in enumerate(made, start=1):
+            for done, picture in enumerate(made.frames(frames, look, seed=seed), start=1):
                 yield picture
                 progress(done, frames)
 

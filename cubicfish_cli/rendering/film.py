@@ -92,92 +92,69 @@ def hand_path(
     return HandPath.through(poses, middle, seconds, seed=seed)
 
 
-def film_frames(
-    target: Target,
-    lens: WholeLens,
-    image_size: tuple[int, int],
-    path: HandPath,
-    shutter: Shutter,
-    count: int,
-    look: Look,
-    *,
-    seed: int = 0,
-) -> Iterator[npt.NDArray[np.uint8]]:
-    """Render ``count`` frames one by one: (height, width) grey levels. Boards are rendered flat.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Film:
+    """A film of a target that a hand moves. Boards are rendered flat.
+
+    Attributes:
+        target: what is shown.
+        lens: through which it is seen.
+        image_size: (width, height) of the frames, pixels.
+        path: where the target is at every moment.
+        shutter: when rows gather light.
 
     Raises:
-        TargetError: a board of a kind that cannot be drawn.
+        TargetError: by its methods, of a board of a kind that cannot be drawn.
 
     """
-    scene = _Scene(target.with_flat_boards(), lens, image_size, look.vignetting)
-    for number in range(count):
-        light = scene.light(path, shutter, number)
-        yield sensed(
-            light,
-            exposure=look.exposure,
-            blur=look.blur,
-            noise=look.noise,
-            seed=(seed, number),
-        )
 
+    target: Target
+    lens: WholeLens
+    image_size: tuple[int, int]
+    path: HandPath
+    shutter: Shutter
 
-def frame_pose(path: HandPath, shutter: Shutter, frame: int) -> Pose:
-    """camera_from_world in the middle of a frame's exposure, of its middle row."""
-    turn, moved = path.at(float(shutter.middle(frame, 0.5, 1)))
-    return np.asarray(cv2.Rodrigues(turn)[0], float).ravel(), moved
+    def frames(self, count: int, look: Look, *, seed: int = 0) -> Iterator[npt.NDArray[np.uint8]]:
+        """Render ``count`` frames one by one: (height, width) grey levels."""
+        scene = _Scene(self.target.with_flat_boards(), self.lens, self.image_size, look.vignetting)
+        for number in range(count):
+            yield sensed(
+                scene.light(self.path, self.shutter, number),
+                exposure=look.exposure,
+                blur=look.blur,
+                noise=look.noise,
+                seed=(seed, number),
+            )
 
+    def pose(self, frame: int) -> Pose:
+        """camera_from_world in the middle of a frame's exposure, of its middle row."""
+        turn, moved = self.path.at(float(self.shutter.middle(frame, 0.5, 1)))
+        return np.asarray(cv2.Rodrigues(turn)[0], float).ravel(), moved
 
-def frame_corners(
-    target: Target,
-    lens: WholeLens,
-    image_size: tuple[int, int],
-    path: HandPath,
-    shutter: Shutter,
-    frame: int,
-) -> tuple[IntArray, FloatArray]:
-    """Visible corners of a frame, numbered as the target's (N,), and their pixels (N, 2).
+    def corners(self, frame: int) -> tuple[IntArray, FloatArray]:
+        """Visible corners of a frame, numbered as the target's (N,), and their pixels (N, 2).
 
-    Each is where it was when its own row was exposed.
+        Each is where it was when its own row was exposed.
+        """
+        seen = project_corners(self.target, self.lens, self.pose(frame), self.image_size)
+        shown = np.flatnonzero(seen.visible)
+        begin, step = _nodes(self.shutter, frame)
+        poses = [self.path.at(begin + step * node) for node in range(_NODES)]
+        stack = np.stack([np.column_stack([turn, moved]) for turn, moved in poses])
+        world, pixel = seen.world[shown], seen.pixel[shown]
+        for _ in range(_ROUNDS):
+            at = self.shutter.middle(frame, pixel[:, 1], self.image_size[1])
+            own = _between(stack, (at - begin) / step)
+            points = np.einsum("nij,nj->ni", own[:, :, :3], world) + own[:, :, 3]
+            pixel = self.lens.project(points)
+        there = np.isfinite(pixel).all(axis=1)
+        return shown[there], pixel[there]
 
-    Raises:
-        TargetError: a board of a kind that cannot be drawn.
-
-    """
-    seen = project_corners(target, lens, frame_pose(path, shutter, frame), image_size)
-    shown = np.flatnonzero(seen.visible)
-    begin, step = _nodes(shutter, frame)
-    poses = [path.at(begin + step * node) for node in range(_NODES)]
-    stack = np.stack([np.column_stack([turn, moved]) for turn, moved in poses])
-    world, pixel = seen.world[shown], seen.pixel[shown]
-    for _ in range(_ROUNDS):
-        at = shutter.middle(frame, pixel[:, 1], image_size[1])
-        own = _between(stack, (at - begin) / step)
-        points = np.einsum("nij,nj->ni", own[:, :, :3], world) + own[:, :, 3]
-        pixel = lens.project(points)
-    there = np.isfinite(pixel).all(axis=1)
-    return shown[there], pixel[there]
-
-
-def film_truth(
-    target: Target,
-    lens: WholeLens,
-    image_size: tuple[int, int],
-    path: HandPath,
-    shutter: Shutter,
-    names: Sequence[str],
-) -> tuple[dict[str, Pose], str]:
-    """Poses by the frames' names, and the visible corners as the text of a corners.csv.
-
-    Raises:
-        TargetError: a board of a kind that cannot be drawn.
-
-    """
-    poses = {name: frame_pose(path, shutter, frame) for frame, name in enumerate(names)}
-    found = {
-        name: frame_corners(target, lens, image_size, path, shutter, frame)
-        for frame, name in enumerate(names)
-    }
-    return poses, corners_text(target, found, image_size, digits=4)
+    def truth(self, names: Sequence[str]) -> tuple[dict[str, Pose], str]:
+        """Poses by the frames' names, and the visible corners as the text of a corners.csv."""
+        poses = {name: self.pose(frame) for frame, name in enumerate(names)}
+        found = {name: self.corners(frame) for frame, name in enumerate(names)}
+        return poses, corners_text(self.target, found, self.image_size, digits=4)
 
 
 def _nodes(shutter: Shutter, frame: int) -> tuple[float, float]:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from synthetic import corner_of_three, flat_board, lens_of_size
 
-from cubicfish_cli.rendering.film import Shutter, film_frames, film_truth, frame_corners, frame_pose
+from cubicfish_cli.rendering.film import Film, Shutter
 from cubicfish_cli.rendering.hand import HandPath
 from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.rendering.pose import look_at, rotation_matrix
@@ -35,13 +35,18 @@ def refined(picture: np.ndarray, pixel: np.ndarray) -> np.ndarray:
     return cv2.cornerSubPix(picture, start, (3, 3), (-1, -1), stop)[:, 0]
 
 
+def film_of(target, path, shutter, lens=LENS):
+    return Film(target=target, lens=lens, image_size=SIZE, path=path, shutter=shutter)
+
+
 @pytest.mark.parametrize("lens", [LENS, outside_lens("moving-pupil", SIZE)])
 @pytest.mark.parametrize("readout", [0.0, 0.02])
 def test_corners_are_where_the_truth_says(lens, readout: float) -> None:
     target = flat_board()
     path, shutter = Slide(250.0, target), Shutter(rate=30, open_s=0.002, readout_s=readout)
-    (picture,) = film_frames(target, lens, SIZE, path, shutter, 1, CLEAN)
-    _, true = frame_corners(target, lens, SIZE, path, shutter, 0)
+    film = film_of(target, path, shutter, lens)
+    (picture,) = film.frames(1, CLEAN)
+    _, true = film.corners(0)
     error = refined(picture, true) - true
     assert len(true) > 40
     # A half-pixel slip anywhere would show as a mean of 0.25 to 0.5 px.
@@ -53,7 +58,7 @@ def test_rows_that_are_read_later_see_what_moves_farther_on() -> None:
     target = flat_board()
     path = Slide(400.0, target)
     at_once, late = (
-        frame_corners(target, LENS, SIZE, path, Shutter(rate=30, open_s=0, readout_s=readout), 0)
+        film_of(target, path, Shutter(rate=30, open_s=0, readout_s=readout)).corners(0)
         for readout in (0.0, 0.03)
     )
     np.testing.assert_array_equal(at_once[0], late[0])
@@ -71,7 +76,7 @@ def test_a_longer_exposure_blurs_along_the_motion_alone() -> None:
 
     def slopes(open_s: float) -> np.ndarray:
         shutter = Shutter(rate=30, open_s=open_s, readout_s=0)
-        (picture,) = film_frames(target, LENS, SIZE, path, shutter, 1, CLEAN)
+        (picture,) = film_of(target, path, shutter).frames(1, CLEAN)
         return np.array([np.quantile(np.abs(np.diff(picture.astype(float), axis=axis)), 0.999)
                          for axis in (1, 0)])  # fmt: skip
 
@@ -90,7 +95,7 @@ def test_a_plate_is_seen_before_what_is_behind_it_and_not_outside_the_field() ->
             return rotation_matrix(pose[0]), pose[1]
 
     shutter = Shutter(rate=30, open_s=0.01, readout_s=0.01)
-    (picture,) = film_frames(target, LENS, SIZE, Still(), shutter, 1, CLEAN)
+    (picture,) = film_of(target, Still(), shutter).frames(1, CLEAN)
     ((_, photo),) = simulated_photos(target, LENS, SIZE, {"one": pose}, CLEAN)
     ink = photo < 30
     assert 0.1 < ink.mean() < 0.9
@@ -120,10 +125,11 @@ def test_a_hand_comes_to_every_place_and_goes_smoothly() -> None:
 def test_truth_has_a_pose_and_corners_for_every_name() -> None:
     target = flat_board()
     path, shutter = Slide(100.0, target), Shutter(rate=10, open_s=0.01, readout_s=0.01)
-    poses, text = film_truth(target, LENS, SIZE, path, shutter, ["a.png", "b.png"])
+    film = film_of(target, path, shutter)
+    poses, text = film.truth(["a.png", "b.png"])
     assert list(poses) == ["a.png", "b.png"]
     moved = poses["b.png"][1] - poses["a.png"][1]
     np.testing.assert_allclose(moved, [10.0, 0, 0], atol=1e-9)
-    np.testing.assert_allclose(frame_pose(path, shutter, 1)[1], poses["b.png"][1])
+    np.testing.assert_allclose(film.pose(1)[1], poses["b.png"][1])
     assert text.startswith(f"# cubicfish corners 1, image_size {SIZE[0]}x{SIZE[1]}\n")
     assert {line.split(",")[0] for line in text.splitlines()[2:]} == {"a.png", "b.png"}
