@@ -29,7 +29,7 @@ class CubicfishError(Exception):
 
 
 class TargetError(CubicfishError, ValueError):
-    """The target file, or a target built in code, is not a usable calibration object."""
+    """A target, in a file or built in code, is not usable."""
 
 
 class PhotoError(CubicfishError, OSError):

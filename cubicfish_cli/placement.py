@@ -7,8 +7,8 @@ A board in one of its four turns is called a *side* here; a place is a side and 
 Two labelings of the same grids are congruent when a similarity of space (turn, shift, scale)
 carries every named corner's place under the one onto its place under the other: the same photo
 is then explained equally well from another camera position. Some come from a symmetry of the
-whole target, such as half a turn of a board with even sides, and are harmless: the turned object
-is the same object. The others are slides along something that shows no end.
+whole target, such as half a turn of a board with even sides, and are harmless: the turned target
+is the same target. The others are slides along something that shows no end.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class Placement:
 
     @cached_property
     def wholes(self) -> list[tuple[IntArray, FloatArray]]:
-        """Where each board's pattern, whole, lies on the object.
+        """Where each board's pattern, whole, lies on the target.
 
         For each board, (P,) the sides that it covers, colours included, the first of them its own
         upright one, and (P, 4, 3) world points of its outermost corners there.

@@ -1,4 +1,4 @@
-"""``target.yaml`` -> Target: the boards of the calibration object and their world points."""
+"""``target.yaml`` -> Target: the boards of the calibration target and their world points."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from cubicfish_cli.plain_yaml import load_plain_yaml, plain_yaml_text
 from cubicfish_cli.types import FloatArray, IntArray
 from cubicfish_cli.wording import quoted
 
-# A refined object of some ten thousand corners, each with its offset.
+# A refined target of some ten thousand corners, each with its offset.
 MAX_BYTES = 4_000_000
 MAX_BOARDS = 256
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Target:
-    """A rigid calibration object: several boards in one world frame, in one unit of length."""
+    """A rigid calibration target: several boards in one world frame, in one unit of length."""
 
     units: str
     boards: tuple[Board, ...]
@@ -38,14 +38,14 @@ class Target:
         """Read ``target.yaml``, as :func:`load_target` does.
 
         Raises:
-            TargetError: the file cannot be read or does not describe a usable object.
+            TargetError: the file cannot be read or does not describe a usable target.
 
         """
         return load_target(Path(path))
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Target:
-        """The object that plain data describe: the keys and values of ``target.yaml``.
+        """The target that plain data describe: the keys and values of ``target.yaml``.
 
         Raises:
             TargetError: a key is missing or unknown, or a value is not usable; one line that
@@ -64,7 +64,7 @@ class Target:
         return tuple(board.name for board in self.boards)
 
     def with_boards(self, boards: Mapping[int, Board]) -> Target:
-        """The object with other boards in the place of those of these indices."""
+        """The target with other boards in the place of those of these indices."""
         changed = (boards.get(index, board) for index, board in enumerate(self.boards))
         return replace(self, boards=tuple(changed))
 
@@ -75,25 +75,25 @@ class Target:
 
     @property
     def mirrored(self) -> bool:
-        """Whether this is the object as a mirror shows it, as in ``mirrored: true``."""
+        """Whether this is the target as a mirror shows it, as in ``mirrored: true``."""
         return any(board.mirrored for board in self.boards)
 
     def in_mirror(self) -> Target:
-        """The object as a mirror shows it; of that, the object itself."""
+        """The target as a mirror shows it; of that, the target itself."""
         return replace(self, boards=tuple(board.in_mirror() for board in self.boards))
 
     def as_printed(self) -> Target:
-        """The object itself, whether or not photos show it in a mirror."""
+        """The target itself, whether or not photos show it in a mirror."""
         return self.in_mirror() if self.mirrored else self
 
     def moved(self, offset: FloatArray) -> Target:
-        """The object with ``offset`` (3,), in the target's units, added to all its points."""
+        """The target with ``offset`` (3,), in the target's units, added to all its points."""
         if not offset.any():
             return self
         return replace(self, boards=tuple(board.moved(offset) for board in self.boards))
 
     def with_flat_boards(self) -> Target:
-        """The object with plane boards: without the shapes that a calibration found."""
+        """The target with plane boards: without the shapes that a calibration found."""
         return replace(self, boards=tuple(replace(board, shape=None) for board in self.boards))
 
     def world_points(
@@ -136,7 +136,7 @@ def load_target(path: Path) -> Target:
     """Read ``target.yaml``, or a target file of Kalibr's.
 
     Raises:
-        TargetError: the file cannot be read or does not describe a usable object; the text
+        TargetError: the file cannot be read or does not describe a usable target; the text
             names the file, the board and the key.
 
     """

@@ -39,8 +39,8 @@ proportion."""
 GOAL_SIDE = 2000.0
 PROPOSALS = 3
 MOST_PHOTOS = 12
-"""Photos are counted up to this many; beyond it another object or camera is the better advice."""
-# Photos so far show where this camera is in focus and the object is in view: proposals go to half
+"""Photos are counted up to this many; beyond it another target or camera is the better advice."""
+# Photos so far show where this camera is in focus and the target is in view: proposals go to half
 # their nearest distance and to twice their farthest, and no farther.
 _NEARER, _FARTHER = 0.5, 2.0
 _VIEWS = 90
@@ -67,7 +67,7 @@ class Proposal:
         view: from where, and what would be seen.
         words: that as an instruction.
         before, after: uncertainty over the field, with the proposals before this one.
-        here_before_px, here_after_px: median uncertainty where the object would be.
+        here_before_px, here_after_px: median uncertainty where the target would be.
 
     """
 
@@ -108,7 +108,7 @@ class Advice:
 
     Attributes:
         camera: the camera that it is about.
-        target: the object; None for pairs that came without one.
+        target: the calibration target; None for pairs that came without one.
         pixel: (N, 2) corners so far.
         photos: how many there are.
         noise_px: standard deviation of a corner's coordinate, pixels; None where not worked out.
@@ -123,7 +123,7 @@ class Advice:
             :data:`MOST_PHOTOS` would not, or where that cannot be worked out.
         proposals: the next photos, in order.
         distances: how near and far they may be: half as near as photos so far, and twice as far;
-            None where poses or the object are not known.
+            None where poses or the target are not known.
         notes: what cannot be said, or is to be kept in mind.
 
     """
@@ -189,8 +189,8 @@ def advise(
     Args:
         camera: a calibrated camera.
         fit: its record, as ``as_record`` of a calibration gives and camera.yaml keeps.
-        pairs: the pairs that it was fitted to, world points those of the object as fitted.
-        target: the object as fitted; None for pairs that came without one.
+        pairs: the pairs that it was fitted to, world points those of the target as fitted.
+        target: the calibration target as fitted; None for pairs that came without one.
         goal_px: uncertainty wanted over the field; by default :func:`default_goal`.
         proposals: how many photos to propose.
         seed: of the poses that are tried.
@@ -266,7 +266,7 @@ def _as_recorded(
 ) -> tuple[Knowledge, FieldUncertainty]:
     """The knowledge with the uncertainty that the record has, to the last digit, and that.
 
-    Where the object was fitted too, a fit that begins at its end differs by a few percent.
+    Where the target was fitted too, a fit that begins at its end differs by a few percent.
     """
     own, known = _over_field(knowledge.information, _field_rays(knowledge.camera)), recorded(fit)
     if known is None or not 1 / _SAME < known.median_px / own.median_px < _SAME:
@@ -337,7 +337,7 @@ def _over_field(known: Information, rays: FloatArray) -> FieldUncertainty:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Reach:
-    """The radial reference as far as it may be asked where an object would be seen."""
+    """The radial reference as far as it may be asked where a target would be seen."""
 
     camera: RadialCamera
     limit: float
@@ -354,7 +354,7 @@ class _Reach:
 
 
 def reach_of(camera: CubicCamera, more_deg: float = 0.0) -> WholeLens:
-    """A lens for where an object would be seen, somewhat beyond the trusted field too."""
+    """A lens for where a target would be seen, somewhat beyond the trusted field too."""
     limit = float(np.deg2rad(camera.max_angle_deg + _BEYOND_DEG + more_deg))
     return _Reach(camera=camera.radial, limit=min(limit, camera.radial.max_angle))
 
@@ -410,7 +410,7 @@ def _proposed(
     field = empty.sum() / max(1 - gaps.coverage, 1e-9) if empty.any() else 1.0
     rays = _field_rays(knowledge.camera)
     chosen: list[Viewpoint] = []
-    # The same photo twice would say little that is new of a real lens and a real object.
+    # The same photo twice would say little that is new of a real lens and a real target.
     taken = np.zeros(len(views), bool)
     state = knowledge.information
     level = _over_field(state, rays)
@@ -459,7 +459,7 @@ def _left(after: FieldUncertainty, before: FieldUncertainty) -> float:
 def _told(
     knowledge: Knowledge, chosen: Sequence[Viewpoint], grid: FloatArray
 ) -> tuple[Proposal, ...]:
-    """The chosen views in words, with what they bring, the object being as free as in the fit."""
+    """The chosen views in words, with what they bring, the target being as free as in the fit."""
     units = knowledge.target.units if knowledge.target else ""
     near = _NEAR * min(knowledge.camera.image_size)
     state: Information = knowledge.information

@@ -98,7 +98,7 @@ def find_gaps(
         pairs: the corners that it was fitted to.
         poses: camera_from_world of each of ``pairs.images``, in the target's units; None where
             they are not known.
-        target: the object; None for pairs that came without one.
+        target: the calibration target; None for pairs that came without one.
 
     """
     cell, valid, hit = field_cells(pairs.pixel, camera.outline(), camera.image_size)

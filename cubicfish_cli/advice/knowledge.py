@@ -45,7 +45,8 @@ class Knowledge:
         information: what its photos say.
         pairs: its pairs, world points divided by ``scale``.
         scale: the target's units in one unit of the pairs.
-        target: the object as fitted, in the pairs' frame; None for pairs that came without one.
+        target: the calibration target as fitted, in the pairs' frame; None for pairs that came
+            without one.
         offset_spread: of corners' own offsets, in the pairs' units; None where they have none.
         origin: (3,) where the user's frame has the origin of the pairs'.
 
@@ -68,7 +69,7 @@ class Knowledge:
         return held
 
     def with_views(self, views: Sequence[Viewpoint]) -> Information:
-        """What would be known with photos from these views, the object being free as it was.
+        """What would be known with photos from these views, the target being free as it was.
 
         The corners are taken to be found where the fit expects them, with the noise of the others.
         """
@@ -149,9 +150,9 @@ def know(
     Args:
         camera: the camera.
         fit: its record, as camera.yaml has it.
-        pairs: the pairs that it was fitted to, world points those of the object as fitted.
+        pairs: the pairs that it was fitted to, world points those of the target as fitted.
         poses: camera_from_world of each of ``pairs.images``, in the target's units.
-        target: the object as fitted.
+        target: the calibration target as fitted.
 
     Raises:
         FitError: the pairs and the camera do not belong together.

@@ -121,7 +121,7 @@ def _map(advice: Advice, scale: float) -> list[str]:
 
 
 def _photos(advice: Advice, scale: float) -> Iterator[list[str]]:
-    """The photos to take: the object as the camera would see it."""
+    """The photos to take: the target as the camera would see it."""
     if advice.target is None:
         return
     lens = reach_of(advice.camera, _CUT_DEG)

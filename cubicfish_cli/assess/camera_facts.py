@@ -62,7 +62,7 @@ class CameraFacts:
         date: when it was made, ISO 8601.
         version: of the program that made it.
         command: that made it.
-        target: the object's file.
+        target: the calibration target's file.
 
     """
 

@@ -1,4 +1,4 @@
-"""``cubicfish calibrate``: photos of a known object to a camera."""
+"""``cubicfish calibrate``: photos of a known target to a camera."""
 
 from __future__ import annotations
 
@@ -246,7 +246,7 @@ def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
 
 
 def _print_object(calibration: Calibration) -> None:
-    """Say in one line per board what was found of the object, where any of it was fitted."""
+    """Say in one line per board what was found of the target, where any of it was fitted."""
     if not calibration.departures or calibration.target is None:
         return
     units = calibration.target.units

@@ -338,7 +338,7 @@ def target_path(given: Path | None) -> Path | None:
 
 
 def needed_target(given: Path | None) -> Path:
-    """The object's file, by default ./target.yaml, for commands that need one.
+    """The target's file, by default ./target.yaml, for commands that need one.
 
     Raises:
         click.UsageError: none was named, and none is there.

@@ -67,7 +67,7 @@ class Asked:
         "Leave the lenses as each camera alone has them, and fit their places only.",
     )
     refine_target: RefineTarget = options.refine_target_option(
-        "Fit the object too, as 'cubicfish calibrate' does."
+        "Fit the target too, as 'cubicfish calibrate' does."
     )
     fit: FitOptions = fit_options("rig")
 

@@ -1,4 +1,4 @@
-"""``cubicfish target``: the object, printed and checked before any photo is taken."""
+"""``cubicfish target``: the target, printed and checked before any photo is taken."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def _print(checked: TargetCheck) -> None:
     )
     result(f"\nlengths in {target.units}; the print includes the outer squares\n")
     planes = count(facts.planes, "plane")
-    _paragraph("Object", f"{count(facts.corners, 'corner')} on {planes}")
+    _paragraph("Target", f"{count(facts.corners, 'corner')} on {planes}")
     before = ""
     for label, text in checked.advice:
         _paragraph("" if label == before else label, text)

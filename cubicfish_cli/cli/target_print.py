@@ -1,4 +1,4 @@
-"""``cubicfish target print``: boards on paper at true scale, and objects made for a paper size."""
+"""``cubicfish target print``: boards on paper at true scale, and targets made for a paper size."""
 
 from __future__ import annotations
 

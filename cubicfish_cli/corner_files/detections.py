@@ -129,7 +129,7 @@ def named_corners(
 
     Args:
         files: what was read.
-        target: the object.
+        target: the calibration target.
         numbering: how corners are numbered; None for what is usual: ``rows``, and
             ``rows-from-bottom`` on an aprilgrid, as in Kalibr.
         boards: the target's board for what a file calls one; "" for files that tell none apart.

@@ -57,7 +57,7 @@ def load_corners(
     Args:
         path: the file; its first line is ``# cubicfish corners 2, image_size WxH``, or with a 1
             where there is no column ``certain``.
-        target: the object that the boards, columns and rows are of.
+        target: the calibration target that the boards, columns and rows are of.
         image_size: (width, height), for files without that first line.
 
     Raises:

@@ -57,7 +57,7 @@ def read_corner_files(
 
     Args:
         paths: files, and folders of ``.orpc`` files.
-        target: the object.
+        target: the calibration target.
         kind: the files' format; by default it goes by their suffixes.
         numbering: see :func:`~cubicfish_cli.corner_files.detections.named_corners`.
         boards: likewise.

@@ -150,7 +150,8 @@ def look_at(photo: Photo, *, target: Target | None, cache: GridCache | None) -> 
 
     Args:
         photo: the photo.
-        target: the object; None where nobody says which it is, and nobody asks why there is none.
+        target: the calibration target; None where nobody says which it is, and nobody asks why
+            there is none.
         cache: what was found in photos that were searched before; None searches it.
 
     """
@@ -170,7 +171,7 @@ def nameless_grids(
     progress: Callable[[int, int], None] | None = None,
     cache: GridCache | None = None,
 ) -> list[FoundGrids | None]:
-    """Find the checkerboards in photos on disk, where nobody says which object they show.
+    """Find the checkerboards in photos on disk, where nobody says which target they show.
 
     Args:
         photos: where the photos are.

@@ -133,7 +133,7 @@ def find_marked_corners(
 
     Args:
         image: (H, W) grey photo, uint8, uint16 or float.
-        target: the object; boards without markers are passed over.
+        target: the calibration target; boards without markers are passed over.
         grids: what :func:`~.finder.find_grids` found in the same photo.
 
     """
@@ -182,7 +182,7 @@ def _with_markers(target: Target, *, inverted: bool) -> Target | None:
 
 
 def _in_mirror(found: MarkedCorners, target: Target, width: int) -> MarkedCorners:
-    """What was found in the mirrored photo of the object, as corners of what the mirror shows."""
+    """What was found in the mirrored photo of the target, as corners of what the mirror shows."""
     columns = np.array([board.columns for board in target.boards])[found.board]
     return replace(
         found,
@@ -284,7 +284,7 @@ def tags_apart(
 
     Args:
         image: (H, W) grey photo.
-        target: the object, not in a mirror.
+        target: the calibration target, not in a mirror.
         index: the board.
         grids: what was found in the same photo.
 

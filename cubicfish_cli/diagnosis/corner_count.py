@@ -1,4 +1,4 @@
-"""Grids in photos that are not the target's: boards of more or fewer corners, another object."""
+"""Grids in photos that are not the target's: boards of more or fewer corners, another target."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cubicfish_cli.words.finding import Finding
 
 # Counting squares shows in so many photos of the whole board.
 _WHOLE_BOARDS = 3
-# Photos of another object show the same grid again and again, and so much of its corners is
+# Photos of another target show the same grid again and again, and so much of its corners is
 # larger than every board where it is a larger one.
 _COMMON = 0.5
 _FEWEST_PHOTOS = 2
@@ -152,7 +152,7 @@ def nothing_named(evidence: GridEvidence) -> list[Finding]:
 
 
 def another_target(evidence: GridEvidence) -> list[Finding]:
-    """That corners have names, but those of another object's boards."""
+    """That corners have names, but those of another target's boards."""
     identified, target = evidence.identified, evidence.target
     boards = grid_boards(target)
     if len(boards) == 1:
@@ -173,7 +173,7 @@ def another_target(evidence: GridEvidence) -> list[Finding]:
 
 
 def _another_object(identified: Identified, target: Target) -> Finding:
-    """That photos and target.yaml are of different objects: what both show."""
+    """That photos and target.yaml are of different targets: what both show."""
     largest = [max(own, key=lambda grid: grid.corners) for own in identified.grids if own]
     size = max(largest, key=lambda grid: grid.corners).size
     boards = grid_boards(target)

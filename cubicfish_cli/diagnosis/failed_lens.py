@@ -30,7 +30,7 @@ def failed_lens(pairs: Observations) -> list[Finding]:
     """Some photos that agree on a lens, and others that do not, where such are found.
 
     Args:
-        pairs: all pairs, in units in which the object is of order 1.
+        pairs: all pairs, in units in which the target is of order 1.
 
     """
     count = len(pairs.images)

@@ -85,7 +85,7 @@ def board_fault(
     Args:
         camera: the lens of the photos that fit.
         pairs: pairs of one photo, divided by ``scale``.
-        target: the object.
+        target: the calibration target.
         scale: the target's units in one unit of the pairs.
         noise: standard deviation of a corner's coordinate in photos that fit, pixels.
 

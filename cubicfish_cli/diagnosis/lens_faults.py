@@ -44,7 +44,7 @@ from cubicfish_cli.words.finding import Finding
 _WORTH_A_LOOK = 1e-2
 # So is a photo that is unlike the others. It is judged by a camera that never saw it, which is
 # right about it only if it comes from so many times as many equations as unknowns, and from so
-# many photos that what the object is off by does not look like a lens of its own in one of them.
+# many photos that what the target is off by does not look like a lens of its own in one of them.
 _SUSPICIOUS = 1e-4
 _TIMES_DETERMINED = 10
 _FEWEST_OTHERS = 8
@@ -98,7 +98,7 @@ class LensChange:
 
 def lens_findings(evidence: FitEvidence) -> list[Finding]:
     """Two groups of photos with a lens each, in place of one lens for all."""
-    # An object that is free may bend to two lenses: as drawn it does not.
+    # A target that is free may bend to two lenses: as drawn it does not.
     fits = (evidence.fit,) if evidence.fit is evidence.drawn else (evidence.fit, evidence.drawn)
     for fit in fits:
         own = _own(fit)

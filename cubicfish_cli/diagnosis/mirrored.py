@@ -1,4 +1,4 @@
-"""Photos, objects or markers that are the other way round, as in a mirror or in a negative.
+"""Photos, targets or markers that are the other way round, as in a mirror or in a negative.
 
 No lens turns a picture inside out: on every photo of a printed face the row grows to the right of
 the direction in which the column grows, or corners are in another order, or the photo is mirrored.
@@ -32,7 +32,7 @@ from cubicfish_cli.words.finding import Finding
 _FEWEST = 3
 _MAJORITY = 0.9
 _SURE_FOCAL = 0.03
-# An object that leaves a plane by less looks the same in a mirror, from behind.
+# A target that leaves a plane by less looks the same in a mirror, from behind.
 _FLAT = 1e-4
 # Photos in which unseen markers are looked for once more, and how many corners tell.
 _PHOTOS = 3
@@ -68,10 +68,10 @@ def mirrored_photos(evidence: FailedFit) -> list[Finding]:
 
 
 def mirrored_object(pairs: Observations) -> list[Finding]:
-    """Photos that fit a lens and the object as it is seen in a mirror.
+    """Photos that fit a lens and the target as it is seen in a mirror.
 
     Args:
-        pairs: all pairs, in units in which the object is of order 1.
+        pairs: all pairs, in units in which the target is of order 1.
 
     """
     if flatness(pairs.world) < _FLAT:

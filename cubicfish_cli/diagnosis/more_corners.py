@@ -79,7 +79,7 @@ def more_corners(identified: Identified, target: Target) -> list[Count]:
             continue
         board = target.boards[index]
         size = (board.columns + (axis == 0), board.rows + (axis == 1))
-        # Of boards of an object a grid may show a part.
+        # Of boards of a target a grid may show a part.
         whole = [(photo, n) for photo, n, one in lost if sorted(one.size) == sorted(size)]
         if len(boards) == 1:
             full = [(photo, n) for photo, n in whole if is_full(identified.found[photo][n])]

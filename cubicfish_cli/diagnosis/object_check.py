@@ -1,8 +1,8 @@
-"""What can be known of a calibration object before a photo is taken.
+"""What can be known of a calibration target before a photo is taken.
 
 How much its corners say about a camera, which turns of it look the same, which of its boards can
 be taken for others when only some are in a photo, and boards whose places look like a slip.
-Everything is judged on the object as drawn, with the same rules that name corners in photos.
+Everything is judged on the target as drawn, with the same rules that name corners in photos.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _FLAT = 1e-4
 # An eye that sees a board flatter than this (sine of the angle to its plane) does not see it.
 _FLATTEST = 0.05
 _EYE_DIRECTIONS = 400
-_EYE_DISTANCES = (0.15, 0.3, 0.6, 1.0, 2.0, 4.0)  # from the object's middle, in its diagonals
+_EYE_DISTANCES = (0.15, 0.3, 0.6, 1.0, 2.0, 4.0)  # from the target's middle, in its diagonals
 # Prints that reach into each other by less than this, in squares, only touch.
 _TOUCH = 0.1
 # Boards at an angle between these (cosine of their normals) form an edge, inside or outside.
@@ -42,14 +42,14 @@ class ObjectFacts:
     """What :func:`check_object` found.
 
     Attributes:
-        corners: how many corners the object has.
+        corners: how many corners the target has.
         planes: number of distinct planes of its boards.
         rank: numerical rank of Φ over all corners, of 20, as the ``point`` lift has it.
         flat: whether all corners lie in one plane.
         named_by: what names corners in photos: ``markers``, else size, colours and ``geometry``
             of plain boards; ``table`` where nothing can be found in photos (lists of points).
         plain: names of the boards that carry no markers and are found in photos.
-        symmetries: turns, other than none, after which the whole object looks the same.
+        symmetries: turns, other than none, after which the whole target looks the same.
         near_symmetries: turns after which it nearly does, to :data:`NEARLY` squares.
         look_alikes: turns, no symmetries, after which some boards that a camera can see at once
             look the same, to :data:`ALIKE` squares: a photo that shows no other boards can be
@@ -87,7 +87,7 @@ class ObjectFacts:
 
 
 def check_object(target: Target) -> ObjectFacts:
-    """Look at the object as drawn; departures that a calibration found do not count."""
+    """Look at the target as drawn; departures that a calibration found do not count."""
     drawn = target.with_flat_boards()
     world = drawn.corners()[3]
     printed = [board for board in drawn.boards if board.points is None]
@@ -144,7 +144,7 @@ def _middles(boards: Sequence[Board]) -> FloatArray:
 
 
 def _faced(boards: Sequence[Board], world: FloatArray) -> BoolArray:
-    """(E, B) which boards turn their faces to each of many eyes around and in the object."""
+    """(E, B) which boards turn their faces to each of many eyes around and in the target."""
     way = all_around(_EYE_DIRECTIONS)
     middle = (world.min(axis=0) + world.max(axis=0)) / 2
     diagonal = float(np.linalg.norm(np.ptp(world, axis=0)))

@@ -1,4 +1,4 @@
-"""What is wrong with a drawing, by comparing it with the object as it was measured.
+"""What is wrong with a drawing, by comparing it with the target as it was measured.
 
 Hypotheses from the simplest on: corners counted in another order, names of boards exchanged, a
 wrong square, a wrong place. The first that explains the difference is accepted.
@@ -51,7 +51,7 @@ AXES: Mapping[str, Callable[[Board], Board]] = {
 # A hypothesis is accepted when it leaves no more than this of the difference (RMS).
 _EXPLAINED = 1 / 3
 # In another order or under other names a board is off by much more than by this share of the
-# object; a drawing whose boards are nearer to their places has no such fault.
+# target; a drawing whose boards are nearer to their places has no such fault.
 _FAR = 0.02
 _LARGEST_RATIO = 2000.0
 _ROUNDS = 20
@@ -65,7 +65,7 @@ class Fault:
 
     Attributes:
         finding: that as it is told, without what says so.
-        before, after: RMS difference from the measured object as drawn and corrected, in the
+        before, after: RMS difference from the measured target as drawn and corrected, in the
             target's units.
         points: (corners, 3) where the corners really are, for each board that was measured, in
             the drawing's frame.

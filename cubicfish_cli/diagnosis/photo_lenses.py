@@ -60,7 +60,7 @@ def fit_of_few(fit: ObjectFit, photos: IntArray) -> ObjectFit:
     """The same fit with the poses, pairs and residuals of some photos only.
 
     Args:
-        fit: of all photos, of any level; the object keeps the points that it has.
+        fit: of all photos, of any level; the target keeps the points that it has.
         photos: increasing indices of photos.
 
     """
@@ -248,7 +248,7 @@ def two_lenses(photos: PhotoLenses) -> TwoLenses | None:
     """The split of the photos into two groups that explains best how their lenses differ.
 
     What differs within the groups is the measure of what differs between them (an F test), so
-    that whatever else is imperfect, an object that bends or a lens that the model cannot follow,
+    that whatever else is imperfect, a target that bends or a lens that the model cannot follow,
     counts against it. Splits are corrected for how many there are: along the photos' order, or
     by any plane through the space of scale and centre (Cover, 1965).
 

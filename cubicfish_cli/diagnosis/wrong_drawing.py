@@ -1,4 +1,4 @@
-"""What is wrong with the drawing of several boards, by the object as it was measured.
+"""What is wrong with the drawing of several boards, by the target as it was measured.
 
 Where there is no fit, it is measured with no drawing but each board's own grid of squares.
 Every board in every photo is taken as a flat thing of its own: a lens and a pose for each follow
@@ -35,13 +35,13 @@ _FEWEST_LINKS = 3
 _ROUNDS = 20
 # Photos must agree on where a board is to this many squares, or it moved between them.
 _AGREE = 0.5
-# The object as drawn is to blame where it makes the error this many times larger; or somewhat
+# The target as drawn is to blame where it makes the error this many times larger; or somewhat
 # larger, where one fault is nearly all of what is wrong with it and beyond what a ruler misses, as
-# a share of the object's extent.
+# a share of the target's extent.
 _TIMES_WORSE = 2.0
 _SOMEWHAT_WORSE = 1.3
 _NEARLY_ALL, _BEYOND_A_RULER = 0.1, 5e-4
-# A fit so much worse than its corners' noise, and the object is measured to see whether it is as
+# A fit so much worse than its corners' noise, and the target is measured to see whether it is as
 # drawn.
 _WORTH_MEASURING = 1.2
 # Photos agree with a lens when their noise is within this many times the best ones'.
@@ -49,7 +49,7 @@ _AGREES = 6.0
 
 
 def measured_object(pairs: Observations, target: Target) -> dict[int, FloatArray]:
-    """Measure the object.
+    """Measure the target.
 
     Returns:
         (rows * columns, 3) corners of each board that could be measured, by index, row by row, in
@@ -138,7 +138,7 @@ def _relative(poses: Poses, one: IntArray, other: IntArray) -> FloatArray | None
 
 
 def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
-    """What is wrong with the drawing, where the object as fitted shows it."""
+    """What is wrong with the drawing, where the target as fitted shows it."""
     fit, drawing = evidence.fit, evidence.drawing
     if drawing.target is None or len(drawing.target.boards) < 2:
         return []
@@ -163,7 +163,7 @@ def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
 
 
 def _of_refined(drawn: ObjectFit, refined: ObjectFit, drawing: Drawing) -> list[Finding]:
-    """What is wrong with the drawing, where the object is free to be otherwise."""
+    """What is wrong with the drawing, where the target is free to be otherwise."""
     target, real = drawing.target, refined.refined_target(drawing)
     before, after = rms_px(drawn.cubic.residual), rms_px(refined.cubic.residual)
     if before < _SOMEWHAT_WORSE * after or target is None or real is None:

@@ -87,7 +87,7 @@ def photos_of_table(path: Path) -> list[str]:
 
 
 def depends_on(films: Sequence[Film], most: int, target_sha256: str | None) -> dict[str, Any]:
-    """What a choice depends on: the films as they are now, how many may be chosen, the object."""
+    """What a choice depends on: the films as they are now, how many may be chosen, the target."""
     return {
         "films": [[str(film.path.resolve()), *film.stamp] for film in films],
         "most": most,

@@ -1,9 +1,9 @@
-"""Where the boards really are: an object is never quite as drawn.
+"""Where the boards really are: a target is never quite as drawn.
 
 A box glued by hand is off by millimetres. Then the right names fit badly, and a symmetry of the
-drawing is none of the object: names that differ from photo to photo by such a symmetry would
+drawing is none of the target: names that differ from photo to photo by such a symmetry would
 blur it. Each named grid says where its board is in front of the camera, so the photos together
-say how the boards lie to each other, and names that fit this object agree from photo to photo.
+say how the boards lie to each other, and names that fit this target agree from photo to photo.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from cubicfish_cli.identification.scene import Decisions, Scene, rigid
 from cubicfish_cli.placement import Placement
 from cubicfish_cli.types import FloatArray
 
-# Grids that fit the object this much worse than planes of their own, and miss it by this share
+# Grids that fit the target this much worse than planes of their own, and miss it by this share
 # of the distance of neighbouring corners: it is not as drawn.
 _OFF_RATIO, _OFF_STEPS = 1.5, 0.01
 # One photo fits whatever it measures, so that several must show boards together.
@@ -87,7 +87,7 @@ def built_sides(sides: Placement, sightings: Sequence[Sighting]) -> Placement:
 
 
 def _off_the_drawing(scene: Scene, decisions: Decisions) -> bool:
-    """Whether named grids fit the object clearly worse than planes of their own."""
+    """Whether named grids fit the target clearly worse than planes of their own."""
     ratio, share = [], []
     for own, decision in zip(scene.photos, decisions, strict=True):
         for n in rigid(decision):

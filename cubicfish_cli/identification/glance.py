@@ -101,7 +101,7 @@ def glance(
 
     Args:
         pictures: photos, or whatever else is looked at.
-        target: the object; None looks for any checkerboard.
+        target: the calibration target; None looks for any checkerboard.
         jobs: processes to use; None for one per processor.
         progress: called with pictures done and all pictures.
 
@@ -127,7 +127,7 @@ def named_at_a_glance(
 
     Args:
         found: of each picture, by :func:`glance` with the first of the targets.
-        targets: what the object may be; of those with markers only one.
+        targets: what the target may be; of those with markers only one.
         size: (width, height) of the pictures; what is not of this size is passed over.
         names: of the pictures; those that show nothing are named in the result all the same.
 

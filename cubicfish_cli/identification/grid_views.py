@@ -25,7 +25,7 @@ from cubicfish_cli.placement import Reach
 from cubicfish_cli.types import FloatArray, IntArray
 
 # RMS, as a share of the distance of neighbouring corners, from which a grid is no plane of
-# squares, and from which it does not fit a place: objects are never quite as drawn, while one
+# squares, and from which it does not fit a place: targets are never quite as drawn, while one
 # step along the board, or another board, misses by several times as much.
 _PLANE_STEPS, _PLACE_STEPS = 0.1, 0.25
 _SMALLEST_GATE_PX = 1.0

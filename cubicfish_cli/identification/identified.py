@@ -1,7 +1,7 @@
 """What became of grids and photos: places on the target, named corners, and what is told of them.
 
-What many photos share is said once. Of objects with markers ids name the corners photo by photo;
-boards without markers on the same object are named afterwards, in the second pass: by then the
+What many photos share is said once. Of targets with markers ids name the corners photo by photo;
+boards without markers on the same target are named afterwards, in the second pass: by then the
 marked boards have told the lens and where each photo was taken from.
 """
 
@@ -128,7 +128,7 @@ def marked_corners(
 
     Args:
         marked: one for each photo.
-        target: the object.
+        target: the calibration target.
         image_size: (width, height) of all photos, pixels.
         images: the photos' names.
 
@@ -230,7 +230,7 @@ def drawing_fits(grids: Sequence[Sequence[GridReport]], target: Target) -> bool:
 
     Args:
         grids: for each photo, what became of its grids.
-        target: the object.
+        target: the calibration target.
 
     """
     large = [[grid for grid in own if grid.corners >= FEWEST_CORNERS] for own in grids]

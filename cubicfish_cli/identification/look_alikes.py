@@ -21,18 +21,18 @@ NEARLY = 0.1
 # Boards that a turn brings this close to boards, in squares, look the same in a photo: corners
 # are some hundredths of a square wrong, and as far as that can be, so is a lens from one photo.
 ALIKE = 0.03
-# Objects of more plain boards are not searched for groups of boards that look alike.
+# Targets of more plain boards are not searched for groups of boards that look alike.
 _MOST_BOARDS = 16
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Turn:
-    """A motion of the object after which some or all of its boards cover boards again.
+    """A motion of the target after which some or all of its boards cover boards again.
 
     Attributes:
         boards: names of the boards that do.
         onto: for each of them, the name of the board that it then covers.
-        angle_deg: by how much the object is turned, 0 to 180.
+        angle_deg: by how much the target is turned, 0 to 180.
         axis: (3,) unit direction about which, by the right-hand rule.
         point: (3,) a point of the axis (of a screw's, where the motion also shifts along it),
             the nearest to the middle of what is turned.
@@ -49,7 +49,7 @@ class Turn:
 
 
 def symmetries(target: Target) -> tuple[list[Turn], list[Turn]]:
-    """Turns of the whole object that make no difference, and those that hardly do."""
+    """Turns of the whole target that make no difference, and those that hardly do."""
     sides = placement_of(target)
     everything = list(range(len(sides.wholes)))
     # The board with the fewest places has the fewest candidates.

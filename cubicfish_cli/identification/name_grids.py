@@ -43,7 +43,7 @@ def name_grids(
 
     Args:
         grids: for each photo, its grids.
-        target: the object.
+        target: the calibration target.
         image_size: (width, height) of all photos, pixels.
         images: the photos' names.
 
@@ -63,7 +63,7 @@ def name_again(
     target: Target,
     grids: Sequence[Sequence[Grid]] | None = None,
 ) -> Identified:
-    """Name the grids of some photos as they would be if the object were drawn otherwise.
+    """Name the grids of some photos as they would be if the target were drawn otherwise.
 
     Args:
         identified: what became of all grids.
@@ -161,7 +161,7 @@ def _without_misfits(scene: Scene, sides: Placement, decisions: Decisions) -> De
 def _with_doubts(scene: Scene, decisions: Decisions) -> Decisions:
     """Take a grid that may hold a stray line for placed by convention.
 
-    Only where it is alone: other boards of the object would not fit if it lay elsewhere.
+    Only where it is alone: other boards of the target would not fit if it lay elsewhere.
     """
     checked = list(decisions)
     for photo, (own, decision) in enumerate(zip(scene.photos, decisions, strict=True)):

@@ -36,7 +36,7 @@ class Scene:
     """All grids of all photos, in one list.
 
     Attributes:
-        target: the object.
+        target: the calibration target.
         sides: its boards as they are drawn, or with the colours that the photos show.
         image_size: (width, height) of all photos, pixels.
         grids: the grids.
@@ -261,7 +261,7 @@ def nameless_lens(scene: Scene) -> RadialReference | None:
 def named_lens(
     scene: Scene, reference: RadialReference, decisions: Decisions
 ) -> RadialReference | None:
-    """The lens fitted to settled photos as whole objects and to all other grids as planes."""
+    """The lens fitted to settled photos as whole targets and to all other grids as planes."""
     world: list[FloatArray] = []
     pixel: list[FloatArray] = []
     rotation, translation = [], []

@@ -70,7 +70,7 @@ def form_cost(moments: FloatArray, form: FloatArray) -> FloatArray:
 def normal_equations(
     moments: FloatArray, form: FloatArray, pivot: FloatArray, square: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Cost, half its gradient and its Gauss-Newton Hessian by small moves of the object.
+    """Cost, half its gradient and its Gauss-Newton Hessian by small moves of the target.
 
     Args:
         moments: (9, 9) M of a grid.
@@ -146,7 +146,7 @@ class Labelings(Rows):
         side: (K, G) the side of each grid's place, -1 where the grid is left out.
         offset: (K, G, 2).
         rotation, translation: (K, 3, 3), (K, 3) camera_from_world.
-        pivot: (K, 3) a point of the object in the camera frame.
+        pivot: (K, 3) a point of the target in the camera frame.
         grid_cost: (K, G) each grid's summed squared error, px²; a grid left out costs its gate.
 
     """

@@ -81,7 +81,7 @@ def second_pass(
     Args:
         photos: the photos that ``detection`` is of, in its order.
         detection: the first pass.
-        target: the object.
+        target: the calibration target.
         jobs: processes to use; None for one per processor.
         progress: called with photos done and all photos.
         executor: who looks at the photos instead of processes here.

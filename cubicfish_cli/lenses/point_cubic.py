@@ -21,7 +21,7 @@ from cubicfish_cli.types import BoolArray, FloatArray
 
 Frame = Literal["world", "camera"]
 
-# In units of the object's size: what a cubic that vanishes on all corners may come to at a point
+# In units of the target's size: what a cubic that vanishes on all corners may come to at a point
 # that still counts as lying where they were.
 _ON_BOARD = 1e-4
 

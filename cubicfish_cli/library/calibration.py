@@ -54,7 +54,7 @@ def calibrate(
     hold_out: bool = True,
     listener: Listener = SILENT,
 ) -> Calibration:
-    """Fit a camera, the pose of every photo and, where photos gain by it, the object.
+    """Fit a camera, the pose of every photo and, where photos gain by it, the target.
 
     The fit of ``cubicfish calibrate``. Poses are ``camera_from_world``,
     rotation matrices (M, 3, 3) and translations (M, 3) in the unit of the world points; errors are
@@ -62,10 +62,10 @@ def calibrate(
 
     Args:
         corners: what :func:`detect` found, named corners of any detector, or 2D-3D pairs.
-        target: the object that the corners are of; those of :func:`detect` and
-            :func:`load_corners` bring their own. Pairs need none, and then the object is taken
+        target: the calibration target that the corners are of; those of :func:`detect` and
+            :func:`load_corners` bring their own. Pairs need none, and then the target is taken
             as it is.
-        refine_target: what of the object is fitted too: ``off``, ``shape`` (boards bend, twist,
+        refine_target: what of the target is fitted too: ``off``, ``shape`` (boards bend, twist,
             stretch and move a little), ``points`` (each corner has an offset of its own as
             well), or ``auto``: the richest of these that lowers the held-out error, and ``off``
             where it is not certain of any corner which it is.
@@ -106,7 +106,7 @@ def evaluate(
     Args:
         camera: the camera.
         corners: as in :func:`calibrate`; no corner is dropped.
-        target: the object that the corners are of, as in :func:`calibrate`.
+        target: the calibration target that the corners are of, as in :func:`calibrate`.
 
     Raises:
         CorrespondenceError: corners come without their target, or do not fit it.
@@ -166,7 +166,7 @@ def save_camera(
 
 
 def save_target(path: str | os.PathLike[str], target: Target, *, overwrite: bool = False) -> None:
-    """Write an object, such as the one that a calibration refined, as ``target.yaml``.
+    """Write a target, such as the one that a calibration refined, as ``target.yaml``.
 
     Lengths are in the target's own unit.
 

@@ -234,7 +234,7 @@ def calibrate_files(
 
     Args:
         inputs: photos (files, folders and globs), films, or one corners.csv or correspondences.csv.
-        target: the object, or its file; 2D-3D pairs need none.
+        target: the calibration target, or its file; 2D-3D pairs need none.
         folder: where camera.yaml and what goes with it is written.
         correspondences: a table of 2D-3D pairs in the place of ``inputs``.
         image_size: (width, height) of the photos, for tables that do not say.
@@ -401,7 +401,7 @@ def evaluate_files(
     Args:
         camera: its file, or the folder of that.
         inputs: photos (files, folders and globs), or one corners.csv or correspondences.csv.
-        target: the object, or its file; 2D-3D pairs need none.
+        target: the calibration target, or its file; 2D-3D pairs need none.
         image_size: (width, height) of the photos, for tables that do not say.
         run: how the work is done.
 

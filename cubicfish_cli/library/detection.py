@@ -70,7 +70,7 @@ def detect(
             in a list (then named ``photo_0`` and so on); or files, folders and globs. Pictures
             must be as the sensor made them: :func:`read_picture` does not turn them, as cv2.imread
             may.
-        target: the object.
+        target: the calibration target.
         jobs: processes to use; None for one per processor. With more than one, a script must
             start its work below ``if __name__ == "__main__":``.
         cache: a folder in which what is found in files is kept; by default nothing is.
@@ -217,7 +217,7 @@ def detect_corners(
 
     Args:
         photos: where the photos are.
-        target: the object.
+        target: the calibration target.
         jobs: processes to use; None for one per processor.
         progress: called with photos done and all photos.
         cache: what was found in photos that were searched before; None searches them all.
@@ -444,7 +444,7 @@ def detect_files(
 
     Args:
         photos: files, folders and globs.
-        target: the object, or its file.
+        target: the calibration target, or its file.
         table: where the corners go.
         draw: a folder for a picture of what was found in each photo that could be read.
         run: how the work is done.

@@ -28,7 +28,7 @@ from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
 
-# Where fewer than these of the pictures show the object, what is good is not told by them.
+# Where fewer than these of the pictures show the target, what is good is not told by them.
 _FEW, _FEW_SHARE = 3, 0.5
 # Pictures have no more to add when of the last few hardly any is chosen.
 _HARDLY_ANY = 0.1
@@ -40,8 +40,8 @@ class Found:
 
     Attributes:
         patches: corners by the names of the pictures that have any.
-        pairs: the same as pairs; None where no object is known.
-        target: the object that they are of.
+        pairs: the same as pairs; None where no target is known.
+        target: the calibration target that they are of.
 
     """
 
@@ -75,7 +75,7 @@ def found_at_a_glance(
 
     Args:
         pictures: all of one size.
-        targets: what the object may be; None looks for any checkerboard.
+        targets: what the target may be; None looks for any checkerboard.
         size: (width, height) of the pictures.
         jobs: processes to use; None for one per processor.
         progress: called with pictures done and all pictures.
@@ -102,7 +102,7 @@ def found_in(
 
     Args:
         photos: all of one size.
-        targets: what the object may be; None looks for any checkerboard.
+        targets: what the target may be; None looks for any checkerboard.
         jobs: processes to use; None for one per processor.
         progress: called with photos done and all photos.
         cache: a folder in which what is found in files is kept.
@@ -230,7 +230,7 @@ class Search:
         names, seen: the pictures' names, and what is known of each.
         size: (width, height) of them.
         most: how many may be chosen.
-        targets: what the object may be; None where none is known.
+        targets: what the target may be; None where none is known.
         at_once: how many are looked at before it is asked whether more would add anything.
         looked_at: numbers of those that were looked at.
         choice: what is chosen of these.
@@ -255,7 +255,7 @@ class Search:
             others: those of worse ones.
 
         Raises:
-            DetectionError: none shows the object.
+            DetectionError: none shows the target.
 
         """
         failure: DetectionError | None = None

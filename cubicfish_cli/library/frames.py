@@ -87,7 +87,8 @@ def choose_frames(
     Args:
         films: films of one camera, all of one size: files, recordings with their topic, or globs.
         folder: where the frames go.
-        target: the object or its file, or what it may be; None looks for any checkerboard.
+        target: the calibration target or its file, or what it may be; None looks for any
+            checkerboard.
         most: how many frames may be chosen.
         run: how the work is done.
 
@@ -193,7 +194,7 @@ def choose_photos(
 
     Args:
         photos: photos of one camera.
-        target: the object, or what it may be.
+        target: the calibration target, or what it may be.
         run: how the work is done.
         most: how many photos may be chosen.
 

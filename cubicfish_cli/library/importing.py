@@ -237,7 +237,7 @@ def import_corner_files(
 
     Args:
         files: what the detector wrote: files, and folders of ``.orpc`` files.
-        target: the object, or its file.
+        target: the calibration target, or its file.
         table: where the corners go.
         written_by: ``deltille``, ``mrcal`` or ``kalibr``; by default told by the files' suffix.
         numbering: how corners are numbered, as ``cubicfish corners --help`` says.

@@ -66,7 +66,7 @@ def report_files(
     Args:
         calibration: the file of a camera or a rig, or the folder of that.
         page: where the page goes; by default report.html beside it.
-        target: the object as drawn, where it is not at its recorded place.
+        target: the calibration target as drawn, where it is not at its recorded place.
         photos: files, folders or patterns of the photos, where they are not at theirs.
         run: how the work is done.
 
@@ -157,7 +157,7 @@ def advise_files(
     Args:
         camera: its file, or the folder of that.
         corners: the corners.csv of the fit, where it is not beside the camera.
-        target: the object as drawn, where it is not at its recorded place.
+        target: the calibration target as drawn, where it is not at its recorded place.
         picture: also draws where the target should appear, as SVG.
         poses: also writes the proposed poses.
         goal_px: the uncertainty wanted over the field; by default 0.2, more for large photos.

@@ -88,7 +88,7 @@ def calibrate_rig_files(
     Args:
         cameras: of each camera, by name or not, a folder of photos, a film, a corners.csv, or the
             folder of its calibration, whose lens stays as it is.
-        target: the object, or its file.
+        target: the calibration target, or its file.
         folder: where rig.yaml goes, and each camera's camera.yaml in a folder of its name.
         names: of cameras without; by default those of their folders or files.
         lenses: by name, cameras that are calibrated already, or their files.
@@ -194,7 +194,7 @@ def evaluate_rig_files(
     Args:
         rig: its rig.yaml, or the folder of that.
         cameras: photos or a corners.csv of each camera, in the rig's order or called as they are.
-        target: the object, or its file.
+        target: the calibration target, or its file.
         run: how the work is done.
 
     Raises:

@@ -109,7 +109,7 @@ def rig_frames(
     Args:
         films: of each camera by name.
         folder: where frames go, in a folder for each camera, and shots.csv.
-        targets: the object, or what it may be.
+        targets: the calibration target, or what it may be.
         run: how the work is done.
         most: how many moments are chosen at most.
         tolerance: how far apart frames of a moment may be, seconds; None for half a frame.

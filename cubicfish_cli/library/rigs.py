@@ -78,7 +78,7 @@ def calibrate_rig(
     Args:
         cameras: by name, what :func:`detect` found in each one's photos, named corners, or pairs.
             The first camera's frame is the rig's.
-        target: the object; pairs need none.
+        target: the calibration target; pairs need none.
         shots: which photos are of one shot: those of the same ``name`` (without folder and
             ending), those at the same place in ``order``, those of one ``time``, or rows (shot,
             camera, photo).
@@ -306,7 +306,7 @@ def evaluate_rig(
     Args:
         rig: as ``load_rig`` gives it.
         cameras: by the rig's names, as for :func:`calibrate_rig`.
-        target: the object, in the rig's units; pairs need none.
+        target: the calibration target, in the rig's units; pairs need none.
         shots: as for :func:`calibrate_rig`.
         tolerance: likewise.
         times: likewise.

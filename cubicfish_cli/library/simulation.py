@@ -240,7 +240,7 @@ def simulate_files(
     that ``cubicfish frames`` gives it. All files are written, or none.
 
     Args:
-        target: the object, or its file; its boards are rendered flat.
+        target: the calibration target, or its file; its boards are rendered flat.
         lens: a camera or a fit; the name of a lens that no camera can hold (``moving-pupil``,
             ``mirror``, ``equisolid``, ``orthographic``); or a file: camera.yaml, a lens's
             formula, or another tool's.

@@ -131,7 +131,7 @@ def build_plane(
 
     Args:
         camera: the camera that took the photo.
-        target: the object.
+        target: the calibration target.
         board: the name of one of its boards, a grid.
         rotation: (3, 3) of ``camera_from_world`` of this photo.
         translation: (3,) of the same, in the target's unit.

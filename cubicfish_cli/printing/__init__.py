@@ -1,1 +1,1 @@
-"""Boards on paper: true-scale PDF pages, objects made for a paper size, and how to join them."""
+"""Boards on paper: true-scale PDF pages, targets made for a paper size, and how to join them."""

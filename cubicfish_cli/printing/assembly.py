@@ -1,4 +1,4 @@
-"""What is written for an object: its boards' pages, and one that says how sheets are joined."""
+"""What is written for a target: its boards' pages, and one that says how sheets are joined."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Words:
     """What the page says, besides the drawings.
 
     Attributes:
-        title: the object.
+        title: the target.
         steps: what to do, one after the other.
 
     """
@@ -54,7 +54,7 @@ def assembly_page(sheets: Sequence[Sheet], words: Words, *, letter: bool) -> Can
     """Draw the page.
 
     Args:
-        sheets: the object's sheets, with boards in their places, in millimetres.
+        sheets: the target's sheets, with boards in their places, in millimetres.
         words: what it says.
         letter: on US letter paper instead of A4.
 
@@ -147,7 +147,7 @@ def _world(sheet: Sheet, plane: FloatArray) -> FloatArray:
 
 
 def _draw_object(canvas: Canvas, sheets: Sequence[Sheet], top: float, width: float) -> float:
-    """The object as someone in front of it sees it; returns how much height it took."""
+    """The target as someone in front of it sees it; returns how much height it took."""
     target = Target(units="mm", boards=tuple(sheet.board for sheet in sheets))
     plates = [_world(sheet, sheet.outline) for sheet in sheets]
     picture, height = picture_of(
@@ -311,7 +311,7 @@ def write_assembly(
 
 
 def words_for(kind: str | None, paper: str) -> Words:
-    """What the page says about an object of a kind that is made here, or (None) any other."""
+    """What the page says about a target of a kind that is made here, or (None) any other."""
     check = (
         f"Print boards.pdf at 100 % on {paper}, without 'fit to page', and check the printed "
         "rulers with a real one: 100 mm must be 100 mm. If not, print again; if that does not "

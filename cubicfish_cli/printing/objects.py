@@ -1,6 +1,6 @@
-"""Objects made for a size of paper: which boards, how many squares, and where they are.
+"""Targets made for a size of paper: which boards, how many squares, and where they are.
 
-Every object is made of rectangular sheets that are cut at the edges where they meet. The world's
+Every target is made of rectangular sheets that are cut at the edges where they meet. The world's
 frame follows from that alone: z is up, and the sheets' printed faces meet in those edges.
 """
 
@@ -43,10 +43,10 @@ _NICE = (*range(5, 40), *range(40, 80, 2), *range(80, 301, 5))
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """What an object is to be like; None where that is for the paper to decide.
+    """What a target is to be like; None where that is for the paper to decide.
 
     Attributes:
-        kind: which object.
+        kind: which target.
         type: of its boards.
         square: side of a square, or of a tag, in millimetres.
         counts: inner corners (of an aprilgrid: tags) along x and y of the largest board.
@@ -63,7 +63,7 @@ class Wanted:
 
 @dataclass(frozen=True)
 class _Face:
-    """One sheet of an object whose sheets have sides a, b or c.
+    """One sheet of a target whose sheets have sides a, b or c.
 
     Attributes:
         name: the board's.
@@ -96,7 +96,7 @@ class _Face:
 
 
 def _joined(*faces: _Face) -> tuple[_Face, ...]:
-    """The sheets of an object, each with what its sides meet."""
+    """The sheets of a target, each with what its sides meet."""
     sides = [(one.name, side, ends) for one in faces for side, ends in one.edges().items()]
     return tuple(
         replace(
@@ -114,7 +114,7 @@ def _joined(*faces: _Face) -> tuple[_Face, ...]:
 
 _LEFT, _DOWN = (-1.0, 0.0, 0.0), (0.0, 0.0, -1.0)
 _RIGHT, _DEEP, _NEAR = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)
-# Width and height of a sheet are sides 0, 1, 2 of the object: along x, along y and along z.
+# Width and height of a sheet are sides 0, 1, 2 of the target: along x, along y and along z.
 _FACES: dict[Kind, tuple[_Face, ...]] = {
     "corner": _joined(
         _Face("left", (0, 2), (1, 0, 1), _LEFT, _DOWN, "top"),
@@ -140,7 +140,7 @@ _FACES: dict[Kind, tuple[_Face, ...]] = {
 
 
 def design(wanted: Wanted, paper: Paper, *, margin: float) -> tuple[Target, list[Sheet]]:
-    """An object whose sheets fit the paper, each on one page unless that cannot be.
+    """A target whose sheets fit the paper, each on one page unless that cannot be.
 
     Args:
         wanted: what it is to be like. With ``square`` and ``counts`` its sheets are as large as

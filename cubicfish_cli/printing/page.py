@@ -50,7 +50,7 @@ def draw_page(page: Page, number: int, count: int) -> Canvas:
 
 
 def _extent(page: Page) -> Rect:
-    """What of the page belongs to the joined object: up to its cuts or the printer's reach."""
+    """What of the page belongs to the joined target: up to its cuts or the printer's reach."""
     return Rect(
         left=page.cuts.get("left", page.margin),
         top=page.cuts.get("top", page.margin),

@@ -29,7 +29,7 @@ from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 Float32Array = npt.NDArray[np.float32]
 
-# A place to carry the object to for so many seconds of film, and the fewest there are.
+# A place to carry the target to for so many seconds of film, and the fewest there are.
 _SECONDS_A_PLACE, _FEWEST_PLACES = 1.6, 4
 # Moments of an exposure, each a little beside the others within the pixel.
 _MOMENTS = 4
@@ -79,10 +79,10 @@ def hand_path(
     *,
     seed: int = 0,
 ) -> HandPath:
-    """A way of the object that fills the field, from varied sides and distances.
+    """A way of the target that fills the field, from varied sides and distances.
 
     Raises:
-        TargetError: the object cannot be drawn, or cannot be seen so often.
+        TargetError: the target cannot be drawn, or cannot be seen so often.
 
     """
     places = max(_FEWEST_PLACES, round(seconds / _SECONDS_A_PLACE))

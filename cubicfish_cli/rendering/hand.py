@@ -18,19 +18,19 @@ from cubicfish_cli.types import FloatArray, IntArray
 # Degrees a second of a move in the mean, the way through the picture and the turn added up.
 _SPEED_DEG = 70.0
 _SHORTEST_MOVE, _LONGEST_PAUSE = 0.4, 0.7  # seconds, before all times are scaled to the film's
-# Sway and tremor: hertz, and degrees of the way to the object and of its turn.
+# Sway and tremor: hertz, and degrees of the way to the target and of its turn.
 _WAVES = ((0.4, 0.5, 1.0), (1.1, 0.2, 0.5), (4.0, 0.02, 0.06), (8.5, 0.008, 0.025))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HandPath:
-    """Where the object is at every moment.
+    """Where the target is at every moment.
 
     Attributes:
         middle: (3,) the world point that is carried.
         begin, end: (M,) seconds of each move; between two moves is a pause.
         turn: (M + 1, 3, 3) camera_from_world rotations at the places between.
-        way: (M + 1, 3) unit vectors to the object's middle, camera frame.
+        way: (M + 1, 3) unit vectors to the target's middle, camera frame.
         distance: (M + 1,) of the middle.
         phase: (waves, 5) of sway and tremor.
 
@@ -52,7 +52,7 @@ class HandPath:
 
         Args:
             poses: camera_from_world, at least two.
-            middle: (3,) the object's middle, world.
+            middle: (3,) the target's middle, world.
             seconds: how long it takes.
             seed: of pauses, sway and tremor.
 

@@ -1,4 +1,4 @@
-"""A drawing of the calibration object as SVG text: its boards in parallel projection."""
+"""A drawing of the calibration target as SVG text: its boards in parallel projection."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Picture:
 def object_svg(target: Target) -> str:
     """Draw the boards of a target, corner (0, 0) and both axes of each, and the world's axes.
 
-    The object is seen from where most boards show their printed faces; boards that show their
+    The target is seen from where most boards show their printed faces; boards that show their
     backs are dashed. The colours suit light and dark pages alike.
     """
     plates = [board_rim(board) for board in target.boards]
@@ -106,7 +106,7 @@ def picture_of(
     """A drawing from where most boards show their printed faces, and how high it is.
 
     Args:
-        target: the object.
+        target: the calibration target.
         world: (N, 3) the points that must be in the drawing.
         size: its width, and its greatest height.
         margin: on all sides, part of the size.

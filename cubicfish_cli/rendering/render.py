@@ -118,7 +118,7 @@ def render(
     exactly where the lens puts it. Memory is bounded: rows are done in blocks.
 
     Args:
-        target: the object; boards that are seen from behind are plain grey.
+        target: the calibration target; boards that are seen from behind are plain grey.
         lens_unproject: pixels (N, 2) -> rays in the camera frame (N, 3), NaN outside the
             lens's field, which stays black.
         camera_from_world: rotation vector and translation.

@@ -109,7 +109,7 @@ def chosen_poses(
     """Poses of ``count`` photos that fill the field from varied sides and distances.
 
     Raises:
-        TargetError: the object cannot be drawn, or cannot be seen so often.
+        TargetError: the target cannot be drawn, or cannot be seen so often.
 
     """
     wanted = min(max(_FEWEST_VIEWS, _VIEWS_A_PHOTO * count), max(_MOST_VIEWS, count))

@@ -211,7 +211,7 @@ def corners_text(
     """The text of a corners.csv.
 
     Args:
-        target: the object.
+        target: the calibration target.
         found: by the photo's name, which of the target's corners (N,), and their pixels (N, 2).
         image_size: (width, height) of the photos.
         digits: of a pixel, behind the point.

@@ -1,7 +1,7 @@
-"""Where a camera may stand to see an object well: sampled poses, and a choice that fills the field.
+"""Where a camera may stand to see a target well: sampled poses, and a choice that fills the field.
 
 Poses come from a low-discrepancy sequence (Roberts 2018, the generalised golden ratio) over the
-side from which the object is seen, the distance, the place in the picture and the roll. Those that
+side from which the target is seen, the distance, the place in the picture and the roll. Those that
 show too few whole boards, or squares too small to be found, are left out.
 """
 
@@ -24,7 +24,7 @@ from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # Squares below these many pixels are hard to find, and so are markers' modules.
 _SQUARE_PX, _MODULE_PX = 10.0, 2.6
-# Shares of the object's diagonal: how near and far to stand, and how far from a board's plane.
+# Shares of the target's diagonal: how near and far to stand, and how far from a board's plane.
 _NEAREST, _FARTHEST, _CLEARANCE = 0.3, 2.0, 0.1
 # Boards are seen at a slant of up to 75° between the way to them and their normal.
 _LEAST_COSINE = 0.26
@@ -79,7 +79,7 @@ class Viewpoint:
 
     @property
     def direction(self) -> FloatArray:
-        """(3,) unit ray to where the object is in the picture: the mean of its corners' rays."""
+        """(3,) unit ray to where the target is in the picture: the mean of its corners' rays."""
         points = self.seen.camera[self.seen.visible]
         mean = (points / np.linalg.norm(points, axis=1, keepdims=True)).mean(axis=0)
         return mean / np.linalg.norm(mean)
@@ -140,19 +140,19 @@ def sample_views(
     seed: int = 0,
     within: Distances | None = None,
 ) -> list[Viewpoint]:
-    """Up to ``count`` views of the object, spread over the field, sides, distances and rolls.
+    """Up to ``count`` views of the target, spread over the field, sides, distances and rolls.
 
     Each shows at least one whole board (at least half of the most that can be seen at once), with
-    squares large enough to be found. An object whose boards can all be seen at once, such as the
+    squares large enough to be found. A target whose boards can all be seen at once, such as the
     inside of a box, is seen from before all of them only: the rest is behind a wall.
 
     Args:
-        target: the object; its boards are taken as flat.
+        target: the calibration target; its boards are taken as flat.
         lens: the camera.
         image_size: (width, height), pixels.
         count: how many views to look for.
         seed: of the sequence; the same arguments give the same views.
-        within: how near and far to stand; None for all that the object and the camera allow.
+        within: how near and far to stand; None for all that the target and the camera allow.
 
     Raises:
         TargetError: a board of a kind that cannot be drawn.
@@ -163,7 +163,7 @@ def sample_views(
     thing = _Thing.of(target)
     near, far = _distances(thing, rays, image_size)
     if within is not None:
-        # No corner is farther from the middle of the object than this.
+        # No corner is farther from the middle of the target than this.
         near = max(near, within.near - thing.diagonal / 2)
         far = min(far, within.far + thing.diagonal / 2)
     if near > far:
@@ -229,7 +229,7 @@ def choose_views(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Thing:
-    """What of an object decides from where it can be seen."""
+    """What of a target decides from where it can be seen."""
 
     boards: tuple[Board, ...]
     middles: FloatArray
@@ -289,7 +289,7 @@ def _field(lens: WholeLens, image_size: tuple[int, int]) -> FloatArray:
 
 
 def _distances(thing: _Thing, rays: FloatArray, image_size: tuple[int, int]) -> tuple[float, float]:
-    """From how near to how far the object can be seen whole and sharply enough.
+    """From how near to how far the target can be seen whole and sharply enough.
 
     The nearest is beyond the farthest where it cannot.
     """

@@ -26,7 +26,7 @@ from cubicfish_cli.types import BoolArray, FloatArray
 from cubicfish_cli.words.finding import Finding, joined
 
 REFINED = ("shape", "points")
-"""What ``refine_target`` of a fit's record says where the object was fitted too."""
+"""What ``refine_target`` of a fit's record says where the target was fitted too."""
 _HINTS = {"--target": "; 'cubicfish report --target FILE' names it"}
 # Errors that are worked out again and differ by more than this share are of other corners.
 _SAME_RMS = 0.02
@@ -125,7 +125,7 @@ class Facts:
         dropped_pixels: photo and (2,) pixel of those of them that are at hand.
         errors: None where the corners or what they are of are not at hand.
         lack: why ``errors`` is None; None where it is not.
-        target: the object as fitted; None where it is not at hand.
+        target: the calibration target as fitted; None where it is not at hand.
         files: where each photo is, as far as that is known.
         digests: SHA-256 that a photo's file must have to be shown, where that is known.
         absent: what the page lacks and why, a line each.
@@ -155,7 +155,7 @@ class Facts:
 
     @property
     def units(self) -> str:
-        """Unit of lengths; empty where the object is not known."""
+        """Unit of lengths; empty where the target is not known."""
         return self.target.units if self.target else ""
 
     @cached_property
@@ -183,9 +183,9 @@ def gather(
         fit: how well it fits, as camera.yaml has it; whatever in it is not what a calibration
             writes is passed over.
         made_by: version, date, options and hashes, as camera.yaml has them.
-        pairs: the corners with the world points of the object as fitted. Those that the fit
+        pairs: the corners with the world points of the target as fitted. Those that the fit
             left out may be among them.
-        target: the object as fitted.
+        target: the calibration target as fitted.
         files: the photos' files by the photos' names.
         digests: SHA-256 that these files must have, by the photos' names; others are not shown.
         lack: why there are no pairs.
@@ -323,10 +323,10 @@ def _errors(
     before, now = recorded_number(fit.get("rms_px")), rms_px(residual)
     if before is not None and abs(now - before) > max(_SAME_RMS * before, _SAME_RMS_PX):
         return None, (
-            f"the corners and the object at hand give an RMS of {now:.3f} px and the fit had "
+            f"the corners and the target at hand give an RMS of {now:.3f} px and the fit had "
             f"{before:.3f} px: they are not those of the fit"
             + (
-                " (the object was fitted too, and target.refined.yaml holds it)"
+                " (the target was fitted too, and target.refined.yaml holds it)"
                 if fit.get("refine_target") in REFINED
                 else ""
             )

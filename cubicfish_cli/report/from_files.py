@@ -21,7 +21,7 @@ from cubicfish_cli.wording import quoted
 
 _REFINED = "target.refined.yaml"
 _CORNERS = "corners.csv"
-# Programs that save a calibration may put the object there; its place is not on record then.
+# Programs that save a calibration may put the target there; its place is not on record then.
 _TARGET = "target.yaml"
 
 
@@ -37,9 +37,9 @@ def facts_of_files(
     A file that the camera file names is read only if it still has the SHA-256 that stands there.
 
     Args:
-        camera_file: camera.yaml; corners.csv, target.refined.yaml and, where the object's place is
+        camera_file: camera.yaml; corners.csv, target.refined.yaml and, where the target's place is
             not on record, target.yaml are looked for beside it.
-        target: the object as drawn, where it is not at its recorded place.
+        target: the calibration target as drawn, where it is not at its recorded place.
         photos: files, folders or patterns of the photos, where they are not at theirs.
         corners: the corners.csv of the fit, where it is not beside the camera.
 
@@ -102,7 +102,7 @@ def facts_of_fit(
         fit: how well it fits, as camera.yaml will have it.
         made_by: how it was made, likewise.
         pairs: what was fitted to.
-        target: the object as fitted.
+        target: the calibration target as fitted.
         photos: the photos' files; none for corners alone.
 
     """
@@ -138,7 +138,7 @@ def _lack(
     has_table = (folder / _CORNERS).is_file() or bool(recorded_mappings(made_by.get("inputs")))
     if target is None and has_table and (on_record is not None or (folder / _CORNERS).is_file()):
         if refined:
-            why = f"the object was fitted too, and {_REFINED} is not beside the camera"
+            why = f"the target was fitted too, and {_REFINED} is not beside the camera"
         elif isinstance(on_record, Mapping):
             name = quoted(str(on_record.get("file")))
             why = f"the target is not where it was, or has changed ({name})"

@@ -51,7 +51,7 @@ def test_an_exact_drawing_writes_no_second_target(run: Run, tmp_path):
         "--refine-target", "off",
     )  # fmt: skip
     assert not (folder / "target.refined.yaml").exists()
-    assert "object fitted too" not in done.stdout
+    assert "target fitted too" not in done.stdout
     fit = yaml.safe_load((folder / "camera.yaml").read_text())["fit"]
     assert fit["refine_target"] == "off"
     sigma = fit["uncertainty"]["sigma_px"]

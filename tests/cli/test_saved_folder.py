@@ -88,5 +88,5 @@ def test_a_fitted_object_is_asked_for_by_its_file(run: Run, saved: Saved) -> Non
     # The object as drawn is not the one of such a fit.
     camera.write_text(changed.replace(f"  rms_px: {rms}\n", "  rms_px: 0.5\n"), encoding="utf-8")
     said = run("advise", folder, "--target", TARGET, code=1).stderr
-    assert "not those of the fit (the object was fitted too, and target.refined.yaml holds" in said
+    assert "not those of the fit (the target was fitted too, and target.refined.yaml holds" in said
     assert said.count("\n") == 1

@@ -84,11 +84,11 @@ def test_what_only_the_point_lift_asks_for_comes_last(run: Run) -> None:
 def test_words_fill_the_lines_of_a_terminal_and_are_broken_once(
     run: Run, monkeypatch: pytest.MonkeyPatch, columns: int
 ) -> None:
-    plain = run("target", "check", SAMPLE / "target.yaml").stdout.partition("\nObject")[2]
+    plain = run("target", "check", SAMPLE / "target.yaml").stdout.partition("\nTarget")[2]
     assert max(map(len, plain.splitlines())) > 150  # elsewhere a line stays a line
     for module in (streams, target, terminal):
         monkeypatch.setattr(module, "columns_of", lambda stream: columns)
-    text = run("target", "check", SAMPLE / "target.yaml").stdout.partition("\nObject")[2]
+    text = run("target", "check", SAMPLE / "target.yaml").stdout.partition("\nTarget")[2]
     assert text.split() == plain.split()
     lines = text.splitlines()[1:]
     assert max(map(len, lines)) <= columns
