@@ -171,12 +171,12 @@ def _jpeg(data: bytes) -> Claim | None:
     height, width, channels = struct.unpack_from(">HHB", data, position + 3)
     if not channels:
         return None
-    bytes_a_pixel = float(channels)
+    bytes_per_pixel = float(channels)
     if marker in (0xC2, 0xC6, 0xCA, 0xCE):  # progressive: all coefficients are kept, in 16 bits
         shares = [data[position + 9 + 3 * channel] for channel in range(channels)]
         samples = [(share >> 4) * (share & 15) for share in shares]
-        bytes_a_pixel += 2 * sum(samples) / max(1, *samples)
-    return _claim(width, height, bytes_a_pixel)
+        bytes_per_pixel += 2 * sum(samples) / max(1, *samples)
+    return _claim(width, height, bytes_per_pixel)
 
 
 def _bmp(data: bytes) -> Claim | None:
@@ -304,8 +304,8 @@ def _pnm(data: bytes) -> Claim | None:
     return claim if kind == 1 or least <= len(data) else None
 
 
-def _claim(width: int, height: int, bytes_a_pixel: float) -> Claim:
-    return Claim(width=width, height=height, memory=math.ceil(width * height * bytes_a_pixel))
+def _claim(width: int, height: int, bytes_per_pixel: float) -> Claim:
+    return Claim(width=width, height=height, memory=math.ceil(width * height * bytes_per_pixel))
 
 
 _KINDS: tuple[tuple[bytes, Callable[[bytes], Claim | None]], ...] = (

@@ -227,7 +227,7 @@ def _views_of_ground(
     """
 
     def chosen(ground: Ground) -> ChosenView:
-        view = ground.view(body, margin=asked.margin, pixels_a_unit=asked.pixels_per_unit)
+        view = ground.view(body, margin=asked.margin, pixels_per_unit=asked.pixels_per_unit)
         return ChosenView(views={"": view}, unit=rig.units or "unit")
 
     if isinstance(asked, GroundOptions):

@@ -30,7 +30,7 @@ from cubicfish_cli.wording import did_you_mean, quoted
 from cubicfish_cli.words.codes import Event
 
 Size = tuple[int, int]
-_PIXELS_A_BLOCK = 262_144  # bounds the memory that a large picture takes
+_PIXELS_PER_BLOCK = 262_144  # bounds the memory that a large picture takes
 _LIMIT = 1e9
 _ROTATION_TOLERANCE = 1e-6
 
@@ -197,7 +197,7 @@ def plane_of(
         y_axis=rotation @ np.asarray(board.y_axis),
         low=corners[0] - beyond,
         high=corners[1] + beyond,
-        pixels_a_unit=pixels_per_unit,
+        pixels_per_unit=pixels_per_unit,
     )
 
 
@@ -347,9 +347,9 @@ class TrustedWithin:
 
         """
         within = np.zeros_like(made.valid)
-        rows_a_block = max(1, _PIXELS_A_BLOCK // made.valid.shape[1])
-        for top in range(0, len(made.valid), rows_a_block):
-            rows = slice(top, top + rows_a_block)
+        rows_per_block = max(1, _PIXELS_PER_BLOCK // made.valid.shape[1])
+        for top in range(0, len(made.valid), rows_per_block):
+            rows = slice(top, top + rows_per_block)
             valid = made.valid[rows]
             pixel = np.stack([made.map_x[rows][valid], made.map_y[rows][valid]], axis=-1)
             source = calibrated_pixels(pixel.astype(float), self._size, size, self._crop)

@@ -30,7 +30,7 @@ from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 Float32Array = npt.NDArray[np.float32]
 
 # A place to carry the target to for so many seconds of film, and the fewest there are.
-_SECONDS_A_PLACE, _FEWEST_PLACES = 1.6, 4
+_SECONDS_PER_PLACE, _FEWEST_PLACES = 1.6, 4
 # Moments of an exposure, each a little beside the others within the pixel.
 _MOMENTS = 4
 # Points of the plane with least discrepancy (Roberts, 2018), their middle that of the pixel.
@@ -85,7 +85,7 @@ def hand_path(
         TargetError: the target cannot be drawn, or cannot be seen so often.
 
     """
-    places = max(_FEWEST_PLACES, round(seconds / _SECONDS_A_PLACE))
+    places = max(_FEWEST_PLACES, round(seconds / _SECONDS_PER_PLACE))
     poses = chosen_poses(target, lens, image_size, places, seed=seed)
     world = target.corners()[3]
     middle = (world.min(axis=0) + world.max(axis=0)) / 2

@@ -33,7 +33,7 @@ INK, PAPER, _BACK = 0.07, 0.92, 0.45
 # Light from above and from one side, so that boards at right angles differ in brightness.
 _LIGHT = np.array([0.36, 0.48, 0.8])
 AMBIENT = 0.6
-_RAYS_A_BLOCK = 50_000  # fits a processor cache
+_RAYS_PER_BLOCK = 50_000  # fits a processor cache
 _NOTHING, _BLACK = -1, -2  # what a ray shows where there is no board, and outside the field
 
 
@@ -174,9 +174,9 @@ def _sampled(
     x = (np.arange(width)[:, None] + offset).ravel()
     photo = np.empty((height, width))
     shown = np.full((height, width), _NOTHING)
-    rows_a_block = max(1, _RAYS_A_BLOCK // (len(x) * supersample))
-    for top in range(0, height, rows_a_block):
-        rows = np.arange(top, min(height, top + rows_a_block))
+    rows_per_block = max(1, _RAYS_PER_BLOCK // (len(x) * supersample))
+    for top in range(0, height, rows_per_block):
+        rows = np.arange(top, min(height, top + rows_per_block))
         y = (rows[:, None] + offset).ravel()
         pixel = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1).reshape(-1, 2)
         light, here = light_of(pixel)
@@ -202,9 +202,9 @@ def _smooth_edges(
     row, column = np.nonzero(edge)
     offset = _offsets(supersample)
     within = np.stack(np.meshgrid(offset, offset), axis=-1).reshape(-1, 2)
-    pixels_a_block = max(1, _RAYS_A_BLOCK // len(within))
-    for first in range(0, len(row), pixels_a_block):
-        block = slice(first, first + pixels_a_block)
+    pixels_per_block = max(1, _RAYS_PER_BLOCK // len(within))
+    for first in range(0, len(row), pixels_per_block):
+        block = slice(first, first + pixels_per_block)
         middle = np.stack([column[block], row[block]], axis=-1)
         light, _ = light_of((middle[:, None] + within).reshape(-1, 2))
         photo[row[block], column[block]] = light.reshape(-1, len(within)).mean(axis=1)

@@ -20,12 +20,12 @@ from cubicfish_cli.types import FloatArray
 # Rays to 1e-7: a thousandth of a pixel of a lens with 10,000 pixels per radian, in half the memory.
 FloatArray32 = npt.NDArray[np.float32]
 
-_PIXELS_A_BLOCK = 200_000
+_PIXELS_PER_BLOCK = 200_000
 FORMATS = ("jpg", "png")
 _QUALITY = 95
 _SUPERSAMPLE = 4
 # Of each photo there are so many views to choose from, and at least so many in all.
-_VIEWS_A_PHOTO, _FEWEST_VIEWS, _MOST_VIEWS = 15, 120, 1500
+_VIEWS_PER_PHOTO, _FEWEST_VIEWS, _MOST_VIEWS = 15, 120, 1500
 # Towards the lamp, camera frame: over the photographer's left shoulder.
 LAMP = np.array([-0.35, -0.5, -0.79])
 
@@ -53,9 +53,9 @@ class RayGrid:
         # One pixel more on each side, so that every slope has two neighbours.
         framed = np.empty((height + 2, width + 2, 3), np.float32)
         x = np.arange(-1.0, width + 1)
-        rows_a_block = max(1, _PIXELS_A_BLOCK // len(x))
-        for top in range(0, height + 2, rows_a_block):
-            y = np.arange(top, min(height + 2, top + rows_a_block)) - 1.0
+        rows_per_block = max(1, _PIXELS_PER_BLOCK // len(x))
+        for top in range(0, height + 2, rows_per_block):
+            y = np.arange(top, min(height + 2, top + rows_per_block)) - 1.0
             pixel = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1)
             rays = unproject(pixel.reshape(-1, 2))
             framed[top : top + len(y)] = rays.reshape(len(y), width + 2, 3)
@@ -112,7 +112,7 @@ def chosen_poses(
         TargetError: the target cannot be drawn, or cannot be seen so often.
 
     """
-    wanted = min(max(_FEWEST_VIEWS, _VIEWS_A_PHOTO * count), max(_MOST_VIEWS, count))
+    wanted = min(max(_FEWEST_VIEWS, _VIEWS_PER_PHOTO * count), max(_MOST_VIEWS, count))
     views = sample_views(target, lens, image_size, wanted, seed=seed)
     if len(views) < count:
         raise TargetError(

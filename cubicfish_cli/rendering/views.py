@@ -28,7 +28,7 @@ _SQUARE_PX, _MODULE_PX = 10.0, 2.6
 _NEAREST, _FARTHEST, _CLEARANCE = 0.3, 2.0, 0.1
 # Boards are seen at a slant of up to 75° between the way to them and their normal.
 _LEAST_COSINE = 0.26
-_TRIES_A_VIEW = 40
+_TRIES_PER_VIEW = 40
 _GRID = (48, 36)
 _CELLS = 8  # along the photo's shorter side, as coverage is counted
 # How much being unlike the views before counts beside filling the field.
@@ -168,7 +168,7 @@ def sample_views(
         far = min(far, within.far + thing.diagonal / 2)
     if near > far:
         return []
-    places = _sequence(_TRIES_A_VIEW * count, 6, seed)
+    places = _sequence(_TRIES_PER_VIEW * count, 6, seed)
     distance = near * (far / near) ** places[:, 2:3].copy()  # a copy: angles.py says why
     eyes = thing.middle + _on_sphere(places[:, :2]) * distance
     aims, allowed = thing.aims(eyes)
@@ -296,9 +296,9 @@ def _distances(thing: _Thing, rays: FloatArray, image_size: tuple[int, int]) -> 
     turn = np.linalg.norm(np.diff(rays, axis=1), axis=-1)
     if not np.isfinite(turn).any():
         return _NEAREST * thing.diagonal, _FARTHEST * thing.diagonal
-    radians_a_pixel = float(np.nanmedian(turn)) * _GRID[0] / image_size[0]
-    sharp = max(board.square / (_least_px(board) * radians_a_pixel) for board in thing.boards)
-    half_field = min(0.5 * min(image_size) * radians_a_pixel, np.radians(60.0))
+    radians_per_pixel = float(np.nanmedian(turn)) * _GRID[0] / image_size[0]
+    sharp = max(board.square / (_least_px(board) * radians_per_pixel) for board in thing.boards)
+    half_field = min(0.5 * min(image_size) * radians_per_pixel, np.radians(60.0))
     near = max(_NEAREST * thing.diagonal, 0.4 * thing.largest / np.tan(half_field))
     return near, min(max(_FARTHEST * thing.diagonal, 2 * near), sharp)
 

@@ -23,7 +23,7 @@ Floats = npt.NDArray[np.float32]
 _BACK = np.array([0.0, 0.0, 1.0])
 _OFF = -1.0
 _LEAST_SIDE = 1024
-_ROWS_A_BLOCK = 64
+_ROWS_PER_BLOCK = 64
 _CHECKS = 20_000
 _FLIP = np.array([1.0, -1.0, -1.0])
 
@@ -51,14 +51,14 @@ def lens_tables(camera: CubicCamera) -> LensTables:
     width, height = camera.image_size
     side = max(_LEAST_SIDE, width, height)
     enter = np.empty((height, width, 3), np.float32)
-    for top in range(0, height, _ROWS_A_BLOCK):
-        rows = np.arange(top, min(height, top + _ROWS_A_BLOCK))
+    for top in range(0, height, _ROWS_PER_BLOCK):
+        rows = np.arange(top, min(height, top + _ROWS_PER_BLOCK))
         pixel = np.stack(np.meshgrid(np.arange(width), rows), axis=-1).astype(float)
         rays = camera.unproject(pixel) * _FLIP
         enter[rows] = np.where(np.isfinite(rays), rays, _BACK)
     leave = np.empty((side, side, 2), np.float32)
-    for top in range(0, side, _ROWS_A_BLOCK):
-        rows = np.arange(top, min(side, top + _ROWS_A_BLOCK))
+    for top in range(0, side, _ROWS_PER_BLOCK):
+        rows = np.arange(top, min(side, top + _ROWS_PER_BLOCK))
         place = np.stack(np.meshgrid(np.arange(side), rows), axis=-1)
         shares = _shares(camera, octahedral_rays((2 * place + 1) / side - 1) * _FLIP)
         leave[rows] = np.where(np.isfinite(shares), shares, _OFF)

@@ -25,7 +25,7 @@ Origin = Literal["bottom-left", "top-left"]
 
 FIXED_POINT_FORMAT = "cubicfish fixed_point_map 1"
 _BEYOND = 65_535
-_ROWS_A_BLOCK = 32
+_ROWS_PER_BLOCK = 32
 
 
 def build_redistort_map(camera: CubicCamera, view: View) -> UndistortMap:
@@ -41,8 +41,8 @@ def build_redistort_map(camera: CubicCamera, view: View) -> UndistortMap:
     x, y = np.full((2, height, width), OUTSIDE, np.float32)
     valid = np.zeros((height, width), bool)
     limit = np.array(view.size) - 1
-    for top in range(0, height, _ROWS_A_BLOCK):
-        rows = slice(top, min(height, top + _ROWS_A_BLOCK))
+    for top in range(0, height, _ROWS_PER_BLOCK):
+        rows = slice(top, min(height, top + _ROWS_PER_BLOCK))
         pixel = np.stack(
             np.meshgrid(np.arange(width), np.arange(rows.start, rows.stop)), axis=-1
         ).astype(float)

@@ -42,7 +42,7 @@ REDISTORT_FORMAT = "cubicfish redistort_map 1"
 OUTSIDE = -1.0
 _KEYS = ("map_x", "map_y", "valid", "view", "format", "image_size")
 # A block's arrays stay in the processor's cache; fewer pixels than these are not worth a thread.
-_PIXELS_A_BLOCK = 65_536
+_PIXELS_PER_BLOCK = 65_536
 _PIXELS_FOR_THREADS = 250_000
 _THREADS = 2
 
@@ -219,7 +219,7 @@ def build_map(camera: PointProjector, view: View) -> UndistortMap:
     put = _filler(camera, view)
 
     def fill(top: int) -> None:
-        rows = slice(top, min(height, top + rows_a_block))
+        rows = slice(top, min(height, top + rows_per_block))
         x, y = map_x[rows], map_y[rows]
         put(rows, x, y)
         # Comparisons with NaN are false. Beyond the outer pixels' centres cv2.remap would
@@ -235,8 +235,8 @@ def build_map(camera: PointProjector, view: View) -> UndistortMap:
         np.copyto(x, OUTSIDE, where=inside)
         np.copyto(y, OUTSIDE, where=inside)
 
-    rows_a_block = max(1, _PIXELS_A_BLOCK // width)
-    tops = range(0, height, rows_a_block)
+    rows_per_block = max(1, _PIXELS_PER_BLOCK // width)
+    tops = range(0, height, rows_per_block)
     if width * height < _PIXELS_FOR_THREADS:
         for top in tops:
             fill(top)

@@ -6,7 +6,7 @@ the photo was taken, as long as the plane's place in the camera's frame is known
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -45,7 +45,7 @@ class PlaneView(View):
     Attributes:
         origin: the point of the plane, in the camera's frame, that pixel (0, 0) shows.
         x_axis, y_axis: unit vectors in the camera's frame, of growing column and row.
-        pixels_a_unit: scale of the picture, pixels per unit of length.
+        pixels_per_unit: scale of the picture, pixels per unit of length.
 
     Raises:
         ViewError: an attribute is not usable.
@@ -57,13 +57,13 @@ class PlaneView(View):
     origin: Vector
     x_axis: Vector
     y_axis: Vector
-    pixels_a_unit: float
+    pixels_per_unit: float = field(metadata={"key": "pixels_a_unit"})  # as files have it
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not all(is_numbers(v, 3) for v in (self.origin, self.x_axis, self.y_axis)):
             raise ViewError("a plane's origin and axes must be three finite numbers each")
-        if not is_numbers((self.pixels_a_unit,), 1) or self.pixels_a_unit <= 0:
+        if not is_numbers((self.pixels_per_unit,), 1) or self.pixels_per_unit <= 0:
             raise ViewError("a plane's picture must have a positive number of pixels per unit")
         axes = np.array([self.x_axis, self.y_axis])
         if not np.allclose(axes @ axes.T, np.eye(2), atol=_SQUARE_TOLERANCE):
@@ -72,7 +72,7 @@ class PlaneView(View):
     @property
     def camera_from_pixel(self) -> FloatArray:
         """(3, 3) that takes (column, row, 1) to the point of the plane, camera frame."""
-        scale = 1 / self.pixels_a_unit
+        scale = 1 / self.pixels_per_unit
         axes = np.array([self.x_axis, self.y_axis]) * scale
         return np.column_stack([axes[0], axes[1], self.origin])
 
@@ -95,7 +95,7 @@ class PlaneView(View):
 
     def scale_in(self, unit: str) -> str:
         """The scale in words, where it is known which unit of length it is of."""
-        return f"the plane at {self.pixels_a_unit:.4g} pixels per {unit}"
+        return f"the plane at {self.pixels_per_unit:.4g} pixels per {unit}"
 
 
 def plane_view(
@@ -106,7 +106,7 @@ def plane_view(
     y_axis: FloatArray,
     low: FloatArray,
     high: FloatArray,
-    pixels_a_unit: float | None = None,
+    pixels_per_unit: float | None = None,
 ) -> PlaneView:
     """The squared-up picture of a rectangle in a plane.
 
@@ -118,7 +118,7 @@ def plane_view(
             right and y down.
         low: (2,) the rectangle's first corner, along the axes from ``origin``.
         high: (2,) its last corner.
-        pixels_a_unit: the picture's scale; None for the largest that the photo has there.
+        pixels_per_unit: the picture's scale; None for the largest that the photo has there.
 
     Raises:
         ViewError: the camera does not see the rectangle, or sees it from behind, where the
@@ -146,7 +146,7 @@ def plane_view(
             "the camera is behind this plane, whose picture would be mirrored: "
             "check the target's axes and the pose"
         )
-    scale = pixels_a_unit
+    scale = pixels_per_unit
     if scale is None:
         # The larger of the two stretches at the place where the photo shows most.
         lengths = np.stack([np.hypot(*np.moveaxis(part, -1, 0)) for part in (across, down)])
@@ -155,4 +155,4 @@ def plane_view(
     first = origin + (low + 0.5 / scale) @ axes  # the middle of the first pixel
     vectors = {"origin": first, "x_axis": axes[0], "y_axis": axes[1]}
     plain: dict[str, Any] = {name: tuple(vector.tolist()) for name, vector in vectors.items()}
-    return PlaneView(size=size, pixels_a_unit=scale, **plain)
+    return PlaneView(size=size, pixels_per_unit=scale, **plain)

@@ -84,7 +84,7 @@ class View(ABC):
 
     def parameters(self) -> dict[str, Any]:
         """What a kind of view adds to the record, as plain data."""
-        values = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "size"}
+        values = {key: getattr(self, name) for key, name in self._keys().items()}
         return {key: list(one) if isinstance(one, tuple) else one for key, one in values.items()}
 
     @classmethod
@@ -95,15 +95,23 @@ class View(ABC):
             ViewError: a key is missing or unknown, or a value is not usable.
 
         """
-        names = [one.name for one in fields(cls) if one.name != "size"]
+        names = cls._keys()
         for key in names:
             if key not in data:
                 raise ViewError(f"the view has no {quoted(key)}")
         for key in data:
             if key not in names:
                 raise ViewError(f"the view has an unknown key {quoted(key)}")
-        values = {key: tuple(one) if isinstance(one, list) else one for key, one in data.items()}
+        values = {
+            names[key]: tuple(one) if isinstance(one, list) else one for key, one in data.items()
+        }
         return cls(size=size, **values)
+
+    @classmethod
+    def _keys(cls) -> dict[str, str]:
+        """Key of the record -> the field."""
+        own = (one for one in fields(cls) if one.name != "size")
+        return {one.metadata.get("key", one.name): one.name for one in own}
 
     @abstractmethod
     def describe(self) -> str:

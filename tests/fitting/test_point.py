@@ -214,7 +214,7 @@ def test_a_board_can_be_rectified():
         origin=(0.0, 0.0, 1.0),
         x_axis=(1.0, 0.0, 0.0),
         y_axis=(0.0, 1.0, 0.0),
-        pixels_a_unit=1.0,
+        pixels_per_unit=1.0,
     )
     found = build_map(in_camera_frame(camera, rotation, translation), view)
     column = np.round(pairs.column[own] * board.square).astype(int)

@@ -42,11 +42,11 @@ def aprilgrid(tags=(3, 2), *, spacing=0.25, start=0, family="DICT_APRILTAG_36h11
     )
 
 
-def picture(board, pixels_a_unit, margin=0.0):
+def picture(board, pixels_per_unit, margin=0.0):
     """The face as an image, one sample in the middle of each pixel."""
     one = board.face(margin=margin)
     x, y = (
-        lower + (np.arange(round((upper - lower) * pixels_a_unit)) + 0.5) / pixels_a_unit
+        lower + (np.arange(round((upper - lower) * pixels_per_unit)) + 0.5) / pixels_per_unit
         for lower, upper in zip(one.lower, one.upper, strict=True)
     )
     plane = np.stack(np.meshgrid(x, y), axis=-1)

@@ -159,7 +159,7 @@ def test_blocks_of_rows_leave_no_seam(monkeypatch):
         return render(one_board(), LENS.unproject, in_front(), SIZE, supersample=2)
 
     whole = take()
-    monkeypatch.setattr(rendering, "_RAYS_A_BLOCK", 7_000)
+    monkeypatch.setattr(rendering, "_RAYS_PER_BLOCK", 7_000)
     np.testing.assert_array_equal(take(), whole)
 
 

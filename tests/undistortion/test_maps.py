@@ -157,7 +157,7 @@ def test_blocks_of_rows_leave_no_seam(monkeypatch):
     view = PerspectiveView.with_field(120, (90, 70), (0.1, -0.2, 0.3))
     for camera in (LENS, cubic_camera()):
         whole = build_map(camera, view)
-        monkeypatch.setattr(maps, "_PIXELS_A_BLOCK", 1000)
+        monkeypatch.setattr(maps, "_PIXELS_PER_BLOCK", 1000)
         parts = build_map(camera, view)
         monkeypatch.undo()
         np.testing.assert_array_equal(parts.valid, whole.valid)

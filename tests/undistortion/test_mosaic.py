@@ -129,7 +129,7 @@ def test_the_ground_is_metric_and_what_is_ahead_is_up(
     ground = Ground.below(300.0, pitch, roll)
     # A camera that looks down has the ground ahead.
     assert np.sign(round(ground.down[2], 6)) == -np.sign(pitch)
-    view = ground.view(ring, margin=500.0, pixels_a_unit=0.25)
+    view = ground.view(ring, margin=500.0, pixels_per_unit=0.25)
 
     def plane(place: np.ndarray, along: np.ndarray) -> np.ndarray:
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -21,7 +21,7 @@ def made(**changes):
 
 
 def test_a_pixel_is_a_point_of_the_plane_at_the_scale():
-    view = made(pixels_a_unit=4.0)
+    view = made(pixels_per_unit=4.0)
     assert view.size == (240, 160)
     # The middle of the first pixel is half a pixel inside the rectangle's corner.
     np.testing.assert_allclose(view.rays([0, 0]), ORIGIN + (-5 + 0.125) * X + 0.125 * Y)

@@ -1,5 +1,6 @@
 """Every kind of view: its rays by hand, there and back, its fields, and the fast way to its map."""
 
+import json
 import math
 from dataclasses import replace
 
@@ -134,7 +135,7 @@ def views():
                 origin=origin,
                 x_axis=(1.0, 0.0, 0.0),
                 y_axis=(0.0, 1.0, 0.0),
-                pixels_a_unit=1.1,
+                pixels_per_unit=1.1,
             ),
             id="plane",
         )
@@ -144,7 +145,7 @@ def views():
             origin=tuple((axes @ [-40.0, -30.0, 50.0]).tolist()),
             x_axis=tuple(axes[:, 0].tolist()),
             y_axis=tuple(axes[:, 1].tolist()),
-            pixels_a_unit=0.9,
+            pixels_per_unit=0.9,
         ),
         id="plane-turned",
     )
@@ -234,7 +235,7 @@ PLANE = {
     "origin": (0.0, 0.0, 5.0),
     "x_axis": (1.0, 0.0, 0.0),
     "y_axis": (0.0, 1.0, 0.0),
-    "pixels_a_unit": 2.0,
+    "pixels_per_unit": 2.0,
 }
 
 
@@ -245,13 +246,21 @@ def test_a_planes_pixels_are_its_points():
     assert np.isnan(view.pixels([0.0, 0, -5])).all()
 
 
+def test_the_scale_of_a_plane_has_its_old_name_in_files():
+    view = PlaneView(**PLANE)
+    record = json.loads(view.to_json())
+    assert record["pixels_a_unit"] == 2.0
+    assert "pixels_per_unit" not in record
+    assert view_from_json(view.to_json()) == view
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [
         ({"x_axis": (2.0, 0.0, 0.0)}, "unit vectors"),
         ({"x_axis": (0.0, 1.0, 0.0)}, "unit vectors"),
         ({"origin": (0.0, 0.0)}, "three finite numbers"),
-        ({"pixels_a_unit": 0.0}, "positive"),
+        ({"pixels_per_unit": 0.0}, "positive"),
     ],
 )
 def test_a_plane_that_cannot_be_shown_is_refused(change, says):
