@@ -202,10 +202,10 @@ def _hold(fit: Mapping[str, Any]) -> Hold:
 
 def _offset_spread(fit: Mapping[str, Any], scale: float) -> float:
     """Typical offset of a corner, from what the record has of each board."""
-    departures = fit.get("departures")
+    deformations = fit.get("departures")
     found = [
         record.get("offset_rms")
-        for record in (departures if isinstance(departures, list) else [])
+        for record in (deformations if isinstance(deformations, list) else [])
         if isinstance(record, Mapping)
     ]
     known = [x for x in found if isinstance(x, int | float) and 0 < x < math.inf]

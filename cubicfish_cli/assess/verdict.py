@@ -276,9 +276,9 @@ def _of_figures(
 
 
 def _of_object(fit: Mapping[str, Any]) -> Iterator[Finding]:
-    for departure in recorded_mappings(fit.get("departures")):
-        known = [of_record(one) for one in recorded_mappings(departure.get("doubted"))]
-        doubts, told = [one.what for one in known if one is not None], departure.get("doubts")
+    for deformation in recorded_mappings(fit.get("departures")):
+        known = [of_record(one) for one in recorded_mappings(deformation.get("doubted"))]
+        doubts, told = [one.what for one in known if one is not None], deformation.get("doubts")
         # Older records have no codes beside them.
         older = [str(doubt) for doubt in told] if isinstance(told, list) else []
         if doubts or older:
@@ -286,7 +286,7 @@ def _of_object(fit: Mapping[str, Any]) -> Iterator[Finding]:
                 Severity.CARE,
                 Code.BOARD_DOUBTED,
                 "" if doubts else "older",
-                board=str(departure.get("board")),
+                board=str(deformation.get("board")),
                 doubted=", and ".join(doubts or older),
             )
 

@@ -95,7 +95,7 @@ class Board(ABC):
         markers: the markers that it carries, else None.
         spacing: gap between tags / side of a tag; 0 where there are no tags.
         points: (N, 3) world points of a list of points, else None.
-        shape: how the board departs from the drawing; None where it is as drawn.
+        shape: its deformation against the drawing; None where it is as drawn.
         mirrored: whether this is the board as a mirror shows it, see :meth:`in_mirror`.
 
     """
@@ -309,7 +309,7 @@ class Board(ABC):
         drawn = self._drawn_points(column, row)
         if self.shape is None:
             return drawn
-        return drawn + self._departure(self.shape, np.asarray(column, int), np.asarray(row, int))
+        return drawn + self._deformation(self.shape, np.asarray(column, int), np.asarray(row, int))
 
     def outline(self) -> FloatArray:
         """(N, 3) world points that span it: its four outermost corners, or all its points."""
@@ -325,7 +325,7 @@ class Board(ABC):
         plane = self.plane_points(column, row)
         return self.origin + plane[..., :1] * self.x_axis + plane[..., 1:] * self.y_axis
 
-    def _departure(self, shape: BoardShape, column: IntArray, row: IntArray) -> FloatArray:
+    def _deformation(self, shape: BoardShape, column: IntArray, row: IntArray) -> FloatArray:
         """World vectors from the drawn corners to the real ones: (..., 3)."""
         local = shape.offsets[row, column].copy()
         plane = self.plane_points(column, row)

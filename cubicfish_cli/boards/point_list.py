@@ -96,5 +96,5 @@ class PointList(Board):
     def _drawn_points(self, column: npt.ArrayLike, row: npt.ArrayLike) -> FloatArray:
         return self._points[np.asarray(column, int)]
 
-    def _departure(self, shape: BoardShape, column: IntArray, row: IntArray) -> FloatArray:
+    def _deformation(self, shape: BoardShape, column: IntArray, row: IntArray) -> FloatArray:
         return np.asarray(shape.offsets[row, column] @ self.axes)

@@ -18,7 +18,7 @@ SHAPE_KEYS = ("bend", "twist", "stretch", "offsets")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BoardShape:
-    """How a real board departs from the drawn plane, as a calibration found it.
+    """The deformation of a real board against the drawn plane, as a calibration found it.
 
     With x̂ and ŷ running from -1 to 1 across the board's corners, a corner drawn at (x, y) from
     the board's middle is at ((1 + stretch x) x, (1 + stretch y) y) in its plane and
@@ -39,7 +39,7 @@ class BoardShape:
     offsets: FloatArray
 
     def plus(self, other: BoardShape) -> BoardShape:
-        """Both departures together."""
+        """Both deformations together."""
         return BoardShape(
             bend=self.bend + other.bend,
             twist=self.twist + other.twist,

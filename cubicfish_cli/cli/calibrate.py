@@ -187,9 +187,9 @@ def _say_findings(calibration: Calibration, record: Mapping[str, Any]) -> None:
         say(f"{mark_of(finding)}: {finding.line}")
     for note in calibration.notes:
         say(f"note: {note}")
-    for departure in calibration.departures:
-        for doubt in departure.doubts:
-            say(f"warning: board {departure.board} seems {doubt.what}: {doubt.do}")
+    for deformation in calibration.departures:
+        for doubt in deformation.doubts:
+            say(f"warning: board {deformation.board} seems {doubt.what}: {doubt.do}")
 
 
 def _print_calibration(made: CalibratedFiles, calibration: Calibration) -> None:

@@ -87,7 +87,7 @@ class ObjectFacts:
 
 
 def check_object(target: Target) -> ObjectFacts:
-    """Look at the target as drawn; departures that a calibration found do not count."""
+    """Look at the target as drawn; deformations that a calibration found do not count."""
     drawn = target.with_flat_boards()
     world = drawn.corners()[3]
     printed = [board for board in drawn.boards if board.points is None]

@@ -74,7 +74,7 @@ def report_html(facts: Facts) -> str:
         most_cards=MOST_CARDS,
         most_rows=_MOST_ROWS,
         zoom=zoom,
-        departures=_departures(facts.fit),
+        deformations=_deformations(facts.fit),
         empty=_without_corners(facts),
         unfit=_pairs(facts.fit.get("unfit_images")),
         notes=_notes(facts.fit),
@@ -244,7 +244,7 @@ def _boards(facts: Facts) -> dict[str, str]:
     return {name: ", ".join(boards) for name, boards in told.items()}
 
 
-def _departures(fit: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _deformations(fit: Mapping[str, Any]) -> list[dict[str, Any]]:
     rows = []
     for record in recorded_mappings(fit.get("departures")):
         bend, stretch = (
