@@ -45,7 +45,7 @@ _SEEN_SHARE = 0.3
 _MEDIAN_UNCERTAINTY_PX = (CERTAIN_PX, _ERROR_PX[1])
 _RIM_UNCERTAINTY_PX = 2 * CERTAIN_PX
 _DROPPED_SHARE = (0.05, 0.2)
-_UNFIT_SHARE = (1 / 3, 1 / 2)
+_REJECTED_SHARE = (1 / 3, 1 / 2)
 _FEW_CORNERS = 200
 _FEW_PHOTOS = 3
 # Photos of one flat board from which on a lens is known somehow, and well.
@@ -268,10 +268,10 @@ def _of_figures(
     dropped, used = np.nan_to_num([of.dropped, of.corners]).tolist()
     level = _above(dropped / max(dropped + used, 1), _DROPPED_SHARE)
     yield from _reason(level, Code.MANY_OUTLIERS, dropped=dropped, corners=dropped + used)
-    unfit = fit.get("unfit_images")
-    left_out = len(unfit) if isinstance(unfit, Mapping) else 0
+    rejected = fit.get("unfit_images")
+    left_out = len(rejected) if isinstance(rejected, Mapping) else 0
     photos = left_out + (many or 0)
-    level = _above(left_out / max(photos, 1), _UNFIT_SHARE)
+    level = _above(left_out / max(photos, 1), _REJECTED_SHARE)
     yield from _reason(level, Code.MANY_UNFIT, left_out=left_out, photos=photos)
 
 
@@ -306,9 +306,9 @@ def _figures(fit: Mapping[str, Any]) -> str:
             f"corners cover {100 * of.coverage:.0f} % of the field{beside}, out to "
             f"{of.covered_deg:.0f}° from the axis"
         )
-    unfit = fit.get("unfit_images")
-    if isinstance(unfit, Mapping) and unfit:
-        parts.append(f"{len(unfit)} photo{'s' * (len(unfit) != 1)} left out")
+    rejected = fit.get("unfit_images")
+    if isinstance(rejected, Mapping) and rejected:
+        parts.append(f"{len(rejected)} photo{'s' * (len(rejected) != 1)} left out")
     return ", ".join(parts) or "no figures are known"
 
 

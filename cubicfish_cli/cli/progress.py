@@ -83,9 +83,9 @@ def say_found(findings: Sequence[Finding], mark: str = "") -> None:
         say(mark + line)
 
 
-def say_left_out(unfit: Mapping[str, Finding], of: str = "") -> None:
+def say_left_out(rejected: Mapping[str, Finding], of: str = "") -> None:
     """Say which photos took no part in a fit, and why; ``of`` says of which camera."""
-    say_found([replace(why, images=(photo,)) for photo, why in unfit.items()], f"left out: {of}")
+    say_found([replace(why, images=(photo,)) for photo, why in rejected.items()], f"left out: {of}")
 
 
 @record

@@ -76,7 +76,7 @@ def report_html(facts: Facts) -> str:
         zoom=zoom,
         deformations=_deformations(facts.fit),
         empty=_without_corners(facts),
-        unfit=_pairs(facts.fit.get("unfit_images")),
+        rejected=_pairs(facts.fit.get("unfit_images")),
         notes=_notes(facts.fit),
         dropped=sorted(facts.dropped, key=lambda corner: -(corner.error_px or 0))[:_MOST_DROPPED],
         made=made_of(facts.made_by),
@@ -304,9 +304,9 @@ def made_of(made_by: Mapping[str, Any]) -> dict[str, Any]:
 
 def _without_corners(facts: Facts) -> list[str]:
     """Photos that went in and of which no corner took part, besides those left out by name."""
-    unfit = facts.fit.get("unfit_images")
+    rejected = facts.fit.get("unfit_images")
     known = {photo.name for photo in facts.photos} | {
-        *(unfit if isinstance(unfit, Mapping) else ())
+        *(rejected if isinstance(rejected, Mapping) else ())
     }
     files = [str(record.get("file")) for record in recorded_mappings(facts.made_by.get("inputs"))]
     paths = [Path(file) for file in files if not file.lower().endswith(".csv")]
