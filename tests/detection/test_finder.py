@@ -359,7 +359,7 @@ def test_motion_is_named_though_edges_along_it_stay_sharp(towards_deg):
 
 def test_small_squares_are_named_with_their_size():
     told = cause(seen(drawn_board(side=3)[0]))
-    assert "squares of 3 px; they must be 6 px or more" in told.what
+    assert "squares of 3.0 px; they must be 6 px or more" in told.what
 
 
 @pytest.mark.slow
