@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.assess.records import Numbers, recorded_mappings
+from cubicfish_cli.assess.records import Numbers, recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import Verdict, ratio_above
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding, RigFinding, level_of, of_record
@@ -18,7 +18,8 @@ from cubicfish_cli.words.finding import Finding, RigFinding, level_of, of_record
 _STRAINED = ((1.5, 0.25), (3.0, 0.5))
 # Where the rays of a camera may go on the body, by this much, they are not known.
 _TURN_DEG = (0.1, 1.0)
-# Of how far cameras are from each other.
+# Of how far cameras are from each other; where these turns of rays from the target are farther,
+# cameras stand in one place, and no more than that has to be known.
 _SHIFT_SHARE = (0.02, 0.2)
 _ORDER = (Severity.BAD, Severity.CARE, Severity.NOTE)
 
@@ -61,13 +62,15 @@ def _uncertain(record: Mapping[str, Any]) -> Iterator[Finding]:
         (float(np.linalg.norm(np.subtract(a, b))) for a, b in pairwise([*places, *places[:1]])),
         default=0.0,
     )
+    near = np.tan(np.deg2rad(_TURN_DEG)) * _distance(record)
+    limits = near if size < near[0] else np.multiply(_SHIFT_SHARE, size or np.inf)
     found = []
     for camera in cameras:
         of = Numbers(camera)
         turn, shift = of.turn_sigma_deg, of.shift_sigma
         passed = [
-            turn > turn_limit or (size > 0 and shift > share * size)
-            for turn_limit, share in zip(_TURN_DEG, _SHIFT_SHARE, strict=True)
+            turn > turn_limit or shift > shift_limit
+            for turn_limit, shift_limit in zip(_TURN_DEG, limits, strict=True)
         ]
         if any(passed):
             severity = Severity.BAD if passed[1] else Severity.CARE
@@ -77,6 +80,20 @@ def _uncertain(record: Mapping[str, Any]) -> Iterator[Finding]:
             }
             found.append((str(camera.get("name")), severity, figures))
     yield from _together(Code.PLACE_UNCERTAIN, found, "turn_deg")
+
+
+def _distance(record: Mapping[str, Any]) -> float:
+    """How far the target's origin is from the rig's, in the usual shot; 0 where nothing says it."""
+    fit = record.get("fit")
+    shots = recorded_mappings(fit.get("per_shot")) if isinstance(fit, Mapping) else ()
+    poses = [shot.get("rig_from_world") for shot in shots]
+    places = [pose.get("translation") for pose in poses if isinstance(pose, Mapping)]
+    known = [
+        math.hypot(*at)
+        for at in places
+        if isinstance(at, list) and None not in map(recorded_number, at)
+    ]
+    return float(np.median(known or [0.0]))
 
 
 def _together(

@@ -15,9 +15,10 @@ LEAST_CORNERS = 8
 LEAST_SQUARES = 4
 # In cells that are black or white at random, each crossing of edges is part of a flawless piece of
 # chequerboard of N corners or more, in closed squares, with a chance of 2^-(1.7 + 0.93 N): counted
-# in 150 million cells for N of 8 to 24. So many such pieces per picture are accepted by mistake.
+# in 150 million cells for N of 8 to 24. So many such pieces per picture are accepted by mistake, if
+# cells fill it: fewer than there are photos in which a border or hand leaves so little of a board.
 _PIECE_BITS, _CORNER_BITS = 1.7, 0.93
-_BY_CHANCE = 1e-3
+_BY_CHANCE = 1e-2
 # What a printed board keeps low, as medians over its corners: the distance from what the other
 # corners predict (cells, relative to the fit's own uncertainty), the blur (sides), and the change
 # of contrast from corner to corner (natural logarithm). Grids that grow in smooth noise have about

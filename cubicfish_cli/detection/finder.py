@@ -94,16 +94,20 @@ def _search(pyramid: Pyramid) -> tuple[list[Lattice], FloatArray]:
         grid[taken & (grid < 0)] = len(lattices)
         candidates = cKDTree(corners.pixel[grid < 0])
         lattices.append(lattice)
-    kept = [k for k in range(len(lattices)) if _is_beyond_chance(lattices[k], corners, grid, k)]
+    kept = [
+        k for k, lattice in enumerate(lattices) if _is_beyond_chance(lattice, corners, grid < 0)
+    ]
     return [lattices[k] for k in kept], corners.pixel[~np.isin(grid, kept)]
 
 
-def _is_beyond_chance(lattice: Lattice, corners: XCorners, grid: IntArray, own: int) -> bool:
+def _is_beyond_chance(lattice: Lattice, corners: XCorners, free: BoolArray) -> bool:
     """Judge a grid by what crossings like its own there are that no grid explains."""
     cells = lattice.cells()
     reach = min(_LIKE_REACH * float(np.median(lattice.fit(cells).side)), _FAR_PX)
-    contrast = _LIKE_CONTRAST * float(np.median(corners.contrast[grid == own]))
-    like = (grid < 0) & (corners.radius >= reach) & (corners.contrast >= contrast)
+    # A large square holds many candidates besides its corner, weak ones of noise.
+    _, own = nearest(lattice.at(cells), corners.pixel, 1)
+    contrast = _LIKE_CONTRAST * float(np.median(corners.contrast[own[:, 0]]))
+    like = free & (corners.radius >= reach) & (corners.contrast >= contrast)
     return is_beyond_chance(len(cells), int(like.sum()))
 
 

@@ -144,7 +144,7 @@ HYPOTHESES: tuple[Hypothesis[Any], ...] = (
         _CHANGES,
         _TRIALS,
         lambda e: unsteady.unsteady(e.fit),
-        lambda e, found: _not_bad(e, found) and _lacks([Code.SHEARED], found),
+        lambda e, found: _not_bad(e, found) and _lacks([Code.SHEARED, *_LENSES], found),
         # Where all photos differ, those that do so most are not odd.
         instead_of=(Code.PHOTO_LENS,),
     ),

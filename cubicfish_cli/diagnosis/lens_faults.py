@@ -163,7 +163,8 @@ def _followed(fit: ObjectFit, together: float) -> Finding | None:
         split, apart, photos = _at_the_boundary(fit, split, apart, photos)
     apart_px = rms_px(apart.cubic.residual)
     unforeseen = left_out_share(photos, split.second)
-    if split.explained < _MOST or not worth_it(together, apart_px, unforeseen, noticed):
+    severity = worth(together, apart_px, unforeseen, noticed)
+    if split.explained < _MOST or severity is None:
         return None
     scale = 1 + split.own[:, 0] / reach
     middle = (np.array(pairs.image_size, float) - 1) / 2
@@ -174,7 +175,7 @@ def _followed(fit: ObjectFit, together: float) -> Finding | None:
         ratio=float(scale[1] / scale[0]), shift=centres[1] - centres[0], centre=centres[0]
     )
     names = [pairs.images[photo] for photo in photos.photos[split.second]]
-    return lens_change(
+    found = lens_change(
         change,
         names,
         pairs,
@@ -182,10 +183,14 @@ def _followed(fit: ObjectFit, together: float) -> Finding | None:
         because="apart",
         figures={"together_px": together, "apart_px": apart_px},
     )
+    return replace(found, severity=severity)
 
 
-def worth_it(together: float, apart: float, unforeseen: float, noticed: float) -> bool:
-    """Whether two lenses foretell photos that had no say in them, and better than one, clearly.
+def worth(together: float, apart: float, unforeseen: float, noticed: float) -> Severity | None:
+    """What two lenses are worth that explain clearly more than one; None where they do not.
+
+    Bad is a camera of photos whose two lenses foretell photos that had no say in them. Those of a
+    few photos do not: then it is a note.
 
     Args:
         together: RMS with one lens for all, pixels.
@@ -196,9 +201,11 @@ def worth_it(together: float, apart: float, unforeseen: float, noticed: float) -
     """
     left, gain = apart**2, together**2 - apart**2
     not_foretold = left * (unforeseen - 1)
-    if not_foretold > max(_FORETOLD * left, _FORETOLD_OF_GAIN * gain):
-        return False
-    return gain - not_foretold >= _worthy_gain(together, noticed)
+    least = _worthy_gain(together, noticed)
+    foretold = not_foretold <= max(_FORETOLD * left, _FORETOLD_OF_GAIN * gain)
+    if foretold and gain - not_foretold >= least:
+        return Severity.BAD
+    return Severity.NOTE if gain >= least else None
 
 
 def _worthy_gain(together: float, noticed: float) -> float:

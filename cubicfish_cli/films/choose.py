@@ -95,14 +95,12 @@ class Choice:
         gain: (N,) what each picture added when it was chosen, or would add to them all; NaN where
             it shows nothing.
         why_not: (N,) a few words each; "" for those chosen.
-        flattened: whether good ones were left that hardly add anything to those chosen.
 
     """
 
     order: tuple[int, ...]
     gain: FloatArray
     why_not: tuple[str, ...]
-    flattened: bool = False
 
 
 class Gains(Protocol):
@@ -308,14 +306,12 @@ def _greedy(
     """
     gain = np.full(len(why), np.nan)
     order: list[int] = []
-    flattened = False
     good = [index for index in usable if index not in spoilt]
     for pool, enough in ((good, most), (sorted(spoilt), min(_ENOUGH, most))):
         left = [index for index in pool if not why[index]]
         while left and len(order) < enough:
             value, best = max(((gains.of(index), index) for index in left), key=lambda one: one[0])
             if order and value < gains.flat:
-                flattened = flattened or pool is good
                 break
             order.append(best)
             gain[best] = value
@@ -331,7 +327,7 @@ def _greedy(
             continue
         gain[index] = gains.of(index)
         why[index] = why[index] or spoilt.get(index) or "adds less than those chosen"
-    return Choice(order=tuple(order), gain=gain, why_not=tuple(why), flattened=flattened)
+    return Choice(order=tuple(order), gain=gain, why_not=tuple(why))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -121,7 +121,11 @@ def noisy_photos(pairs: Observations, residual: FloatArray) -> dict[int, Finding
     if 3 * len(noisy) >= photos:
         return {}
     return {
-        int(photo): Finding(code=Code.NOISY, figures={"times": float(noise[photo] / typical)})
+        int(photo): Finding(
+            code=Code.NOISY,
+            images=(pairs.images[photo],),
+            figures={"times": float(noise[photo] / typical)},
+        )
         for photo in noisy
     }
 

@@ -385,7 +385,9 @@ def _bad_photos(fit: Adjustment[Any], pairs: Observations, limit: float) -> dict
         own = length[pairs.image == photo]
         if np.median(own) > limit:
             figures = {"error_px": float(np.median(own))}
-            bad[photo] = Finding(code=Code.DOES_NOT_FIT, figures=figures)
+            bad[photo] = Finding(
+                code=Code.DOES_NOT_FIT, images=(pairs.images[photo],), figures=figures
+            )
     return bad
 
 

@@ -42,6 +42,9 @@ CODES = {
 _ODD = (Decided.NO_FIT, Decided.NOT_PLANE)
 # Figures of a grid, in which those that share the rest may differ.
 _OF_GRID = frozenset(("grids", "columns", "rows", "corners"))
+# Figures of a photo, of which the largest is told of several.
+_OF_PHOTO = frozenset(("error_px", "times"))
+_OF_ONE = _OF_GRID | _OF_PHOTO
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -269,7 +272,7 @@ def remark_lines(findings: Sequence[Finding]) -> list[str]:
     """
     groups: defaultdict[object, list[Finding]] = defaultdict(list)
     for one in findings:
-        rest = tuple((key, one.figures[key]) for key in one.figures if key not in _OF_GRID)
+        rest = tuple((key, one.figures[key]) for key in one.figures if key not in _OF_ONE)
         groups[one.code, one.case, one.boards, rest].append(one)
     return [line for own in groups.values() for line in _lines(own)]
 
@@ -285,7 +288,8 @@ def _lines(own: Sequence[Finding]) -> list[str]:
     photos = tuple(dict.fromkeys(name for one in own for name in one.images))
     if len(photos) == 1:
         return [line_of(one) for one in own]
-    together = own[0]
+    worst = {key: max(one.figures[key] for one in own) for key in _OF_PHOTO & own[0].figures.keys()}
+    together = replace(own[0], images=photos, figures={**own[0].figures, **worst})
     if "grids" in together.figures:
         sizes = [(one.figures["columns"], one.figures["rows"]) for one in own]
         columns, rows = max((max(size), min(size)) for size in sizes)

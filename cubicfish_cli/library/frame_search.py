@@ -298,4 +298,4 @@ class Search:
         chosen = set(self.choice.order)
         new = len(chosen.intersection(last))
         nothing_new = bool(last) and len(chosen) > new and new <= _HARDLY_ANY * len(last)
-        return len(chosen) >= self.most or self.choice.flattened or nothing_new
+        return len(chosen) >= self.most or nothing_new

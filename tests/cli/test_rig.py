@@ -178,6 +178,9 @@ def test_a_page_shows_the_rig(
         ({"shift_sigma": 5.0}, "not well known how camera right stands", "care"),
         ({"turn_sigma_deg": 2.0}, "not well known how camera right stands", "bad"),
         ({"turn_sigma_deg": "many", "fit": 3}, "", "good"),
+        # Cameras in one place: how far from there is no share of nothing.
+        ({"position": [0.01, 0.0, 0.0], "shift_sigma": 0.02}, "", "good"),
+        ({"position": [0.01, 0.0, 0.0], "shift_sigma": 5.0}, "not well known", "care"),
     ],
 )
 def test_a_rig_is_judged_by_its_record(

@@ -359,7 +359,7 @@ def test_motion_is_named_though_edges_along_it_stay_sharp(towards_deg):
 
 def test_small_squares_are_named_with_their_size():
     told = cause(seen(drawn_board(side=3)[0]))
-    assert "squares of 3 px; they must be 6 px or more" in told.what
+    assert "squares of 3.0 px; they must be 6 px or more" in told.what
 
 
 @pytest.mark.slow
@@ -394,6 +394,30 @@ def cells_with_a_piece(*, alone):
 def test_a_piece_of_chequerboard_among_random_cells_is_no_board():
     assert [len(grid) for grid in find_grids(cells_with_a_piece(alone=True)).grids] == [12]
     assert find_grids(cells_with_a_piece(alone=False)).grids == ()
+
+
+def cut_board(side, corners):
+    """So many corners of a wooden board that the photo's border cuts, and crossings beside it."""
+    rng = np.random.default_rng(4)
+    y, x = np.indices((480, 640))
+    i, j = np.floor((x - 640) / side + corners[0] + 0.5), np.floor((y - 6) / side)
+    board = (i >= 0) & (j >= 0) & (j <= corners[1])
+    light = np.where(board & ((i + j) % 2 == 0), 40.0, 210.0)
+    # Where things cross: a pair of wedges each, none of which goes with another one's.
+    for k in range(30):
+        at, turn = np.array([30 + 62 * (k % 6), 40 + 95 * (k // 6)]), rng.uniform(0, np.pi)
+        for way in (turn, turn + np.pi):
+            ends = at + 22 * np.array([[np.cos(way + w), np.sin(way + w)] for w in (0, 1.5)])
+            cv2.fillPoly(light, [np.vstack([at, ends]).astype(int)], 40.0)
+    wood = cv2.GaussianBlur(rng.normal(0, 120, light.shape), (0, 0), 6)
+    light = cv2.GaussianBlur(light, (0, 0), 0.8) + wood + rng.normal(0, 0.5, light.shape)
+    return np.clip(np.rint(light), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize(("side", "corners"), [(24, (2, 6)), (90, (3, 4))])
+def test_as_little_of_a_board_as_the_border_leaves_is_found(side, corners):
+    grids = find_grids(cut_board(side, corners)).grids
+    assert [len(grid) for grid in grids] == [np.prod(corners)]
 
 
 def test_a_stray_corner_on_a_single_link_is_left_out():

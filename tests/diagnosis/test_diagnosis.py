@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.diagnosis import failed_lens as failed_lens_module
 from cubicfish_cli.diagnosis import lens_faults, photo_lenses, wrong_drawing
-from cubicfish_cli.diagnosis.diagnose import find_faults
+from cubicfish_cli.diagnosis.diagnose import HYPOTHESES, find_faults
 from cubicfish_cli.diagnosis.failed_lens import failed_lens
 from cubicfish_cli.diagnosis.left_out import board_fault, board_findings
 from cubicfish_cli.diagnosis.lens_faults import LensChange, left_out_lens, lens_change
@@ -385,16 +385,22 @@ def test_a_left_out_photo_costs_what_least_squares_without_it_says():
 @pytest.mark.parametrize(
     ("together", "apart", "unforeseen", "said"),
     [
-        (0.5, 0.3, 1.05, True),
+        (0.5, 0.3, 1.05, Severity.BAD),
         # Where two lenses are all there is, what few photos miss of each other is nothing.
-        (3.9, 0.18, 1.2, True),
-        (1.0, 0.5, 1.6, False),  # nor are groups foretold where each photo has a lens of its own
-        (0.25, 0.24, 1.02, False),  # photos that share their errors
-        (0.05, 0.03, 1.01, False),  # what nobody notices
+        (3.9, 0.18, 1.2, Severity.BAD),
+        (1.0, 0.5, 1.6, Severity.NOTE),  # too few photos, or each has a lens of its own
+        (0.25, 0.24, 1.02, None),  # photos that share their errors
+        (0.05, 0.03, 1.01, None),  # what nobody notices
     ],
 )
-def test_two_lenses_are_worth_an_accusation(together, apart, unforeseen, said):
-    assert lens_faults.worth_it(together, apart, unforeseen, noticed=0.05) == said
+def test_two_lenses_are_worth_an_accusation_or_a_note(together, apart, unforeseen, said):
+    assert lens_faults.worth(together, apart, unforeseen, noticed=0.05) == said
+
+
+def test_what_two_lenses_explain_is_not_put_down_to_autofocus():
+    (unsteady,) = [one for one in HYPOTHESES if Code.AUTOFOCUS in one.codes]
+    assert unsteady.applies(None, [])
+    assert not unsteady.applies(None, [Finding(code=Code.ZOOM)])
 
 
 def test_photos_that_know_their_lenses_along_different_axes_are_sorted():

@@ -94,6 +94,18 @@ def test_what_is_about_no_grid():
     ]
 
 
+def test_photos_of_one_fault_share_a_line_and_the_largest_figure_of_it():
+    remarks = [
+        Finding(code=Code.NOISY, images=(photo,), figures={"times": times})
+        for photo, times in (("a.jpg", 4.2), ("b.jpg", 6.3), ("c.jpg", 5.0))
+    ]
+    assert remark_lines(remarks) == [
+        "3 photos (a.jpg, b.jpg and c.jpg): their corners are up to 6 times noisier than those of "
+        "the other photos: blurred, moving or badly lit; take them again"
+    ]
+    assert remark_lines(remarks[:1])[0].startswith("a.jpg: its corners are 4 times noisier")
+
+
 WIDE = RadialCamera(
     image_size=IMAGE_SIZE,
     fx=330.0,

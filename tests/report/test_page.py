@@ -144,6 +144,19 @@ def test_dropped_corners_and_unfit_photos_take_no_part(
     assert "1 photo gave no corners that took part: corner_05.jpg" in said
 
 
+def test_corners_that_had_places_of_their_own_do_not_hide_the_others_errors(
+    fitted: Calibration, pairs: Observations
+) -> None:
+    own = pairs.image == 0
+    other = replace(pairs, certain=~own, pixel=pairs.pixel + own[:, None])
+    errors = facts_of(fitted, other, fit={"refine_target": "points"}).errors
+    assert errors is not None
+    np.testing.assert_allclose(errors.residual, fitted.residual[~own], atol=1e-9)
+    moved = replace(other, pixel=pairs.pixel + 1.0)
+    assert facts_of(fitted, moved, fit={"refine_target": "points"}).errors is None
+    assert facts_of(fitted, other).errors is None
+
+
 def test_corners_of_another_fit_are_not_drawn(fitted: Calibration, pairs: Observations) -> None:
     facts = facts_of(fitted, replace(pairs, pixel=pairs.pixel + 1.0))
     assert facts.errors is None
