@@ -7,6 +7,7 @@ P can only be as right as what holds it, and a lens of perfect symmetry is off b
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -91,7 +92,7 @@ class BentFit:
         values = np.concatenate([camera.parameters, np.zeros(_BENDS)])
         return cls(values=values, terms=terms, noise_px=noise_px, spread=spread)
 
-    @property
+    @cached_property
     def _free(self) -> IntArray:
         return np.array([*range(4 + self.terms), *range(8, 8 + (_BENDS if self.spread else 0))])
 

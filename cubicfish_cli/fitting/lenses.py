@@ -117,18 +117,23 @@ class RayPrior:
             The lens; what it sees (M, 2), and its derivatives by the lens's parameters (M, 2, K).
 
         """
-        lens, (seen, by_lens) = self.lens, self.lens.seen(self.still)
+        lens, (seen, by_lens) = self.lens, self._sees
+        weights = self.weights[:, None, None]
         for _ in range(_NEAREST_ROUNDS):
-            weights = self.weights[:, None, None]
             miss = (weights * (seen - pixel)[:, :, None]).reshape(-1)
             square = gram((weights * by_lens).reshape(len(miss), -1), miss) + lens.prior()
             step = _follow(square[:-1, :-1], square[:-1, -1:])[:, 0]
             moved = lens.with_parameters(lens.parameters - step)
             sees = moved.seen(self.still)
             if not np.isfinite(sees[0]).all():
-                return self.lens, self.lens.seen(self.still)
+                return self.lens, self._sees
             lens, (seen, by_lens) = moved, sees
         return lens, (seen, by_lens)
+
+    @cached_property
+    def _sees(self) -> tuple[FloatArray, FloatArray]:
+        """What the lens sees of the rays, and its derivatives."""
+        return self.lens.seen(self.still)
 
     @cached_property
     def still(self) -> StillRays:

@@ -424,18 +424,19 @@ class NormalSums:
         corner: IntArray,
     ) -> None:
         """The blocks of free corners: (n, 2, k + 10) with derivatives by them last, weighted."""
-        product = whole[:, :, -3:].transpose(0, 2, 1) @ whole
+        rows, by_corner = whole.reshape(2 * len(corner), -1), whole[:, :, -3:]
         # A photo sees each corner once, so no place comes twice.
-        self._corner_pose[corner, pose] += product[:, :, :6]
+        self._corner_pose[corner, pose] += by_corner.transpose(0, 2, 1) @ whole[:, :, :6]
+        places = np.repeat(3 * corner, 2)[:, None] + np.arange(3)
+        sparse = csr_array(
+            (by_corner.ravel(), places.ravel(), np.arange(0, places.size + 1, 3)),
+            shape=(len(rows), 3 * self._corners),
+        )
         columns = own
         if not isinstance(own, slice):
             columns = np.r_[own, self._shared : self._shared + 4]
-        added = product[:, :, 6:].reshape(len(corner), -1)
-        each = csr_array(
-            (np.ones(len(corner)), corner, np.arange(len(corner) + 1)),
-            shape=(len(corner), self._corners),
-        )
-        self._by_corner[:, :, columns] += (each.T @ added).reshape(self._corners, 3, -1)
+        added = (sparse.T @ rows)[:, 6:]
+        self._by_corner[:, :, columns] += added.reshape(self._corners, 3, -1)
 
     def _totals(self) -> tuple[FloatArray, FloatArray]:
         """Hessian (K, K) and gradient (K,) of the shared unknowns."""
