@@ -16,13 +16,7 @@ import numpy as np
 
 from cubicfish_cli.fitting.adjustment import Adjustment, runs_linearised
 from cubicfish_cli.fitting.fit_lens import FitLens
-from cubicfish_cli.fitting.normal_equations import (
-    Eliminated,
-    Linearised,
-    NormalEquations,
-    NormalSums,
-)
-from cubicfish_cli.fitting.rig_lens import body_of
+from cubicfish_cli.fitting.normal_equations import Eliminated, summed_by_corner
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 
@@ -37,34 +31,53 @@ _RANK = 1e-12
 class _Seen:
     """What n pairs put into the normal equations, all weighted."""
 
-    shared: FloatArray  # (n, 2, K)
+    rows: FloatArray  # (n, 2, K + 1) by what is shared; the residual is last
     pose: FloatArray  # (n, 2, 6)
-    residual: FloatArray  # (n, 2)
     root: FloatArray  # (n,) root of the weights
     corner: IntArray  # (n,) free corner of each pair; empty where there are none
     by_corner: FloatArray  # (n, 2, 3)
     place: IntArray  # (n,) the pose that each is seen from
 
     @classmethod
-    def of(
-        cls, terms: Linearised, root: FloatArray, count: tuple[int, int], corner: IntArray
-    ) -> _Seen:
-        """Of pairs with their derivatives; so many parameters of lens and boards."""
-        lens, boards = count
-        root = np.maximum(root, _SMALLEST_ROOT)
-        weight = root[:, None, None]
-        shared = np.zeros((len(root), 2, lens + boards))
-        shared[:, :, terms.columns] = terms.d_lens
-        shared[:, :, lens:] = terms.d_board
-        return cls(
-            shared=shared * weight,
-            pose=np.concatenate([terms.d_turn, terms.d_shift], axis=2) * weight,
-            residual=terms.residual * root[:, None],
-            root=root,
-            corner=corner,
-            by_corner=terms.d_corner * weight,
-            place=terms.pose,
+    def of(cls, fit: Adjustment[Any], pairs: Observations, huber_px: float) -> _Seen:
+        """Of all pairs of a fit."""
+        lens, count = len(fit.lens.parameters), len(pairs.image)
+        shared = lens + len(fit.world.parameters)
+        seen = cls(
+            rows=np.zeros((count, 2, shared + 1)),
+            pose=np.empty((count, 2, 6)),
+            root=np.empty(count),
+            corner=fit.world.corner,
+            by_corner=np.empty((count, 2, 3)),
+            place=np.empty(count, np.intp),
         )
+        for _, run, terms, root in runs_linearised(fit.lens, fit.poses, fit.world, pairs, huber_px):
+            seen.root[run] = root = np.maximum(root, _SMALLEST_ROOT)
+            weight = root[:, None, None]
+            rows = seen.rows[run]
+            np.multiply(terms.d_lens, weight, out=rows[:, :, terms.columns])
+            np.multiply(terms.d_board, weight, out=rows[:, :, lens:shared])
+            np.multiply(terms.residual, root[:, None], out=rows[:, :, shared])
+            np.multiply(terms.d_turn, weight, out=seen.pose[run, :, :3])
+            np.multiply(terms.d_shift, weight, out=seen.pose[run, :, 3:])
+            np.multiply(terms.d_corner, weight, out=seen.by_corner[run])
+            seen.place[run] = terms.pose
+        return seen
+
+    def select(self, poses: IntArray) -> _Seen:
+        """What is seen from some poses."""
+        own = np.isin(self.place, poses)
+        names = [one.name for one in fields(_Seen) if len(getattr(self, one.name))]
+        return replace(self, **{name: getattr(self, name)[own] for name in names})
+
+    def sums(self, corners: int) -> tuple[FloatArray, FloatArray]:
+        """Summed up: (K + 1, K + 1), and (Q, 3, K + 4) by free corners, see ``without``."""
+        rows = self.rows.reshape(2 * len(self.rows), -1)
+        by_corner = np.zeros((0, 3, rows.shape[1] + 3))
+        if corners:
+            whole = np.concatenate([self.rows, self.by_corner], axis=2)
+            by_corner = summed_by_corner(self.corner, corners, self.by_corner, whole)
+        return rows.T @ rows, by_corner
 
     def after(self, pose: int, shared: FloatArray, offset: FloatArray) -> FloatArray:
         """Residuals (n, 2, H) of what is seen from a pose, which is fitted anew.
@@ -76,7 +89,7 @@ class _Seen:
 
         """
         own = np.flatnonzero(self.place == pose)
-        left = self.residual[own, :, None] + self.shared[own] @ shared
+        left = self.rows[own, :, -1:] + self.rows[own, :, :-1] @ shared
         if len(self.corner):
             left += self.by_corner[own] @ offset[self.corner[own]]
         basis, size, _ = np.linalg.svd(self.pose[own].reshape(-1, 6), full_matrices=False)
@@ -106,10 +119,13 @@ class Leaving:
 
         """
         self._fit = fit
-        self._groups = [(photos, *_seen(fit, pairs, huber_px, photos)) for photos in groups]
+        corners = len(fit.world.offsets)
+        seen = _Seen.of(fit, pairs, huber_px)
+        parts = [(photos, seen.select(photos)) for photos in groups]
+        self._groups = [(photos, own, *own.sums(corners)) for photos, own in parts]
         self._equations = [
-            fit.normal.without(sums, photos).eliminated(_DAMPING)
-            for photos, sums, _ in self._groups
+            fit.normal.without(photos, gram, by_corner).eliminated(_DAMPING)
+            for photos, _, gram, by_corner in self._groups
         ]
 
     def steps(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
@@ -130,7 +146,7 @@ class Leaving:
         """
         own = self._fit.lens.prior()
         change = (own[None] if priors is None else priors) - own
-        for (photos, _, seen), equations in zip(self._groups, self._equations, strict=True):
+        for (photos, seen, _, _), equations in zip(self._groups, self._equations, strict=True):
             step = equations.solve_changed(change)
             for photo in photos.tolist():
                 yield photo, seen.after(photo, *step)
@@ -153,26 +169,6 @@ class Leaving:
         normal, groups = self._fit.normal, len(self._groups)
         shared = np.zeros((groups, *normal.shared_gradient.shape))
         corner = np.zeros((groups, *normal.corner_gradient.shape))
-        for group, (_, sums, _) in enumerate(self._groups):
-            shared[group], corner[group] = -sums.shared_gradient, -sums.corner_gradient
+        for group, (_, _, gram, by_corner) in enumerate(self._groups):
+            shared[group], corner[group] = -gram[:-1, -1], -by_corner[:, :, -4]
         return self._equations_of_all.shared_steps(shared, corner)
-
-
-def _seen(
-    fit: Adjustment[Any], pairs: Observations, huber_px: float, photos: IntArray
-) -> tuple[NormalEquations, _Seen]:
-    """What some photos put into the equations: summed up, and pair by pair."""
-    photos = np.sort(photos)
-    rows = np.flatnonzero(np.isin(body_of(fit.lens, len(fit.poses)).shot_of(pairs.image), photos))
-    own, world = pairs.select(rows), fit.world.select(rows)
-    count = len(fit.lens.parameters), len(world.parameters)
-    sums = NormalSums(*count, len(photos), world)
-    found = []
-    for views, run, terms, root in runs_linearised(fit.lens, fit.poses, world, own, huber_px):
-        found.append(_Seen.of(terms, root, count, world.corner[run]))
-        terms = replace(terms, pose=np.searchsorted(photos, terms.pose))
-        sums.add(terms, root, views, own.image[run], run)
-    names = [one.name for one in fields(_Seen)]
-    return sums.equations(), _Seen(
-        **{name: np.concatenate([getattr(one, name) for one in found]) for name in names}
-    )

@@ -66,12 +66,14 @@ class NormalEquations:
         )
         return -0.5 * float(slope)
 
-    def without(self, part: NormalEquations, poses: IntArray) -> NormalEquations:
+    def without(self, poses: IntArray, gram: FloatArray, by_corner: FloatArray) -> NormalEquations:
         """The equations less what was seen from some poses, which stay where they are.
 
         Args:
-            part: the sums of that.
             poses: the poses.
+            gram: (K + 1, K + 1) products of that by what is shared and, last, the residual.
+            by_corner: (Q, 3, K + 4) its products with each free corner's coordinates: by what is
+                shared, the residual, the corner's own place.
 
         """
         columns = (6 * poses[:, None] + np.arange(6)).reshape(-1)
@@ -80,16 +82,17 @@ class NormalEquations:
         pose[poses], pose_gradient[poses] = np.eye(6), 0
         shared_pose[:, columns] = 0
         pose_corner[columns] = 0
+        shared_corner = by_corner[:, :, :-4].reshape(self.shared_corner.shape[::-1]).T
         return NormalEquations(
-            shared=self.shared - part.shared,
+            shared=self.shared - gram[:-1, :-1],
             pose=pose,
             shared_pose=shared_pose,
-            shared_gradient=self.shared_gradient - part.shared_gradient,
+            shared_gradient=self.shared_gradient - gram[:-1, -1],
             pose_gradient=pose_gradient,
-            corner=self.corner - part.corner,
-            shared_corner=self.shared_corner - part.shared_corner,
+            corner=self.corner - by_corner[:, :, -3:],
+            shared_corner=self.shared_corner - shared_corner,
             pose_corner=pose_corner,
-            corner_gradient=self.corner_gradient - part.corner_gradient,
+            corner_gradient=self.corner_gradient - by_corner[:, :, -4],
         )
 
     def eliminated(self, damping: float) -> Eliminated:
@@ -303,6 +306,27 @@ def runs_of_photos(
         first = stop
 
 
+def summed_by_corner(
+    corner: IntArray, corners: int, by_corner: FloatArray, rows: FloatArray
+) -> FloatArray:
+    """Products of rows with the derivatives by the place of each free corner: (Q, 3, C).
+
+    Args:
+        corner: (n,) which corner each pair is of.
+        corners: Q.
+        by_corner: (n, 2, 3) the pairs' derivatives by its place.
+        rows: (n, 2, C).
+
+    """
+    places = np.repeat(3 * corner, 2)[:, None] + np.arange(3)
+    # A sparse matrix, whose product sums as it multiplies.
+    sparse = csr_array(
+        (by_corner.ravel(), places.ravel(), np.arange(0, places.size + 1, 3)),
+        shape=(len(places), 3 * corners),
+    )
+    return np.asarray(sparse.T @ rows.reshape(len(places), -1)).reshape(corners, 3, -1)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Linearised:
     """Residuals of n pairs and their derivatives, unweighted.
@@ -424,19 +448,14 @@ class NormalSums:
         corner: IntArray,
     ) -> None:
         """The blocks of free corners: (n, 2, k + 10) with derivatives by them last, weighted."""
-        rows, by_corner = whole.reshape(2 * len(corner), -1), whole[:, :, -3:]
+        by_corner = whole[:, :, -3:]
         # A photo sees each corner once, so no place comes twice.
         self._corner_pose[corner, pose] += by_corner.transpose(0, 2, 1) @ whole[:, :, :6]
-        places = np.repeat(3 * corner, 2)[:, None] + np.arange(3)
-        sparse = csr_array(
-            (by_corner.ravel(), places.ravel(), np.arange(0, places.size + 1, 3)),
-            shape=(len(rows), 3 * self._corners),
-        )
         columns = own
         if not isinstance(own, slice):
             columns = np.r_[own, self._shared : self._shared + 4]
-        added = (sparse.T @ rows)[:, 6:]
-        self._by_corner[:, :, columns] += added.reshape(self._corners, 3, -1)
+        summed = summed_by_corner(corner, self._corners, by_corner, whole)
+        self._by_corner[:, :, columns] += summed[:, :, 6:]
 
     def _totals(self) -> tuple[FloatArray, FloatArray]:
         """Hessian (K, K) and gradient (K,) of the shared unknowns."""
