@@ -168,7 +168,8 @@ def _followed(fit: ObjectFit, together: float) -> Finding | None:
         return None
     scale = 1 + split.own[:, 0] / reach
     middle = (np.array(pairs.image_size, float) - 1) / 2
-    camera = apart.reference.camera
+    found = apart.reference
+    camera = refit_radial(found, found.pairs, found.poses).camera
     common = np.array([camera.cx, camera.cy]) - middle
     centres = middle + scale[:, None] * common + split.own[:, 1:]
     change = LensChange(
@@ -233,7 +234,7 @@ def _fitted_apart(
     own, middle = given[pairs.image], (np.array(pairs.image_size, float) - 1) / 2
     # Pixels as one lens would have taken them.
     pixel = middle + (pairs.pixel - middle - own[:, 1:]) / (1 + own[:, :1] / reach)
-    reference = refit_radial(start.reference, replace(pairs, pixel=pixel), start.reference.poses)
+    reference = replace(start.reference, pairs=replace(pairs, pixel=pixel))
     cubic = fit_cubic(
         reference,
         fit.cubic.hold,
@@ -431,8 +432,10 @@ def _without(fit: ObjectFit, suspects: IntArray) -> PhotoLenses:
     pairs = fit.reference.pairs
     good = np.setdiff1d(np.arange(len(pairs.images)), suspects)
     good = spread_out(good, 2 * enough_photos(len(good)))
-    reference = refit_radial(fit.reference, select_photos(pairs, good), fit.cubic.poses[good])
-    cubic = fit_cubic(reference, fit.cubic.hold, relative_decrease=_ROUGH_DECREASE)
+    few = fit_of_few(fit, good)
+    cubic = fit_cubic(
+        few.reference, few.cubic.hold, start=few.cubic, relative_decrease=_ROUGH_DECREASE
+    )
     poses = fit.cubic.poses.with_photos(good, cubic.poses)
     # Beside their poses under the other lens, photos would look grossly wrong all over.
     left_out = np.setdiff1d(np.arange(len(poses)), good)
@@ -440,7 +443,7 @@ def _without(fit: ObjectFit, suspects: IntArray) -> PhotoLenses:
         image_size=pairs.image_size,
         P=cubic.lens.P,
         max_angle_deg=cubic.max_angle_deg,
-        radial=reference.camera,
+        radial=few.reference.camera,
     )
     lens, others = FixedLens(camera=camera), select_photos(pairs, left_out)
     placed = adjust(lens, poses[left_out], others, huber_px=_WIDE_HUBER_PX)

@@ -39,6 +39,24 @@ WARM_DAMPING = 1e-10
 """For a start at the optimum of nearly the same pairs."""
 
 
+@dataclass(frozen=True, eq=False)
+class State(Generic[L]):
+    """All that an adjustment moves: lens, poses and object."""
+
+    lens: L
+    poses: Poses
+    world: World
+
+    def moved(self, shared: FloatArray, pose: FloatArray, corner: FloatArray) -> State[L]:
+        """After a step (K,), (M, 6) and (Q, 3)."""
+        count = len(self.lens.parameters)
+        return State(
+            self.lens.with_parameters(self.lens.parameters + shared[:count]),
+            self.poses.moved(pose),
+            self.world.moved(shared[count:], corner),
+        )
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Adjustment(Generic[L]):
     """Where Levenberg–Marquardt stopped.
@@ -67,6 +85,11 @@ class Adjustment(Generic[L]):
     pairs: Observations
     huber_px: float
     sums: NormalSums | None
+
+    @property
+    def state(self) -> State[L]:
+        """Where it stopped."""
+        return State(self.lens, self.poses, self.world)
 
     def again(
         self,
@@ -100,21 +123,6 @@ def huber_weight(distance: FloatArray, scale: float) -> FloatArray:
 def huber_cost(distance: FloatArray, scale: float) -> FloatArray:
     """Huber loss: d²/2 within ``scale``, linear beyond."""
     return np.where(distance <= scale, 0.5 * np.square(distance), scale * (distance - 0.5 * scale))
-
-
-@dataclass(frozen=True, eq=False)
-class _State(Generic[L]):
-    lens: L
-    poses: Poses
-    world: World
-
-    def moved(self, shared: FloatArray, pose: FloatArray, corner: FloatArray) -> _State[L]:
-        count = len(self.lens.parameters)
-        return _State(
-            self.lens.with_parameters(self.lens.parameters + shared[:count]),
-            self.poses.moved(pose),
-            self.world.moved(shared[count:], corner),
-        )
 
 
 def adjust(
@@ -155,7 +163,7 @@ def adjust(
         FitError: the start itself sees a point at infinity.
 
     """
-    state = _State(lens, poses, World(as_drawn=pairs.world) if world is None else world)
+    state = State(lens, poses, World(as_drawn=pairs.world) if world is None else world)
     if known is not None and abs(huber_px / known.huber_px - 1) < _SAME_LIMIT:
         huber_px = known.huber_px
     now = _known(known, state, pairs, huber_px) or _evaluated(state, pairs, huber_px)
@@ -217,7 +225,7 @@ class _Evaluation:
     sums: NormalSums | None = None
 
 
-def _evaluated(state: _State[Any], pairs: Observations, huber_px: float) -> _Evaluation:
+def _evaluated(state: State[Any], pairs: Observations, huber_px: float) -> _Evaluation:
     """Evaluate a state with its derivatives at once: nearly every step that is tried is taken."""
     lens, world = state.lens, state.world
     sums = NormalSums(len(lens.parameters), len(world.parameters), len(state.poses), world)
@@ -233,7 +241,7 @@ def _evaluated(state: _State[Any], pairs: Observations, huber_px: float) -> _Eva
 
 
 def _known(
-    fit: Adjustment[Any] | None, state: _State[Any], pairs: Observations, huber_px: float
+    fit: Adjustment[Any] | None, state: State[Any], pairs: Observations, huber_px: float
 ) -> _Evaluation | None:
     """A state that another adjustment ended in; None where its sums are not those of this one."""
     if fit is None or fit.sums is None or fit.poses is not state.poses:
@@ -253,7 +261,7 @@ def _known(
 
 
 def _with_priors(
-    state: _State[Any],
+    state: State[Any],
     pairs: Observations,
     huber_px: float,
     residual: FloatArray,

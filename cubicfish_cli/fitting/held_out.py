@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cubicfish_cli.fitting.adjustment import WARM_DAMPING, adjust
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, State, adjust
 from cubicfish_cli.fitting.folds import photo_folds
-from cubicfish_cli.fitting.lenses import FixedLens
+from cubicfish_cli.fitting.left_out import Leaving
+from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refinement import ObjectFit
 from cubicfish_cli.fitting.robust import huber_px
@@ -79,8 +81,9 @@ def held_out_error(
 
     Which photos are left out together, folds.py says. In each fold reference, P and, at its level,
     the object are fitted to the other photos; then only the poses of the photos left out are
-    fitted. The fits start where the fit to all photos ended, near their own optimum; the priors
-    and their weights are those that the fit to all photos chose.
+    fitted. The fits start near their own optimum: where the fit to all photos ended, of P and the
+    object a step from there, to first order. The priors and their weights are those that the fit
+    to all photos chose.
 
     Args:
         fit: the fit to all photos.
@@ -93,44 +96,42 @@ def held_out_error(
     parts = photo_folds(fit.cubic.poses, fit.reference.pairs, fit.reference.camera.fx)
     if not parts:
         return None
-    measured = []
-    for done, test in enumerate(parts):
+    measured, cubic = [], fit.cubic.fit
+    leaving = Leaving(cubic, fit.reference.pairs, huber_px(cubic.residual), parts)
+    for done, (test, step) in enumerate(zip(parts, leaving.steps(), strict=True)):
         if progress is not None:
             progress(done, len(parts))
-        measured.append(_fold(fit, test))
-    cubic, radial, images = zip(*measured, strict=True)
-    square = np.sum(np.square(np.vstack(cubic)), axis=1)
+        measured.append(_fold(fit, test, cubic.state.moved(*step)))
+    of_cubic, of_radial, images = zip(*measured, strict=True)
+    square = np.sum(np.square(np.vstack(of_cubic)), axis=1)
     image, count = np.concatenate(images), len(fit.cubic.poses)
     with np.errstate(invalid="ignore"):
         mean = np.bincount(image, square, count) / np.bincount(image, minlength=count)
     return HeldOut(
-        rms_px=rms_px(np.vstack(cubic)),
-        companion_rms_px=rms_px(np.vstack(radial)),
-        corners=sum(map(len, cubic)),
+        rms_px=rms_px(np.vstack(of_cubic)),
+        companion_rms_px=rms_px(np.vstack(of_radial)),
+        corners=sum(map(len, of_cubic)),
         folds=len(parts),
         photos_px=np.sqrt(mean),
     )
 
 
-def _fold(fit: ObjectFit, test: IntArray) -> tuple[FloatArray, FloatArray, IntArray]:
+def _fold(
+    fit: ObjectFit, test: IntArray, near: State[CubicFit]
+) -> tuple[FloatArray, FloatArray, IntArray]:
     """Residuals of the photos ``test`` under a fit to the others: the cubic's, the reference's.
 
-    And the photo of each of the cubic's.
+    And the photo of each of the cubic's. The fit to the others starts at ``near``.
     """
-    pairs, world = fit.reference.pairs, fit.cubic.fit.world
+    pairs, world = fit.reference.pairs, near.world
     out = np.isin(pairs.image, test)
     train = np.setdiff1d(np.arange(len(pairs.images)), test)
     training = select_photos(pairs, train)
-    trained = adjust(
-        fit.cubic.lens,
-        fit.cubic.poses[train],
-        training,
-        huber_px=huber_px(fit.cubic.residual),
-        world=world.select(np.flatnonzero(~out)),
-        relative_decrease=_FOLD_DECREASE,
-        damping=WARM_DAMPING,
-        trust_last=True,
-    )
+    limit, own = huber_px(fit.cubic.residual), np.flatnonzero(~out)
+    try:
+        trained = _trained(near, training, train, own, limit)
+    except FitError:  # too far for a first order: corners of other photos hold the lens
+        trained = _trained(fit.cubic.fit.state, training, train, own, limit)
     radial = adjust(
         fit.reference.lens,
         fit.reference.poses[train],
@@ -150,6 +151,22 @@ def _fold(fit: ObjectFit, test: IntArray) -> tuple[FloatArray, FloatArray, IntAr
     _, cubic, seen = pose_only_residual(camera, left_out, fit.cubic.poses[test])
     _, of_radial, _ = pose_only_residual(camera.radial, left_out, fit.reference.poses[test])
     return cubic, of_radial, test[left_out.image[seen]]
+
+
+def _trained(
+    start: State[CubicFit], pairs: Observations, photos: IntArray, rows: IntArray, limit: float
+) -> Adjustment[CubicFit]:
+    """The fit to some photos, from a state of all: their pairs, which of all pairs these are."""
+    return adjust(
+        start.lens,
+        start.poses[photos],
+        pairs,
+        huber_px=limit,
+        world=start.world.select(rows),
+        relative_decrease=_FOLD_DECREASE,
+        damping=WARM_DAMPING,
+        trust_last=True,
+    )
 
 
 def pose_only_residual(
