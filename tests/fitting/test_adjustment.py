@@ -29,12 +29,12 @@ POSES = synthetic.poses_around(TARGET, 5, seed=2)
 
 def normal_equations(lens, poses, pairs, huber_px, world=None):
     world = World(as_drawn=pairs.world) if world is None else world
-    return adjustment._evaluated(adjustment._State(lens, poses, world), pairs, huber_px).normal
+    return adjustment._evaluated(adjustment.State(lens, poses, world), pairs, huber_px).normal
 
 
 def cost(lens, poses, pairs, huber_px, world=None):
     world = World(as_drawn=pairs.world) if world is None else world
-    return adjustment._evaluated(adjustment._State(lens, poses, world), pairs, huber_px).cost
+    return adjustment._evaluated(adjustment.State(lens, poses, world), pairs, huber_px).cost
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +63,7 @@ def test_what_is_known_of_a_state_is_what_is_worked_out(cubic):
     """Under another prior and another loss too, as long as no corner is far out."""
     fit = cubic.fit
     freer = replace(fit.lens, ray_prior=replace(fit.lens.ray_prior, weight=0.05))
-    state = adjustment._State(freer, fit.poses, fit.world)
+    state = adjustment.State(freer, fit.poses, fit.world)
     for limit in (fit.huber_px, 3 * fit.huber_px):
         known = adjustment._known(fit, state, fit.pairs, limit)
         anew = adjustment._evaluated(state, fit.pairs, limit)
@@ -75,7 +75,7 @@ def test_what_is_known_of_a_state_is_what_is_worked_out(cubic):
 
 def test_nothing_is_known_of_another_state(cubic):
     fit = cubic.fit
-    same = adjustment._State(fit.lens, fit.poses, fit.world)
+    same = adjustment.State(fit.lens, fit.poses, fit.world)
     other_pairs = replace(fit.pairs, pixel=fit.pairs.pixel + 1)
     other_lens = fit.lens.with_parameters(fit.lens.parameters + 1e-9)
     worst = np.hypot(*fit.residual.T).max()
@@ -91,7 +91,7 @@ def test_nothing_is_known_of_another_state(cubic):
     ahead = adjust(
         fit.lens, fit.poses, fit.pairs, huber_px=fit.huber_px, damping=1e-8, trust_last=True
     )
-    state = adjustment._State(ahead.lens, ahead.poses, ahead.world)
+    state = adjustment.State(ahead.lens, ahead.poses, ahead.world)
     assert adjustment._known(ahead, state, fit.pairs, fit.huber_px) is None
 
 
