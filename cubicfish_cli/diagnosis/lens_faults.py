@@ -64,7 +64,9 @@ _HALF = 0.5
 # Photos that were left out say that the camera is wrong where they are so many.
 _MANY_LEFT_OUT = 1 / 3
 _ROUNDS = 12
-_SETTLED_PX = 0.05
+# Shares of the gain that makes two lenses worth it: what the first of these rounds gains at least
+# where they are, and by how much less than that another round gains where they have settled.
+_AT_ONCE, _SETTLED = 0.5, 0.01
 _ROUGH_DECREASE = 1e-5
 # What is smaller than this share of the larger of two differences is taken for none.
 _NONE = 0.25
@@ -142,21 +144,18 @@ def _followed(fit: ObjectFit, together: float) -> Finding | None:
     apart, split, reach = fit, two_lenses(photos), photos.reach
     noticed = _NOTICED_PX * max(1.0, max(pairs.image_size) / _SIDE)
     given, gains = np.zeros((len(pairs.images), 3)), [0.0]
-    for left in reversed(range(_ROUNDS)):
+    worthy = _worthy_gain(together, noticed)
+    for _ in range(_ROUNDS):
         if split is None:
             return None
-        wanted = _given(split, photos, given)
-        if apart is not fit and np.abs(wanted - given).max() < _SETTLED_PX:
-            break
-        given = wanted
+        given = _given(split, photos, given)
         apart, photos = _fitted_apart(fit, apart, given, reach)
         split = two_lenses(photos)
         gains.append(together**2 - rms_px(apart.cubic.residual) ** 2)
-        # What a round gains hardly grows from one to the next.
-        if len(gains) > 2 and (
-            gains[-1] + left * max(gains[-1] - gains[-2], 0) < _worthy_gain(together, noticed)
-        ):
+        if len(gains) == 2 and gains[1] < _AT_ONCE * worthy:
             return None
+        if gains[-1] - gains[-2] < _SETTLED * worthy:
+            break
     if split is None or split.chance > BY_CHANCE:
         return None
     if split.kind == "order":
@@ -168,8 +167,7 @@ def _followed(fit: ObjectFit, together: float) -> Finding | None:
         return None
     scale = 1 + split.own[:, 0] / reach
     middle = (np.array(pairs.image_size, float) - 1) / 2
-    found = apart.reference
-    camera = refit_radial(found, found.pairs, found.poses).camera
+    camera = apart.reference.camera
     common = np.array([camera.cx, camera.cy]) - middle
     centres = middle + scale[:, None] * common + split.own[:, 1:]
     change = LensChange(
@@ -234,7 +232,7 @@ def _fitted_apart(
     own, middle = given[pairs.image], (np.array(pairs.image_size, float) - 1) / 2
     # Pixels as one lens would have taken them.
     pixel = middle + (pairs.pixel - middle - own[:, 1:]) / (1 + own[:, :1] / reach)
-    reference = replace(start.reference, pairs=replace(pairs, pixel=pixel))
+    reference = refit_radial(start.reference, replace(pairs, pixel=pixel), start.reference.poses)
     cubic = fit_cubic(
         reference,
         fit.cubic.hold,
