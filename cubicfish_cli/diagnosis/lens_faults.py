@@ -67,7 +67,7 @@ _ROUNDS = 12
 # Shares of the gain that makes two lenses worth it: what the first of these rounds gains at least
 # where they are, and by how much less than that another round gains where they have settled.
 _AT_ONCE, _SETTLED = 0.5, 0.01
-_ROUGH_DECREASE = 1e-5
+_ROUGH_DECREASE = 1e-4
 # What is smaller than this share of the larger of two differences is taken for none.
 _NONE = 0.25
 # Centres that agree to this share of the longer side are the same.

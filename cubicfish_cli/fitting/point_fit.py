@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.spatial import ConvexHull
 
 from cubicfish_cli.errors import FitError
@@ -286,6 +285,8 @@ def _without_pole(values: FloatArray, pixel: FloatArray) -> FloatArray:
 
 def _refined(values: FloatArray, pixel: FloatArray, start: FloatArray, scale: float) -> FloatArray:
     """Levenberg–Marquardt on Eq. 10, in the basis of ``values``; the mean of P3Φ stays 1."""
+    from scipy.optimize import least_squares  # it takes long to load, and is seldom asked
+
     rank = values.shape[1]
     # Directions in which C3 may move without changing the mean denominator.
     free = np.linalg.svd(values.mean(axis=0)[None, :])[2][1:].T

@@ -7,7 +7,6 @@ from typing import Self
 
 import numpy as np
 from numpy.polynomial import polynomial
-from scipy.optimize import least_squares
 
 from cubicfish_cli.angles import angle_from_axis, unit_rays
 from cubicfish_cli.lenses.cubic import CubicCamera
@@ -82,6 +81,8 @@ class FThetaLens(Lens):
 
         Times the focal length they are pixels.
         """
+        from scipy.optimize import least_squares  # it takes long to load, and is seldom asked
+
         start = cls.starts(camera.radial, 0.0)[0]
         rays = unit_rays(rays)
         focal = 0.5 * (camera.radial.fx + camera.radial.fy)

@@ -8,7 +8,6 @@ from typing import Generic, Literal, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import least_squares
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.lenses.lens import Lens
@@ -123,6 +122,7 @@ def _least_squares(
     most_steps: int = 200,
 ) -> tuple[float, L]:
     """Cost, and the lens."""
+    from scipy.optimize import least_squares  # it takes long to load, and is seldom asked
 
     def residual(parameters: FloatArray) -> FloatArray:
         miss = start.with_parameters(parameters).project(rays) - pixel

@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import least_squares
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import FitError
@@ -235,6 +234,8 @@ def _cameras(
     pull: float,
 ) -> list[CubicCamera]:
     """Cameras to choose from, the best first: refined in pixels, and as the linear start."""
+    from scipy.optimize import least_squares  # it takes long to load, and is seldom asked
+
     linear = CubicFit.linear(rays, pixel, radial, denominator_pull=pull)
     values, stiffness = lift(rays) @ sphere_basis(), pull * linear.scale
 

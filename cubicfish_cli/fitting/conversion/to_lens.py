@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.angles import angle_from_axis
@@ -132,6 +131,8 @@ def symmetric_frame(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) ->
     A lens that is decentred or tilted looks most symmetric from an axis of its own, and poses make
     up for the turn.
     """
+    from scipy.optimize import least_squares  # it takes long to load, and is seldom asked
+
     start = FreeLens.of(camera.radial)
     count = len(start.parameters)
 
