@@ -196,3 +196,14 @@ def test_folds_that_start_a_step_away_end_where_fits_anew_do(reference, target, 
     expected = [anew(fit.cubic.fit, pairs, pairs.image_size, part) for part in parts]
     assert found.folds == len(parts) == 5
     assert found.rms_px == pytest.approx(rms_px(np.vstack(expected)), rel=2e-3)
+
+
+def test_folds_whose_first_order_leads_astray_start_from_the_whole_fit(reference, monkeypatch):
+    fit = ObjectFit(level="off", reference=reference, cubic=fit_cubic(reference, HOLD))
+    expected, steps = held_out_error(fit).rms_px, Leaving.steps
+
+    def astray(leaving):
+        return [(np.full_like(shared, -1e4), *rest) for shared, *rest in steps(leaving)]
+
+    monkeypatch.setattr(Leaving, "steps", astray)
+    assert held_out_error(fit).rms_px == pytest.approx(expected, rel=1e-3)
