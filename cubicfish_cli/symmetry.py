@@ -41,7 +41,7 @@ class Symmetry:
 
         Args:
             seen: corners of the target, which boards are indices into its.
-            target: the object.
+            target: the target.
             scale: its units in one unit of world points.
 
         """

@@ -1,4 +1,4 @@
-"""Levenberg–Marquardt over a lens, the poses of all photos and the object (Zhu & Yin, Eq. 10)."""
+"""Levenberg–Marquardt over a lens, the poses of all photos and the target (Zhu & Yin, Eq. 10)."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ WARM_DAMPING = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class State(Generic[L]):
-    """All that an adjustment moves: lens, poses and object."""
+    """All that an adjustment moves: lens, poses and target."""
 
     lens: L
     poses: Poses
@@ -64,7 +64,7 @@ class Adjustment(Generic[L]):
     Attributes:
         lens: the adjusted lens.
         poses: camera_from_world of every photo; of a rig, rig_from_world of every shot.
-        world: the adjusted object.
+        world: the adjusted target.
         residual: (N, 2) projection less pixel, unweighted, pixels.
         cost: robust cost at the end, priors included.
         iterations: how many steps were tried.
@@ -101,7 +101,7 @@ class Adjustment(Generic[L]):
     ) -> Adjustment[L]:
         """Adjust on from here, with a loss that follows what residuals there are.
 
-        The arguments are those of :func:`adjust`; the object is by default as free as it was.
+        The arguments are those of :func:`adjust`; the target is by default as free as it was.
         """
         return adjust(
             self.lens,
@@ -138,19 +138,19 @@ def adjust(
     trust_last: bool = False,
     known: Adjustment[Any] | None = None,
 ) -> Adjustment[L]:
-    """Minimise the Huber loss of the reprojection error over lens, poses and object.
+    """Minimise the Huber loss of the reprojection error over lens, poses and target.
 
     Args:
         lens: the start; its prior is part of the cost.
         poses: the start, one for each of ``pairs.images``, or of a rig one for each shot.
         pairs: 2D-3D pairs, sorted by photo.
         huber_px: distance in pixels from which a pair's pull stops growing.
-        world: the object's points and what of them is free; by default ``pairs.world``, fixed.
+        world: the target's points and what of them is free; by default ``pairs.world``, fixed.
         max_iterations: steps to try at most.
         relative_decrease: stop when a step lowers the cost by less than this share.
         damping: of the first step; less near the optimum.
         trust_last: near the optimum, also take the step that is too small to be worth looking at.
-            Lens, poses and object are then right to its square; what is said of residuals, cost
+            Lens, poses and target are then right to its square; what is said of residuals, cost
             and equations is of the state before.
         known: an adjustment that may have ended in this start, if perhaps under other priors: what
             it knows of the pairs is not worked out again. Its ``huber_px`` stays where this one is
@@ -323,7 +323,7 @@ def linearised(
     Args:
         lens: the lens, or those of a rig.
         poses: one per photo, or per shot of a rig.
-        world: the object.
+        world: the target.
         pairs: all pairs.
         run: which of them.
         views: of all photos, where they are known already.

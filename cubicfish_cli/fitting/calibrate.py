@@ -76,14 +76,14 @@ from cubicfish_cli.words.finding import Finding
 MIN_PAIRS = 30
 # Boards whose corners leave a plane by less than this share of their extent count as flat.
 _FLAT = 1e-4
-# A sheet that is fitted too is bent a little; an object of two boards leaves a plane by far more.
+# A sheet that is fitted too is bent a little; a target of two boards leaves a plane by far more.
 _NEARLY_FLAT = 0.02
 # Beyond this relative uncertainty of the focal length the photos do not determine the lens.
 _MAX_FOCAL_UNCERTAINTY = 0.05
 _DROP_ROUNDS = 12
 # Enough to tell a corner that is pixels off.
 _DROP_DECREASE = 1e-4
-# A richer object must lower photos' held-out errors at least to this share of the poorer one's.
+# A richer target must lower photos' held-out errors at least to this share of the poorer one's.
 _WORTH = 0.99
 _NO_CONVERGENCE = "the fit does not converge"
 _INSTEAD_OF_DOUBTS = (
@@ -143,12 +143,12 @@ class Calibration(Calibrated):
             right; None where nothing was left out.
         dropped: corners left out because they were grossly off.
         unfit: photos left out, with the reason.
-        refined: what of the object was fitted: ``off``, ``shape`` or ``points``.
-        target: the object as fitted (the given one where nothing was refined); None for pairs
+        refined: what of the target was fitted: ``off``, ``shape`` or ``points``.
+        target: the target as fitted (the given one where nothing was refined); None for pairs
             that came without one.
         renamed: photos that show the target the other way round than they said, as its print
             says, and the motion of the target that their corners were named anew by.
-        departures: by how much the object departs from its drawing, a board each.
+        departures: by how much the target departs from its drawing, a board each.
         uncertainty_grid: how far the pixels of distant points may be off, on a grid over the photo,
             as ``uncertainty_record`` of fitting/uncertainty.py has it.
         coverage: share of the valid field that corners cover, 0 to 1.
@@ -242,12 +242,12 @@ def calibrate(
 
     Zhu & Yin (2010): poses and the radial reference first, without any guess; then P by the
     linear equations 8–9 and Levenberg–Marquardt on Eq. 10, jointly with all poses and, where it
-    helps photos that were left out, with the object itself.
+    helps photos that were left out, with the target itself.
 
     Args:
-        pairs: 2D-3D pairs of one or more photos of one rigid object.
-        target: the object; without it (pairs that came as such) it stays as it is.
-        refine_target: what of the object is fitted too: ``off``, ``shape`` (boards bend, twist,
+        pairs: 2D-3D pairs of one or more photos of one rigid target.
+        target: the target; without it (pairs that came as such) it stays as it is.
+        refine_target: what of the target is fitted too: ``off``, ``shape`` (boards bend, twist,
             stretch and move a little), ``points`` (each corner has an offset of its own as
             well), or ``auto``: the richest of these that lowers the held-out error, and ``off``
             where it is not certain of any corner which it is.
@@ -263,7 +263,7 @@ def calibrate(
     """
     _refuse_too_little(pairs)
     if refine_target == "auto" and not pairs.certain.any():
-        refine_target = "off"  # corners that may be others say nothing about the object
+        refine_target = "off"  # corners that may be others say nothing about the target
     # What the user chose freely, the world's origin and the unit of weights, must not matter.
     origin, weight = middle(pairs), pairs.weight.mean()
     pairs = with_mean_weight_one(pairs.with_world(pairs.world - origin))
@@ -384,7 +384,7 @@ def _calibrated(
 def _without_gross(
     reference: RadialReference,
 ) -> tuple[ObjectFit, Observations, FloatArray]:
-    """Fit to the object as drawn without grossly wrong corners; these, and how far they are off.
+    """Fit to the target as drawn without grossly wrong corners; these, and how far they are off.
 
     Every round judges all corners anew: a corner that only looked wrong because others had
     pulled its photo's pose away comes back.
@@ -431,7 +431,7 @@ Judged = tuple[ObjectFit, HeldOut | None, Drawing]
 def _climb(
     fit: ObjectFit, drawing: Drawing, refine_target: RefineTarget, hold_out: bool, stages: Stages
 ) -> tuple[ObjectFit, Drawing, dict[Level, HeldOut | None], ObjectFit | None]:
-    """Refine the object up to the level asked for, or as far as held-out photos gain by it.
+    """Refine the target up to the level asked for, or as far as held-out photos gain by it.
 
     The drawing's pairs have the fit's names. The last is a richer fit by which photos that were
     left out did not gain.

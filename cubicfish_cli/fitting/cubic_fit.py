@@ -121,7 +121,7 @@ def fit_cubic(
     Args:
         reference: the radial fit to start from and to lean on.
         hold: how P is held to it.
-        world: the object, where it is free; its points are those of the reference's pairs.
+        world: the target, where it is free; its points are those of the reference's pairs.
         start: a fit to the same photos from which to start, where there is one.
         relative_decrease: when to stop, as in :func:`~cubicfish_cli.fitting.adjustment.adjust`.
 

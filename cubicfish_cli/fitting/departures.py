@@ -1,4 +1,4 @@
-"""By how much a refined object departs from its drawing, and what no print or wall explains."""
+"""By how much a refined target departs from its drawing, and what no print or wall explains."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def departures(drawn: Target, refined: Target, *, doubted: bool = True) -> list[
 
     Args:
         drawn: the drawing.
-        refined: the object as fitted.
+        refined: the target as fitted.
         doubted: whether to doubt large ones; not where their cause is known.
 
     """

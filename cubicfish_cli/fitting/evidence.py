@@ -54,7 +54,7 @@ class FailedFit(CornerEvidence):
 
     @cached_property
     def scaled(self) -> tuple[Observations, float]:
-        """The pairs in a unit in which the object is of order 1, and that in the target's."""
+        """The pairs in a unit in which the target is of order 1, and that in the target's."""
         scale = world_scale(self.pairs)
         pairs = self.pairs.with_world(self.pairs.world / scale)
         return select_photos(pairs, np.arange(len(pairs.images))), scale
@@ -65,9 +65,9 @@ class FitEvidence(CornerEvidence):
     """Corners with their fit.
 
     Attributes:
-        drawn: the fit to the object as drawn.
+        drawn: the fit to the target as drawn.
         fit: the final fit.
-        drawing: the object as drawn.
+        drawing: the target as drawn.
         dropped: photo and board of each corner that was left out as grossly wrong.
 
     """

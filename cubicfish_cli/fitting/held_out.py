@@ -80,9 +80,9 @@ def held_out_error(
     """Cross-validation by photo: each photo is judged by a camera that never saw it.
 
     Which photos are left out together, folds.py says. In each fold reference, P and, at its level,
-    the object are fitted to the other photos; then only the poses of the photos left out are
+    the target are fitted to the other photos; then only the poses of the photos left out are
     fitted. The fits start near their own optimum: where the fit to all photos ended, of P and the
-    object a step from there, to first order. The priors and their weights are those that the fit
+    target a step from there, to first order. The priors and their weights are those that the fit
     to all photos chose.
 
     Args:

@@ -56,7 +56,7 @@ def choose_hold(
     Args:
         reference: the radial fit.
         groups: photos to be left out together; fewer than two leave the choice open.
-        world: the object, where it is free.
+        world: the target, where it is free.
         start: a fit to the same photos whose hold is where to begin.
         everywhere: look at all holds from there, as without a start; else at those around.
 

@@ -30,7 +30,7 @@ def neighbours(pairs: Observations) -> tuple[IntArray, IntArray]:
 def local_noise_px(pairs: Observations, residual: FloatArray) -> float:
     """Standard deviation a coordinate of what is not smooth in residuals (N, 2), pixels.
 
-    What a wrong lens, pose or object leaves changes little from corner to corner, noise changes
+    What a wrong lens, pose or target leaves changes little from corner to corner, noise changes
     fully: second differences along the rows keep the noise and lose the rest. 0 when unknown.
     """
     if not len(residual) or (pairs.board < 0).any():

@@ -96,7 +96,7 @@ def compare_models(
 
     Args:
         calibration: the fit of the cubic camera.
-        drawn: the object as drawn. An object that was refined was so with the cubic's help and
+        drawn: the target as drawn. A target that was refined was so with the cubic's help and
             on all photos; needed where it was, and every model is then fitted to the drawing.
         hold_out: also measure the held-out error (five more fits per model).
 

@@ -338,7 +338,7 @@ class Linearised:
         d_board: (n, 2, S) by the boards' shapes and places.
         d_turn: (n, 2, 3) by the rotation of the pair's pose.
         d_shift: (n, 2, 3) by its translation.
-        d_corner: (n, 2, 3) by the pair's world point; 0 where the object is not free.
+        d_corner: (n, 2, 3) by the pair's world point; 0 where the target is not free.
         pose: (n,) which pose that is.
 
     """

@@ -43,7 +43,7 @@ def oriented(fit: ObjectFit, drawing: Drawing) -> list[tuple[ObjectFit, Drawing]
 
     Args:
         fit: below the level ``points``.
-        drawing: the object as drawn, with the pairs of ``fit``.
+        drawing: the target as drawn, with the pairs of ``fit``.
 
     Returns:
         The two that were given; then, where other names are likelier, those with other names and
@@ -158,8 +158,8 @@ def _pulls(fit: ObjectFit, pairs: Observations, poses: Poses, world: World) -> _
             cross[corner] += each[:, :, :-1]
             gradient[photo, shared:].reshape(corners, 3)[corner] = each[:, :, -1]
             own[corner] += mine @ by_corner[rows]
-            seen = mine @ basis.reshape(len(corner), 2, 6)
-            by_pose[photo][:, corner] = seen.transpose(2, 0, 1)
+            seen = mine @ basis.reshape(len(corner), 2, -1)
+            by_pose[photo, : seen.shape[2]][:, corner] = seen.transpose(2, 0, 1)
     flat = by_pose.reshape(-1, 3 * corners)
     hessian = np.zeros((gradient.shape[1],) * 2)
     hessian[:shared, :shared] = of_shared

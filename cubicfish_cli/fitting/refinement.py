@@ -1,4 +1,4 @@
-"""How much of the object is fitted along with the camera: nothing, the boards' shapes and places,
+"""How much of the target is fitted along with the camera: nothing, the boards' shapes and places,
 or each corner's own place as well.
 """
 
@@ -33,7 +33,7 @@ _ROUGH_DECREASE = 1e-5
 # Median length of a 3D normal vector of unit standard deviation a component.
 _MEDIAN_OF_MAXWELL = 1.53817
 FIRST_SPREAD = 1e-4
-"""Corners' offsets start from this share of the object's typical extent."""
+"""Corners' offsets start from this share of the target's typical extent."""
 _SMALLEST_SPREAD = 1e-7
 _SPREAD_ROUNDS = 6
 _SPREAD_SETTLED = 0.1
@@ -41,7 +41,7 @@ _SPREAD_SETTLED = 0.1
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Drawing:
-    """The object as drawn, and its pairs in units in which it is of order 1.
+    """The target as drawn, and its pairs in units in which it is of order 1.
 
     Attributes:
         target: the drawing; None for pairs that came without one.
@@ -57,16 +57,16 @@ class Drawing:
     renamed: Mapping[str, Symmetry] = field(default_factory=dict)
 
     def of(self, pairs: Observations) -> Drawing:
-        """The same object for some of the pairs."""
+        """The same target for some of the pairs."""
         return replace(self, pairs=pairs)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ObjectFit:
-    """A camera, its reference and the object, fitted together.
+    """A camera, its reference and the target, fitted together.
 
     Attributes:
-        level: how much of the object was free.
+        level: how much of the target was free.
         reference: the radial fit, its pairs with the refined world points.
         cubic: the cubic fit.
         offset_spread: standard deviation of corners' own offsets that the data showed, in the
@@ -80,7 +80,7 @@ class ObjectFit:
     offset_spread: float | None = None
 
     def refined_target(self, drawing: Drawing) -> Target | None:
-        """The object as fitted, in the target's units; the drawing itself at level ``off``."""
+        """The target as fitted, in the target's units; the drawing itself at level ``off``."""
         world = self.cubic.fit.world
         if drawing.target is None or not world.free:
             return drawing.target
@@ -90,11 +90,11 @@ class ObjectFit:
 def refine_object(
     fit: ObjectFit, drawing: Drawing, level: Level, groups: Sequence[IntArray]
 ) -> ObjectFit:
-    """Let the object depart from its drawing, as far as the pairs say, at the next level.
+    """Let the target depart from its drawing, as far as the pairs say, at the next level.
 
     Args:
         fit: a fit at a lower level, from whose camera and poses to start.
-        drawing: the object as drawn, with the pairs of ``fit``.
+        drawing: the target as drawn, with the pairs of ``fit``.
         level: ``shape`` or ``points``.
         groups: photos that are left out together to choose how P is held; see
             :func:`~cubicfish_cli.fitting.hold.choose_hold`.
@@ -124,7 +124,7 @@ def to_the_bottom(fit: ObjectFit) -> ObjectFit:
 
 
 def free_world(drawing: Drawing, *, noise: float, offset_spread: float | None) -> World:
-    """The object as drawn, free to depart from it."""
+    """The target as drawn, free to depart from it."""
     if drawing.target is None:
         raise ValueError("pairs without a target have no boards to refine")
     return World.drawn(
@@ -139,7 +139,7 @@ def free_world(drawing: Drawing, *, noise: float, offset_spread: float | None) -
 def _adjusted(
     lens: CubicFit, poses: Poses, pairs: Observations, world: World
 ) -> Adjustment[CubicFit]:
-    """A first adjustment of the object, rough: the reference and all at once come after it."""
+    """A first adjustment of the target, rough: the reference and all at once come after it."""
     # As drawn, residuals are too large to set the loss's scale by.
     return adjust(
         lens,
@@ -211,7 +211,7 @@ def _joint(
     spread: float | None,
     groups: Sequence[IntArray],
 ) -> ObjectFit:
-    """With the object near its place: the reference anew, how P is held, then all at once."""
+    """With the target near its place: the reference anew, how P is held, then all at once."""
     world = adjusted.world
     pairs = drawing.pairs.with_world(world.points)
     reference = refit_radial(fit.reference, pairs, adjusted.poses)

@@ -9,7 +9,7 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 
-# Photos in which the object lies within this share of the longer side of the same place are one:
+# Photos in which the target lies within this share of the longer side of the same place are one:
 # less than hands and tripods that are moved on purpose ever keep.
 SAME_SHARE = 0.002
 # All photos within this share of it are from nearly the same place.
@@ -25,7 +25,7 @@ def repeated_groups(
         poses: camera_from_world of each of ``pairs.images``.
         pairs: pairs of the photos.
         focal: pixels per radian.
-        share: of the longer side, by which the object may lie elsewhere.
+        share: of the longer side, by which the target may lie elsewhere.
 
     """
     count = len(poses)
@@ -42,7 +42,7 @@ def repeated_groups(
 
 
 def _in_pixels(poses: Poses, world: FloatArray, focal: float) -> FloatArray:
-    """(photos, 3 K) directions to the object's middle and to the ends of its axes, in pixels."""
+    """(photos, 3 K) directions to the target's middle and to the ends of its axes, in pixels."""
     middle = world.mean(axis=0)
     _, extent, axes = np.linalg.svd(world - middle, full_matrices=False)
     reach = (extent / np.sqrt(len(world)))[:, None] * axes

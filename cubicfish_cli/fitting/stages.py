@@ -28,7 +28,7 @@ class Stages:
 
     Args:
         progress: called with words and the share done, 0 to 1; None where nobody waits.
-        refined: whether the object may be fitted too.
+        refined: whether the target may be fitted too.
         hold_out: whether photos are held out.
 
     """

@@ -33,7 +33,7 @@ def world_scale(pairs: Observations) -> float:
 def middle(pairs: Observations) -> FloatArray:
     """Middle of the world points (3,): where a fit has its origin, wherever the user's is.
 
-    Surveyors count from an origin that may be a million times farther away than the object is
+    Surveyors count from an origin that may be a million times farther away than the target is
     wide. Rounding takes as many digits from a fit as its points are times their extent from the
     origin, and turns about one that is far away are nearly shifts.
     """

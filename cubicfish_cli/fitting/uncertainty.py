@@ -1,7 +1,7 @@
 """How far the camera itself may be off: corners' noise carried through the fit to pixels.
 
 The question is mrcal's ("projection uncertainty"): how far would the pixel of a distant point move
-if the same photos were taken again with other noise, and lens, object and poses fitted anew? The
+if the same photos were taken again with other noise, and lens, target and poses fitted anew? The
 point stays fixed in the world, so a turn that poses and lens share does not count.
 """
 
@@ -31,7 +31,7 @@ class Uncertainty:
 
     Attributes:
         result: the fit that this is of.
-        shared: (K, K) covariance of lens and object parameters.
+        shared: (K, K) covariance of lens and target parameters.
         turn_by_shared: (3, K) the photos' mean turn (radians, camera frame) by each of them.
         turn: (3, 3) covariance of the mean turn that does not come from them.
         noise_px: standard deviation of a corner's coordinate, pixels.
@@ -59,7 +59,8 @@ class Uncertainty:
         for by, spread in ((by_shared, self.shared), (by_turn, self.turn)):
             flat = by.reshape(2 * len(rays), -1)
             variance += np.sum((flat @ spread) * flat, axis=1).reshape(-1, 2).sum(axis=1)
-        return np.sqrt(variance)
+        # Rounding may leave nothing of it where photos hardly say anything: that is not known.
+        return np.sqrt(np.where(variance >= 0, variance, np.nan))
 
     def variance(self, rays: FloatArray, weights: FloatArray) -> FloatArray:
         """Variance (F,) of weighted sums of pixels, weights (F, 2N), of unit rays (N, 3)."""
@@ -76,7 +77,7 @@ class Information:
 
     Attributes:
         result: the fit.
-        hessian: (K, K) of lens and object parameters, priors included and poses, corners and the
+        hessian: (K, K) of lens and target parameters, priors included and poses, corners and the
             lens that P is held to eliminated; for corners whose noise is one pixel.
         turn_by_shared: (3, K) the photos' turns by each of them, summed over photos.
         turn: (3, 3) covariance of the turns that does not come from them, likewise summed.
@@ -93,9 +94,9 @@ class Information:
     noise_px: float
 
     def with_photo(self, points: FloatArray) -> Information:
-        """The same with a photo more, of known corners of the object.
+        """The same with a photo more, of known corners of the target.
 
-        The photo's own pose is unknown and eliminated. The object counts as known there, which is
+        The photo's own pose is unknown and eliminated. The target counts as known there, which is
         not quite right of a fit that refines it, by a few percent.
 
         Args:

@@ -1,7 +1,7 @@
-"""The object as least squares sees it: as drawn, or as it really is, with boards that bend, twist,
+"""The target as least squares sees it: as drawn, or as it really is, with boards that bend, twist,
 stretch and sit a little off their places, and corners that are a little off theirs.
 
-No print is exactly as drawn, and what an object is off by repeats in every photo, so it can be
+No print is exactly as drawn, and what a target is off by repeats in every photo, so it can be
 told from noise. The overall scale cannot be seen and stays as drawn.
 """
 
@@ -66,7 +66,7 @@ class World:
 
     Attributes:
         as_drawn: (N, 3) world point of each pair in the drawing.
-        parts: the boards that were seen; none of an object that stays as drawn.
+        parts: the boards that were seen; none of a target that stays as drawn.
         parameters: (S,) relative to each board's half diagonal; zero is the drawing.
         spread: (S,) standard deviation of each parameter's pull to zero.
         noise: standard deviation of a corner's coordinate, pixels: what one spread costs.
@@ -100,7 +100,7 @@ class World:
         offset_spread: float | None = None,
         scale: float = 1.0,
     ) -> World:
-        """The object as drawn, free to depart from it.
+        """The target as drawn, free to depart from it.
 
         Args:
             pairs: pairs whose boards are the target's; their world points are the drawing.
@@ -148,7 +148,7 @@ class World:
         return kinds
 
     def with_spreads(self, variance: FloatArray) -> World:
-        """The same object, each kind of parameter pulled to zero as firmly as it shows itself.
+        """The same target, each kind of parameter pulled to zero as firmly as it shows itself.
 
         Expectation and maximisation: a kind's variance is the mean of what was found squared and
         of what is left open. Few boards say little of it, so it leans on what prints are like.
@@ -167,12 +167,12 @@ class World:
         return replace(self, spread=spread)
 
     def with_noise(self, noise: float, offset_spread: float | None) -> World:
-        """The same object under pulls that follow another noise, pixels, and offsets' spread."""
+        """The same target under pulls that follow another noise, pixels, and offsets' spread."""
         weight = 0.0 if offset_spread is None else noise / offset_spread
         return replace(self, noise=noise, offset_weight=weight)
 
     def select(self, rows: IntArray) -> World:
-        """The same object for the pairs of some rows (n,); what is free stays as it is."""
+        """The same target for the pairs of some rows (n,); what is free stays as it is."""
         parts = []
         for part in self.parts:
             place = np.full(len(self.as_drawn), -1, np.intp)
@@ -222,7 +222,7 @@ class World:
         return part.middle + (points - part.middle) @ rotation.T + place[3:] * part.size
 
     def moved(self, parameters: FloatArray, offsets: FloatArray) -> World:
-        """The same object after steps (S,) and (Q, 3)."""
+        """The same target after steps (S,) and (Q, 3)."""
         return replace(
             self, parameters=self.parameters + parameters, offsets=self.offsets + offsets
         )

@@ -63,7 +63,7 @@ class Alone(Placed):
         rival: the lens with the prior of the hold that predicted best, and how likely that is the
             better one; None where there is none.
         record: of its fit.
-        level: what of the object was fitted.
+        level: what of the target was fitted.
         told: what is likely wrong with it.
         seen: all its corners, by the names that it gives them.
 
@@ -103,7 +103,7 @@ def alone(
 
     Args:
         camera: the camera.
-        target: the object.
+        target: the target.
         refine_target: what of it is fitted.
         origin: (3,) of the common world, in the target's units.
         scale: the target's units in one unit of it.

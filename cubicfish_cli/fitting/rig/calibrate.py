@@ -173,8 +173,8 @@ def calibrate_rig(
     Args:
         cameras: two or more; the first one's frame becomes the rig's.
         shots: which photos are of one shot.
-        target: the object; without it it stays as it is.
-        refine_target: what of the object is fitted, as for one camera.
+        target: the target; without it it stays as it is.
+        refine_target: what of the target is fitted, as for one camera.
         hold_lenses: leave the lenses as each camera alone has them.
         diagnose: tells what is likely wrong with each camera alone, and with the rig; by
             default nobody does.

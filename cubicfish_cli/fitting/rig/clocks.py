@@ -115,7 +115,7 @@ class Clocks:
 def fitted_clocks(fit: Adjustment[RigLens], pairs: Observations, moving: Moving) -> Clocks:
     """How late each camera is, beside the first: a step from a fit that takes all as on time.
 
-    Shots' poses and the cameras' places are free, lenses and object are not.
+    Shots' poses and the cameras' places are free, lenses and target are not.
 
     Args:
         fit: of a rig.
