@@ -22,7 +22,7 @@ from cubicfish_cli.types import FloatArray, IntArray
 
 _BENDS = 5
 # It only holds another lens, and starts the search for the nearest one.
-_DECREASE = 1e-4
+_DECREASE = 1e-6
 # A turn of the camera with decentring and tilt does what a shift of the principal point does, to
 # well below any noise. So that the frame is not left to chance, a lens that only holds P stays
 # within about this share of the focal length of the principal point that the corners gave.
@@ -237,7 +237,6 @@ def bend(
     residual: FloatArray,
     spread: float,
     near: Bend | None = None,
-    settled: bool = False,
 ) -> tuple[BentFit, Poses]:
     """The bent lens nearest to corners, anchored there, and the poses that go with it.
 
@@ -248,19 +247,18 @@ def bend(
         pairs: the corners.
         residual: (N, 2) of the radial lens, pixels.
         spread: expected asymmetry, see :class:`BentFit`.
-        near: a bend to start from.
-        settled: whether it is that of much the same lens, and so this one's too: P's own nearest
-            lens follows from any that is near.
+        near: the bend of much the same lens, which is this one's too: P's own nearest lens
+            follows from any that is near.
 
     """
     noise = max(noise_px(residual), 1e-3)
     lens = BentFit.unbent(camera, terms=terms, noise_px=noise, spread=spread)
-    if near is not None and spread:
+    if near is not None:
         lens = replace(lens, values=lens.values + near.values)
         poses = Poses(
             rotation=near.turn @ poses.rotation, translation=poses.translation @ near.turn.T
         )
-    if spread and not settled:
+    elif spread:
         fit = adjust(
             lens,
             poses,

@@ -100,20 +100,11 @@ class RadialReference:
     def bent(self, spread: float) -> tuple[BentFit, Poses]:
         """The nearest lens of this expected asymmetry, and the poses that go with it."""
         if spread not in self._bent:
-            # From another asymmetry it is a shorter way than from none.
-            settled, most = spread in self.bends, max(self.bends, default=spread)
-            near = self.bends.get(spread if settled else most)
+            near = self.bends.get(spread)
             bent, poses = self._bent[spread] = bend(
-                self.camera,
-                self.terms,
-                self.poses,
-                self.pairs,
-                self.residual,
-                spread,
-                near,
-                settled,
+                self.camera, self.terms, self.poses, self.pairs, self.residual, spread, near
             )
-            if not settled:
+            if near is None:
                 self.bends[spread] = bend_between(self.camera, self.poses, bent, poses)
         return self._bent[spread]
 
