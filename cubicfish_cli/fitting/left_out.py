@@ -28,8 +28,8 @@ _RANK = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Seen:
-    """What n pairs put into the normal equations, all weighted."""
+class Seen:
+    """What n pairs put into the normal equations, all weighted by their roots."""
 
     rows: FloatArray  # (n, 2, K + 1) by what is shared; the residual is last
     pose: FloatArray  # (n, 2, 6)
@@ -39,7 +39,7 @@ class _Seen:
     place: IntArray  # (n,) the pose that each is seen from
 
     @classmethod
-    def of(cls, fit: Adjustment[Any], pairs: Observations, huber_px: float) -> _Seen:
+    def of(cls, fit: Adjustment[Any], pairs: Observations, huber_px: float) -> Seen:
         """Of all pairs of a fit."""
         lens, count = len(fit.lens.parameters), len(pairs.image)
         shared = lens + len(fit.world.parameters)
@@ -64,10 +64,10 @@ class _Seen:
             seen.place[run] = terms.pose
         return seen
 
-    def select(self, poses: IntArray) -> _Seen:
+    def select(self, poses: IntArray) -> Seen:
         """What is seen from some poses."""
         own = np.isin(self.place, poses)
-        names = [one.name for one in fields(_Seen) if len(getattr(self, one.name))]
+        names = [one.name for one in fields(Seen) if len(getattr(self, one.name))]
         return replace(self, **{name: getattr(self, name)[own] for name in names})
 
     def sums(self, corners: int) -> tuple[FloatArray, FloatArray]:
@@ -120,7 +120,7 @@ class Leaving:
         """
         self._fit = fit
         corners = len(fit.world.offsets)
-        seen = _Seen.of(fit, pairs, huber_px)
+        seen = Seen.of(fit, pairs, huber_px)
         parts = [(photos, seen.select(photos)) for photos in groups]
         self._groups = [(photos, own, *own.sums(corners)) for photos, own in parts]
         self._equations = [

@@ -14,11 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from cubicfish_cli.fitting.adjustment import runs_linearised
+from cubicfish_cli.fitting.left_out import Seen
+from cubicfish_cli.fitting.normal_equations import summed_by_corner
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refinement import FIRST_SPREAD, Drawing, ObjectFit, free_world
 from cubicfish_cli.fitting.robust import huber_px, noise_px
@@ -128,46 +130,35 @@ class _Pulls:
 
 
 def _pulls(fit: ObjectFit, pairs: Observations, poses: Poses, world: World) -> _Pulls:
-    lens = fit.cubic.lens
-    shared, corners = len(lens.parameters) + len(world.parameters), len(world.offsets)
-    gradient, square = np.zeros((len(poses), shared + 3 * corners)), np.zeros(len(poses))
-    of_shared, own = np.zeros((shared, shared)), np.zeros((corners, 3, 3))
-    cross = np.zeros((corners, 3, shared))
-    by_pose = np.zeros((len(poses), 6, corners, 3))  # corners by an orthonormal basis of poses
-    limit = huber_px(fit.cubic.residual)
-    for photos, run, terms, root in runs_linearised(lens, poses, world, pairs, limit):
-        weight = root[:, None, None]
-        free = weight * np.concatenate([terms.d_lens, terms.d_board], axis=2)
-        pose = weight * np.concatenate([terms.d_turn, terms.d_shift], axis=2)
-        by_corner, residual = weight * terms.d_corner, weight[:, :, 0] * terms.residual
-        bounds = np.searchsorted(pairs.image[run], np.arange(photos.start, photos.stop + 1))
-        for photo, first, stop in zip(
-            range(photos.start, photos.stop), bounds[:-1], bounds[1:], strict=True
-        ):
-            rows, corner = slice(first, stop), world.corner[run][first:stop]
-            basis, _ = np.linalg.qr(pose[rows].reshape(-1, 6))
-            left = np.concatenate([free[rows], residual[rows, :, None]], axis=2)
-            left = left.reshape(-1, shared + 1)
-            left -= basis @ (basis.T @ left)
-            product = left.T @ left
-            of_shared += product[:-1, :-1]
-            square[photo] = product[-1, -1]
-            gradient[photo, :shared] = product[:-1, -1]
-            mine = by_corner[rows].transpose(0, 2, 1)
-            each = mine @ left.reshape(len(corner), 2, -1)
-            cross[corner] += each[:, :, :-1]
-            gradient[photo, shared:].reshape(corners, 3)[corner] = each[:, :, -1]
-            own[corner] += mine @ by_corner[rows]
-            seen = mine @ basis.reshape(len(corner), 2, -1)
-            by_pose[photo, : seen.shape[2]][:, corner] = seen.transpose(2, 0, 1)
-    flat = by_pose.reshape(-1, 3 * corners)
-    hessian = np.zeros((gradient.shape[1],) * 2)
-    hessian[:shared, :shared] = of_shared
+    moved = replace(fit.cubic.fit, poses=poses, world=world)
+    seen = Seen.of(moved, pairs, huber_px(fit.cubic.residual))
+    photos, corners, shared = len(poses), len(world.offsets), seen.rows.shape[2] - 1
+    left, basis = seen.rows, np.zeros_like(seen.pose)
+    of_shared, square = np.zeros((photos, shared)), np.zeros(photos)
+    bounds = np.searchsorted(seen.place, np.arange(photos + 1))
+    for photo, (first, stop) in enumerate(pairwise(bounds)):
+        unit, _ = np.linalg.qr(seen.pose[first:stop].reshape(-1, 6))
+        basis[first:stop, :, : unit.shape[1]] = unit.reshape(stop - first, 2, -1)
+        flat = left[first:stop].reshape(-1, shared + 1)
+        flat -= unit @ (unit.T @ flat)
+        of_shared[photo] = flat[:, :-1].T @ flat[:, -1]
+        square[photo] = flat[:, -1] @ flat[:, -1]
+    # A photo sees each corner once, so no place comes twice.
+    of_corner, by_pose = np.zeros((photos, corners, 3)), np.zeros((photos, 6, corners, 3))
+    of_corner[seen.place, seen.corner] = np.einsum("nji,nj->ni", seen.by_corner, left[:, :, -1])
+    by_pose[seen.place, :, seen.corner] = np.einsum("njk,nji->nki", basis, seen.by_corner)
+    turned = by_pose.reshape(6 * photos, 3 * corners)
+    flat = left.reshape(-1, shared + 1)[:, :-1]
+    hessian = np.zeros((shared + 3 * corners,) * 2)
+    hessian[:shared, :shared] = flat.T @ flat
+    cross = summed_by_corner(seen.corner, corners, seen.by_corner, left[:, :, :-1])
     hessian[shared:, :shared] = cross.reshape(-1, shared)
     hessian[:shared, shared:] = hessian[shared:, :shared].T
-    hessian[shared:, shared:] = -flat.T @ flat
+    hessian[shared:, shared:] = -turned.T @ turned
+    own = summed_by_corner(seen.corner, corners, seen.by_corner, seen.by_corner)
     places = shared + np.arange(3 * corners).reshape(corners, 3)
     hessian[places[:, :, None], places[:, None, :]] += own
+    gradient = np.concatenate([of_shared, of_corner.reshape(photos, -1)], axis=1)
     return _Pulls(gradient=gradient, hessian=hessian, square=square)
 
 
