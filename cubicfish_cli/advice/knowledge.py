@@ -167,7 +167,8 @@ def know(
     world: World | None = None
     if level in ("shape", "points") and target is not None:
         spread = _offset_spread(fit, scale) if level == "points" else None
-        seen = camera.project(poses.apply(pairs.image, pairs.world))
+        points = poses.apply(pairs.image, pairs.world)
+        seen = camera.scaled(1 / scale).project(points, near=True)
         noise = max(noise_px(np.nan_to_num(seen - pairs.pixel, nan=LOST_PX)), 1e-3)
         world = World.drawn(pairs, target, noise=noise, offset_spread=spread, scale=scale)
     result = fit_cubic(reference, _hold(fit), world=world, relative_decrease=_DECREASE)
@@ -177,6 +178,7 @@ def know(
             P=result.lens.P,
             max_angle_deg=result.max_angle_deg,
             radial=reference.camera,
+            pupil_travel=result.lens.travel,
         ),
         result=result,
         information=information(result),

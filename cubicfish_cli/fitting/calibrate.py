@@ -65,6 +65,9 @@ from cubicfish_cli.formats.calibrated import Calibrated
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.lift import lift
+from cubicfish_cli.lenses.nearest import nearest_lens
+from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.symmetry import Symmetry, renamed
 from cubicfish_cli.target import Target
@@ -81,6 +84,7 @@ _NEARLY_FLAT = 0.02
 # Beyond this relative uncertainty of the focal length the photos do not determine the lens.
 _MAX_FOCAL_UNCERTAINTY = 0.05
 _DROP_ROUNDS = 12
+_RAYS = 500
 # Enough to tell a corner that is pixels off.
 _DROP_DECREASE = 1e-4
 # A richer target must lower photos' held-out errors at least to this share of the poorer one's.
@@ -320,7 +324,9 @@ def _calibrated(
         image_size=pairs.image_size,
         P=cubic.lens.P,
         max_angle_deg=cubic.max_angle_deg,
-        radial=reference.camera,
+        radial=_far_radial(cubic.lens, reference),
+        pupil_travel=cubic.lens.travel * scale,
+        units=None if target is None else target.units,
     )
     places = repeated_groups(cubic.poses, reference.pairs, reference.camera.fx)
     spread = photo_spread(cubic, reference, places, _in_doubt(fit, held_out, refused))
@@ -552,6 +558,17 @@ def _dropped(pairs: Observations, error_px: FloatArray) -> list[DroppedCorner]:
         )
         for index, error in enumerate(error_px)
     ]
+
+
+def _far_radial(lens: CubicFit, reference: RadialReference) -> RadialCamera:
+    """The radial lens nearest to P: the reference is fitted to corners, which are near."""
+    if not lens.travel:
+        return reference.camera
+    rays = cone_rays(reference.covered, _RAYS)
+    held = [f"k{power}" for power in range(reference.terms + 1, 5)]
+    found = nearest_lens([reference.camera], rays, lens.pixels(rays), held=held)
+    sees = min(reference.covered, reference.camera.max_angle)
+    return found if found.max_angle >= sees else reference.camera
 
 
 def _rank(reference: RadialReference, cubic: CubicResult) -> int:

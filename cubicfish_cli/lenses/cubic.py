@@ -10,7 +10,7 @@ picture is neither folded nor mirrored) over the whole cone.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -18,9 +18,11 @@ import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis, azimuth, unit_rays
 from cubicfish_cli.lenses.lift import evaluate_cubics, lift
+from cubicfish_cli.lenses.pupil import from_pupil
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.sphere import cone_rays, ray_at, rays_of_pixels
 from cubicfish_cli.types import FloatArray
+from cubicfish_cli.units import times
 
 # Pixel -> ray is exact to this many pixels; what does not get there is NaN.
 UNPROJECT_TOLERANCE_PX = 1e-6
@@ -42,6 +44,9 @@ class CubicCamera:
         P: (3, 20), columns in the paper's order (:data:`cubicfish_cli.lenses.lift.MONOMIALS`).
         max_angle_deg: half-angle of the cone about +z where P may be trusted.
         radial: the Kannala–Brandt reference, in the same camera frame.
+        pupil_travel: how far the entrance pupil wanders (:mod:`cubicfish_cli.lenses.pupil`); P is
+            for points that are far away, and near ones are seen farther from the axis.
+        units: what that is in; None where it is not known.
 
     """
 
@@ -49,10 +54,31 @@ class CubicCamera:
     P: FloatArray
     max_angle_deg: float
     radial: RadialCamera
+    pupil_travel: float = 0.0
+    units: str | None = None
 
-    def project(self, points: npt.ArrayLike) -> FloatArray:
-        """Camera-frame points (..., 3), any length -> pixels (..., 2); NaN outside the cone."""
+    def in_units(self, units: str | None) -> CubicCamera:
+        """The same for points in another unit; central where that is not known of both."""
+        factor = times(self.units, units)
+        if factor == 1:
+            return self
+        return replace(self, pupil_travel=self.pupil_travel * (factor or 0.0), units=units)
+
+    def scaled(self, factor: float) -> CubicCamera:
+        """The same for points in another unit, so many of which are one of ``units``."""
+        return replace(self, pupil_travel=self.pupil_travel * factor, units=None)
+
+    def project(self, points: npt.ArrayLike, *, near: bool = False) -> FloatArray:
+        """Camera-frame points (..., 3) -> pixels (..., 2); NaN outside the cone.
+
+        Args:
+            points: of any length where they are far away.
+            near: how near they are counts: they are in ``units``.
+
+        """
         points = np.asarray(points, float)
+        if near:
+            points = from_pupil(points, self.pupil_travel)
         rays = unit_rays(points)
         with np.errstate(invalid="ignore"):
             inside = angle_from_axis(rays) <= np.deg2rad(self.max_angle_deg) + _EDGE_SLACK_RAD

@@ -13,9 +13,9 @@ from cubicfish_cli.errors import OutputError
 from cubicfish_cli.files import refuse_existing, write_text
 from cubicfish_cli.identification.look_alikes import Turn
 from cubicfish_cli.library.asked import RUN, Run, StrPath, path_or_none
-from cubicfish_cli.printing.paper import MILLIMETRES
 from cubicfish_cli.rendering.object_drawing import object_svg
 from cubicfish_cli.target import Target, load_target
+from cubicfish_cli.units import MILLIMETRES
 from cubicfish_cli.wording import either
 
 _FULL_RANK = 20

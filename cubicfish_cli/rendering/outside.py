@@ -29,6 +29,7 @@ import numpy.typing as npt
 from cubicfish_cli.angles import angle_from_axis, columns
 from cubicfish_cli.rendering.pose import rotation_matrix
 from cubicfish_cli.types import BoolArray, FloatArray
+from cubicfish_cli.units import MILLIMETRES
 
 # A point's angle and its pupil depend on each other: each round gains a factor of the distance
 # over the pupil's travel.
@@ -323,7 +324,7 @@ class OutsideLens:
         return rotation_matrix(np.radians([*self.turn_deg, 0.0]))
 
     def _pupil(self, angle: FloatArray) -> FloatArray:
-        return self.profile.pupil(angle) / _UNITS_MM.get(self.units, 1.0)
+        return self.profile.pupil(angle) / MILLIMETRES.get(self.units, 1.0)
 
     def _in_field(self, angle: FloatArray) -> BoolArray:
         with np.errstate(invalid="ignore"):
@@ -367,9 +368,6 @@ class RaysAtDistance:
         along = (start * way).sum(axis=-1, keepdims=True)
         rest = (start * start).sum(axis=-1, keepdims=True) - self.distance**2
         return (start + (np.sqrt(along**2 - rest) - along) * way) / self.distance
-
-
-_UNITS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 
 
 def _moving_pupil(size: tuple[int, int], focal: float) -> OutsideLens:
