@@ -243,12 +243,12 @@ class CubicFit:
     def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
         moved, by_point, by_travel = from_pupil_and_slopes(points, self.travel)
-        pixel, d_point, d_parameters = self.project_rays(moved)
+        pixel, d_point, d_parameters = self.far_jacobian(moved)
         by_depth = d_point[:, :, 2:]
         d_parameters[:, :, 47:] = by_depth * by_travel[:, None, None]
         return pixel, d_point + by_depth * by_point[:, None, :], d_parameters
 
-    def project_rays(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def far_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """As :meth:`project_jacobian`, of points far away."""
         length = np.sqrt(np.einsum("ij,ij->i", points, points))
         rays = points / length[:, None]
@@ -267,9 +267,9 @@ class CubicFit:
 
     def project(self, points: FloatArray) -> FloatArray:
         """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
-        return self.pixels(from_pupil(points, self.travel))
+        return self.far(from_pupil(points, self.travel))
 
-    def pixels(self, points: FloatArray) -> FloatArray:
+    def far(self, points: FloatArray) -> FloatArray:
         """Of points far away."""
         rays = points / np.linalg.norm(points, axis=-1, keepdims=True)
         return self._pixel(lift(rays) @ sphere_basis())[0] * self.scale + self.centre

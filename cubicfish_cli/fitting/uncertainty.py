@@ -46,7 +46,7 @@ class Uncertainty:
 
     def _by_unknowns(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Pixels of distant points by the shared unknowns (N, 2, K) and by the turn (N, 2, 3)."""
-        _, d_ray, d_lens = self.result.lens.project_rays(rays)
+        _, d_ray, d_lens = self.result.lens.far_jacobian(rays)
         by_turn = -d_ray @ cross_matrix(rays)
         by_shared = by_turn @ self.turn_by_shared
         by_shared[:, :, : d_lens.shape[2]] += d_lens

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis, azimuth, unit_rays
 from cubicfish_cli.lenses.lift import evaluate_cubics, lift
-from cubicfish_cli.lenses.pupil import from_pupil
+from cubicfish_cli.lenses.pupil import from_pupil, from_pupil_and_slopes
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.sphere import cone_rays, ray_at, rays_of_pixels
 from cubicfish_cli.types import FloatArray
@@ -87,11 +87,14 @@ class CubicCamera:
         pixel = homogeneous[..., :2] / homogeneous[..., 2:]
         return np.where(inside[..., None], pixel, np.nan)
 
-    def project_jacobian(self, points: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+    def project_jacobian(
+        self, points: npt.ArrayLike, *, near: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
         """Pixels and how they move with the points, for an optimisation of the caller's own.
 
         Args:
-            points: (..., 3) in the camera frame, of any length.
+            points: (..., 3) in the camera frame, as :meth:`project` takes them.
+            near: likewise.
 
         Returns:
             Pixels (..., 2) and d pixel / d point (..., 2, 3), pixels per unit of the points; both
@@ -99,8 +102,9 @@ class CubicCamera:
 
         """
         points = np.asarray(points, float)
-        pixel = self.project(points)
-        flat = points.reshape(-1, 3)
+        pixel = self.project(points, near=near)
+        flat, travel = points.reshape(-1, 3), self.pupil_travel if near else 0.0
+        flat, by_point, _ = from_pupil_and_slopes(flat, travel)
         inside = np.flatnonzero(np.isfinite(pixel.reshape(-1, 2)[:, 0]))
         slope = np.full((len(flat), 2, 3), np.nan)
         rays = unit_rays(flat[inside])
@@ -108,7 +112,8 @@ class CubicCamera:
         across = self.pixel_and_slope(rays)[1]
         # A point that moves along its ray keeps its pixel.
         across -= (across @ rays[:, :, None]) * rays[:, None, :]
-        slope[inside] = across / length[:, None, None]
+        across /= length[:, None, None]
+        slope[inside] = across + across[:, :, 2:] * by_point[inside, None, :]
         return pixel, slope.reshape((*points.shape[:-1], 2, 3))
 
     def unproject(self, pixel: npt.ArrayLike) -> FloatArray:

@@ -241,13 +241,13 @@ def _cameras(
 
     def residual(parameters: FloatArray) -> FloatArray:
         moved = linear.with_parameters(parameters)
-        miss = moved.pixels(rays) - pixel
+        miss = moved.far(rays) - pixel
         drift = stiffness * (values @ (moved.coefficients[2] - linear.coefficients[2]))
         return np.concatenate([np.where(np.isfinite(miss), miss, 1e4).reshape(-1), drift])
 
     def slope(parameters: FloatArray) -> FloatArray:
         moved = linear.with_parameters(parameters)
-        by_parameters = moved.project_rays(rays)[2].reshape(2 * len(rays), -1)
+        by_parameters = moved.far_jacobian(rays)[2].reshape(2 * len(rays), -1)
         by_parameters = np.where(np.isfinite(by_parameters), by_parameters, 0)
         drift = np.zeros((len(rays), by_parameters.shape[1]))
         drift[:, 32:47] = stiffness * (values @ linear.denominator_basis)

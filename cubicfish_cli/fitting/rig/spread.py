@@ -102,7 +102,7 @@ def _by_shared(lens: RigLens, rays: list[FloatArray]) -> list[FloatArray]:
     for own, one, columns in zip(lens.lenses, rays, lens.columns, strict=True):
         turn = np.zeros((3, count))
         if isinstance(own, CubicFit):
-            _, by_ray, by_lens = own.project_rays(one)
+            _, by_ray, by_lens = own.far_jacobian(one)
             free = by_lens.shape[2]
             turned = (-by_ray @ cross_matrix(one)).reshape(-1, 3)
             moved = by_lens.reshape(-1, free)
