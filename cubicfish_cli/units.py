@@ -28,8 +28,8 @@ MILLIMETRES = {
 
 
 def times(units: str | None, others: str | None) -> float | None:
-    """How many of the others one unit is; None where that is not known."""
-    if units == others:
+    """How many of the others one unit is; None where two are named and one is not known."""
+    if units is None or others is None or units == others:
         return 1.0
-    one, other = (MILLIMETRES.get((name or "").lower()) for name in (units, others))
+    one, other = (MILLIMETRES.get(name.lower()) for name in (units, others))
     return one / other if one and other else None

@@ -62,8 +62,11 @@ class Knowledge:
     origin: FloatArray
 
     def points(self, view: Viewpoint) -> FloatArray:
-        """(N, 3) visible corners of a view in the camera frame, as far as P is held there."""
-        points = view.seen.camera[view.seen.visible]
+        """(N, 3) visible corners of a view in the camera frame, as far as P is held there.
+
+        In the pairs' unit.
+        """
+        points = view.seen.camera[view.seen.visible] / self.scale
         angle = angle_from_axis(points)
         held: FloatArray = points[angle <= np.deg2rad(self.camera.max_angle_deg + _HELD_BEYOND_DEG)]
         return held

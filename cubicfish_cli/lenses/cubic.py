@@ -58,7 +58,7 @@ class CubicCamera:
     units: str | None = None
 
     def in_units(self, units: str | None) -> CubicCamera:
-        """The same for points in another unit; central where that is not known of both."""
+        """The same for points in another unit; central where two are named and one not known."""
         factor = times(self.units, units)
         if factor == 1:
             return self
@@ -103,8 +103,9 @@ class CubicCamera:
         """
         points = np.asarray(points, float)
         pixel = self.project(points, near=near)
-        flat, travel = points.reshape(-1, 3), self.pupil_travel if near else 0.0
-        flat, by_point, _ = from_pupil_and_slopes(flat, travel)
+        flat, by_point = points.reshape(-1, 3), None
+        if near:
+            flat, by_point, _ = from_pupil_and_slopes(flat, self.pupil_travel)
         inside = np.flatnonzero(np.isfinite(pixel.reshape(-1, 2)[:, 0]))
         slope = np.full((len(flat), 2, 3), np.nan)
         rays = unit_rays(flat[inside])
@@ -113,7 +114,9 @@ class CubicCamera:
         # A point that moves along its ray keeps its pixel.
         across -= (across @ rays[:, :, None]) * rays[:, None, :]
         across /= length[:, None, None]
-        slope[inside] = across + across[:, :, 2:] * by_point[inside, None, :]
+        if by_point is not None:
+            across = across + across[:, :, 2:] * by_point[inside, None, :]
+        slope[inside] = across
         return pixel, slope.reshape((*points.shape[:-1], 2, 3))
 
     def unproject(self, pixel: npt.ArrayLike) -> FloatArray:

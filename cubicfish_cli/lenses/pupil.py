@@ -58,6 +58,11 @@ def from_pupil_and_slopes(
     return moved, -(travel * steepness)[:, None] * outward, -profile
 
 
+def pupil_profile(rays: FloatArray) -> FloatArray:
+    """Where on the axis rays (..., 3) enter the lens, if the pupil travels by 1: z (...)."""
+    return _profile(rays)[0]
+
+
 def _profile(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """θ/sin θ − 1 of points (..., 3), their lengths, sin θ and θ: (...)."""
     length = np.sqrt(np.einsum("...i,...i->...", points, points))

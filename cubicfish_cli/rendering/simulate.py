@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import TargetError
-from cubicfish_cli.rendering.outside import OutsideLens
+from cubicfish_cli.rendering.near import WanderingPupil
 from cubicfish_cli.rendering.pose import Pose, rotation_matrix
 from cubicfish_cli.rendering.render import Unproject, render
 from cubicfish_cli.rendering.views import WholeLens, choose_views, sample_views
@@ -158,7 +158,7 @@ def simulated_photos(
                 light_from=rotation_matrix(pose[0]).T @ LAMP,
                 edges_only=True,
                 seed=(seed, number),
-                ray_starts=lens.starts if isinstance(lens, OutsideLens) else None,
+                ray_starts=lens.ray_starts if isinstance(lens, WanderingPupil) else None,
             ),
         )
 

@@ -11,7 +11,7 @@ from cubicfish_cli.fitting.calibrate import Calibration, calibrate
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.lenses.sphere import cone_rays, ray_at
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.rendering.outside import OutsideLens, RaysAtDistance, outside_lens
+from cubicfish_cli.rendering.outside import OutsideLens, outside_lens
 
 TARGET = synthetic.box_of_four()
 PHOTOS = 12
@@ -35,8 +35,7 @@ def photos(lens: OutsideLens, *, noise: float = 0.05, seed: int = 5) -> Observat
 
 def off_far_away(found: Calibration, lens: OutsideLens) -> float:
     """RMS distance to the lens as it sees what is far away, pixels."""
-    far = RaysAtDistance(lens=lens, centre=0.0, distance=1e7)
-    miss, _ = aligned_difference(found.camera, far, COUNTED)
+    miss, _ = aligned_difference(found.camera, lens.far, COUNTED)
     return float(np.sqrt(np.nanmean(np.sum(miss**2, axis=1))))
 
 

@@ -76,7 +76,7 @@ def test_the_jacobian_is_the_slope_of_near_points() -> None:
 
 
 @pytest.mark.parametrize(
-    ("units", "travel"), [("mm", 3.5), ("cm", 0.35), ("m", 0.0035), ("squares", 0.0), (None, 0.0)]
+    ("units", "travel"), [("mm", 3.5), ("cm", 0.35), ("m", 0.0035), ("squares", 0.0), (None, 3.5)]
 )
 def test_it_follows_the_targets_units_where_these_are_known(units, travel) -> None:
     assert CAMERA.in_units(units).pupil_travel == pytest.approx(travel)
