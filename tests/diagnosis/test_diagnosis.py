@@ -580,7 +580,8 @@ def test_odd_photos_are_compared_with_a_lens_that_knows_none_of_them(size):
 @pytest.mark.parametrize("code", [Code.SHEARED, Code.PHOTO_LENS])
 def test_one_odd_photo_is_no_reason_to_doubt_a_camera(pairs, code):
     odd = [
-        photo_lenses.Unlike(photo=photo, chance=1e-9, size_px=2.0, share=0.6) for photo in (2, 5)
+        photo_lenses.Unlike(photo=photo, chance=1e-9, size_px=2.0, share=0.6, gain_px=0.4)
+        for photo in (2, 5)
     ]
     assert lens_faults._single_finding(odd[:1], pairs, code).severity == "note"
     assert lens_faults._single_finding(odd, pairs, code).severity == "care"
