@@ -176,12 +176,12 @@ def know(
         world = World.drawn(pairs, target, noise=noise, offset_spread=spread, scale=scale)
     result = fit_cubic(reference, _hold(fit), world=world, relative_decrease=_DECREASE)
     return Knowledge(
-        camera=CubicCamera(
-            image_size=camera.image_size,
+        camera=replace(
+            camera,
             P=result.lens.P,
             max_angle_deg=result.max_angle_deg,
             radial=reference.camera,
-            pupil_travel=result.lens.travel,
+            pupil_travel=result.lens.travel * scale,
         ),
         result=result,
         information=information(result),

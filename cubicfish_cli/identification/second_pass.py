@@ -160,7 +160,8 @@ def _of_board(
     row, column = (part.ravel() for part in np.mgrid[: board.rows, : board.columns])
 
     def seen(columns: FloatArray, rows: FloatArray) -> FloatArray:
-        return camera.project(board.world_points(columns, rows) @ rotation.T + translation)
+        points = board.world_points(columns, rows) @ rotation.T + translation
+        return camera.project(points, near=True)
 
     points = board.world_points(column, row) @ rotation.T + translation
     slant = points @ (rotation @ board.axes[2]) / np.linalg.norm(points, axis=-1)

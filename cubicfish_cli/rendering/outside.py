@@ -34,7 +34,8 @@ from cubicfish_cli.units import MILLIMETRES
 # A point's angle and its pupil depend on each other: each round gains a factor of the distance
 # over the pupil's travel.
 _PUPIL_ROUNDS = 30
-_FAR_MM = 1e7
+# In any unit: beside it no lens has a length.
+_FAR = 1e6
 _FLAW_ROUNDS = 8
 _TABLE_STEPS = 4096
 _NEWTON_ROUNDS = 2  # from a table of 4096 steps
@@ -302,8 +303,7 @@ class OutsideLens:
     @property
     def far(self) -> RaysAtDistance:
         """The lens of rays that it is for what is far away."""
-        distance = _FAR_MM / MILLIMETRES.get(self.units, 1.0)
-        return RaysAtDistance(lens=self, centre=0.0, distance=distance)
+        return RaysAtDistance(lens=self, centre=0.0, distance=_FAR)
 
     @property
     def _least(self) -> float:

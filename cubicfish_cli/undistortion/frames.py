@@ -7,7 +7,7 @@ where the original has x. Leaving the half out shifts a half-size picture by a q
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -106,10 +106,10 @@ def camera_for_photos(
     shift_x, shift_y = (scale * (0.5 - start) - 0.5 for start in (crop.x, crop.y))
     affine = np.array([[scale, 0, shift_x], [0, scale, shift_y], [0, 0, 1]])
     radial = camera.radial
-    return CubicCamera(
+    return replace(
+        camera,
         image_size=size,
         P=affine @ camera.P,
-        max_angle_deg=camera.max_angle_deg,
         radial=RadialCamera(
             image_size=size,
             fx=scale * radial.fx,

@@ -233,11 +233,11 @@ def test_a_world_counted_from_far_away_gives_the_same_camera(
     far = calibrate(moved, hold_out=False)
     assert compare(near.camera, far.camera).statistics.max_px < 1e-5
     np.testing.assert_allclose(far.pairs.world, moved.world)
-    seen = far.camera.project(far.poses.apply(far.pairs.image, far.pairs.world))
+    seen = far.camera.project(far.poses.apply(far.pairs.image, far.pairs.world), near=True)
     np.testing.assert_allclose(seen - far.pairs.pixel, far.residual, atol=1e-5)
     evaluation = evaluate(fitted.camera, moved)
     assert evaluation.errors.rms_px < 0.03
-    seen = fitted.camera.project(evaluation.poses.apply(moved.image, moved.world))
+    seen = fitted.camera.project(evaluation.poses.apply(moved.image, moved.world), near=True)
     np.testing.assert_allclose(seen - moved.pixel, evaluation.residual, atol=1e-5)
 
 
