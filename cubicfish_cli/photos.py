@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import MISSING, PhotoError
-from cubicfish_cli.hosts import on_host
+from cubicfish_cli.files import on_host
 from cubicfish_cli.picture_headers import (
     OTHER_SUFFIXES,
     RAW_SUFFIXES,

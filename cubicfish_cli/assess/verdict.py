@@ -16,8 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.assess.field_uncertainty import CERTAIN_PX
-from cubicfish_cli.assess.records import Numbers, recorded_mappings
+from cubicfish_cli.assess.records import CERTAIN_PX, Numbers, recorded_mappings
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding, Level, asks_for_photos, level_of, of_record

@@ -214,7 +214,7 @@ def _print_calibration(made: CalibratedFiles, calibration: Calibration) -> None:
 
 
 def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
-    from cubicfish_cli.assess.field_uncertainty import recorded
+    from cubicfish_cli.assess.records import recorded
     from cubicfish_cli.fitting.findings import COVERED
     from cubicfish_cli.frame_names import counted
 

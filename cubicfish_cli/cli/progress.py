@@ -27,7 +27,7 @@ from cubicfish_cli.listener import Listener
 
 if TYPE_CHECKING:
     from cubicfish_cli.cli.progress_line import ProgressLine
-    from cubicfish_cli.executors.executor import Executor
+    from cubicfish_cli.executors.pool import Executor
     from cubicfish_cli.words.codes import Event
     from cubicfish_cli.words.finding import Finding
 
@@ -133,7 +133,7 @@ class _Cluster:
         return self._there.each(work, items, writes_below=writes_below)
 
     def _connected(self, address: str) -> Executor:
-        from cubicfish_cli.executors.cluster.connection import WAIT_S, connect
+        from cubicfish_cli.executors.cluster.workers import WAIT_S, connect
 
         self._listener.end()
         wait_s = WAIT_S if self._asked.wait_s is None else self._asked.wait_s

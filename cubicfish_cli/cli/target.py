@@ -20,7 +20,7 @@ from cubicfish_cli.cli.terminal import print_json, result
 
 if TYPE_CHECKING:
     from cubicfish_cli.boards.board import Board
-    from cubicfish_cli.library.target_check import TargetCheck
+    from cubicfish_cli.library.target_files import TargetCheck
 
 _LABEL, _LINE = 12, 96
 
@@ -54,7 +54,7 @@ def check(given: Asked) -> None:
     be mistaken for something else in photos, and what looks like a slip of the pen. The exit
     code is 1 only when the file is no usable target.
     """
-    from cubicfish_cli.library.target_check import check_target_files
+    from cubicfish_cli.library.target_files import check_target_files
 
     with running(overwrite=given.overwrite) as run:
         checked = check_target_files(given.target, given.draw, run=run)
@@ -101,7 +101,7 @@ def _paragraph(label: str, text: str) -> None:
 
 
 def _row(board: Board) -> tuple[str, ...]:
-    from cubicfish_cli.library.target_check import print_size
+    from cubicfish_cli.library.target_files import print_size
 
     size = " x ".join(f"{side:g}" for side in print_size(board))
     if board.points is not None:

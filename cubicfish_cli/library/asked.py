@@ -17,7 +17,7 @@ from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.wording import quoted
 
 if TYPE_CHECKING:
-    from cubicfish_cli.executors.executor import Executor
+    from cubicfish_cli.executors.pool import Executor
     from cubicfish_cli.files import Fingerprint
     from cubicfish_cli.photos import Photo
     from cubicfish_cli.target import Target

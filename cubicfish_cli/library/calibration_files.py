@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from cubicfish_cli.advice.advise import summary
 from cubicfish_cli.assess.camera_facts import CameraFacts, camera_facts
-from cubicfish_cli.assess.field_uncertainty import uncertainty_at
+from cubicfish_cli.assess.records import uncertainty_at
 from cubicfish_cli.assess.verdict import Verdict, evaluation_verdict, verdict
 from cubicfish_cli.corner_files.observations_csv import save_corners
 from cubicfish_cli.errors import OutputError, UsageError

@@ -23,8 +23,7 @@ from cubicfish_cli.detection.markers import MarkedCorners
 from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence
 from cubicfish_cli.errors import DetectionError, OutputError, PhotoError
-from cubicfish_cli.executors.executor import Executor
-from cubicfish_cli.executors.pool import photos_done
+from cubicfish_cli.executors.pool import Executor, photos_done
 from cubicfish_cli.files import refuse_existing
 from cubicfish_cli.identification.identified import (
     Detection,

@@ -22,11 +22,17 @@ from cubicfish_cli.plain_yaml import plain_yaml_text
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField
 from cubicfish_cli.undistortion.fit import sees
 from cubicfish_cli.undistortion.frames import Crop, camera_for_photos, parse_crop
-from cubicfish_cli.undistortion.map_formats import build_redistort_map, ffmpeg_command, map_writer
+from cubicfish_cli.undistortion.map_formats import (
+    Masked,
+    build_redistort_map,
+    ffmpeg_command,
+    map_writer,
+    part_name,
+    view_files,
+)
 from cubicfish_cli.undistortion.maps import UndistortMap, build_map
 from cubicfish_cli.undistortion.stereo import ROW_ALIGNED
 from cubicfish_cli.undistortion.view import CentralView, View
-from cubicfish_cli.undistortion.view_files import Masked, part_name, view_files
 from cubicfish_cli.wording import either
 
 SUFFIXES = (".npz", ".exr", ".png", ".pgm")

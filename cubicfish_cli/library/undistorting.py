@@ -7,7 +7,10 @@ from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
 
 from cubicfish_cli.errors import CubicfishError, OutputError, UsageError, ViewError
 from cubicfish_cli.files import Content, refuse_existing, write_files
@@ -24,7 +27,6 @@ from cubicfish_cli.library.asked import (
     paths_of,
 )
 from cubicfish_cli.library.asked_pictures import PlaneOptions, ViewOptions
-from cubicfish_cli.library.pictures import Interpolation, rendering_of
 from cubicfish_cli.library.views import (
     PlanesOfPhotos,
     Size,
@@ -38,14 +40,96 @@ from cubicfish_cli.photos import SUFFIXES, expanded, photo_size, shown
 from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
 from cubicfish_cli.undistortion.batch import FailedPhoto, PhotoJob, undistort_photos
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField
-from cubicfish_cli.undistortion.frames import Crop, parse_crop
-from cubicfish_cli.undistortion.images import Rendering, check_suffix
+from cubicfish_cli.undistortion.frames import Crop, camera_for_photos, parse_crop
+from cubicfish_cli.undistortion.images import INTERPOLATIONS, Rendering, check_suffix, remap_picture
+from cubicfish_cli.undistortion.map_formats import part_name, view_files
+from cubicfish_cli.undistortion.maps import UndistortMap, build_map
 from cubicfish_cli.undistortion.video import DEFAULT_CRF, Encoding, undistort_video, video_size
-from cubicfish_cli.undistortion.view import View
-from cubicfish_cli.undistortion.view_files import part_name, view_files
+from cubicfish_cli.undistortion.view import View, is_numbers
+from cubicfish_cli.undistortion.views import default_view
+from cubicfish_cli.wording import did_you_mean, quoted
 from cubicfish_cli.words.codes import Code, Event, Severity
 from cubicfish_cli.words.finding import Finding
 from cubicfish_cli.words.phrases import plural
+
+Image = npt.NDArray[Any]
+Interpolation = Literal["nearest", "linear", "cubic", "lanczos"]
+
+
+def undistort(
+    picture: Image,
+    by: CubicCamera | UndistortMap,
+    view: View | None = None,
+    *,
+    interpolation: Interpolation = "linear",
+    border: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Image:
+    """Render a view from a photo, as ``cubicfish undistort`` does.
+
+    For many photos make the map once with :func:`build_map` and pass it instead of the camera.
+
+    Args:
+        picture: (H, W) or (H, W, 1 to 4), uint8, uint16 or float32, of the size that the camera
+            was calibrated for or an exact rescale of it (a map takes its own size alone).
+        by: the camera, or a map.
+        view: what to render; by default flat, as large as the photo and with the photo's scale in
+            its middle, up to 120° across.
+        interpolation: how pixels are blended.
+        border: (red, green, blue) of what the camera does not see, 0 to 1; pictures are BGR.
+
+    Returns:
+        (h, w) or (h, w, channels), of the view's size and the picture's dtype.
+
+    Raises:
+        ViewError: the picture is not one that the camera or the map is for, or an option is not
+            known.
+
+    """
+    _refuse_no_picture(picture)
+    rendering = rendering_of(interpolation, border)
+    if isinstance(by, UndistortMap):
+        if view is not None:
+            raise ViewError("a map has its view already: leave the view out, or pass the camera")
+        undistort_map = by
+    else:
+        camera = camera_for_photos(by, (picture.shape[1], picture.shape[0]))
+        undistort_map = build_map(camera, default_view(camera) if view is None else view)
+    flat = remap_picture(np.ascontiguousarray(picture), undistort_map, rendering)
+    return flat.reshape((*flat.shape[:2], *picture.shape[2:]))
+
+
+def rendering_of(
+    interpolation: Interpolation, border: tuple[float, float, float], quality: int | None = None
+) -> Rendering:
+    """How pixels are made, checked.
+
+    Raises:
+        ViewError: an option is not known.
+
+    """
+    if interpolation not in INTERPOLATIONS:
+        raise ViewError(
+            f"interpolation {quoted(interpolation)} is not known: "
+            f"{did_you_mean(str(interpolation), INTERPOLATIONS)}"
+        )
+    colour = tuple(border)
+    if not is_numbers(colour, 3) or not all(0 <= part <= 1 for part in colour):
+        raise ViewError(f"border must be three numbers from 0 to 1, not {quoted(colour)}")
+    if quality is not None and quality not in range(1, 101):
+        raise ViewError(f"quality must be a whole number from 1 to 100, not {quoted(quality)}")
+    border = (colour[0], colour[1], colour[2])
+    return Rendering(interpolation=interpolation, border=border, quality=quality)
+
+
+def _refuse_no_picture(picture: object) -> None:
+    if not isinstance(picture, np.ndarray):
+        raise ViewError(f"the picture is no array but {type(picture).__name__}: read it first")
+    if picture.ndim not in (2, 3) or (picture.ndim == 3 and not 1 <= picture.shape[2] <= 4):
+        raise ViewError(f"the picture has the shape {picture.shape}, not (H, W) or (H, W, 1 to 4)")
+    if picture.dtype not in (np.uint8, np.uint16, np.float32):
+        raise ViewError(f"the picture holds {picture.dtype} numbers, not uint8, uint16 or float32")
+    if not picture.size:
+        raise ViewError(f"the picture has the shape {picture.shape}: it is empty")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import Transform, blended_transform_factory
 
-from cubicfish_cli.assess.field_uncertainty import recorded, sigma_at
-from cubicfish_cli.assess.records import recorded_number
+from cubicfish_cli.assess.records import recorded, recorded_number, sigma_at
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.findings import field_cells
 from cubicfish_cli.fitting.statistics import rms_px

@@ -17,7 +17,7 @@ from pathlib import Path
 from threading import BoundedSemaphore
 
 from cubicfish_cli.errors import ClusterError, CubicfishError
-from cubicfish_cli.executors.executor import Executor
+from cubicfish_cli.executors.pool import Executor
 from cubicfish_cli.files import remove_orphans, write_files
 from cubicfish_cli.photos import decode_picture, one_opencv_thread, read_file, shown
 from cubicfish_cli.undistortion.images import Rendering, check_outputs, render_files

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from cubicfish_cli.errors import ViewError
-from cubicfish_cli.undistortion.cube import CrossView, face_views
 from cubicfish_cli.undistortion.fit import (
     INNER,
     OUTER,
@@ -20,9 +19,11 @@ from cubicfish_cli.undistortion.fit import (
 )
 from cubicfish_cli.undistortion.plane import PlaneView
 from cubicfish_cli.undistortion.projections import (
+    CrossView,
     CylindricalView,
     EquirectangularView,
     PerspectiveView,
+    face_views,
 )
 from cubicfish_cli.undistortion.view import (
     Camera,

@@ -20,11 +20,11 @@ from cubicfish_cli.errors import ViewError
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.types import FloatArray
-from cubicfish_cli.undistortion.cube import CrossView
 from cubicfish_cli.undistortion.fit import sees
 from cubicfish_cli.undistortion.images import PLAIN, Rendering, remap_picture
 from cubicfish_cli.undistortion.maps import UndistortMap, build_map
 from cubicfish_cli.undistortion.plane import PlaneView, plane_view
+from cubicfish_cli.undistortion.projections import CrossView
 from cubicfish_cli.undistortion.view import (
     CentralView,
     View,

@@ -9,9 +9,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from cubicfish_cli.errors import ViewError
-from cubicfish_cli.undistortion.cube import CrossView
 from cubicfish_cli.undistortion.plane import PlaneView
 from cubicfish_cli.undistortion.projections import (
+    CrossView,
     CylindricalView,
     EpipolarCylindricalView,
     EpipolarEquirectangularView,

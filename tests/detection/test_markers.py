@@ -17,7 +17,7 @@ from cubicfish_cli.detection.pyramid import build_pyramid
 from cubicfish_cli.identification.glance import glance_at_markers
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.rendering.pose import camera_points, look_at
-from cubicfish_cli.rendering.render import plain_background, render
+from cubicfish_cli.rendering.simulate import plain_background, render
 from cubicfish_cli.rendering.truth import project_corners
 from cubicfish_cli.target import Target
 

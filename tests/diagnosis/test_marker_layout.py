@@ -15,7 +15,7 @@ from cubicfish_cli.diagnosis.evidence import MarkerEvidence
 from cubicfish_cli.identification.identified import marked_corners
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.rendering.pose import look_at
-from cubicfish_cli.rendering.render import render
+from cubicfish_cli.rendering.simulate import render
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code, Severity
 

@@ -6,20 +6,60 @@ before they unpickle it.
 
 from __future__ import annotations
 
+import importlib
 import os
 import pickle
 import platform
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.errors import ClusterError, CubicfishError
-from cubicfish_cli.executors.cluster.versions import compare, versions_here
-from cubicfish_cli.files import temporary_name, write_text
-from cubicfish_cli.hosts import working_on
+from cubicfish_cli.files import temporary_name, working_on, write_text
 from cubicfish_cli.photos import one_opencv_thread, shown
+
+DECISIVE = {"cubicfish": "cubicfish_cli", "OpenCV": "cv2", "numpy": "numpy"}
+"""Name -> module; results may differ in their last digits from one version to another."""
+
+
+def versions_here() -> dict[str, str]:
+    """The versions that decide what comes out, by name."""
+    versions: dict[str, str] = asker()(DECISIVE)[1]
+    return versions
+
+
+def asker() -> Callable[[Mapping[str, str]], tuple[str, dict[str, str]]]:
+    """What asks a process for its versions, where this package may be missing.
+
+    A function inside a function travels as code; a module's own travels as a name.
+    """
+
+    def ask(modules: Mapping[str, str]) -> tuple[str, dict[str, str]]:
+        versions = {}
+        for name, module in modules.items():
+            try:
+                versions[name] = str(importlib.import_module(module).__version__)
+            except ImportError:
+                versions[name] = ""
+        return platform.node(), versions
+
+    return ask
+
+
+def compare(theirs: Mapping[str, str], mine: Mapping[str, str], who: str) -> None:
+    """Raise :class:`ClusterError` when ``who`` lacks one of these, or has another version."""
+    for name, version in mine.items():
+        has = theirs.get(name, "")
+        if not has:
+            raise ClusterError(f"{who} has no {name}: install {name} {version} there as it is here")
+        if has != version:
+            raise ClusterError(
+                f"{who} has {name} {has} and this machine has {version}, whose results may "
+                "differ: install the same version"
+            )
+
 
 # Processes serve several runs one after the other; their maps are large.
 _ORDERS_KEPT = 2
@@ -89,7 +129,6 @@ def task() -> Callable[[bytes, bytes], Any]:
     """What is sent as a task: like its arguments, a scheduler without this package can read it."""
 
     def do(wanted: bytes, item: bytes) -> Any:
-        from cubicfish_cli.executors.cluster.tasks import do_one
 
         return do_one(wanted, item)
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import concurrent.futures
+import logging
 import pickle
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -16,9 +18,15 @@ from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
 from cubicfish_cli.errors import ClusterError, CubicfishError
-from cubicfish_cli.executors.cluster.patience import within
-from cubicfish_cli.executors.cluster.tasks import order, task
-from cubicfish_cli.executors.cluster.versions import DECISIVE, asker, compare, versions_here
+from cubicfish_cli.executors.cluster.tasks import (
+    DECISIVE,
+    asker,
+    compare,
+    order,
+    task,
+    versions_here,
+)
+from cubicfish_cli.photos import shown
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
@@ -33,7 +41,7 @@ _TASKS_A_THREAD = 4
 
 
 class Cluster:
-    """The workers of a scheduler; see :class:`cubicfish_cli.executors.executor.Executor`."""
+    """The workers of a scheduler; see :class:`cubicfish_cli.executors.pool.Executor`."""
 
     def __init__(self, client: Any, address: str, wait_s: float) -> None:
         """Use a ``distributed.Client`` that is connected to ``address``."""
@@ -107,7 +115,7 @@ class Cluster:
         *,
         writes_below: Path | None = None,
     ) -> Iterator[tuple[int, Answer | CubicfishError]]:
-        """Do the work on every item; see :meth:`cubicfish_cli.executors.executor.Executor.each`.
+        """Do the work on every item; see :meth:`cubicfish_cli.executors.pool.Executor.each`.
 
         A task is done again elsewhere when its worker is lost. An item that ends several workers
         one after the other gets a :class:`ClusterError` for an answer.
@@ -229,3 +237,129 @@ def _answer(future: Any) -> tuple[str, Any, BaseException | None]:
 
 def _minor(python: str) -> str:
     return ".".join(python.split(".")[:2])
+
+
+def within(limit_s: float, start: Callable[[], Any]) -> Any:
+    """Call a function that may never return, as where something else listens or a process stands.
+
+    Raises:
+        TimeoutError: it did not return in time.
+
+    """
+    outcome: SimpleQueue[tuple[Any, Exception | None]] = SimpleQueue()
+
+    def run() -> None:
+        try:
+            outcome.put((start(), None))
+        except Exception as problem:
+            outcome.put((None, problem))
+
+    threading.Thread(target=run, daemon=True).start()
+    try:
+        result, problem = outcome.get(timeout=limit_s)
+    except Empty:
+        raise TimeoutError(f"no answer in {limit_s:g} s") from None
+    if problem is not None:
+        raise problem
+    return result
+
+
+INSTALL = "pip install 'cubicfish[scale]'"
+
+WAIT_S = 60.0
+"""How long to wait for a worker where there is none."""
+
+# A scheduler that is there answers within milliseconds.
+_CONNECT_S = 5.0
+_SLACK_S = 1.0
+_CLOSE_S = 5.0
+_LOGGERS = ("distributed", "tornado", "asyncio")
+
+
+@contextmanager
+def connect(address: str, *, wait_s: float = WAIT_S) -> Iterator[Cluster]:
+    """Reach a scheduler and check its workers; on leaving, what has not begun is cancelled.
+
+    Args:
+        address: such as ``tcp://host:8786``. Whoever runs the scheduler can run anything here.
+        wait_s: how long to wait, now and later, while there is no worker.
+
+    Raises:
+        ClusterError: dask is missing here, nobody answers, no worker comes, or a worker has
+            other versions.
+
+    """
+    try:
+        import dask.config
+        from distributed import Client
+    except ImportError as problem:
+        raise ClusterError(f"a scheduler needs dask ({problem}): {INSTALL}") from problem
+    with ExitStack() as stack:
+        stack.enter_context(_quiet())
+        stack.enter_context(dask.config.set({"distributed.comm.timeouts.connect": _CONNECT_S}))
+        client = _client(Client, address)
+        stack.callback(_close, client)
+        cluster = Cluster(client, shown(address), wait_s)
+        cluster.wait_for_worker()
+        cluster.check_versions()
+        yield cluster
+
+
+def _client(kind: Any, address: str) -> Any:
+    import distributed
+
+    class Client(kind):  # type: ignore[misc]
+        """A client that does not complain, when it is forgotten, of a peer that left it hanging."""
+
+        def __del__(self) -> None:
+            """It was closed, or never connected."""
+
+    def start() -> Any:
+        return Client(address, timeout=_CONNECT_S, set_as_default=False, name="cubicfish")
+
+    try:
+        return within(_CONNECT_S + _SLACK_S, start)
+    except ValueError as problem:
+        raise ClusterError(
+            f"{shown(address)} is no address of a scheduler ({problem}): "
+            "give one such as tcp://host:8786"
+        ) from problem
+    except OSError as problem:
+        raise ClusterError(
+            f"no scheduler answers at {shown(address)}: is 'dask scheduler' running there, "
+            "and is this its address?"
+        ) from problem
+    except Exception as problem:  # whatever the other side does not understand
+        if address.startswith(("tls:", "wss:")) and isinstance(problem, TypeError):
+            raise ClusterError(
+                f"{shown(address)} needs certificates: name them in dask's configuration, under "
+                "distributed.comm.tls"
+            ) from problem
+        said = " ".join(str(problem).split())
+        raise ClusterError(
+            f"{shown(address)} does not understand distributed {distributed.__version__} ({said}): "
+            "run the same version there"
+        ) from problem
+
+
+def _close(client: Any) -> None:
+    with suppress(OSError, RuntimeError, *CANCELLED):
+        client.close(timeout=_CLOSE_S)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """What goes wrong is said once, by an error: dask's own log goes nowhere meanwhile."""
+    known = list(logging.root.manager.loggerDict)
+    loggers = [logging.getLogger(name) for name in known if name.split(".")[0] in _LOGGERS]
+    before = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        with warnings.catch_warnings():
+            # It compares versions too, of more than what matters here.
+            warnings.filterwarnings("ignore", message="Mismatched versions found")
+            yield
+    finally:
+        for logger, level in zip(loggers, before, strict=True):
+            logger.setLevel(level)

@@ -21,10 +21,9 @@ pytest.importorskip("distributed", exc_type=ImportError)
 import distant_work
 
 from cubicfish_cli.errors import ClusterError, PhotoError
-from cubicfish_cli.executors.cluster import connection, workers
-from cubicfish_cli.executors.cluster.connection import connect
-from cubicfish_cli.executors.cluster.tasks import do_one, order
-from cubicfish_cli.executors.cluster.versions import versions_here
+from cubicfish_cli.executors.cluster import workers
+from cubicfish_cli.executors.cluster.tasks import do_one, order, versions_here
+from cubicfish_cli.executors.cluster.workers import connect
 from cubicfish_cli.undistortion.batch import PhotoJob, undistort_photos
 from cubicfish_cli.undistortion.images import PLAIN
 
@@ -375,7 +374,7 @@ def test_an_interrupt_cancels_what_has_not_begun(
 def test_a_scheduler_that_is_not_there_is_one_line(
     run: Run, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, address: str, said: str
 ) -> None:
-    monkeypatch.setattr(connection, "_CONNECT_S", 0.5)
+    monkeypatch.setattr(workers, "_CONNECT_S", 0.5)
     begun = time.monotonic()
     args = ["undistort", SAMPLE / "photos", tmp_path / "out", "-m", model]
     result = run(*args, "--scheduler", address, code=1)
@@ -388,9 +387,9 @@ def test_a_scheduler_that_is_not_there_is_one_line(
 @pytest.mark.slow
 def test_a_listener_that_is_no_scheduler_is_one_line_too() -> None:
     code = (
-        "import sys\nfrom cubicfish_cli.executors.cluster import connection\n"
-        "connection._CONNECT_S = connection._SLACK_S = 0.3\n"
-        "with connection.connect(sys.argv[1]):\n    pass"
+        "import sys\nfrom cubicfish_cli.executors.cluster import workers\n"
+        "workers._CONNECT_S = workers._SLACK_S = 0.3\n"
+        "with workers.connect(sys.argv[1]):\n    pass"
     )
     with socket.create_server(("127.0.0.1", 0)) as silent:
         address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
