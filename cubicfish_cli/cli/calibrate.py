@@ -20,9 +20,9 @@ from cubicfish_cli.cli.figures import (
     print_verdict,
     px,
 )
-from cubicfish_cli.cli.numbers import IntRange
 from cubicfish_cli.cli.options import (
     DEFAULT_MODEL,
+    IntRange,
     as_command,
     option,
     record,

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli.table import Column, Row, print_columns
-from cubicfish_cli.cli.terminal import result, tell
+from cubicfish_cli.cli.terminal import Column, Row, print_columns, result, tell
 
 if TYPE_CHECKING:
     from cubicfish_cli.assess.verdict import Verdict

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.cli.options import verbosity
 from cubicfish_cli.cli.streams import Style, columns_of
-from cubicfish_cli.cli.table import Column, Row, fitting, print_columns
-from cubicfish_cli.cli.terminal import result
+from cubicfish_cli.cli.terminal import Column, Row, fitting, print_columns, result
 
 if TYPE_CHECKING:
     from cubicfish_cli.identification.identified import Detection, PhotoReport

@@ -15,8 +15,7 @@ from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import as_command, common_options, examples, option, record
 from cubicfish_cli.cli.progress import running
 from cubicfish_cli.cli.streams import columns_of, text_width
-from cubicfish_cli.cli.table import Column, Row, print_columns
-from cubicfish_cli.cli.terminal import print_json, result
+from cubicfish_cli.cli.terminal import Column, Row, print_columns, print_json, result
 
 if TYPE_CHECKING:
     from cubicfish_cli.boards.board import Board

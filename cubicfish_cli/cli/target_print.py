@@ -9,10 +9,9 @@ import click
 
 from cubicfish_cli.boards.registry import DESIGNED
 from cubicfish_cli.cli import options
-from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import COUNTS, as_command, option, record
-from cubicfish_cli.cli.progress import running
+from cubicfish_cli.cli.progress import keep_fonts, running
 from cubicfish_cli.cli.terminal import print_json, print_table, result, say
 
 if TYPE_CHECKING:

@@ -66,7 +66,7 @@ from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.lift import lift
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.symmetry import Symmetry, renamed
+from cubicfish_cli.placement import Symmetry, renamed
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Code

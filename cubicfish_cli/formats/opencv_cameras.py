@@ -21,8 +21,9 @@ from xml.parsers import expat
 import numpy as np
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.camera_format import CameraFormat, LensRig
-from cubicfish_cli.formats.fields import (
+from cubicfish_cli.formats.camera_format import (
+    CameraFormat,
+    LensRig,
     focal,
     mapping,
     numbers,

@@ -28,7 +28,7 @@ from cubicfish_cli.library.asked import (
 )
 from cubicfish_cli.library.rigs import compare_rigs, loaded_record
 from cubicfish_cli.rendering.difference_picture import difference_picture
-from cubicfish_cli.rendering.lens_file import is_lens_file, load_lens
+from cubicfish_cli.rendering.outside import is_lens_file, load_lens
 from cubicfish_cli.undistortion.images import check_suffix, write_picture
 
 _DRAWN_PIXELS = 150_000

@@ -24,11 +24,13 @@ from cubicfish_cli.library.asked import RUN, Run, StrPath, target_in
 from cubicfish_cli.library.asked_pictures import LOOKS, FilmOptions, LookOptions
 from cubicfish_cli.listener import Count
 from cubicfish_cli.observations import MAX_SIDE
-from cubicfish_cli.rendering.lens_file import is_lens_file, lens_text, load_lens
 from cubicfish_cli.rendering.outside import (
     OUTSIDE_LENSES,
     OutsideLens,
     RaysAtDistance,
+    is_lens_file,
+    lens_text,
+    load_lens,
     outside_lens,
 )
 from cubicfish_cli.rendering.pose import Pose, load_poses, pose_table_text

@@ -18,17 +18,16 @@ from cubicfish_cli.corner_files.observations_csv import load_corners, load_corre
 from cubicfish_cli.errors import PhotoError, ViewError
 from cubicfish_cli.files import sha256_of
 from cubicfish_cli.formats.camera_yaml import load_any_camera
-from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.lenses.point_cubic import PointCamera
+from cubicfish_cli.lenses.cubic import CubicCamera, PointCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import Picture, decode_picture, find_photos, read_file
 from cubicfish_cli.rendering.difference_picture import jpeg_bytes, thumbnail
 from cubicfish_cli.report.facts import REFINED, Facts, Lack, PhotoFacts, gather
 from cubicfish_cli.target import Target, load_target
 from cubicfish_cli.types import FloatArray
+from cubicfish_cli.undistortion.choose import default_view
 from cubicfish_cli.undistortion.images import remap_picture
 from cubicfish_cli.undistortion.maps import build_map
-from cubicfish_cli.undistortion.views import default_view
 from cubicfish_cli.wording import quoted
 
 # What a page can carry and a reader look at: more photos have a row in the table only.

@@ -24,11 +24,11 @@ from cubicfish_cli.errors import ViewError
 from cubicfish_cli.files import whole_file
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.types import BoolArray
+from cubicfish_cli.undistortion.choose import view_from_json
 from cubicfish_cli.undistortion.cubic_grid import grid_of
 from cubicfish_cli.undistortion.plane import PointProjector
 from cubicfish_cli.undistortion.projections import CrossView
 from cubicfish_cli.undistortion.view import MAX_SIDE, View
-from cubicfish_cli.undistortion.views import view_from_json
 
 MAX_SMALL = 100_000
 """Bytes of an array whose shape is not known before."""

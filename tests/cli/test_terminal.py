@@ -17,8 +17,7 @@ from terminals import Screen, on_terminal, unstyled, visible, widest
 from cubicfish_cli.cli import streams
 from cubicfish_cli.cli.photo_table import PhotoRow, fitted_rows, print_photo_table
 from cubicfish_cli.cli.streams import cells, cut_end, cut_middle, safe, wrapped
-from cubicfish_cli.cli.table import Column, Row, print_columns, print_table
-from cubicfish_cli.cli.terminal import print_json, result
+from cubicfish_cli.cli.terminal import Column, Row, print_columns, print_json, print_table, result
 
 CORNERS = SAMPLE / "true_corners.csv"
 TARGET = SAMPLE / "target.yaml"

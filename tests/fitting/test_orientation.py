@@ -11,7 +11,7 @@ from cubicfish_cli.fitting.calibrate import _better_named, calibrate
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.fitting.held_out import HeldOut
 from cubicfish_cli.fitting.refinement import Drawing
-from cubicfish_cli.symmetry import symmetries
+from cubicfish_cli.placement import symmetries
 
 
 @pytest.mark.parametrize(("columns", "rows", "count"), [(6, 4, 12), (4, 4, 24)])
