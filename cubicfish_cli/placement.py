@@ -125,6 +125,26 @@ class Placement:
         matrix = scale[:, None, None] * (self.frame[side] @ self.frame[4 * board].T)
         return matrix, places.mean(axis=1) - matrix @ places[0].mean(axis=0)
 
+    def carried(self, base: int, within: float) -> tuple[FloatArray, FloatArray, IntArray]:
+        """Motions of the whole target that carry each of its boards onto a place, or nearly.
+
+        Args:
+            base: the board of which every place is tried.
+            within: how far each board may be from its place, in squares.
+
+        Returns:
+            (K, 3, 3) matrices, (K, 3) shifts, and which of its places each board takes, (K, B).
+
+        """
+        matrix, shift = self.motions(base)
+        landed = np.empty((len(matrix), 0), np.intp)
+        for board in range(len(self.wholes)):
+            error, place = self.landing(matrix, shift, board)
+            kept = error < within
+            matrix, shift = matrix[kept], shift[kept]
+            landed = np.column_stack([landed, place])[kept]
+        return matrix, shift, landed
+
     def is_symmetry(self, motion: Similarity) -> bool:
         """Whether ``motion`` carries the target onto itself, colours included."""
         if abs(motion.scale - 1) > _SAME_SCALE:
@@ -282,24 +302,18 @@ def symmetries(target: Target) -> tuple[Symmetry, ...]:
     if not plain or len(boards) > _MOST_BOARDS:
         return ()
     sides = placement_of(target.with_flat_boards())
-    matrix, shift = sides.motions(0)
-    landed = [sides.landing(matrix, shift, board) for board in boards]
     found = []
-    for k in range(len(matrix)):
-        same_size = abs(np.linalg.det(matrix[k]) - 1) < _SAME_SCALE
-        if not same_size or max(error[k] for error, _ in landed) >= SAME:
-            continue
-        side = np.array(
-            [sides.wholes[board][0][place[k]] for board, (_, place) in enumerate(landed)]
-        )
-        if (side == 4 * np.arange(len(boards))).all():
+    for matrix, shift, places in zip(*sides.carried(0, SAME), strict=True):
+        side = np.array([sides.wholes[board][0][place] for board, place in enumerate(places)])
+        same_size = abs(np.linalg.det(matrix) - 1) < _SAME_SCALE
+        if not same_size or (side == 4 * np.arange(len(boards))).all():
             continue
         turn = sides.matrix[side]
         last = (turn @ (sides.size[::4] - 1)[..., None])[..., 0]
         found.append(
             Symmetry(
-                rotation=matrix[k],
-                shift=shift[k],
+                rotation=matrix,
+                shift=shift,
                 board=sides.board[side],
                 turn=turn,
                 offset=-np.minimum(last, 0),

@@ -54,18 +54,10 @@ def symmetries(target: Target) -> tuple[list[Turn], list[Turn]]:
     everything = list(range(len(sides.wholes)))
     # The board with the fewest places has the fewest candidates.
     base = min(everything, key=lambda board: len(sides.wholes[board][0]))
-    matrix, shift = sides.motions(base)
-    # A board that is off by NEARLY turns the motion that is based on it.
-    slack = 10 * NEARLY
-    landed = np.empty((len(matrix), 0), np.intp)
-    for board in everything:
-        error, place = sides.landing(matrix, shift, board)
-        kept = error < slack
-        matrix, shift = matrix[kept], shift[kept]
-        landed = np.column_stack([landed, place])[kept]
     exact: list[Turn] = []
     near: list[Turn] = []
-    for places in landed:
+    # A board that is off by NEARLY turns the motion that is based on it.
+    for places in sides.carried(base, 10 * NEARLY)[2]:
         motion, miss = _fitted(sides, everything, places)
         turn = _turn(target, sides, everything, places, motion, miss)
         if turn.angle_deg < 1 and turn.boards == turn.onto:

@@ -1,4 +1,4 @@
-"""A camera as two tables, the pixel of each direction and the direction of each pixel; USD of them."""
+"""A camera as two tables: the pixel of each direction, the direction of each pixel; also as USD."""
 
 from __future__ import annotations
 
