@@ -144,7 +144,7 @@ def ours(sources: list[Path], folder: Path, made: UndistortMap, workers: int) ->
         overwrite=True,
         progress=lambda done, total: None,
     )
-    assert not failures, failures[0].error
+    assert not failures, failures
 
 
 def measure_one(camera: CubicCamera, folder: Path) -> None:

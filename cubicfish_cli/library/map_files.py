@@ -17,7 +17,7 @@ from cubicfish_cli.formats.rig_yaml import RigFile, load_rig
 from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, path_or_none, rig_file_in
 from cubicfish_cli.library.asked_pictures import ViewOptions
 from cubicfish_cli.library.rig_pictures import rectify
-from cubicfish_cli.library.views import TrustedWithin, chosen_of
+from cubicfish_cli.library.views import chosen_of, trusted_within
 from cubicfish_cli.plain_yaml import plain_yaml_text
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField
 from cubicfish_cli.undistortion.fit import sees
@@ -206,7 +206,7 @@ def map_files(
     there = camera_for_photos(loaded.camera, size, part)
     masked = None
     if mask_limit is not None:
-        masked = partial(TrustedWithin(mask_limit, loaded, path, part).mask, size=size)
+        masked = partial(trusted_within(mask_limit, loaded, path, part), size)
     chosen = chosen_of(view, there)
     build = build_redistort_map if redistort else build_map
     maps = {name: build(there, one) for name, one in chosen.views.items()}

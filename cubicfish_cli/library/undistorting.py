@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -30,15 +30,15 @@ from cubicfish_cli.library.asked_pictures import PlaneOptions, ViewOptions
 from cubicfish_cli.library.views import (
     PlanesOfPhotos,
     Size,
-    TrustedWithin,
     Views,
     ViewsBySize,
     chosen_of,
+    trusted_within,
 )
 from cubicfish_cli.listener import Listener
 from cubicfish_cli.photos import SUFFIXES, expanded, photo_size, shown
 from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
-from cubicfish_cli.undistortion.batch import FailedPhoto, PhotoJob, undistort_photos
+from cubicfish_cli.undistortion.batch import PhotoJob, undistort_photos
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField, default_view
 from cubicfish_cli.undistortion.frames import Crop, camera_for_photos, parse_crop
 from cubicfish_cli.undistortion.images import INTERPOLATIONS, Rendering, check_suffix, remap_picture
@@ -314,7 +314,7 @@ def undistort_files(
         views = ViewsBySize(loaded.camera, part, partial(chosen_of, view))
     masked = None
     if mask_limit is not None:
-        masked = TrustedWithin(mask_limit, loaded, path or "the camera", part)
+        masked = trusted_within(mask_limit, loaded, path or "the camera", part)
     plan = plan.free(skip_existing=skip_existing, overwrite=run.overwrite)
     if isinstance(views, PlanesOfPhotos):
         views.place([job.source for job in (*plan.jobs, *plan.skipped)], run)
@@ -328,16 +328,13 @@ def undistort_files(
     if plan.videos:
         crf = DEFAULT_CRF if crf is None else crf
         encoding = Encoding(codec=codec, crf=crf, preset=preset)
-        failed = _videos(plan, views, rendering, encoding, run)
+        made = plan.became(_videos(plan, views, rendering, encoding, run))
     else:
-        failed = _photos(plan, views, rendering, run)
-    made = plan.became({one.job.name: one.error for one in failed})
-    for job in plan.jobs:
-        if job.name in made.written:
-            size = plan.size_of(job)
-            seen = views.seen(job.source, size)
-            made = replace(made, view=views.view(job.source, size), seen=seen)
-            break
+        made = plan.became(_photos(plan, views, rendering, run))
+    done = next((job for job in plan.jobs if job.name in made.written), None)
+    if done is not None:
+        there, shown_view = views.chosen(done.source, plan.size_of(done))
+        made = replace(made, view=shown_view, seen=shown_view.seen_by(there))
     return replace(made, model=path, extras=extras)
 
 
@@ -501,7 +498,7 @@ def _extras(
     plan: _Plan,
     views: Views,
     mask: Path | None,
-    masked: TrustedWithin | None,
+    masked: Callable[[Size, UndistortMap], Any] | None,
     virtual_camera: Path | None,
 ) -> dict[Path, Content]:
     """The mask and the virtual camera, which are the same for all photos of one size."""
@@ -515,13 +512,14 @@ def _extras(
             "differ: do them one at a time"
         )
     source, size = next(iter(sizes.items()))
-    maps = dict(zip(views.view(source, size).views, views.maps(source, size), strict=True))
-    trusted = None if masked is None else partial(masked.mask, size=size)
+    _, shown_view = views.chosen(source, size)
+    maps = dict(zip(shown_view.views, views.maps(source, size), strict=True))
+    trusted = None if masked is None else partial(masked, size)
     return view_files(maps, mask=mask, beside=virtual_camera, masked=trusted)
 
 
-def _photos(plan: _Plan, views: Views, rendering: Rendering, run: Run) -> list[FailedPhoto]:
-    """All photos at once."""
+def _photos(plan: _Plan, views: Views, rendering: Rendering, run: Run) -> dict[str, CubicfishError]:
+    """All photos at once: what could not be done, and why."""
     executor = run.executor if plan.jobs else None
     failures = undistort_photos(
         plan.jobs,
@@ -532,24 +530,19 @@ def _photos(plan: _Plan, views: Views, rendering: Rendering, run: Run) -> list[F
         progress=run.listener.counting("Undistorting"),
         executor=executor,
     )
-    failed = {failure.job.source for failure in failures}
     for job in plan.jobs if executor is None else ():
         missing = next((path for path in job.wanted if not path.is_file()), None)
-        if missing is not None and job.source not in failed:  # somebody removed their folder
+        if missing is not None and job.name not in failures:  # somebody removed their folder
             why = "is gone again: was its folder removed or renamed meanwhile?"
-            failures.append(FailedPhoto(job=job, error=OutputError(f"{missing} {why}")))
+            failures[job.name] = OutputError(f"{missing} {why}")
     return failures
 
 
 def _videos(
-    plan: _Plan,
-    views: Views,
-    rendering: Rendering,
-    encoding: Encoding,
-    run: Run,
-) -> list[FailedPhoto]:
-    """One video after the other."""
-    failures = []
+    plan: _Plan, views: Views, rendering: Rendering, encoding: Encoding, run: Run
+) -> dict[str, CubicfishError]:
+    """One video after the other: what could not be done, and why."""
+    failures = {}
     for job in plan.jobs:
         try:
             done = undistort_video(
@@ -562,7 +555,7 @@ def _videos(
                 progress=run.listener.counting(job.name),
             )
         except CubicfishError as error:
-            failures.append(FailedPhoto(job=job, error=error))
+            failures[job.name] = error
             continue
         if done.turned_deg:
             told = {"video": job.outputs[0], "turned_deg": done.turned_deg}
@@ -570,7 +563,7 @@ def _videos(
     return failures
 
 
-def _first_map(views: Views, source: Path, size: Size) -> Any:
+def _first_map(views: Views, source: Path, size: Size) -> UndistortMap:
     return views.maps(source, size)[0]
 
 
@@ -590,13 +583,13 @@ def _outlook(plan: _Plan, views: Views) -> UndistortedFiles:
         job, size = own[0]
         group = Group(images=[one.name for one, _ in own], size=size)
         try:
-            view, maps = views.view(job.source, size), views.maps(job.source, size)
+            (camera, view), maps = views.chosen(job.source, size), views.maps(job.source, size)
             empty = 1 - sum(made.valid.sum() for made in maps) / sum(m.valid.size for m in maps)
             group = replace(
                 group,
                 view=view,
-                seen=views.seen(job.source, size),
-                kept_share=views.kept_share(job.source, size),
+                seen=view.seen_by(camera),
+                kept_share=view.kept_share(camera),
                 empty_share=float(empty),
             )
         except CubicfishError as error:

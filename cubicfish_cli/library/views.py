@@ -21,7 +21,7 @@ from cubicfish_cli.library.asked import Run
 from cubicfish_cli.library.asked_pictures import PlaneOptions, ViewOptions
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
-from cubicfish_cli.undistortion.choose import ChosenView, SeenField
+from cubicfish_cli.undistortion.choose import ChosenView
 from cubicfish_cli.undistortion.frames import Crop, calibrated_pixels, camera_for_photos
 from cubicfish_cli.undistortion.maps import UndistortMap, build_map
 from cubicfish_cli.undistortion.plane import PlaneView, PointProjector, plane_view
@@ -51,24 +51,10 @@ class Views(ABC):
 
         """
 
-    def view(self, source: Path, size: Size) -> ChosenView:
-        """The view of a photo."""
-        return self.chosen(source, size)[1]
-
     def maps(self, source: Path, size: Size) -> Sequence[UndistortMap]:
         """Its maps, one for each part of the view."""
         camera, view = self.chosen(source, size)
         return [build_map(camera, part) for part in view.views.values()]
-
-    def kept_share(self, source: Path, size: Size) -> float | None:
-        """Share of what the camera sees that the view keeps; None where it is not of directions."""
-        camera, view = self.chosen(source, size)
-        return view.kept_share(camera)
-
-    def seen(self, source: Path, size: Size) -> SeenField | None:
-        """What the camera sees of the view's field; None where it has none."""
-        camera, view = self.chosen(source, size)
-        return view.seen_by(camera)
 
 
 def chosen_of(view: View | ViewOptions | None, camera: Camera) -> ChosenView:
@@ -260,7 +246,7 @@ class PlanesOfPhotos(Views):
         found = detect_corners(photos, self._target, progress=progress, executor=run.executor)
         self._poses |= _poses_of(evaluate(camera, found.corners).as_record())
 
-    def chosen(self, source: Path, size: Size) -> tuple[PointProjector, ChosenView]:
+    def chosen(self, source: Path, size: Size) -> tuple[Any, ChosenView]:
         """The board's plane in this photo."""
         camera, rotation, translation = self._placed(source, size)
         plane = plane_of(
@@ -272,12 +258,6 @@ class PlanesOfPhotos(Views):
             margin=self._asked.margin,
         )
         return camera, ChosenView(views={"": plane}, unit=self._target.units)
-
-    def kept_share(self, source: Path, size: Size) -> None:
-        """A plane is not about directions."""
-
-    def seen(self, source: Path, size: Size) -> None:
-        """Nor has it a field."""
 
     def _placed(self, source: Path, size: Size) -> tuple[PointProjector, Any, Any]:
         """A camera, and the rotation and the translation from the world to its frame."""
@@ -313,49 +293,40 @@ def _poses_of(fit: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
     return {Path(name).name: pose for name, pose in poses_on_record(fit).items()}
 
 
-class TrustedWithin:
-    """Says of each pixel of a map whether the camera may be trusted there to so many pixels."""
+def trusted_within(
+    limit: float, loaded: CameraFile | PointCameraFile, path: Path | str, crop: Crop | None
+) -> Callable[[Size, UndistortMap], npt.NDArray[np.bool_]]:
+    """What says of each pixel of a map whether the camera may be trusted there to so many pixels.
 
-    def __init__(
-        self,
-        limit: float,
-        loaded: CameraFile | PointCameraFile,
-        path: Path | str,
-        crop: Crop | None,
-    ) -> None:
-        """Prepare for a camera.
+    Args:
+        limit: the largest uncertainty, pixels of the photo as calibrated.
+        loaded: the camera's file.
+        path: where that is, for messages, or what it is called.
+        crop: what part of the calibrated photo photos show.
 
-        Args:
-            limit: the largest uncertainty, pixels of the photo as calibrated.
-            loaded: the camera's file.
-            path: where that is, for messages, or what it is called.
-            crop: what part of the calibrated photo photos show.
+    Returns:
+        A function of the (width, height) of photos and a map for them: where the map is valid and
+        the uncertainty is known and within, (H, W).
 
-        Raises:
-            CameraFileError: it holds no uncertainty that can be used.
+    Raises:
+        CameraFileError: the camera's file holds no uncertainty that can be used.
 
-        """
-        self._limit, self._record, self._crop = limit, _uncertainty_of(loaded, path), crop
-        self._size = loaded.camera.image_size
+    """
+    record, calibrated = _uncertainty_of(loaded, path), loaded.camera.image_size
 
-    def mask(self, made: UndistortMap, size: tuple[int, int]) -> npt.NDArray[np.bool_]:
-        """Where the map is valid and the uncertainty is known and within, (H, W).
-
-        Args:
-            made: the map.
-            size: (width, height) of the photos that it is for.
-
-        """
+    def mask(size: Size, made: UndistortMap) -> npt.NDArray[np.bool_]:
         within = np.zeros_like(made.valid)
         rows_per_block = max(1, _PIXELS_PER_BLOCK // made.valid.shape[1])
         for top in range(0, len(made.valid), rows_per_block):
             rows = slice(top, top + rows_per_block)
             valid = made.valid[rows]
             pixel = np.stack([made.map_x[rows][valid], made.map_y[rows][valid]], axis=-1)
-            source = calibrated_pixels(pixel.astype(float), self._size, size, self._crop)
+            source = calibrated_pixels(pixel.astype(float), calibrated, size, crop)
             # A comparison with NaN, where nothing is known, is false.
-            within[rows][valid] = sigma_at(self._record, source) <= self._limit
+            within[rows][valid] = sigma_at(record, source) <= limit
         return within
+
+    return mask
 
 
 def _uncertainty_of(loaded: CameraFile | PointCameraFile, path: Path | str) -> dict[str, Any]:

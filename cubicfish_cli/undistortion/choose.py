@@ -347,8 +347,10 @@ class ChosenView:
         field = (self.first.hfov_deg, self.first.vfov_deg)
         return SeenField(field_deg=field, seen_deg=seen_field_deg(camera, self.first))
 
-    def kept_share(self, camera: Camera) -> float:
-        """Share of what a camera sees, of the solid angle, that the views keep."""
+    def kept_share(self, camera: Camera) -> float | None:
+        """Share of what a camera sees, of the solid angle, that the views keep; None of a plane."""
+        if isinstance(self.first, PlaneView):
+            return None
         return min(1.0, sum(kept_share(camera, view) for view in self.views.values()))
 
     def as_record(self) -> dict[str, Any]:

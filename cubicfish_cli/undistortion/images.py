@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -12,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from cubicfish_cli.errors import OutputError, ViewError
+from cubicfish_cli.errors import CubicfishError, OutputError, ViewError
 from cubicfish_cli.files import refuse_existing, write_files
 from cubicfish_cli.photos import Picture, quiet_stderr, shown
 from cubicfish_cli.picture_headers import jpeg_segments
@@ -112,37 +113,13 @@ def _border_value(picture: Picture, colour: tuple[float, float, float]) -> tuple
     return (blue, green, red, 0.0)
 
 
-def render_files(
-    source: Path,
-    data: bytes,
-    picture: Picture,
-    outputs: Sequence[tuple[Path, UndistortMap]],
-    rendering: Rendering = PLAIN,
-) -> dict[Path, bytes]:
-    """Render each map's view of a picture, with its depth and channels: path -> file's bytes.
-
-    A JPEG's EXIF record, colour profile and quality go along.
-
-    Args:
-        source: the picture's file, for messages.
-        data: its bytes.
-        picture: what they hold.
-        outputs: where each map's view goes.
-        rendering: how pixels are made.
-
-    Raises:
-        ViewError: the picture does not have the size that a map is for.
-        OutputError: an output is a kind of file that cannot hold the picture.
-
-    """
-    files = {}
-    for path, undistort_map in outputs:
-        try:
-            out = remap_picture(picture, undistort_map, rendering)
-        except ViewError as problem:
-            raise ViewError(str(problem), about=shown(source), apart=True) from problem
-        files[path] = encode_picture(path, out, quality=rendering.quality, like=data)
-    return files
+@contextmanager
+def naming(source: Path) -> Iterator[None]:
+    """Say of which photo or video it is that something cannot be done."""
+    try:
+        yield
+    except CubicfishError as problem:
+        raise type(problem)(str(problem), about=shown(source), apart=True) from problem
 
 
 def check_outputs(paths: Sequence[Path], *, overwrite: bool) -> None:

@@ -118,7 +118,7 @@ def jobs_of(folder: Path, count: int, out: str = "out") -> list[PhotoJob]:
     return jobs
 
 
-def undistort(jobs: Sequence[PhotoJob], address: str, maps, wait_s=PATIENCE_S, **options) -> list:
+def undistort(jobs: Sequence[PhotoJob], address: str, maps, wait_s=PATIENCE_S, **options) -> dict:
     with connect(address, wait_s=wait_s) as executor:
         return undistort_photos(
             jobs,
@@ -210,7 +210,7 @@ def test_a_worker_that_is_killed_loses_nothing(processes: Processes, tmp_path: P
         distant_work.maps_and_an_end,
         progress=lambda done, total: seen.append((done, total)),
     )
-    assert failures == []
+    assert failures == {}
     assert (tmp_path / "ended").exists()
     processes.wait_for(1)
     assert contents(tmp_path / "out") == contents(tmp_path / "here")
@@ -224,11 +224,11 @@ def test_what_exists_is_refused_before_the_work(processes: Processes, tmp_path: 
     jobs[2].outputs[0].parent.mkdir()
     jobs[2].outputs[0].write_text("old")
     address = processes.have(1)
-    missing, exists = undistort(jobs, address, distant_work.maps)
-    assert missing.job is jobs[1]
-    assert isinstance(missing.error, PhotoError)
-    assert f"1.png cannot be read on {os.uname().nodename}: No such file" in str(missing.error)
-    assert "2.png exists already" in str(exists.error)
+    failures = undistort(jobs, address, distant_work.maps)
+    missing, exists = failures["1.png"], failures["2.png"]
+    assert isinstance(missing, PhotoError)
+    assert f"1.png cannot be read on {os.uname().nodename}: No such file" in str(missing)
+    assert "2.png exists already" in str(exists)
     assert jobs[2].outputs[0].read_text() == "old"
     assert sorted(contents(tmp_path / "out")) == ["0.png", "2.png", "3.png"]
     assert undistort(jobs[2:3], address, distant_work.maps, overwrite=True) == []
