@@ -231,7 +231,7 @@ def test_what_exists_is_refused_before_the_work(processes: Processes, tmp_path: 
     assert "2.png exists already" in str(exists)
     assert jobs[2].outputs[0].read_text() == "old"
     assert sorted(contents(tmp_path / "out")) == ["0.png", "2.png", "3.png"]
-    assert undistort(jobs[2:3], address, distant_work.maps, overwrite=True) == []
+    assert undistort(jobs[2:3], address, distant_work.maps, overwrite=True) == {}
     assert jobs[2].outputs[0].read_bytes() != b"old"
 
 
