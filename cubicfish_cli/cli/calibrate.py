@@ -11,14 +11,18 @@ import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import (
+    corners_by_board,
     count,
+    fitted_rows,
     hold_gate,
     mark_of,
     print_errors,
     print_figure,
     print_models,
+    print_photo_table,
     print_verdict,
     px,
+    why_lost,
 )
 from cubicfish_cli.cli.options import (
     DEFAULT_MODEL,
@@ -28,12 +32,6 @@ from cubicfish_cli.cli.options import (
     record,
     target_options,
     verbosity,
-)
-from cubicfish_cli.cli.photo_table import (
-    corners_by_board,
-    fitted_rows,
-    print_photo_table,
-    why_lost,
 )
 from cubicfish_cli.cli.progress import say_left_out
 from cubicfish_cli.cli.report import FitOptions, fit_options, say_if_no_page

@@ -21,7 +21,7 @@ from cubicfish_cli.cli.view_options import (
 from cubicfish_cli.library.asked_pictures import ViewOptions
 
 if TYPE_CHECKING:
-    from cubicfish_cli.undistortion.frames import Crop
+    from cubicfish_cli.undistortion.maps import Crop
 
 _HELP = """Write where each pixel of a view comes from in the photo, and the view's camera too.
 

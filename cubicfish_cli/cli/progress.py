@@ -134,7 +134,7 @@ class _Cluster:
         return self._there.each(work, items, writes_below=writes_below)
 
     def _connected(self, address: str) -> Executor:
-        from cubicfish_cli.executors.cluster.workers import WAIT_S, connect
+        from cubicfish_cli.executors.cluster import WAIT_S, connect
 
         self._listener.end()
         wait_s = WAIT_S if self._asked.wait_s is None else self._asked.wait_s

@@ -32,7 +32,7 @@ from cubicfish_cli.words.phrases import listed
 if TYPE_CHECKING:
     from cubicfish_cli.library.undistorting import UndistortedFiles
     from cubicfish_cli.undistortion.choose import ChosenView
-    from cubicfish_cli.undistortion.frames import Crop
+    from cubicfish_cli.undistortion.maps import Crop
 
 
 @record

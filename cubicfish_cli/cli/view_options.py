@@ -27,7 +27,7 @@ from cubicfish_cli.wording import either
 
 if TYPE_CHECKING:
     from cubicfish_cli.undistortion.choose import SeenField
-    from cubicfish_cli.undistortion.frames import Crop
+    from cubicfish_cli.undistortion.maps import Crop
 
 
 def _rotation(text: str) -> tuple[float, float, float]:
@@ -210,7 +210,7 @@ def _colour(text: str) -> tuple[float, float, float]:
 
 
 def _crop(text: str) -> Crop:
-    from cubicfish_cli.undistortion.frames import parse_crop
+    from cubicfish_cli.undistortion.maps import parse_crop
 
     return parse_crop(text)
 

@@ -18,7 +18,7 @@ from cubicfish_cli.diagnosis import (
     left_out,
     lens_faults,
     mirrored,
-    misdrawn,
+    object_faults,
     photo_lenses,
     repeats,
     rig,
@@ -114,7 +114,7 @@ HYPOTHESES: tuple[Hypothesis[Any], ...] = (
     # Of photos, and of the grids and markers in them.
     Hypothesis(PhotoEvidence, (Code.REPEATS,), _TABLES, repeats.copies),
     Hypothesis(GridEvidence, _COUNT, _TABLES, corner_count.squares_of_grids),
-    Hypothesis(GridEvidence, _DRAWING, _TRIALS, misdrawn.misdrawn, _counted_rightly),
+    Hypothesis(GridEvidence, _DRAWING, _TRIALS, object_faults.misdrawn, _counted_rightly),
     Hypothesis(GridEvidence, _ANOTHER, _TRIALS, corner_count.another_target, _some_corners),
     Hypothesis(GridEvidence, _COUNT, _TRIALS, corner_count.miscounted, _only_notes),
     Hypothesis(GridEvidence, _NOTHING, _TRIALS, corner_count.nothing_named, _no_corners),

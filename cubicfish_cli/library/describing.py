@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.assess.camera_facts import CameraFacts, camera_facts
-from cubicfish_cli.assess.rig_verdict import rig_verdict
-from cubicfish_cli.assess.verdict import Verdict
+from cubicfish_cli.assess.verdict import Verdict, rig_verdict
 from cubicfish_cli.files import refuse_existing
 from cubicfish_cli.fitting.comparison import ComparedCamera, Comparison, compare
 from cubicfish_cli.fitting.rig.compare import ComparedCamera as ComparedPlace

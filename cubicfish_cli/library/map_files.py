@@ -21,7 +21,6 @@ from cubicfish_cli.library.views import chosen_of, trusted_within
 from cubicfish_cli.plain_yaml import plain_yaml_text
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField
 from cubicfish_cli.undistortion.fit import sees
-from cubicfish_cli.undistortion.frames import Crop, camera_for_photos, parse_crop
 from cubicfish_cli.undistortion.map_formats import (
     Masked,
     build_redistort_map,
@@ -30,7 +29,13 @@ from cubicfish_cli.undistortion.map_formats import (
     part_name,
     view_files,
 )
-from cubicfish_cli.undistortion.maps import UndistortMap, build_map
+from cubicfish_cli.undistortion.maps import (
+    Crop,
+    UndistortMap,
+    build_map,
+    camera_for_photos,
+    parse_crop,
+)
 from cubicfish_cli.undistortion.stereo import ROW_ALIGNED
 from cubicfish_cli.undistortion.view import CentralView, View
 from cubicfish_cli.wording import either

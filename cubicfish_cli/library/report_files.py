@@ -9,8 +9,7 @@ from typing import Any
 
 from cubicfish_cli.advice.advise import Advice, advise
 from cubicfish_cli.advice.picture import advice_svg
-from cubicfish_cli.assess.rig_verdict import rig_verdict
-from cubicfish_cli.assess.verdict import Verdict
+from cubicfish_cli.assess.verdict import Verdict, rig_verdict
 from cubicfish_cli.errors import CubicfishError, OutputError, UsageError
 from cubicfish_cli.files import Content, refuse_existing, write_files, write_text
 from cubicfish_cli.formats.rig_yaml import load_rig

@@ -9,8 +9,7 @@ from glob import has_magic
 from pathlib import Path
 from typing import Any
 
-from cubicfish_cli.assess.rig_verdict import rig_verdict
-from cubicfish_cli.assess.verdict import Verdict
+from cubicfish_cli.assess.verdict import Verdict, rig_verdict
 from cubicfish_cli.errors import CorrespondenceError, UsageError
 from cubicfish_cli.files import fingerprint, refuse_existing
 from cubicfish_cli.films import MOST

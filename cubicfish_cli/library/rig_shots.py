@@ -37,7 +37,6 @@ from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.photos import decode_picture, natural_key, photo_size, read_file, shown
 from cubicfish_cli.target import Target
 from cubicfish_cli.undistortion.choose import ChosenView
-from cubicfish_cli.undistortion.frames import camera_for_photos
 from cubicfish_cli.undistortion.images import (
     Rendering,
     check_outputs,
@@ -45,6 +44,7 @@ from cubicfish_cli.undistortion.images import (
     remap_picture,
 )
 from cubicfish_cli.undistortion.map_formats import mask_picture, view_files
+from cubicfish_cli.undistortion.maps import camera_for_photos
 from cubicfish_cli.undistortion.mosaic import Body, Ground, mosaic_of
 from cubicfish_cli.undistortion.view import View, matrix_of_rotation
 from cubicfish_cli.wording import did_you_mean, quoted

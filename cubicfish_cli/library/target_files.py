@@ -11,10 +11,9 @@ from typing import Any
 
 from cubicfish_cli import __version__
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.diagnosis.object_check import ObjectFacts, check_object
+from cubicfish_cli.diagnosis.object_check import ObjectFacts, Turn, check_object
 from cubicfish_cli.errors import CubicfishError, OutputError, UsageError
 from cubicfish_cli.files import Content, refuse_existing, write_files, write_text
-from cubicfish_cli.identification.look_alikes import Turn
 from cubicfish_cli.library.asked import RUN, Run, StrPath, made_at, path_or_none
 from cubicfish_cli.printing import extra
 from cubicfish_cli.printing.layout import Page, lay_out

@@ -40,10 +40,15 @@ from cubicfish_cli.photos import SUFFIXES, expanded, photo_size, shown
 from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
 from cubicfish_cli.undistortion.batch import PhotoJob, undistort_photos
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField, default_view
-from cubicfish_cli.undistortion.frames import Crop, camera_for_photos, parse_crop
 from cubicfish_cli.undistortion.images import INTERPOLATIONS, Rendering, check_suffix, remap_picture
 from cubicfish_cli.undistortion.map_formats import part_name, view_files
-from cubicfish_cli.undistortion.maps import UndistortMap, build_map
+from cubicfish_cli.undistortion.maps import (
+    Crop,
+    UndistortMap,
+    build_map,
+    camera_for_photos,
+    parse_crop,
+)
 from cubicfish_cli.undistortion.video import DEFAULT_CRF, Encoding, undistort_video, video_size
 from cubicfish_cli.undistortion.view import View, is_numbers
 from cubicfish_cli.wording import did_you_mean, quoted

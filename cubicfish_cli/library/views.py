@@ -22,8 +22,13 @@ from cubicfish_cli.library.asked_pictures import PlaneOptions, ViewOptions
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
 from cubicfish_cli.undistortion.choose import ChosenView
-from cubicfish_cli.undistortion.frames import Crop, calibrated_pixels, camera_for_photos
-from cubicfish_cli.undistortion.maps import UndistortMap, build_map
+from cubicfish_cli.undistortion.maps import (
+    Crop,
+    UndistortMap,
+    build_map,
+    calibrated_pixels,
+    camera_for_photos,
+)
 from cubicfish_cli.undistortion.plane import PlaneView, PointProjector, plane_view
 from cubicfish_cli.undistortion.view import Camera, View, matrix_of_rotation
 from cubicfish_cli.wording import did_you_mean, quoted

@@ -10,8 +10,7 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from cubicfish_cli.assess.records import recorded_mappings, recorded_number
-from cubicfish_cli.assess.rig_verdict import rig_verdict
-from cubicfish_cli.assess.verdict import WORDS
+from cubicfish_cli.assess.verdict import WORDS, rig_verdict
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
 from cubicfish_cli.printing.extra import drawing
 from cubicfish_cli.report.figures import BOARD_COLOURS, Drawn, Key, key

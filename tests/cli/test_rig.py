@@ -19,7 +19,7 @@ from cubicfish_cli import (
     save_corners,
     save_target,
 )
-from cubicfish_cli.assess.rig_verdict import rig_verdict
+from cubicfish_cli.assess.verdict import rig_verdict
 from cubicfish_cli.cli.options import keys_of
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.camera_yaml import load_camera
