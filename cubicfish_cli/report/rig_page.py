@@ -13,7 +13,7 @@ from cubicfish_cli.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import WORDS, rig_verdict
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
 from cubicfish_cli.printing.extra import drawing
-from cubicfish_cli.report.figures import BOARD_COLOURS, Drawn, Key, key
+from cubicfish_cli.report.figures import BOARD_COLOURS, Drawn, Key, finished, key
 from cubicfish_cli.report.page import day_of, made_of, template
 from cubicfish_cli.report.scene import at_one_scale, frusta, scale_bar
 from cubicfish_cli.report.svg import (
@@ -30,7 +30,6 @@ from cubicfish_cli.report.svg import (
     new_figure,
     rectangles,
     strokes,
-    svg_text,
 )
 from cubicfish_cli.types import BoolArray, FloatArray
 from cubicfish_cli.words.codes import Severity
@@ -282,10 +281,11 @@ def _view(
         place = (5 + 10 * behind, 5)
         axes.annotate(str(number + 1), at, xytext=place, textcoords="offset points", color=INK)
     length = scale_bar(figure, unit, _HEIGHT)
-    return Drawn(
+    return finished(
+        figure,
         name=name,
         title=title,
-        svg=svg_text(figure, name, f"{len(cameras)} cameras seen from {words}"),
+        label=f"{len(cameras)} cameras seen from {words}",
         caption=f"The bar is {length:g} {units or 'in the units of the target'}. Shaded: what each "
         "camera sees in the plane of the picture.",
         keys=_keys(cameras),
@@ -330,10 +330,11 @@ def _fields(cameras: Sequence[SeenCamera], towards: _Axes) -> Drawn:
     axes.set_xlabel("to the right of where the first camera looks, degrees")
     axes.set_ylabel("up, degrees")
     none, shared = (_share(choice, y) for choice in (count == 0, count > 1))
-    return Drawn(
+    return finished(
+        figure,
         name="rig-fields",
         title="What the cameras see of all around",
-        svg=svg_text(figure, "rig-fields", f"The fields of {len(cameras)} cameras"),
+        label=f"The fields of {len(cameras)} cameras",
         caption=f"Dots: where cameras look; lines: where their fields end; darker: seen by more. "
         f"{100 * none:.0f} % of all directions are seen by no camera, {100 * shared:.0f} % by two "
         "or more.",
@@ -394,10 +395,11 @@ def _shots(records: Sequence[Mapping[str, Any]], outlying: Sequence[str]) -> Dra
     axes.set_xlabel("shot")
     axes.set_ylabel("RMS, px")
     keys = (key("dot", RED, "something is told of it"),) if odd.any() else ()
-    return Drawn(
+    return finished(
+        figure,
         name="rig-shots",
         title="Errors of the shots, in their order",
-        svg=svg_text(figure, "rig-shots", f"RMS error of {len(known)} shots"),
+        label=f"RMS error of {len(known)} shots",
         caption=f"The line is the usual shot, {usual:.3f} px. A step means that a camera moved.",
         keys=keys,
     )
