@@ -157,7 +157,7 @@ def _picture_seeds() -> Sequence[bytes]:
     grey = rng.integers(0, 255, (60, 72), np.uint8)
     colour = rng.integers(0, 255, (60, 72, 3), np.uint8)
     seeds = []
-    for suffix in (".png", ".jpg", ".tif", ".bmp", ".webp", ".jp2", ".pgm", ".ppm"):
+    for suffix in (".png", ".jpg", ".tif", ".bmp", ".webp", ".pgm", ".ppm"):
         for picture in (
             (colour,)
             if suffix == ".ppm"
