@@ -79,7 +79,7 @@ _PLACES = {
     "target": ("Target",),
     "undistortion.choose": ("build_view",),
     "undistortion.maps": ("UndistortMap", "build_map", "load_map", "save_map"),
-    "undistortion.stereo": ("RectifiedPair",),
+    "undistortion.rigs": ("RectifiedPair",),
     "undistortion.view": ("View",),
 }
 _MODULES = {name: module for module, names in _PLACES.items() for name in names}

@@ -73,7 +73,7 @@ from cubicfish_cli.undistortion.maps import UndistortMap as UndistortMap
 from cubicfish_cli.undistortion.maps import build_map as build_map
 from cubicfish_cli.undistortion.maps import load_map as load_map
 from cubicfish_cli.undistortion.maps import save_map as save_map
-from cubicfish_cli.undistortion.stereo import RectifiedPair as RectifiedPair
+from cubicfish_cli.undistortion.rigs import RectifiedPair as RectifiedPair
 from cubicfish_cli.undistortion.view import View as View
 from cubicfish_cli.words.codes import Event as Event
 from cubicfish_cli.words.finding import Finding as Finding

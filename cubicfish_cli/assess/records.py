@@ -39,6 +39,7 @@ class Numbers:
 CERTAIN_PX = 0.5
 """A camera is certain where its pixels are known to this, in a photo of up to 2000 pixels."""
 PERCENT = 95.0
+_LARGEST_PX = 1e6
 """Single places at the very edge, where no corner is near, say little of the rest: the second
 figure is what so much of the field is within."""
 
@@ -97,6 +98,22 @@ def recorded(fit: Mapping[str, Any]) -> FieldUncertainty | None:
         number = recorded_number(record.get(name))
         told |= {} if number is None else {name: number}
     return FieldUncertainty(**told) if len(told) == 2 else None
+
+
+def recorded_grid(fit: Mapping[str, Any]) -> Any:
+    """The uncertainty over the photo of a fit's record, for :func:`sigma_at`; None if it is none.
+
+    Its x and y grow, and its values are None, where nothing is known, or pixels.
+    """
+    record: Any = fit.get("uncertainty")
+    try:
+        x, y, sigma = (np.array(record[name], np.float64) for name in ("x", "y", "sigma_px"))
+        sides = [bool((np.diff(side) > 0).all()) and np.isfinite(side).all() for side in (x, y)]
+        of_two = sigma.ndim == 2 and sigma.shape == (*y.shape, *x.shape)
+        right = of_two and all(sides) and min(len(x), len(y)) > 1
+    except (KeyError, TypeError, ValueError):
+        return None
+    return record if right and not bool(np.any((sigma < 0) | (sigma >= _LARGEST_PX))) else None
 
 
 def sigma_at(record: Mapping[str, Any], pixel: FloatArray) -> FloatArray:

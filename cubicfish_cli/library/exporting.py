@@ -41,7 +41,7 @@ from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, rig_in
 from cubicfish_cli.library.rig_pictures import rectify
-from cubicfish_cli.rendering.pose import rotation_matrix
+from cubicfish_cli.rendering.truth import rotation_matrix
 from cubicfish_cli.undistortion.choose import default_view
 from cubicfish_cli.undistortion.fit import sees
 from cubicfish_cli.undistortion.lens_tables import TableCamera, lens_tables, prim_name, usd_text

@@ -36,7 +36,7 @@ from cubicfish_cli.undistortion.maps import (
     camera_for_photos,
     parse_crop,
 )
-from cubicfish_cli.undistortion.stereo import ROW_ALIGNED
+from cubicfish_cli.undistortion.rigs import ROW_ALIGNED
 from cubicfish_cli.undistortion.view import CentralView, View
 from cubicfish_cli.wording import either
 

@@ -17,7 +17,7 @@ from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, path_or_none, rig_in
 from cubicfish_cli.library.rigs import loaded_record
 from cubicfish_cli.printing import extra
-from cubicfish_cli.rendering.pose import pose_table_text
+from cubicfish_cli.rendering.truth import pose_table_text
 from cubicfish_cli.report.from_files import facts_of_files
 
 PAGE = "report.html"

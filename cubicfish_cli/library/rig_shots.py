@@ -45,7 +45,7 @@ from cubicfish_cli.undistortion.images import (
 )
 from cubicfish_cli.undistortion.map_formats import mask_picture, view_files
 from cubicfish_cli.undistortion.maps import camera_for_photos
-from cubicfish_cli.undistortion.mosaic import Body, Ground, mosaic_of
+from cubicfish_cli.undistortion.rigs import Body, Ground, mosaic_of
 from cubicfish_cli.undistortion.view import View, matrix_of_rotation
 from cubicfish_cli.wording import did_you_mean, quoted
 from cubicfish_cli.words.phrases import plural

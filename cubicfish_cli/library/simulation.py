@@ -33,7 +33,6 @@ from cubicfish_cli.rendering.outside import (
     load_lens,
     outside_lens,
 )
-from cubicfish_cli.rendering.pose import Pose, load_poses, pose_table_text
 from cubicfish_cli.rendering.simulate import (
     FORMATS,
     Look,
@@ -41,7 +40,13 @@ from cubicfish_cli.rendering.simulate import (
     photo_bytes,
     simulated_photos,
 )
-from cubicfish_cli.rendering.truth import true_corners_text, visible_points
+from cubicfish_cli.rendering.truth import (
+    Pose,
+    load_poses,
+    pose_table_text,
+    true_corners_text,
+    visible_points,
+)
 from cubicfish_cli.rendering.views import WholeLens
 from cubicfish_cli.target import Target
 from cubicfish_cli.wording import did_you_mean, quoted

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.arrays import Refusal
-from cubicfish_cli.assess.records import sigma_at
+from cubicfish_cli.assess.records import recorded_grid, sigma_at
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.errors import CameraFileError, UsageError, ViewError
 from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
@@ -334,30 +334,22 @@ def trusted_within(
     return mask
 
 
-def _uncertainty_of(loaded: CameraFile | PointCameraFile, path: Path | str) -> dict[str, Any]:
+def _uncertainty_of(loaded: CameraFile | PointCameraFile, path: Path | str) -> Mapping[str, Any]:
     """The uncertainty over the photo that a camera file holds."""
     if isinstance(loaded, PointCameraFile):
         raise CameraFileError(
             f"{path} is of lift 'point', which has no uncertainty: leave out --mask-limit, or "
             "calibrate with --lift ray"
         )
-    record = loaded.fit.get("uncertainty")
-    if not isinstance(record, dict):
+    if not isinstance(loaded.fit.get("uncertainty"), dict):
         raise CameraFileError(
             f"{path} does not hold the camera's uncertainty (fit.uncertainty): calibrate again "
             "with this version, or leave out --mask-limit"
         )
-    try:
-        x, y = (np.array(record[axis], float) for axis in "xy")
-        sigma = np.array(record["sigma_px"], float)  # None becomes NaN
-        usable = sigma.shape == (len(y), len(x)) and all(
-            len(line) > 1 and bool((np.diff(line) > 0).all()) for line in (x, y)
-        )
-    except (KeyError, TypeError, ValueError):
-        usable = False
-    if not usable:
+    grid = recorded_grid(loaded.fit)
+    if grid is None:
         raise CameraFileError(
             f"{path}: fit.uncertainty is not a grid of numbers: calibrate again with this version, "
             "or leave out --mask-limit"
         )
-    return record
+    return grid

@@ -18,7 +18,6 @@ import numpy.typing as npt
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.rendering.outside import OutsideLens
-from cubicfish_cli.rendering.pose import Pose, rotation_matrix
 from cubicfish_cli.rendering.simulate import (
     AMBIENT,
     INK,
@@ -31,7 +30,13 @@ from cubicfish_cli.rendering.simulate import (
     sensed,
     vignette,
 )
-from cubicfish_cli.rendering.truth import MARGIN_SQUARES, corners_text, project_corners
+from cubicfish_cli.rendering.truth import (
+    MARGIN_SQUARES,
+    Pose,
+    corners_text,
+    project_corners,
+    rotation_matrix,
+)
 from cubicfish_cli.rendering.views import WholeLens
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray

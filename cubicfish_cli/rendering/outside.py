@@ -31,7 +31,7 @@ from cubicfish_cli.angles import angle_from_axis, columns
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.plain_yaml import load_plain_yaml, plain_yaml_text
-from cubicfish_cli.rendering.pose import rotation_matrix
+from cubicfish_cli.rendering.truth import rotation_matrix
 from cubicfish_cli.types import BoolArray, FloatArray
 from cubicfish_cli.wording import did_you_mean, quoted
 

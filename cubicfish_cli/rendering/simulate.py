@@ -13,8 +13,14 @@ import numpy.typing as npt
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.rendering.outside import OutsideLens
-from cubicfish_cli.rendering.pose import Pose, rotation_matrix
-from cubicfish_cli.rendering.truth import MARGIN_SQUARES, Plate, nearest, plates
+from cubicfish_cli.rendering.truth import (
+    MARGIN_SQUARES,
+    Plate,
+    Pose,
+    nearest,
+    plates,
+    rotation_matrix,
+)
 from cubicfish_cli.rendering.views import WholeLens, choose_views, sample_views
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray

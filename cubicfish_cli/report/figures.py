@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import Transform, blended_transform_factory
 
-from cubicfish_cli.assess.records import recorded, recorded_number, sigma_at
+from cubicfish_cli.assess.records import recorded, recorded_grid, sigma_at
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.findings import field_cells
 from cubicfish_cli.fitting.statistics import rms_px
@@ -425,7 +425,7 @@ def profile_figure(facts: Facts, camera: CubicCamera) -> Drawn:
 
 def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
     """How far the camera's own pixels may be off, over the photo."""
-    record = _uncertainty_grid(facts)
+    record = recorded_grid(facts.fit)
     if record is None:
         return None
     width, height = camera.image_size
@@ -456,26 +456,6 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
         + (f": {told.words}" if told else "")
         + ". Errors of the target or of the model are not in it.",
     )
-
-
-def _uncertainty_grid(facts: Facts) -> Mapping[str, Any] | None:
-    """The record's grid, if it is one."""
-    record = facts.fit.get("uncertainty")
-    if not isinstance(record, dict):
-        return None
-    x, y, sigma = (record.get(name) for name in ("x", "y", "sigma_px"))
-    if not (isinstance(x, list) and isinstance(y, list) and isinstance(sigma, list)):
-        return None
-    right = len(x) > 1 and len(y) > 1 and len(sigma) == len(y) and len(x) * len(y) < 1e6
-    if not right or not all(isinstance(row, list) and len(row) == len(x) for row in sigma):
-        return None
-    columns, rows = [recorded_number(value) for value in x], [recorded_number(value) for value in y]
-    if None in columns or None in rows:
-        return None
-    values = [[recorded_number(value) for value in row] for row in sigma]
-    if not all(value is None or 0 <= value < 1e6 for row in values for value in row):
-        return None
-    return {**record, "x": columns, "y": rows, "sigma_px": values}
 
 
 def _photo_axes(size: tuple[int, int], foot: float = 0.0) -> tuple[Figure, Axes]:

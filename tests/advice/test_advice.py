@@ -35,7 +35,7 @@ from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.fitting.uncertainty import camera_uncertainty, field_grid
-from cubicfish_cli.rendering.pose import look_at
+from cubicfish_cli.rendering.truth import look_at
 from cubicfish_cli.rendering.views import Distances, sample_views, view_from
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code

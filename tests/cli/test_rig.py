@@ -27,7 +27,7 @@ from cubicfish_cli.lenses.lift import lift_rotation
 from cubicfish_cli.library.rig_files import named_by
 from cubicfish_cli.library.rigs import compare_rigs
 from cubicfish_cli.rendering.outside import outside_lens
-from cubicfish_cli.rendering.pose import rotation_matrix
+from cubicfish_cli.rendering.truth import rotation_matrix
 from cubicfish_cli.target import Target
 
 BOARDS = [

@@ -14,8 +14,8 @@ from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.diagnosis.evidence import MarkerEvidence
 from cubicfish_cli.identification.identified import marked_corners
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
-from cubicfish_cli.rendering.pose import look_at
 from cubicfish_cli.rendering.simulate import render
+from cubicfish_cli.rendering.truth import look_at
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code, Severity
 

@@ -27,7 +27,7 @@ from cubicfish_cli.identification.search import (
 )
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.placement import placement_of, reach_of
-from cubicfish_cli.rendering.pose import look_at
+from cubicfish_cli.rendering.truth import look_at
 from cubicfish_cli.target import Target
 
 LENS = RadialCamera(

@@ -33,7 +33,7 @@ from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.placement import renamed, symmetries
 from cubicfish_cli.rendering.outside import outside_lens
-from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
+from cubicfish_cli.rendering.truth import Pose, pose_of_matrix, rotation_matrix
 from cubicfish_cli.target import Target
 
 NAMES = ("left", "right")
