@@ -65,6 +65,11 @@ class RigFileCamera:
         """The camera itself."""
         return self.file.camera
 
+    @property
+    def position(self) -> FloatArray:
+        """(3,) where it stands in the rig."""
+        return np.asarray(-self.rotation.T @ self.translation)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RigFile:
