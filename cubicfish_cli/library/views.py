@@ -140,13 +140,17 @@ def build_plane(
     if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), atol=_ROTATION_TOLERANCE):
         raise ViewError("rotation is no rotation matrix (3, 3)")
     place = refusal.numbers([np.asarray(translation)], "translation", 3, limit=_LIMIT)[0]
-    return plane_of(
+    plane = board_with_plane(target, board)
+    corners = plane.plane_points([0, plane.columns - 1], [0, plane.rows - 1])
+    beyond = plane.square if margin is None else margin
+    return plane_view(
         camera,
-        board_with_plane(target, board),
-        turn,
-        place,
+        origin=turn @ np.asarray(plane.origin) + place,
+        x_axis=turn @ np.asarray(plane.x_axis),
+        y_axis=turn @ np.asarray(plane.y_axis),
+        low=corners[0] - beyond,
+        high=corners[1] + beyond,
         pixels_per_unit=pixels_per_unit,
-        margin=margin,
     )
 
 
@@ -167,29 +171,6 @@ def board_with_plane(target: Target, name: str) -> Board:
             f"board {quoted(name)} is a list of points and has no plane: name a board with a grid"
         )
     return names[name]
-
-
-def plane_of(
-    camera: PointProjector,
-    board: Board,
-    rotation: npt.NDArray[np.float64],
-    translation: npt.NDArray[np.float64],
-    *,
-    pixels_per_unit: float | None,
-    margin: float | None,
-) -> PlaneView:
-    """See :func:`build_plane`."""
-    corners = board.plane_points([0, board.columns - 1], [0, board.rows - 1])
-    beyond = board.square if margin is None else margin
-    return plane_view(
-        camera,
-        origin=rotation @ np.asarray(board.origin) + translation,
-        x_axis=rotation @ np.asarray(board.x_axis),
-        y_axis=rotation @ np.asarray(board.y_axis),
-        low=corners[0] - beyond,
-        high=corners[1] + beyond,
-        pixels_per_unit=pixels_per_unit,
-    )
 
 
 class PlanesOfPhotos(Views):
@@ -215,7 +196,7 @@ class PlanesOfPhotos(Views):
 
         self._loaded, self._crop, self._asked, self._target = loaded, crop, asked, asked.loaded()
         try:
-            self._board = board_with_plane(self._target, asked.board)
+            board_with_plane(self._target, asked.board)
         except ViewError as problem:
             raise UsageError(str(problem)) from None
         self._poses = _poses_of(loaded.fit)
@@ -254,13 +235,15 @@ class PlanesOfPhotos(Views):
     def chosen(self, source: Path, size: Size) -> tuple[Any, ChosenView]:
         """The board's plane in this photo."""
         camera, rotation, translation = self._placed(source, size)
-        plane = plane_of(
+        scale, margin = self._asked.pixels_per_unit, self._asked.margin
+        plane = build_plane(
             camera,
-            self._board,
+            self._target,
+            self._asked.board,
             rotation,
             translation,
-            pixels_per_unit=self._asked.pixels_per_unit,
-            margin=self._asked.margin,
+            pixels_per_unit=scale,
+            margin=margin,
         )
         return camera, ChosenView(views={"": plane}, unit=self._target.units)
 
