@@ -62,8 +62,11 @@ class Knowledge:
     origin: FloatArray
 
     def points(self, view: Viewpoint) -> FloatArray:
-        """(N, 3) visible corners of a view in the camera frame, as far as P is held there."""
-        points = view.seen.camera[view.seen.visible]
+        """(N, 3) visible corners of a view in the camera frame, as far as P is held there.
+
+        In the pairs' unit.
+        """
+        points = view.seen.camera[view.seen.visible] / self.scale
         angle = angle_from_axis(points)
         held: FloatArray = points[angle <= np.deg2rad(self.camera.max_angle_deg + _HELD_BEYOND_DEG)]
         return held
@@ -167,7 +170,8 @@ def know(
     world: World | None = None
     if level in ("shape", "points") and target is not None:
         spread = _offset_spread(fit, scale) if level == "points" else None
-        seen = camera.project(poses.apply(pairs.image, pairs.world))
+        points = poses.apply(pairs.image, pairs.world)
+        seen = camera.scaled(1 / scale).project(points, near=True)
         noise = max(noise_px(np.nan_to_num(seen - pairs.pixel, nan=LOST_PX)), 1e-3)
         world = World.drawn(pairs, target, noise=noise, offset_spread=spread, scale=scale)
     result = fit_cubic(reference, _hold(fit), world=world, relative_decrease=_DECREASE)
@@ -177,6 +181,7 @@ def know(
             P=result.lens.P,
             max_angle_deg=result.max_angle_deg,
             radial=reference.camera,
+            pupil_travel=result.lens.travel,
         ),
         result=result,
         information=information(result),

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis
+from cubicfish_cli.assess.pupil import PupilEffect, recorded_pupil
 from cubicfish_cli.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import Verdict, verdict
 from cubicfish_cli.frame_names import counted
@@ -54,6 +55,7 @@ class CameraFacts:
         field: the field that a photo shows.
         max_angle_deg: as far from the axis the camera may be trusted.
         covered_deg: as far from it corners reach.
+        pupil: what it matters that the entrance pupil wanders.
         rms_px, held_out_rms_px: reprojection errors of the fit.
         images, corners: how many were used.
         pictures: how many photos, or frames of which films, in words.
@@ -74,6 +76,7 @@ class CameraFacts:
     field: FieldSeen | None
     max_angle_deg: float | None
     covered_deg: float | None
+    pupil: PupilEffect | None
     rms_px: float | None
     held_out_rms_px: float | None
     images: int | None
@@ -128,6 +131,7 @@ class CameraFacts:
             "horizontal_deg": seen and seen.horizontal,
             "vertical_deg": seen and seen.vertical,
             "diagonal_deg": seen and seen.diagonal,
+            "pupil": self.pupil and self.pupil.as_record(),
             "verdict": judged and judged.as_record(),
         }
 
@@ -166,6 +170,7 @@ def camera_facts(
         field=seen,
         max_angle_deg=camera.max_angle_deg if isinstance(camera, CubicCamera) else None,
         covered_deg=recorded_number(fit.get("covered_deg")),
+        pupil=recorded_pupil(fit),
         rms_px=recorded_number(fit.get("rms_px")),
         held_out_rms_px=recorded_number(fit.get("held_out_rms_px")),
         images=_count(fit.get("images")),

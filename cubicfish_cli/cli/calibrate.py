@@ -212,6 +212,7 @@ def _print_calibration(made: CalibratedFiles, calibration: Calibration) -> None:
 
 
 def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
+    from cubicfish_cli.assess.pupil import recorded_pupil
     from cubicfish_cli.assess.records import recorded
     from cubicfish_cli.fitting.findings import COVERED
     from cubicfish_cli.frame_names import counted
@@ -241,6 +242,9 @@ def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
     uncertainty = recorded(record)
     if uncertainty is not None:
         print_figure("uncertainty", px(uncertainty.median_px), meaning=uncertainty.meaning)
+    pupil = recorded_pupil(record)
+    if pupil is not None:
+        print_figure("entrance pupil", px(pupil.rim_px), meaning=pupil.meaning)
 
 
 def _print_object(calibration: Calibration) -> None:

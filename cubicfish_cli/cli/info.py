@@ -69,6 +69,8 @@ def _rows(facts: CameraFacts) -> list[tuple[str, str]]:
     if facts.max_angle_deg is not None:
         reach = f"; corners reach {facts.covered_deg:.1f}°" if facts.covered_deg else ""
         rows.append(("trusted", f"to {facts.max_angle_deg:.1f}° from the axis{reach}"))
+    if facts.pupil is not None:
+        rows.append(("entrance pupil", f"{px(facts.pupil.rim_px)} px {facts.pupil.meaning}"))
     if facts.rms_px is not None:
         held_out = facts.held_out_rms_px
         left_out = f", {px(held_out)} px on photos left out" if held_out is not None else ""

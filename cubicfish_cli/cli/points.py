@@ -139,6 +139,11 @@ class AskedProject:
         "A CSV file of points X,Y,Z, or one point such as 0.2,0.1,1. [default: stdin]",
         default=Path("-"),
     )
+    near: bool = options.option(
+        "--near",
+        "How near the points are counts: they are in the units of the calibration target, and "
+        "the entrance pupil wanders.",
+    )
     model: Path | None = options.model_option
 
 
@@ -155,10 +160,10 @@ def project(given: AskedProject) -> None:
     point may stand on the command line: 0.2,0.1,1.
 
     Points are in the camera's frame: X to the right, Y down, Z forward, any unit. Pixel (0, 0)
-    is the middle of the top-left pixel. Points outside the camera's valid field give nan,nan.
-    A header in gives a header out. With a camera of lift 'point' the points are in its own frame
-    (world or camera) and unit, and a point off the boards is refused where they did not
-    determine the camera.
+    is the middle of the top-left pixel. Points count as far away unless --near is given; those
+    outside the camera's valid field give nan,nan. A header in gives a header out. With a camera of
+    lift 'point' the points are in its own frame (world or camera) and unit, and a point off the
+    boards is refused where they did not determine the camera.
     """
     from cubicfish_cli.formats.camera_yaml import PointCameraFile, load_any_camera
 
@@ -166,7 +171,10 @@ def project(given: AskedProject) -> None:
     read = read_points(given.points, ("X", "Y", "Z"))
     if isinstance(loaded, PointCameraFile):
         loaded.camera.refuse_off_boards(read.values)
-    print_points(loaded.camera.project(read.values), ("x", "y") if read.has_header else None)
+        pixel = loaded.camera.project(read.values)
+    else:
+        pixel = loaded.camera.project(read.values, near=given.near)
+    print_points(pixel, ("x", "y") if read.has_header else None)
 
 
 @record

@@ -442,6 +442,7 @@ def _without(fit: ObjectFit, suspects: IntArray) -> PhotoLenses:
         P=cubic.lens.P,
         max_angle_deg=cubic.max_angle_deg,
         radial=few.reference.camera,
+        pupil_travel=cubic.lens.travel,
     )
     lens, others = FixedLens(camera=camera), select_photos(pairs, left_out)
     placed = adjust(lens, poses[left_out], others, huber_px=_WIDE_HUBER_PX)

@@ -9,6 +9,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from cubicfish_cli.angles import angle_from_axis
+from cubicfish_cli.assess.pupil import PupilEffect, pupil_effect
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.cubic_fit import NEAR_DECREASE, CubicResult, Hold, Rival, fit_cubic
 from cubicfish_cli.fitting.departures import Departure, departures
@@ -65,6 +67,10 @@ from cubicfish_cli.formats.calibrated import Calibrated
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.lift import lift
+from cubicfish_cli.lenses.nearest import nearest_lens
+from cubicfish_cli.lenses.pupil import from_pupil
+from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.placement import Symmetry, renamed
 from cubicfish_cli.target import Target
@@ -81,6 +87,7 @@ _NEARLY_FLAT = 0.02
 # Beyond this relative uncertainty of the focal length the photos do not determine the lens.
 _MAX_FOCAL_UNCERTAINTY = 0.05
 _DROP_ROUNDS = 12
+_RAYS = 500
 # Enough to tell a corner that is pixels off.
 _DROP_DECREASE = 1e-4
 # A richer target must lower photos' held-out errors at least to this share of the poorer one's.
@@ -138,6 +145,7 @@ class Calibration(Calibrated):
         rank: numerical rank of Φ over the used rays (16 on the sphere).
         covered_deg: angle from the axis of the farthest used corner.
         reach: what corners say of the field's rim.
+        pupil: what it matters that the entrance pupil wanders.
         hold: how P was held to the reference.
         rival: how photos that were left out would rather have it held, and how likely they are
             right; None where nothing was left out.
@@ -171,6 +179,7 @@ class Calibration(Calibrated):
     rank: int
     covered_deg: float
     reach: Reach
+    pupil: PupilEffect
     hold: Hold
     rival: Rival | None
     dropped: tuple[DroppedCorner, ...]
@@ -213,6 +222,7 @@ class Calibration(Calibrated):
             "rank": self.rank,
             "covered_deg": self.covered_deg,
             "reach": self.reach.as_record(),
+            "pupil": self.pupil.as_record(),
             "flat": flatness(self.pairs.world) < _NEARLY_FLAT,
             "prior_weight": self.hold.weight,
             "prior_spread": self.hold.spread,
@@ -320,15 +330,19 @@ def _calibrated(
         image_size=pairs.image_size,
         P=cubic.lens.P,
         max_angle_deg=cubic.max_angle_deg,
-        radial=reference.camera,
+        radial=_far_radial(cubic.lens, reference),
+        pupil_travel=cubic.lens.travel * scale,
+        units=None if target is None else target.units,
     )
     places = repeated_groups(cubic.poses, reference.pairs, reference.camera.fx)
     spread = photo_spread(cubic, reference, places, _in_doubt(fit, held_out, refused))
-    covered_deg = float(np.rad2deg(reference.covered))
+    points = cubic.poses.apply(reference.pairs.image, cubic.fit.world.points)
+    effect = pupil_effect(camera, points * scale, reference.covered)
+    points = from_pupil(points, cubic.lens.travel)
+    covered_deg = float(np.rad2deg(angle_from_axis(points).max()))
     trusted = trusted_angle_deg(camera, covered_deg, spread.sigma_px)
     camera = replace(camera, max_angle_deg=trusted)
     uncertainty = uncertainty_record(spread, camera)
-    points = cubic.poses.apply(reference.pairs.image, cubic.fit.world.points)
     rim = reach(camera, points, cubic.residual, spread.sigma_px)
     poses = cubic.poses.scaled(scale)
     camera, poses = in_references_frame(camera, poses, reference.covered)
@@ -364,6 +378,7 @@ def _calibrated(
         rank=_rank(reference, cubic),
         covered_deg=covered_deg,
         reach=rim,
+        pupil=effect,
         hold=cubic.hold,
         rival=cubic.rival,
         dropped=dropped,
@@ -552,6 +567,17 @@ def _dropped(pairs: Observations, error_px: FloatArray) -> list[DroppedCorner]:
         )
         for index, error in enumerate(error_px)
     ]
+
+
+def _far_radial(lens: CubicFit, reference: RadialReference) -> RadialCamera:
+    """The radial lens nearest to P: the reference is fitted to corners, which are near."""
+    if not lens.travel:
+        return reference.camera
+    rays = cone_rays(reference.covered, _RAYS)
+    held = [f"k{power}" for power in range(reference.terms + 1, 5)]
+    found = nearest_lens([reference.camera], rays, lens.far(rays), held=held)
+    sees = min(reference.covered, reference.camera.max_angle)
+    return found if found.max_angle >= sees else reference.camera
 
 
 def _rank(reference: RadialReference, cubic: CubicResult) -> int:

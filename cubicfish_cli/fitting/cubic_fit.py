@@ -38,6 +38,11 @@ _DENOMINATOR_PULL = 1e-4
 _SAFER_PULLS = (1e-2, 1.0, 100.0)
 # Expected relative departure of P3Φ from that of the reference's cubic.
 _DENOMINATOR_SPREAD = 0.1
+# Expected travel of the entrance pupil, as a share of the corners' distance: millimetres at arm's
+# length.
+_TRAVEL_SPREAD = 0.02
+# Corners of one photo share their errors: about so many of them say what one would.
+_ALIKE = 10
 _STRONGEST = 1e4
 NEAR_DECREASE = 1e-6
 """For fits that only lead to the next one."""
@@ -194,7 +199,9 @@ def _starts(
     reference: RadialReference, hold: Hold, start: CubicResult | None
 ) -> Iterator[tuple[CubicFit, Poses]]:
     if start is not None:
-        yield held(start.lens, reference, hold), start.poses
+        lens = held(start.lens, reference, hold)
+        weight = _travel_weight(reference, start.residual)
+        yield replace(lens, travel_weight=weight), start.poses
     yield start_lens(reference, hold), reference.bent(hold.spread)[1]
     for pull in (_DENOMINATOR_PULL, *_SAFER_PULLS):
         yield start_lens(reference, hold, denominator_pull=pull, symmetric=True), reference.poses
@@ -240,7 +247,18 @@ def start_lens(
         coefficients=lens.coefficients[2],
         denominator_weight=_denominator_weight(reference),
     )
-    return replace(lens, ray_prior=prior)
+    return replace(
+        lens, ray_prior=prior, travel_weight=_travel_weight(reference, reference.residual)
+    )
+
+
+def _travel_weight(reference: RadialReference, residual: FloatArray) -> float:
+    """What a unit of the pupil's travel counts as, pixels, among corners with these residuals."""
+    pairs = reference.pairs
+    points = reference.poses.apply(pairs.image, pairs.world)
+    distance = 1 / float(np.mean(1 / np.linalg.norm(points, axis=1)))
+    sigma = max(noise_px(residual), 1e-3)
+    return float(sigma * np.sqrt(_ALIKE) / (_TRAVEL_SPREAD * distance))
 
 
 def _denominator_weight(reference: RadialReference) -> float:

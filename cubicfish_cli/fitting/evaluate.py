@@ -90,6 +90,8 @@ def evaluate(camera: CubicCamera, pairs: Observations) -> Evaluation:
             "the corners are of photos of {}x{} pixels and the camera is for {}x{}: "
             "use photos of the camera's own size".format(*pairs.image_size, *camera.image_size)
         )
+    if pairs.target is not None:
+        camera = camera.in_units(pairs.target.units)
     pairs = named_as_refined(camera, pairs)
     origin = middle(pairs)
     weight = pairs.weight.mean()

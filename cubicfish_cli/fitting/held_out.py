@@ -146,6 +146,7 @@ def _fold(
         P=trained.lens.P,
         max_angle_deg=fit.cubic.max_angle_deg,
         radial=radial.lens.lens,
+        pupil_travel=trained.lens.travel,
     )
     left_out = select_photos(pairs, test).with_world(world.like(trained.world).points[out])
     _, cubic, seen = pose_only_residual(camera, left_out, fit.cubic.poses[test])

@@ -14,6 +14,7 @@ from cubicfish_cli.fitting.linear import linear_coefficients
 from cubicfish_cli.fitting.normal_equations import solve_scaled
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.lift import evaluate_cubics, lift, sphere_basis
+from cubicfish_cli.lenses.pupil import from_pupil, from_pupil_and_slopes
 from cubicfish_cli.lenses.radial import RadialCamera, project_jacobian
 from cubicfish_cli.types import BoolArray, FloatArray
 
@@ -43,11 +44,13 @@ class FixedLens:
     def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
         if isinstance(self.camera, CubicCamera):
-            length = np.linalg.norm(points, axis=-1)
-            rays = points / length[:, None]
+            moved, by_point, _ = from_pupil_and_slopes(points, self.camera.pupil_travel)
+            length = np.linalg.norm(moved, axis=-1)
+            rays = moved / length[:, None]
             pixel, slope = self.camera.pixel_and_slope(rays)
             across = _through_unit_ray(slope.transpose(1, 2, 0), rays.T, length)
             d_point = across.transpose(2, 0, 1)
+            d_point = d_point + d_point[:, :, 2:] * by_point[:, None, :]
         elif isinstance(self.camera, RadialCamera):
             pixel, d_point, _ = project_jacobian(self.camera.parameters, points)
         else:
@@ -154,6 +157,9 @@ class CubicFit:
         denominator_basis: (16, 15) the directions in which P3's coefficients may move.
         centre, scale: pixels are (m − centre) / scale inside.
         ray_prior: the pseudo-observations; None where nothing holds P.
+        travel: how far the entrance pupil wanders (:mod:`cubicfish_cli.lenses.pupil`), in the
+            unit of the points: P is for points that are far away.
+        travel_weight: pixels that one of it counts as, in its pull to 0.
 
     """
 
@@ -162,6 +168,8 @@ class CubicFit:
     centre: FloatArray
     scale: float
     ray_prior: RayPrior | None = None
+    travel: float = 0.0
+    travel_weight: float = 0.0
 
     @classmethod
     def linear(
@@ -197,18 +205,19 @@ class CubicFit:
 
     @property
     def parameters(self) -> FloatArray:
-        """(47,)."""
+        """(48,)."""
         return np.concatenate(
             [
                 self.coefficients[0],
                 self.coefficients[1],
                 self.denominator_basis.T @ self.coefficients[2],
+                [self.travel],
             ]
         )
 
     def with_parameters(self, parameters: FloatArray) -> CubicFit:
         """The same lens with other parameters."""
-        moved = parameters[32:] - self.denominator_basis.T @ self.coefficients[2]
+        moved = parameters[32:47] - self.denominator_basis.T @ self.coefficients[2]
         return replace(
             self,
             coefficients=np.stack(
@@ -218,6 +227,7 @@ class CubicFit:
                     self.coefficients[2] + self.denominator_basis @ moved,
                 ]
             ),
+            travel=float(parameters[47]),
         )
 
     def held_to(self, lens: BentFit, weight: float | None = None) -> CubicFit:
@@ -232,6 +242,14 @@ class CubicFit:
 
     def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
+        moved, by_point, by_travel = from_pupil_and_slopes(points, self.travel)
+        pixel, d_point, d_parameters = self.far_jacobian(moved)
+        by_depth = d_point[:, :, 2:]
+        d_parameters[:, :, 47:] = by_depth * by_travel[:, None, None]
+        return pixel, d_point + by_depth * by_point[:, None, :], d_parameters
+
+    def far_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """As :meth:`project_jacobian`, of points far away."""
         length = np.sqrt(np.einsum("ij,ij->i", points, points))
         rays = points / length[:, None]
         values = lift(rays) @ sphere_basis()
@@ -244,11 +262,15 @@ class CubicFit:
         return (
             pixel * self.scale + self.centre,
             _through_unit_ray(slope, rays.T, length).transpose(2, 0, 1),
-            self._d_parameters(values, pixel, denominator),
+            self._d_parameters(values, pixel, denominator, 48),
         )
 
     def project(self, points: FloatArray) -> FloatArray:
         """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
+        return self.far(from_pupil(points, self.travel))
+
+    def far(self, points: FloatArray) -> FloatArray:
+        """Of points far away."""
         rays = points / np.linalg.norm(points, axis=-1, keepdims=True)
         return self._pixel(lift(rays) @ sphere_basis())[0] * self.scale + self.centre
 
@@ -260,6 +282,13 @@ class CubicFit:
     def _prior(self) -> FloatArray:
         weight = 0.0 if self.ray_prior is None else self.ray_prior.weight
         return self.priors(np.array([weight]))[0]
+
+    def _with_travel(self, priors: FloatArray) -> FloatArray:
+        """(H, 49, 49) of (H, 48, 48)."""
+        grown = np.insert(np.insert(priors, 47, 0.0, axis=1), 47, 0.0, axis=2)
+        row = np.zeros(49)
+        row[47], row[48] = self.travel_weight, self.travel_weight * self.travel
+        return np.asarray(grown + np.outer(row, row))
 
     def priors(self, weights: FloatArray) -> FloatArray:
         """(H, 48, 48) what it is to be held more or less firmly, all at once; see :meth:`prior`.
@@ -279,11 +308,11 @@ class CubicFit:
         """
         prior = self.ray_prior
         if prior is None:
-            return np.zeros((len(weights), 48, 48))
+            return self._with_travel(np.zeros((len(weights), 48, 48)))
         inside, denominator = self._pixel(prior.values)
         pixel = inside * self.scale + self.centre
         if not np.isfinite(pixel).all():  # a bad step: its cost turns it down
-            return np.full((len(weights), 48, 48), np.inf)
+            return np.full((len(weights), 49, 49), np.inf)
         near, (seen, by_lens) = prior.nearest(pixel)
         # What moves P's pixels, what moves the lens's, and the miss.
         rows = np.concatenate(
@@ -310,7 +339,7 @@ class CubicFit:
         by_values = np.zeros((17, 48))
         by_values[:16, 32:47], by_values[:16, 47] = self.denominator_basis, self.coefficients[2]
         by_values[16, 47] = 1
-        return np.asarray(left + by_values.T @ prior.denominators @ by_values)
+        return self._with_travel(left + by_values.T @ prior.denominators @ by_values)
 
     def _pixel(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         homogeneous = values @ self.coefficients.T
@@ -321,14 +350,14 @@ class CubicFit:
         return np.where(denominator[:, None] > 0, pixel, np.inf), denominator
 
     def _d_parameters(
-        self, values: FloatArray, pixel: FloatArray, denominator: FloatArray
+        self, values: FloatArray, pixel: FloatArray, denominator: FloatArray, count: int = 47
     ) -> FloatArray:
         """(N, 2, 47) d pixel / d parameters; ``pixel`` is of order 1."""
         share = values * (self.scale / denominator[:, None])
-        slope = np.zeros((len(values), 2, 47))
+        slope = np.zeros((len(values), 2, count))
         slope[:, 0, :16] = slope[:, 1, 16:32] = share
         by_denominator = share @ self.denominator_basis
-        np.multiply(-pixel[:, :, None], by_denominator[:, None, :], out=slope[:, :, 32:])
+        np.multiply(-pixel[:, :, None], by_denominator[:, None, :], out=slope[:, :, 32:47])
         return slope
 
     @property

@@ -91,7 +91,7 @@ class PhotoSpread:
         """(N, 2) by how much the two guesses at rays of an empty middle differ; 0 elsewhere."""
         if not self.empty:
             return np.zeros((len(rays), 2))
-        differ = self.noise.result.lens.project(rays) - self.held_to.project(rays)
+        differ = self.noise.result.lens.far(rays) - self.held_to.project(rays)
         return np.where(rays[:, 2:] > np.cos(self.empty), differ, 0.0)
 
     def _of_photos(self, left_out: FloatArray, influence: FloatArray) -> FloatArray:
@@ -116,7 +116,7 @@ class PhotoSpread:
 
         By each step of ``left_out``, of ``influence`` and of ``rival``.
         """
-        _, by_ray, by_lens = self.noise.result.lens.project_jacobian(rays)
+        _, by_ray, by_lens = self.noise.result.lens.far_jacobian(rays)
         turned = -by_ray @ cross_matrix(rays)
         change = (by_lens - turned @ self._turn).reshape(2 * len(rays), -1)
         count = by_lens.shape[2]
@@ -129,7 +129,7 @@ class PhotoSpread:
     @cached_property
     def _turn(self) -> FloatArray:
         """(3, K) the common turn by the lens's parameters."""
-        _, by_ray, by_lens = self.noise.result.lens.project_jacobian(self.aligned)
+        _, by_ray, by_lens = self.noise.result.lens.far_jacobian(self.aligned)
         turned = (-by_ray @ cross_matrix(self.aligned)).reshape(-1, 3)
         found = np.linalg.lstsq(turned, by_lens.reshape(len(turned), -1), rcond=None)
         return np.asarray(found[0])
@@ -178,15 +178,15 @@ def photo_spread(
         influence=leaving.influence()[:, :count],
         rival=np.array(others),
         aligned=aligned,
-        held_to=prior.nearest(result.lens.project(prior.rays))[0],
+        held_to=prior.nearest(result.lens.far(prior.rays))[0],
         empty=max(reference.reached[0] - np.deg2rad(MARGIN_DEG), 0.0),
     )
 
 
 def _step(lens: CubicFit, other: CubicFit, rays: FloatArray) -> FloatArray:
     """(K,) from a lens to another, whose own parameters may be scaled otherwise."""
-    _, _, by_lens = lens.project_jacobian(rays)
-    change = (other.project(rays) - lens.project(rays)).reshape(-1)
+    _, _, by_lens = lens.far_jacobian(rays)
+    change = (other.far(rays) - lens.far(rays)).reshape(-1)
     return np.asarray(np.linalg.lstsq(by_lens.reshape(len(change), -1), change, rcond=None)[0])
 
 

@@ -46,7 +46,7 @@ class Uncertainty:
 
     def _by_unknowns(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Pixels of distant points by the shared unknowns (N, 2, K) and by the turn (N, 2, 3)."""
-        _, d_ray, d_lens = self.result.lens.project_jacobian(rays)
+        _, d_ray, d_lens = self.result.lens.far_jacobian(rays)
         by_turn = -d_ray @ cross_matrix(rays)
         by_shared = by_turn @ self.turn_by_shared
         by_shared[:, :, : d_lens.shape[2]] += d_lens
@@ -100,14 +100,15 @@ class Information:
         not quite right of a fit that refines it, by a few percent.
 
         Args:
-            points: (N, 3) the corners in the camera frame, in any unit; six or more numbers must
-                fix the pose.
+            points: (N, 3) the corners in the camera frame, in the fit's unit; six or more numbers
+                must fix the pose.
 
         """
-        points = points / np.median(np.linalg.norm(points, axis=-1))
         _, d_point, d_lens = self.result.lens.project_jacobian(points)
         by_lens = d_lens.reshape(-1, d_lens.shape[2])
-        by_pose = np.concatenate([-d_point @ cross_matrix(points), d_point], axis=2).reshape(-1, 6)
+        length = np.median(np.linalg.norm(points, axis=-1))  # so that shifts are like turns
+        moved = np.concatenate([-d_point @ cross_matrix(points), length * d_point], axis=2)
+        by_pose = moved.reshape(-1, 6)
         inverse = np.linalg.inv(by_pose.T @ by_pose)
         cross = by_lens.T @ by_pose
         lens = slice(0, by_lens.shape[1])

@@ -77,7 +77,12 @@ def _ray_record(camera: CubicCamera) -> dict[str, Any]:
         "max_angle_deg": float(camera.max_angle_deg),
         "valid": np.round(camera.outline(), 3).tolist(),
         "radial": dict(zip(RADIAL_KEYS, camera.radial.parameters.tolist(), strict=True)),
+        **({"pupil": _pupil_record(camera)} if camera.pupil_travel else {}),
     }
+
+
+def _pupil_record(camera: CubicCamera) -> dict[str, Any]:
+    return {"travel": float(camera.pupil_travel), "units": camera.units}
 
 
 def _point_record(camera: PointCamera) -> dict[str, Any]:

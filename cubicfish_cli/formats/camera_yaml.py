@@ -30,6 +30,7 @@ _KEYS = (
     "max_angle_deg",
     "valid",
     "radial",
+    "pupil",
     "fit",
     "made_by",
     "point_offset",
@@ -188,11 +189,17 @@ def _ray_camera(
     max_angle_deg = float(_numbers(path, record, "max_angle_deg", ()))
     if not 0 < max_angle_deg < 180:
         raise CameraFileError(f"{path}: max_angle_deg must be between 0 and 180")
+    pupil = mapping(path, record.get("pupil", {"travel": 0.0}), "pupil")
+    units = pupil.get("units")
+    if not isinstance(units, str | None):
+        raise CameraFileError(f"{path}: pupil.units must be a word, as in target.yaml")
     camera = CubicCamera(
         image_size=image_size,
         P=unit_norm(P),
         max_angle_deg=max_angle_deg,
         radial=_radial(path, record, image_size),
+        pupil_travel=float(_numbers(path, pupil, "travel", (), "pupil.")),
+        units=units,
     )
     validity = check_validity(camera.P, max_angle_deg)
     if not validity.valid:

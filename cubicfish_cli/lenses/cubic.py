@@ -10,7 +10,7 @@ picture is neither folded nor mirrored) over the whole cone.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal
 
@@ -20,9 +20,11 @@ import numpy.typing as npt
 from cubicfish_cli.angles import angle_from_axis, azimuth, unit_rays
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.lenses.lift import SIZE, evaluate_cubics, lift
+from cubicfish_cli.lenses.pupil import from_pupil, from_pupil_and_slopes
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.sphere import cone_rays, ray_at, rays_of_pixels
 from cubicfish_cli.types import BoolArray, FloatArray
+from cubicfish_cli.units import times
 
 # Pixel -> ray is exact to this many pixels; what does not get there is NaN.
 UNPROJECT_TOLERANCE_PX = 1e-6
@@ -44,6 +46,9 @@ class CubicCamera:
         P: (3, 20), columns in the paper's order (:data:`cubicfish_cli.lenses.lift.MONOMIALS`).
         max_angle_deg: half-angle of the cone about +z where P may be trusted.
         radial: the Kannala–Brandt reference, in the same camera frame.
+        pupil_travel: how far the entrance pupil wanders (:mod:`cubicfish_cli.lenses.pupil`); P is
+            for points that are far away, and near ones are seen farther from the axis.
+        units: what that is in; None where it is not known.
 
     """
 
@@ -51,10 +56,31 @@ class CubicCamera:
     P: FloatArray
     max_angle_deg: float
     radial: RadialCamera
+    pupil_travel: float = 0.0
+    units: str | None = None
 
-    def project(self, points: npt.ArrayLike) -> FloatArray:
-        """Camera-frame points (..., 3), any length -> pixels (..., 2); NaN outside the cone."""
+    def in_units(self, units: str | None) -> CubicCamera:
+        """The same for points in another unit; central where two are named and one not known."""
+        factor = times(self.units, units)
+        if factor == 1:
+            return self
+        return replace(self, pupil_travel=self.pupil_travel * (factor or 0.0), units=units)
+
+    def scaled(self, factor: float) -> CubicCamera:
+        """The same for points in another unit, so many of which are one of ``units``."""
+        return replace(self, pupil_travel=self.pupil_travel * factor, units=None)
+
+    def project(self, points: npt.ArrayLike, *, near: bool = False) -> FloatArray:
+        """Camera-frame points (..., 3) -> pixels (..., 2); NaN outside the cone.
+
+        Args:
+            points: of any length where they are far away.
+            near: how near they are counts: they are in ``units``.
+
+        """
         points = np.asarray(points, float)
+        if near:
+            points = from_pupil(points, self.pupil_travel)
         rays = unit_rays(points)
         with np.errstate(invalid="ignore"):
             inside = angle_from_axis(rays) <= np.deg2rad(self.max_angle_deg) + _EDGE_SLACK_RAD
@@ -63,11 +89,14 @@ class CubicCamera:
         pixel = homogeneous[..., :2] / homogeneous[..., 2:]
         return np.where(inside[..., None], pixel, np.nan)
 
-    def project_jacobian(self, points: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+    def project_jacobian(
+        self, points: npt.ArrayLike, *, near: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
         """Pixels and how they move with the points, for an optimisation of the caller's own.
 
         Args:
-            points: (..., 3) in the camera frame, of any length.
+            points: (..., 3) in the camera frame, as :meth:`project` takes them.
+            near: likewise.
 
         Returns:
             Pixels (..., 2) and d pixel / d point (..., 2, 3), pixels per unit of the points; both
@@ -75,8 +104,10 @@ class CubicCamera:
 
         """
         points = np.asarray(points, float)
-        pixel = self.project(points)
-        flat = points.reshape(-1, 3)
+        pixel = self.project(points, near=near)
+        flat, by_point = points.reshape(-1, 3), None
+        if near:
+            flat, by_point, _ = from_pupil_and_slopes(flat, self.pupil_travel)
         inside = np.flatnonzero(np.isfinite(pixel.reshape(-1, 2)[:, 0]))
         slope = np.full((len(flat), 2, 3), np.nan)
         rays = unit_rays(flat[inside])
@@ -84,7 +115,10 @@ class CubicCamera:
         across = self.pixel_and_slope(rays)[1]
         # A point that moves along its ray keeps its pixel.
         across -= (across @ rays[:, :, None]) * rays[:, None, :]
-        slope[inside] = across / length[:, None, None]
+        across /= length[:, None, None]
+        if by_point is not None:
+            across = across + across[:, :, 2:] * by_point[inside, None, :]
+        slope[inside] = across
         return pixel, slope.reshape((*points.shape[:-1], 2, 3))
 
     def unproject(self, pixel: npt.ArrayLike) -> FloatArray:

@@ -24,6 +24,7 @@ from cubicfish_cli.library.asked import RUN, Run, StrPath, target_in
 from cubicfish_cli.library.asked_pictures import LOOKS, FilmOptions, LookOptions
 from cubicfish_cli.listener import Count
 from cubicfish_cli.observations import MAX_SIDE
+from cubicfish_cli.rendering.near import NearLens
 from cubicfish_cli.rendering.outside import (
     OUTSIDE_LENSES,
     OutsideLens,
@@ -45,7 +46,6 @@ from cubicfish_cli.rendering.truth import (
     load_poses,
     pose_table_text,
     true_corners_text,
-    visible_points,
 )
 from cubicfish_cli.rendering.views import WholeLens
 from cubicfish_cli.target import Target
@@ -67,14 +67,14 @@ class Source:
     Attributes:
         lens: the true lens.
         image_size: (width, height) of the photos.
-        text: target and poses -> what true_camera.yaml holds.
+        text: what true_camera.yaml holds.
         note: of which tool's lens that is the nearest camera, and how near; None if it is that.
 
     """
 
     lens: WholeLens
     image_size: tuple[int, int]
-    text: Callable[[Target, Mapping[str, Pose]], str]
+    text: str
     note: Mapping[str, Any] | None = None
 
     @classmethod
@@ -96,12 +96,11 @@ class Source:
             size = refusal.size(image_size, "image_size", limit=MAX_SIDE)
         if isinstance(lens, Calibrated | CubicCamera):
             camera = lens.camera if isinstance(lens, Calibrated) else lens
-            text = _camera_text(camera, {})
-            source = cls(lens=camera, image_size=camera.image_size, text=lambda *_: text)
+            source = cls.of_camera(camera, {}, target)
         elif os.fspath(lens) in OUTSIDE_LENSES or _is_of_another_tool(Path(lens)):
             source = cls.of_lens(os.fspath(lens), size, target)
         else:
-            source = cls.of_file(Path(lens))
+            source = cls.of_file(Path(lens), target)
         if size not in (None, source.image_size):
             raise CameraFileError(
                 "the lens is for photos of {}x{} pixels: leave image_size out".format(
@@ -111,7 +110,7 @@ class Source:
         return source
 
     @classmethod
-    def of_file(cls, path: Path) -> Source:
+    def of_file(cls, path: Path, target: Target) -> Source:
         """The lens of a camera.yaml, or of a file of a lens's formula.
 
         Raises:
@@ -122,10 +121,17 @@ class Source:
             true = load_lens(path)
             if isinstance(true, RaysAtDistance):
                 return cls._outside(true.lens)
-            return cls(lens=true, image_size=true.image_size, text=lambda *_: lens_text(true))
-        camera = load_camera(path).camera
-        text = _camera_text(camera, {"camera": str(path)})
-        return cls(lens=camera, image_size=camera.image_size, text=lambda *_: text)
+            return cls(lens=true, image_size=true.image_size, text=lens_text(true))
+        return cls.of_camera(load_camera(path).camera, {"camera": str(path)}, target)
+
+    @classmethod
+    def of_camera(
+        cls, camera: CubicCamera, made_by: Mapping[str, object], target: Target
+    ) -> Source:
+        """A camera, which sees the target as near as it is."""
+        camera = camera.in_units(target.units)
+        lens = NearLens(camera=camera) if camera.pupil_travel else camera
+        return cls(lens=lens, image_size=camera.image_size, text=_camera_text(camera, made_by))
 
     @classmethod
     def of_lens(cls, name: str, size: tuple[int, int] | None, target: Target) -> Source:
@@ -152,19 +158,14 @@ class Source:
         return cls(
             lens=exact,
             image_size=given.image_size,
-            text=lambda *_: text,
+            text=text,
             note={"found": found, "rms_px": exact.nearest.error.rms_px},
         )
 
     @classmethod
     def _outside(cls, lens: OutsideLens) -> Source:
-        """A lens that is perhaps not central: true_camera.yaml says as which lens of rays."""
-
-        def text(target: Target, poses: Mapping[str, Pose]) -> str:
-            points = visible_points(target, lens, poses, lens.image_size)
-            return lens_text(lens.seen_from(points))
-
-        return cls(lens=lens, image_size=lens.image_size, text=text)
+        """A lens that is perhaps not central: true_camera.yaml has it for what is far away."""
+        return cls(lens=lens, image_size=lens.image_size, text=lens_text(lens.far))
 
 
 def _is_of_another_tool(path: Path) -> bool:
@@ -309,7 +310,7 @@ def simulate_files(
     texts = {
         "true_corners": scene.corners,
         "true_poses": pose_table_text(scene.poses),
-        "true_camera": source.text(thing, scene.poses),
+        "true_camera": source.text,
     }
     width, height = source.image_size
     what = "photo" if film is None else "frame"

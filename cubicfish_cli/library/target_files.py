@@ -18,10 +18,11 @@ from cubicfish_cli.library.asked import RUN, Run, StrPath, made_at, path_or_none
 from cubicfish_cli.printing import extra
 from cubicfish_cli.printing.layout import Page, lay_out
 from cubicfish_cli.printing.objects import Wanted, design
-from cubicfish_cli.printing.sheet import MILLIMETRES, Paper, Sheet, length_mm, sheets_of
+from cubicfish_cli.printing.sheet import Paper, Sheet, length_mm, sheets_of
 from cubicfish_cli.printing.sheet import paper as paper_of
 from cubicfish_cli.rendering.object_drawing import object_svg
 from cubicfish_cli.target import Target, load_target, target_text
+from cubicfish_cli.units import MILLIMETRES
 from cubicfish_cli.wording import either
 from cubicfish_cli.words.codes import Event
 

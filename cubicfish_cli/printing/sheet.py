@@ -15,6 +15,7 @@ from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
+from cubicfish_cli.units import MILLIMETRES
 from cubicfish_cli.wording import did_you_mean, quoted
 
 # Width and height in millimetres, upright: ISO 216 and ANSI/ASME Y14.1.
@@ -37,29 +38,6 @@ PAPERS: dict[str, tuple[float, float]] = {
     "ANSI C": (431.8, 558.8),
     "ANSI D": (558.8, 863.6),
     "ANSI E": (863.6, 1117.6),
-}
-MILLIMETRES = {
-    "mm": 1.0,
-    "cm": 10.0,
-    "dm": 100.0,
-    "m": 1000.0,
-    "in": 25.4,
-    "inch": 25.4,
-    "inches": 25.4,
-    "ft": 304.8,
-    "um": 1e-3,
-    "µm": 1e-3,
-    "μm": 1e-3,
-    "millimetre": 1.0,
-    "millimetres": 1.0,
-    "millimeter": 1.0,
-    "millimeters": 1.0,
-    "centimetres": 10.0,
-    "centimeters": 10.0,
-    "metre": 1000.0,
-    "metres": 1000.0,
-    "meter": 1000.0,
-    "meters": 1000.0,
 }
 # The ruler of 100 mm must have its place; PDF readers take pages of up to 200 inches.
 SMALLEST, LARGEST = (100.0, 140.0), 5080.0

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.rendering.outside import OutsideLens
+from cubicfish_cli.rendering.near import WanderingPupil
 from cubicfish_cli.rendering.simulate import (
     AMBIENT,
     INK,
@@ -197,8 +197,8 @@ class _Scene:
             for part in (rays.ray, rays.by_x, rays.by_y)
         ]
         self._starts = None
-        if isinstance(lens, OutsideLens):
-            self._starts = lens.starts(rays.ray.astype(float)).astype(np.float32)
+        if isinstance(lens, WanderingPupil):
+            self._starts = lens.ray_starts(rays.ray.astype(float)).astype(np.float32)
         unit = rays.ray / np.linalg.norm(rays.ray, axis=-1, keepdims=True)
         seen = np.isfinite(unit).all(axis=-1)
         self._dim = np.where(seen, vignette(angle_from_axis(unit.astype(float)), vignetting), 0.0)

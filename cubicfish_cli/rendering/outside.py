@@ -33,11 +33,13 @@ from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.plain_yaml import load_plain_yaml, plain_yaml_text
 from cubicfish_cli.rendering.truth import rotation_matrix
 from cubicfish_cli.types import BoolArray, FloatArray
+from cubicfish_cli.units import MILLIMETRES
 from cubicfish_cli.wording import did_you_mean, quoted
 
 # A point's angle and its pupil depend on each other: each round gains a factor of the distance
 # over the pupil's travel.
 _PUPIL_ROUNDS = 30
+_FAR_MM = 1e7
 _FLAW_ROUNDS = 8
 _TABLE_STEPS = 4096
 _NEWTON_ROUNDS = 2  # from a table of 4096 steps
@@ -244,7 +246,7 @@ class OutsideLens:
     def project(self, points: npt.ArrayLike) -> FloatArray:
         """Points in the camera frame (..., 3) -> pixels (..., 2), NaN outside the field.
 
-        Not rays: the distance counts. :meth:`seen_from` makes a lens of rays.
+        Not rays: the distance counts. :attr:`far` is a lens of rays.
         """
         points = np.asarray(points, float)
         shape = points.shape[:-1]
@@ -276,7 +278,7 @@ class OutsideLens:
     def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
         """Pixels (..., 2) -> unit directions (..., 3), NaN outside the field.
 
-        The ray starts where :meth:`starts` says, not at the camera's centre.
+        The ray starts where :meth:`ray_starts` says, not at the camera's centre.
         """
         pixel = np.asarray(pixel, float)
         shape = pixel.shape[:-1]
@@ -297,23 +299,16 @@ class OutsideLens:
         rays[~self._in_field(angle)] = np.nan
         return rays.reshape(*shape, 3)
 
-    def starts(self, rays: FloatArray) -> FloatArray:
+    def ray_starts(self, rays: FloatArray) -> FloatArray:
         """Where rays (..., 3) of :meth:`unproject` start: z (...) on the axis, in points' units."""
         angle = angle_from_axis(rays)
         return np.where(np.isfinite(angle), self._pupil(np.nan_to_num(angle)), 0.0)
 
-    def seen_from(self, points: FloatArray) -> RaysAtDistance:
-        """The central lens that is nearest to this one for points (N, 3) of the camera frame.
-
-        Its centre is where rays to the points come nearest to meeting the axis together, and it
-        sees along each ray what this lens sees there in the points' median distance.
-        """
-        angle = angle_from_axis(points)
-        weight = (np.sin(angle) / np.linalg.norm(points, axis=1)) ** 2
-        start = self._pupil(np.clip(angle, self._least, self._most))
-        centre = float(np.average(start, weights=weight))
-        distance = float(np.median(np.linalg.norm(points - (0, 0, centre), axis=1)))
-        return RaysAtDistance(lens=self, centre=centre, distance=distance)
+    @property
+    def far(self) -> RaysAtDistance:
+        """The lens of rays that it is for what is far away."""
+        distance = _FAR_MM / MILLIMETRES.get(self.units, 1.0)
+        return RaysAtDistance(lens=self, centre=0.0, distance=distance)
 
     @property
     def _least(self) -> float:
@@ -328,7 +323,7 @@ class OutsideLens:
         return rotation_matrix(np.radians([*self.turn_deg, 0.0]))
 
     def _pupil(self, angle: FloatArray) -> FloatArray:
-        return self.profile.pupil(angle) / _UNITS_MM.get(self.units, 1.0)
+        return self.profile.pupil(angle) / MILLIMETRES.get(self.units, 1.0)
 
     def _in_field(self, angle: FloatArray) -> BoolArray:
         with np.errstate(invalid="ignore"):
@@ -337,7 +332,7 @@ class OutsideLens:
 
 @dataclass(frozen=True, kw_only=True)
 class RaysAtDistance:
-    """A lens of rays, for what takes central cameras; see :meth:`OutsideLens.seen_from`.
+    """A lens of rays, for what takes central cameras; see :attr:`OutsideLens.far`.
 
     Attributes:
         lens: the lens behind it.
@@ -367,14 +362,11 @@ class RaysAtDistance:
         """Pixels (..., 2) -> unit rays (..., 3) from the centre."""
         way = self.lens.unproject(pixel)
         start = np.zeros(way.shape)
-        start[..., 2] = self.lens.starts(way) - self.centre
+        start[..., 2] = self.lens.ray_starts(way) - self.centre
         # |start + t·way| = distance, t > 0.
         along = (start * way).sum(axis=-1, keepdims=True)
         rest = (start * start).sum(axis=-1, keepdims=True) - self.distance**2
         return (start + (np.sqrt(along**2 - rest) - along) * way) / self.distance
-
-
-_UNITS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 
 
 def _moving_pupil(size: tuple[int, int], focal: float) -> OutsideLens:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import TargetError
-from cubicfish_cli.rendering.outside import OutsideLens
+from cubicfish_cli.rendering.near import WanderingPupil
 from cubicfish_cli.rendering.truth import (
     MARGIN_SQUARES,
     Plate,
@@ -166,7 +166,7 @@ def simulated_photos(
                 light_from=rotation_matrix(pose[0]).T @ LAMP,
                 edges_only=True,
                 seed=(seed, number),
-                ray_starts=lens.starts if isinstance(lens, OutsideLens) else None,
+                ray_starts=lens.ray_starts if isinstance(lens, WanderingPupil) else None,
             ),
         )
 

@@ -302,16 +302,3 @@ def corners_text(
             rows.append((name, own, column[one], row[one], f"{x:.{digits}f}", f"{y:.{digits}f}"))
     width, height = image_size
     return f"# cubicfish corners 1, image_size {width}x{height}\n" + csv_text(rows)
-
-
-def visible_points(
-    target: Target, lens: Lens, poses: Mapping[str, Pose], image_size: tuple[int, int]
-) -> FloatArray:
-    """The visible corners of all photos (N, 3), each in the camera frame of its photo.
-
-    Raises:
-        TargetError: a board of a kind that cannot be drawn.
-
-    """
-    seen = [project_corners(target, lens, pose, image_size) for pose in poses.values()]
-    return np.concatenate([one.camera[one.visible] for one in seen])

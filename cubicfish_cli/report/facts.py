@@ -270,6 +270,13 @@ def _dropped(fit: Mapping[str, Any]) -> tuple[DroppedFacts, ...]:
     )
 
 
+def _seen(camera: CubicCamera | PointCamera, points: FloatArray) -> FloatArray:
+    """(N, 2) pixels of near points, in the target's units."""
+    if isinstance(camera, PointCamera):
+        return camera.project(points)
+    return camera.project(points, near=True)
+
+
 def _squared(
     camera: CubicCamera | PointCamera, photos: Sequence[PhotoFacts], pairs: Observations
 ) -> FloatArray:
@@ -280,7 +287,7 @@ def _squared(
         if photo.name in pairs.images and turn is not None and shift is not None:
             rows = np.flatnonzero(pairs.image == pairs.images.index(photo.name))
             points = pairs.world[rows] @ turn.T + shift
-            squared[rows] = np.sum(np.square(camera.project(points) - pairs.pixel[rows]), axis=1)
+            squared[rows] = np.sum(np.square(_seen(camera, points) - pairs.pixel[rows]), axis=1)
     return squared
 
 
@@ -312,7 +319,7 @@ def _errors(
             translation=np.array([photo.translation for photo in own]),
         )
         points = poses.apply(used.image, used.world)
-    residual = camera.project(points) - used.pixel
+    residual = _seen(camera, points) - used.pixel
     length = np.where(np.isfinite(residual[:, 0]), np.hypot(*residual.T), np.inf)
     kept = np.isfinite(length)
     count = recorded_number(fit.get("corners"))

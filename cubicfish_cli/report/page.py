@@ -14,6 +14,7 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 
 from cubicfish_cli.assess.camera_facts import CameraFacts, camera_facts
+from cubicfish_cli.assess.pupil import recorded_pupil
 from cubicfish_cli.assess.records import recorded, recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import WORDS
 from cubicfish_cli.fitting.findings import COVERED
@@ -157,6 +158,9 @@ def _tiles(facts: Facts) -> list[tuple[str, str, str]]:
     if uncertainty is not None:
         median = f"{uncertainty.median_px:.3f} px"
         tiles.append(("Uncertainty", median, uncertainty.meaning))
+    pupil = recorded_pupil(facts.fit)
+    if pupil is not None:
+        tiles.append(("Entrance pupil", f"{pupil.rim_px:.3f} px", pupil.meaning))
     rank = facts.number("rank")
     if rank is not None and not isinstance(facts.camera, CubicCamera):
         tiles.append(("Rank", f"{rank:.0f} of 20", "what the corners determine of P"))

@@ -63,6 +63,8 @@ class CubicGrid(ABC):
 def grid_of(camera: CubicCamera, view: View) -> CubicGrid | None:
     """The fast way for this kind of view, if there is one."""
     if isinstance(view, PlaneView):
+        if camera.pupil_travel:
+            return None  # what is near is seen elsewhere than P alone says
         width, height = view.size
         return _FlatGrid(camera, view.camera_from_pixel, np.arange(width), np.arange(height))
     if not isinstance(view, CentralView):

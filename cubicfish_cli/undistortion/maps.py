@@ -28,7 +28,7 @@ from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.types import BoolArray
 from cubicfish_cli.undistortion.choose import view_from_json
 from cubicfish_cli.undistortion.cubic_grid import grid_of
-from cubicfish_cli.undistortion.plane import PointProjector
+from cubicfish_cli.undistortion.plane import PlaneView, PointProjector, seen_near
 from cubicfish_cli.undistortion.projections import CrossView
 from cubicfish_cli.undistortion.view import MAX_SIDE, View
 from cubicfish_cli.wording import quoted
@@ -273,11 +273,13 @@ def _filler(
     if grid is not None:
         return grid.fill
 
+    project = seen_near(camera) if isinstance(view, PlaneView) else camera.project
+
     def plain(rows: slice, map_x: npt.NDArray[np.float32], map_y: npt.NDArray[np.float32]) -> None:
         columns = np.arange(view.size[0])
         index = np.arange(rows.start, rows.stop)
         pixel = np.stack(np.broadcast_arrays(columns, index[:, None]), axis=-1)
-        map_x[...], map_y[...] = np.moveaxis(camera.project(view.rays(pixel)), -1, 0)
+        map_x[...], map_y[...] = np.moveaxis(project(view.rays(pixel)), -1, 0)
 
     return plain
 

@@ -6,7 +6,9 @@ the photo was taken, as long as the plane's place in the camera's frame is known
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -14,6 +16,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.angles import unit_rays
 from cubicfish_cli.errors import ViewError
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.undistortion.view import View, is_numbers
 
@@ -98,6 +101,11 @@ class PlaneView(View):
         return f"the plane at {self.pixels_per_unit:.4g} pixels per {unit}"
 
 
+def seen_near(camera: PointProjector) -> Callable[[FloatArray], FloatArray]:
+    """What takes points to pixels where how near they are counts."""
+    return partial(camera.project, near=True) if isinstance(camera, CubicCamera) else camera.project
+
+
 def plane_view(
     camera: PointProjector,
     *,
@@ -130,13 +138,11 @@ def plane_view(
     place = np.stack(np.meshgrid(*along), axis=-1)
     axes = np.array([x_axis, y_axis])
     step = _STEP * float(sides.max())
-    here = origin + place @ axes
-    across, down = (
-        (camera.project(here + step * axis) - camera.project(here)) / step for axis in axes
-    )
+    here, project = origin + place @ axes, seen_near(camera)
+    across, down = ((project(here + step * axis) - project(here)) / step for axis in axes)
     area = across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0]
     width, height = camera.image_size
-    u, v = np.moveaxis(camera.project(here), -1, 0)
+    u, v = np.moveaxis(project(here), -1, 0)
     with np.errstate(invalid="ignore"):
         seen = np.isfinite(area) & (u >= 0) & (u <= width - 1) & (v >= 0) & (v <= height - 1)
     if not seen.any():

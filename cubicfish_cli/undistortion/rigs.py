@@ -120,6 +120,11 @@ class Body:
         """All around: where a field ends is asked ray by ray."""
         return 179.9
 
+    @property
+    def near(self) -> bool:
+        """Whether lengths count."""
+        return self.points or self.distance is not None
+
     def in_camera(self, one: BodyCamera, rays: FloatArray) -> FloatArray:
         """Rays of the body (..., 3) -> points in a camera's frame, of any length where far."""
         if self.points:
@@ -139,7 +144,7 @@ class Body:
             with np.errstate(divide="ignore", invalid="ignore"):
                 cosine = own[..., 2] / np.linalg.norm(own, axis=-1)
             better = sees(one.camera, own) & (cosine > best)
-            pixel[better] = one.camera.project(own[better])
+            pixel[better] = one.camera.project(own[better], near=self.near)
             best[better] = cosine[better]
         return pixel
 
@@ -162,7 +167,8 @@ class _Along:
         return self.one.camera.image_size
 
     def project(self, points: npt.ArrayLike) -> FloatArray:
-        return self.one.camera.project(self.body.in_camera(self.one, np.asarray(points, float)))
+        points = self.body.in_camera(self.one, np.asarray(points, float))
+        return self.one.camera.project(points, near=self.body.near)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

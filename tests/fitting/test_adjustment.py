@@ -170,8 +170,8 @@ def test_gradient_is_the_slope_of_the_cost(pairs, cubic):
     """Away from the optimum, against the cost itself: Huber loss and prior included."""
     lens = cubic.lens.with_parameters(cubic.lens.parameters * (1 + 1e-3))
     normal = normal_equations(lens, cubic.poses, pairs, 0.3)
-    for index in (0, 5, 20, 33, 46):
-        step = np.zeros(47)
+    for index in (0, 5, 20, 33, 46, 47):
+        step = np.zeros(48)
         step[index] = 1e-7
         up = cost(lens.with_parameters(lens.parameters + step), cubic.poses, pairs, 0.3)
         down = cost(lens.with_parameters(lens.parameters - step), cubic.poses, pairs, 0.3)
@@ -187,7 +187,7 @@ def test_gradient_is_the_slope_of_the_cost(pairs, cubic):
 def test_a_perturbed_start_returns_to_the_same_optimum(pairs, cubic):
     rng = np.random.default_rng(0)
     again = adjust(
-        cubic.lens.with_parameters(cubic.lens.parameters + 1e-3 * rng.standard_normal(47)),
+        cubic.lens.with_parameters(cubic.lens.parameters + 1e-3 * rng.standard_normal(48)),
         cubic.poses.moved(1e-3 * rng.standard_normal((5, 6))),
         pairs,
         huber_px=5.0,

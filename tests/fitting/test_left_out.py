@@ -20,7 +20,6 @@ from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select_photos, world_scale
 from cubicfish_cli.fitting.world import World
-from cubicfish_cli.lenses.cubic import CubicCamera
 
 HOLD = Hold(spread=1e-3, weight=1.0)
 FOLDS = [np.array([0, 3, 6]), np.array([1, 4, 7]), np.array([2, 5])]
@@ -54,8 +53,7 @@ def anew(fit, pairs, image_size, photos):
     if fit.world.free:
         points = fit.world.like(trained.world).points
         own = replace(own, world=points[np.isin(pairs.image, photos)])
-    camera = CubicCamera(image_size=image_size, P=trained.lens.P, max_angle_deg=120.0, radial=None)
-    return adjust(FixedLens(camera=camera), fit.poses[photos], own, huber_px=limit).residual
+    return adjust(FixedLens(camera=trained.lens), fit.poses[photos], own, huber_px=limit).residual
 
 
 @pytest.mark.slow

@@ -38,8 +38,8 @@ def test_names_by_chance_are_made_those_of_one_print(columns: int, rows: int, co
     # The pairs that were used have these names, and poses that go with them.
     used = found.pairs
     points = found.poses.apply(used.image, used.world)
-    residual = found.camera.project(points) - used.pixel
-    np.testing.assert_allclose(residual, found.residual, atol=1e-6)
+    residual = found.camera.project(points, near=True) - used.pixel
+    np.testing.assert_allclose(residual, found.residual, atol=1e-3)
 
 
 @pytest.mark.slow

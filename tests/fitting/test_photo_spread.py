@@ -146,7 +146,7 @@ def test_in_an_empty_middle_two_guesses_are_off_by_what_they_differ_by():
     near = rays[:, 2] < np.cos(np.radians(51))
     sigma, of_data = spread.sigma_px(rays), replace(spread, empty=0.0).sigma_px(rays)
     np.testing.assert_array_equal(sigma[near], of_data[near])
-    differ = cubic.lens.project(rays[empty]) - spread.held_to.project(rays[empty])
+    differ = cubic.lens.far(rays[empty]) - spread.held_to.project(rays[empty])
     assert np.hypot(*differ.T).max() > 0.01
     np.testing.assert_allclose(
         sigma[empty] ** 2 - of_data[empty] ** 2, np.sum(differ**2, axis=1), atol=1e-9

@@ -37,7 +37,7 @@ def test_prediction_is_the_spread_over_draws():
         fit = fit_cubic(radial, HOLD, relative_decrease=1e-6)
         turns = fit.poses.rotation @ reference.poses.rotation.transpose(0, 2, 1)
         mean = Rotation.from_matrix(turns).as_rotvec().mean(axis=0)
-        pixels.append(fit.lens.project(Rotation.from_rotvec(mean).apply(rays)))
+        pixels.append(fit.lens.far(Rotation.from_rotvec(mean).apply(rays)))
     spread = np.sqrt(np.var(pixels, axis=0, ddof=1).sum(axis=-1))
     # Each ray's spread is itself known to 7 % from 100 draws; their mean is much steadier.
     ratio = predicted / spread

@@ -8,7 +8,12 @@ from scipy.optimize import least_squares
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.asymmetric import BentFit
 from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.rendering.outside import OUTSIDE_LENSES, MirrorProfile, outside_lens
+from cubicfish_cli.rendering.outside import (
+    OUTSIDE_LENSES,
+    MirrorProfile,
+    RaysAtDistance,
+    outside_lens,
+)
 
 CENTRAL = ("equisolid", "orthographic")
 every_lens = pytest.mark.parametrize("name", OUTSIDE_LENSES)
@@ -47,10 +52,9 @@ def test_a_lens_of_rays_stands_for_it_at_a_distance(name):
     lens = outside_lens(name)
     rays = random_rays(lens.max_angle_deg - 5, 500)
     rays = rays[rays[:, 2] < np.cos(radians(20))]
-    central = lens.seen_from(250 * rays)
+    central = RaysAtDistance(lens=lens, centre=2.0, distance=250.0)
     pixel = central.project(rays)
     np.testing.assert_allclose(central.unproject(pixel), rays, atol=1e-10)
-    # Nearer to it for those points than the lens with the camera's own centre.
     np.testing.assert_allclose(
         lens.project(central.distance * rays + [0, 0, central.centre]), pixel
     )
@@ -64,7 +68,7 @@ def test_none_is_of_the_family_that_p_is_held_to(name):
     lens = outside_lens(name)
     rays = cone_rays(radians(lens.max_angle_deg - 3), 3000)
     rays = rays[rays[:, 2] < np.cos(radians(lens.min_angle_deg + 1))]
-    truth = lens.seen_from(250 * rays).project(rays)
+    truth = lens.far.project(rays)
     start = BentFit(
         values=np.array([*lens.focal, *lens.centre, *np.zeros(9)]), terms=4, noise_px=1, spread=1
     )
@@ -110,6 +114,6 @@ def test_outside_the_field_there_is_no_pixel_and_no_ray(name):
 def test_the_comparison_of_cameras_takes_them():
     lens = outside_lens("moving-pupil")
     rays = cone_rays(radians(80), 1000)
-    one, other = (lens.seen_from(d * rays) for d in (200, 220))
+    one, other = (RaysAtDistance(lens=lens, centre=0.0, distance=d) for d in (200, 220))
     miss, _ = aligned_difference(one, other, rays)
     assert 0 < np.nanmax(np.abs(miss)) < 0.1

@@ -110,7 +110,6 @@ def simulated_corners(
         both = errors.shared * _smooth(true, errors.reach * min(size), rng)
         pixel.append(true)
         found.append(true + scale * (own + both))
-    points = np.concatenate([one.camera[one.visible] for one in seen])
     corners = Observations.from_corners(
         [np.column_stack([one.board, one.column, one.row])[one.visible] for one in seen],
         found,
@@ -122,7 +121,7 @@ def simulated_corners(
         poses=poses,
         pixel=np.concatenate(pixel),
         factor=factor,
-        lens=lens.seen_from(points) if isinstance(lens, OutsideLens) else lens,
+        lens=lens.far if isinstance(lens, OutsideLens) else lens,
     )
 
 

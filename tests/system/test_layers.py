@@ -18,6 +18,7 @@ ALLOWED: dict[str, set[str]] = {
     "words": set(),
     "listener": {"words"},
     "angles": set(),
+    "units": set(),
     "geometry": set(),
     "arrays": {"errors", "wording"},
     "files": {"errors"},
@@ -53,7 +54,7 @@ ALLOWED: dict[str, set[str]] = {
         "observations",
         "wording",
     },
-    "lenses": {"errors", "angles", "geometry"},
+    "lenses": {"errors", "angles", "geometry", "units"},
     "assess": {"errors", "angles", "frame_names", "lenses", "words"},
     "formats": {
         "errors",
@@ -130,6 +131,7 @@ ALLOWED: dict[str, set[str]] = {
         "wording",
     },
     "rendering": {
+        "units",
         "errors",
         "angles",
         "lenses",
@@ -140,7 +142,16 @@ ALLOWED: dict[str, set[str]] = {
         "wording",
         "observations",
     },
-    "printing": {"errors", "files", "wording", "target", "boards", "formats", "rendering"},
+    "printing": {
+        "errors",
+        "files",
+        "wording",
+        "target",
+        "boards",
+        "formats",
+        "rendering",
+        "units",
+    },
     "advice": {
         "errors",
         "angles",

@@ -241,16 +241,16 @@ def _cameras(
 
     def residual(parameters: FloatArray) -> FloatArray:
         moved = linear.with_parameters(parameters)
-        miss = moved.project(rays) - pixel
+        miss = moved.far(rays) - pixel
         drift = stiffness * (values @ (moved.coefficients[2] - linear.coefficients[2]))
         return np.concatenate([np.where(np.isfinite(miss), miss, 1e4).reshape(-1), drift])
 
     def slope(parameters: FloatArray) -> FloatArray:
         moved = linear.with_parameters(parameters)
-        by_parameters = moved.project_jacobian(rays)[2].reshape(2 * len(rays), -1)
+        by_parameters = moved.far_jacobian(rays)[2].reshape(2 * len(rays), -1)
         by_parameters = np.where(np.isfinite(by_parameters), by_parameters, 0)
         drift = np.zeros((len(rays), by_parameters.shape[1]))
-        drift[:, 32:] = stiffness * (values @ linear.denominator_basis)
+        drift[:, 32:47] = stiffness * (values @ linear.denominator_basis)
         return np.vstack([by_parameters, drift])
 
     with np.errstate(all="ignore"):

@@ -59,7 +59,7 @@ class Alone(Placed):
     """One camera calibrated alone, in the common scale of all; its lens is free or fixed.
 
     Attributes:
-        camera: its lens, as a camera.
+        camera: its lens, as a camera of points in the common scale.
         rival: the lens with the prior of the hold that predicted best, and how likely that is the
             better one; None where there is none.
         record: of its fit.
@@ -78,7 +78,9 @@ class Alone(Placed):
 
     def as_camera(self, lens: FitLens) -> CubicCamera:
         """The camera with a lens that its own was adjusted to, in the adjustment's frame."""
-        return replace(self.camera, P=lens.P) if isinstance(lens, CubicFit) else self.camera
+        if isinstance(lens, CubicFit):
+            return replace(self.camera, P=lens.P, pupil_travel=lens.travel)
+        return self.camera
 
     @property
     def covered(self) -> float:
@@ -134,6 +136,7 @@ def alone(
         poses = placed.poses
     pairs = with_mean_weight_one(pairs.with_world((pairs.world - origin) / scale))
     poses = poses.of_world(-origin).scaled(1 / scale)
+    own = (own if target is None else own.in_units(target.units)).scaled(1 / scale)
     rival: tuple[FitLens, float] | None = None
     lens: FitLens = FixedLens(camera=own)
     if found is None or hold:

@@ -254,7 +254,7 @@ def calibrate_rig(
     if drawing.target is not None and fit.world.free:
         nearby = fit.world.refined_target(drawing.target, evidence.pairs, scale=scale)
         refined = nearby.moved(origin)
-    placed, poses, held_out_px = _judged(evidence, singly, level, origin)
+    placed, poses, held_out_px = _judged(evidence, singly, level, origin, target)
     found_wrong = diagnose(evidence) if diagnose is not None else ()
     return RigCalibration(
         units=None if target is None else target.units,
@@ -336,7 +336,11 @@ def _on_time(
 
 
 def _judged(
-    evidence: RigEvidence, singly: Sequence[Alone], level: Level, origin: FloatArray
+    evidence: RigEvidence,
+    singly: Sequence[Alone],
+    level: Level,
+    origin: FloatArray,
+    target: Target | None,
 ) -> tuple[tuple[PlacedCamera, ...], Poses, float | None]:
     """The cameras and the shots' poses in the target's units, and the held-out RMS."""
     fit, lens, pairs, clocks = evidence.fit, evidence.lens, evidence.pairs, evidence.clocks
@@ -385,7 +389,9 @@ def _judged(
         placed.append(
             PlacedCamera(
                 name=name,
-                camera=cameras[number],
+                camera=replace(
+                    cameras[number].scaled(scale), units=None if target is None else target.units
+                ),
                 rotation=places.rotation[number],
                 translation=places.translation[number],
                 covariance=covariance[number],

@@ -15,6 +15,7 @@ from cubicfish_cli.fitting.adjustment import Adjustment
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import MIN_PHOTOS, dealt_out
 from cubicfish_cli.fitting.left_out import Leaving
+from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.photo_spread import MOST_CLUSTERS, variance_of_few
 from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.fitting.rig_lens import RigLens
@@ -100,9 +101,9 @@ def _by_shared(lens: RigLens, rays: list[FloatArray]) -> list[FloatArray]:
     turns = []
     for own, one, columns in zip(lens.lenses, rays, lens.columns, strict=True):
         turn = np.zeros((3, count))
-        _, by_ray, by_lens = own.project_jacobian(one)
-        free = by_lens.shape[2]
-        if free:
+        if isinstance(own, CubicFit):
+            _, by_ray, by_lens = own.far_jacobian(one)
+            free = by_lens.shape[2]
             turned = (-by_ray @ cross_matrix(one)).reshape(-1, 3)
             moved = by_lens.reshape(-1, free)
             turn[:, columns.start : columns.start + free] = np.linalg.lstsq(

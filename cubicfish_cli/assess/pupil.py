@@ -1,0 +1,88 @@
+"""What it matters that the entrance pupil wanders: how far off a near point is seen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from cubicfish_cli.assess.records import recorded_number
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.pupil import from_pupil
+from cubicfish_cli.lenses.sphere import ray_at
+from cubicfish_cli.types import FloatArray
+
+_DIRECTIONS = 72
+
+
+@dataclass(frozen=True, kw_only=True)
+class PupilEffect:
+    """How much farther out the edge of what corners reach is seen near by than far away.
+
+    Attributes:
+        travel: how far the entrance pupil wanders, in ``units``.
+        distance: of the corners from the camera, the median.
+        units: of both; None where it is not known.
+        rim_px: how much farther out a point at that distance is seen, pixels.
+
+    """
+
+    travel: float
+    distance: float
+    units: str | None
+    rim_px: float
+
+    @property
+    def meaning(self) -> str:
+        """Behind ``rim_px``."""
+        at = f"{self.distance:.3g} {self.units}" if self.units else f"{self.distance:.3g}"
+        return f"farther out the rim is seen at {at}, as far as the corners were, than far away"
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON and YAML."""
+        return asdict(self)
+
+
+def pupil_effect(camera: CubicCamera, points: FloatArray, covered: float) -> PupilEffect:
+    """Measure it.
+
+    Args:
+        camera: the camera.
+        points: (N, 3) corners in its frame and unit.
+        covered: how far from the axis they reach, radians.
+
+    """
+    distance = float(np.median(np.linalg.norm(points, axis=1)))
+    around = np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False)
+    far = ray_at(np.full(_DIRECTIONS, covered), around)
+    near = from_pupil(distance * far, camera.pupil_travel)
+    near /= np.linalg.norm(near, axis=1)[:, None]
+    moved = camera.pixel_and_slope(near)[0] - camera.pixel_and_slope(far)[0]
+    outward = np.sum(moved * far[:, :2], axis=1) / np.linalg.norm(far[:, :2], axis=1)
+    return PupilEffect(
+        travel=camera.pupil_travel,
+        distance=distance,
+        units=camera.units,
+        rim_px=float(np.median(outward)),
+    )
+
+
+def recorded_pupil(fit: Mapping[str, Any]) -> PupilEffect | None:
+    """What a fit's record has of it; None where it has nothing."""
+    record = fit.get("pupil")
+    if not isinstance(record, Mapping):
+        return None
+    travel, distance, rim_px = (
+        recorded_number(record.get(key)) for key in ("travel", "distance", "rim_px")
+    )
+    units = record.get("units")
+    if travel is None or distance is None or rim_px is None:
+        return None
+    return PupilEffect(
+        travel=travel,
+        distance=distance,
+        units=units if isinstance(units, str) else None,
+        rim_px=rim_px,
+    )

@@ -1,0 +1,35 @@
+"""Units of length that people write in target.yaml."""
+
+from __future__ import annotations
+
+MILLIMETRES = {
+    "mm": 1.0,
+    "cm": 10.0,
+    "dm": 100.0,
+    "m": 1000.0,
+    "in": 25.4,
+    "inch": 25.4,
+    "inches": 25.4,
+    "ft": 304.8,
+    "um": 1e-3,
+    "µm": 1e-3,
+    "μm": 1e-3,
+    "millimetre": 1.0,
+    "millimetres": 1.0,
+    "millimeter": 1.0,
+    "millimeters": 1.0,
+    "centimetres": 10.0,
+    "centimeters": 10.0,
+    "metre": 1000.0,
+    "metres": 1000.0,
+    "meter": 1000.0,
+    "meters": 1000.0,
+}
+
+
+def times(units: str | None, others: str | None) -> float | None:
+    """How many of the others one unit is; None where two are named and one is not known."""
+    if units is None or others is None or units == others:
+        return 1.0
+    one, other = (MILLIMETRES.get(name.lower()) for name in (units, others))
+    return one / other if one and other else None
