@@ -48,11 +48,12 @@ def from_pupil_and_slopes(
 
     """
     profile, length, sine, angle = _profile(points)
-    along = points / length[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = points / length[:, None]
+        steepness = (sine - angle * along[:, 2]) / (sine**2 * length)
     # The angle grows with what leads away from the axis.
     outward = along * (along[:, 2] / sine)[:, None]
     outward[:, 2] -= 1 / sine
-    steepness = (sine - angle * along[:, 2]) / (sine**2 * length)
     moved = points.copy()
     moved[:, 2] -= travel * profile
     return moved, -(travel * steepness)[:, None] * outward, -profile
@@ -65,7 +66,9 @@ def pupil_profile(rays: FloatArray) -> FloatArray:
 
 def _profile(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """θ/sin θ − 1 of points (..., 3), their lengths, sin θ and θ: (...)."""
-    length = np.sqrt(np.einsum("...i,...i->...", points, points))
-    sine = np.maximum(np.hypot(points[..., 0], points[..., 1]) / length, _ON_AXIS)
-    angle = np.arctan2(sine, points[..., 2] / length)
+    across = np.hypot(points[..., 0], points[..., 1])
+    length = np.hypot(across, points[..., 2])  # of any size: squares run over
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sine = np.maximum(across / length, _ON_AXIS)
+        angle = np.arctan2(sine, points[..., 2] / length)
     return angle / sine - 1, length, sine, angle

@@ -75,6 +75,16 @@ def test_the_jacobian_is_the_slope_of_near_points() -> None:
         np.testing.assert_allclose((up - down) / 2e-3, slope[..., axis], atol=1e-6)
 
 
+def test_points_of_any_length_are_seen_or_are_not() -> None:
+    ray = np.array([0.6, -0.3, 0.5])
+    far = CAMERA.project(ray)
+    for length in (1e10, 1e100, 1e200, 1e307):
+        np.testing.assert_allclose(CAMERA.project(length * ray, near=True), far, atol=1e-6)
+    none = [[0.0, 0, 0], [np.nan, 1, 1], [np.inf, 1, 1], [0, 0, -5]]
+    assert np.isnan(CAMERA.project(none, near=True)).all()
+    assert np.isnan(CAMERA.project_jacobian(none, near=True)[1]).all()
+
+
 @pytest.mark.parametrize(
     ("units", "travel"), [("mm", 3.5), ("cm", 0.35), ("m", 0.0035), ("squares", 0.0), (None, 3.5)]
 )

@@ -124,6 +124,11 @@ def test_the_reader_of_camera_yaml_projects_as_the_library_does(
     expected = load_camera(calibrated / "camera.yaml").camera.project(points)
     assert 30 < np.isnan(expected[:, 0]).sum() < 270
     np.testing.assert_allclose(names["project"](points), expected, atol=1e-9)  # type: ignore[operator]
+    exec(python_block("points.md", "def near"), names)
+    near = load_camera(calibrated / "camera.yaml").camera.project(points, near=True)
+    moved = names["near"](points)  # type: ignore[operator]
+    np.testing.assert_allclose(names["project"](moved), near, atol=1e-9)  # type: ignore[operator]
+    assert np.nanmax(np.abs(near - expected)) > 1e-3
 
 
 def test_the_map_is_all_that_opencv_needs(
