@@ -38,19 +38,6 @@ from cubicfish_cli.cli.streams import (
     wrapped,
 )
 
-__all__ = [
-    "Failure",
-    "apart",
-    "detail",
-    "print_json",
-    "print_table",
-    "print_wrote",
-    "result",
-    "say",
-    "say_interrupted",
-    "tell",
-]
-
 _TALK: Mapping[str, Style] = {
     "warning:": "care",
     "note:": "strong",
