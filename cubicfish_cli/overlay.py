@@ -1,4 +1,7 @@
-"""Overlays: what was found in a photo, drawn over it."""
+"""Overlays: what was found in a photo, drawn over it.
+
+A dimmed photo to draw on: marks and legible text, sized to suit the photo.
+"""
 
 from __future__ import annotations
 

@@ -9,6 +9,8 @@ carries every named corner's place under the one onto its place under the other:
 is then explained equally well from another camera position. Some come from a symmetry of the
 whole target, such as half a turn of a board with even sides, and are harmless: the turned target
 is the same target. The others are slides along something that shows no end.
+
+Turns of a target after which it looks the same, and what its corners are called then.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""What photos so far do not show: parts of the picture, tilts and distances."""
+"""What photos so far do not show: parts of the picture, tilts and distances.
+
+Places in the picture, lengths and tilts in a photographer's words.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Reading numbers and mappings from plain records that may hold anything."""
+"""Reading numbers and mappings from plain records that may hold anything.
+
+Uncertainty over a camera's field: two figures and their wording.
+
+The field is where the camera may be trusted, as far as the photo shows it.
+"""
 
 from __future__ import annotations
 

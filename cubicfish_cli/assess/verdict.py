@@ -3,6 +3,8 @@
 It reads the plain record that camera.yaml keeps, so that a calibration of last year is judged as
 one of today is. Limits are in pixels of a photo of up to 2000 pixels per side; larger photos, whose
 pixels are smaller, may be off by proportionally more of them.
+
+Verdict on a rig, from the record in rig.yaml.
 """
 
 from __future__ import annotations

@@ -1,4 +1,10 @@
-"""The figures of a fit in words: the same words wherever an RMS is shown."""
+"""The figures of a fit in words: the same words wherever an RMS is shown.
+
+The table of photos that calibrate, evaluate and detect print.
+
+A terminal shows of many photos the odd ones and those with the largest errors, and says what the
+others are like; ``--verbose``, pipes and files have them all.
+"""
 
 from __future__ import annotations
 

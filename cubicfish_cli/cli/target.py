@@ -1,4 +1,7 @@
-"""``cubicfish target``: the target, printed and checked before any photo is taken."""
+"""``cubicfish target``: the target, printed and checked before any photo is taken.
+
+``cubicfish target print``: boards on paper at true scale, and targets made for a paper size.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,12 @@
 On a terminal lines are broken at blanks and a few words are coloured. Anywhere else a line stays a
 line, whatever its length, and plain. ``NO_COLOR`` and ``FORCE_COLOR`` (https://no-color.org,
 https://force-color.org) and ``TERM=dumb`` are kept to.
+
+Tables on stdout: aligned columns of plain text, fitted to the terminal where there is one.
+
+Where a terminal is too narrow, columns are left out in the order that their author chose and long
+cells are cut; what still does not fit is printed row by row, a line a cell. Pipes and files get
+every column in full, whatever the width.
 """
 
 from __future__ import annotations
@@ -31,19 +37,6 @@ from cubicfish_cli.cli.streams import (
     safe,
     wrapped,
 )
-
-__all__ = [
-    "Failure",
-    "apart",
-    "detail",
-    "print_json",
-    "print_table",
-    "print_wrote",
-    "result",
-    "say",
-    "say_interrupted",
-    "tell",
-]
 
 _TALK: Mapping[str, Style] = {
     "warning:": "care",

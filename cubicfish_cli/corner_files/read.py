@@ -1,4 +1,29 @@
-"""Reading corner files of other detectors, in any known format."""
+"""Reading corner files of other detectors, in any known format.
+
+A table of detections by photo and corner number, as scripts around Kalibr and Basalt write it.
+
+Kalibr itself writes no corners. A table is read here whose first line names its columns, in any
+order and case, with or without a ``#`` before it and a unit such as ``[ns]`` after a name:
+
+=========  ==========================================================================
+photo      ``image``, ``filename``, ``timestamp``, ``timestamp_ns`` or ``ts``
+corner     ``corner_id``, ``point_id`` or ``id``: its number on the board; or ``tag_id``
+           with ``corner_index`` or ``corner_idx`` (0 to 3), an aprilgrid's tag and corner
+pixel      ``x`` or ``u`` or ``kp_x``, and ``y`` or ``v`` or ``kp_y``
+camera     ``camera``, ``cam`` or ``cam_id``; may be missing
+board      ``board``, ``board_id`` or ``target_id``; may be missing
+weight     ``weight`` of the corner's squared error; may be missing
+=========  ==========================================================================
+
+Other columns are refused. With a camera column, photos are called ``cam<camera>/<photo>``.
+
+Numbers are Kalibr's unless said otherwise: on an aprilgrid row by row along x from the LOWEST row
+up (``rows-from-bottom``), on a checkerboard as OpenCV finds them (``rows``); with ``tag_id``, four
+corners a tag: bottom left, bottom right, top right, top left. Basalt's ``corner_id`` is
+4 · tag + corner (``tags``). Tags are called by their ids, which start at the board's
+``first_marker``. Pixel (0, 0) is the middle of the top-left pixel, as in OpenCV; the file does not
+say so, nor how large the photos are.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Grids in photos that are not the target's: boards of more or fewer corners, another target."""
+"""Grids in photos that are not the target's: boards of more or fewer corners, another target.
+
+Boards whose markers lie otherwise than the target says: of other counts, or the other colour.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Photos through more than one lens: zoomed, cropped, scaled or turned ones, other cameras."""
+"""Photos through more than one lens: zoomed, cropped, scaled or turned ones, other cameras.
+
+Photos that fit no lens together, and do without some of them.
+"""
 
 from __future__ import annotations
 

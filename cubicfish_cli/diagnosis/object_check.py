@@ -3,6 +3,10 @@
 How much its corners say about a camera, which turns of it look the same, which of its boards can
 be taken for others when only some are in a photo, and boards whose places look like a slip.
 Everything is judged on the target as drawn, with the same rules that name corners in photos.
+
+Turns of a target after which all of it, or what one photo shows of it, looks the same.
+
+Everything is judged on the target as drawn, with the same rules that name corners in photos.
 """
 
 from __future__ import annotations

@@ -2,6 +2,12 @@
 
 Hypotheses from the simplest on: corners counted in another order, names of boards exchanged, a
 wrong square, a wrong place. The first that explains the difference is accepted.
+
+Why grids fit no place on the target: the photos or the drawing with one thing put right.
+
+If many grids fit nowhere, in all photos or in some, they are named again as they would be were the
+photos mirrored, or the drawing wrong in one of the ways in which drawings are. What explains
+nearly all is told.
 """
 
 from __future__ import annotations

@@ -3,6 +3,12 @@
 Beside the fitted camera and its own pose, each photo is given a lens of its own as far as one
 photo can have one: another scale, another centre, and a shear that grows from row to row. All of
 it is linear where the fit stopped, so it costs one pass over the corners.
+
+Photos that differ from each other without falling into groups: what changed between all of them.
+
+A loose sheet bends anew in every photo, autofocus moves the lens along its axis and optical
+stabilisation across it. Each is fitted to every photo beside the camera, to first order, and the
+one that explains most is named. None makes a camera wrong: it is a mean of all photos.
 """
 
 from __future__ import annotations

@@ -4,6 +4,8 @@ Where there is no fit, it is measured with no drawing but each board's own grid 
 Every board in every photo is taken as a flat thing of its own: a lens and a pose for each follow
 from that. Where two boards are in one photo, their poses give one's place in the other's frame,
 and that it is the same in all photos gives the ratio of their squares.
+
+Grids of tags whose gaps are wider or narrower than the target says.
 """
 
 from __future__ import annotations

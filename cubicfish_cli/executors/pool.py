@@ -1,4 +1,10 @@
-"""Process pool over photos, with results in order whatever the number of processes."""
+"""Process pool over photos, with results in order whatever the number of processes.
+
+Worker processes, each behind its own pipe.
+
+They share no queue and no lock, unlike those of :mod:`concurrent.futures`: one that is killed,
+also while it sends an answer, leaves nothing behind that anybody waits for.
+"""
 
 from __future__ import annotations
 

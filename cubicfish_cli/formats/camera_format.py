@@ -1,4 +1,7 @@
-"""What a camera format of another tool offers, the ``FORMAT`` of its module; rigs for it."""
+"""What a camera format of another tool offers, the ``FORMAT`` of its module; rigs for it.
+
+Bounded reading of text, JSON and values from untrusted files, with one-line errors.
+"""
 
 from __future__ import annotations
 

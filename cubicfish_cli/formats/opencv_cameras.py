@@ -7,6 +7,11 @@ others are read, with a camera's name before or behind them where there are seve
 the fisheye module or of the pinhole lens: ``model`` or ``distortion_model`` must say which, or
 ``fisheye_model`` with 0 or 1. With ``xi`` it is cv2.omnidir's lens. What is written says
 ``model: fisheye``.
+
+OpenCV's FileStorage as YAML, XML or JSON: plain data, whichever it is.
+
+A matrix is a mapping with ``rows``, ``cols``, ``dt`` and ``data`` in all three; what marks it as
+one (``!!opencv-matrix``, ``type_id``) is left out.
 """
 
 from __future__ import annotations

@@ -1,4 +1,12 @@
-"""Grids of all photos -> named corners: which board each grid is, and where on it."""
+"""Grids of all photos -> named corners: which board each grid is, and where on it.
+
+Where the boards really are: a target is never quite as drawn.
+
+A box glued by hand is off by millimetres. Then the right names fit badly, and a symmetry of the
+drawing is none of the target: names that differ from photo to photo by such a symmetry would
+blur it. Each named grid says where its board is in front of the camera, so the photos together
+say how the boards lie to each other, and names that fit this target agree from photo to photo.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,11 @@
-"""All grids of all photos, and what one photo's say by themselves under the lens so far."""
+"""All grids of all photos, and what one photo's say by themselves under the lens so far.
+
+The lens and every grid's pose before any grid has a name.
+
+A grid of squares is a plane with known geometry whatever its name, so the grids of all photos,
+each with a pose of its own, calibrate a radial lens. Under this lens every grid has a place in
+front of the camera, in squares, and names follow from how these places fit together.
+"""
 
 from __future__ import annotations
 

@@ -6,6 +6,14 @@
 An unconstrained fit can put a zero of P3Φ inside or just outside the data, where pixels run to
 infinity and come back mirrored. A sound P has P3Φ > 0 and a positive Jacobian determinant (the
 picture is neither folded nor mirrored) over the whole cone.
+
+The ``point`` lift: Φ of the 3D point itself, as Zhu & Yin (2010) write Eq. 4–7 in Section 3.
+
+λ m = P Φ((X − offset) / scale). X is a world point (one photo) or a camera-frame point (several).
+Unlike the ``ray`` lift this is no camera with a centre: depth matters, and P means something only
+in the volume that the corners filled. Where all corners lay on a few planes, every cubic that
+vanishes on these planes may be added to a row of P without changing any corner's pixel: then P
+says nothing of points off the planes.
 """
 
 from __future__ import annotations

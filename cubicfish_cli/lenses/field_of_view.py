@@ -1,6 +1,10 @@
 """The field-of-view model (Devernay & Faugeras 2001): r = atan(2 tan θ tan(ω/2)) / ω.
 
 With the arc tangent of two arguments it holds beyond 180° too.
+
+The division model (Fitzgibbon 2001): the ray of (x, y) is (x, y, 1 + λ(x² + y²)).
+
+Written with rays it holds beyond 180° too, for λ < 0.
 """
 
 from __future__ import annotations

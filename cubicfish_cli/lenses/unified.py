@@ -1,4 +1,9 @@
-"""The unified model (Mei & Rives 2007) with radial-tangential distortion, as cv2.omnidir."""
+"""The unified model (Mei & Rives 2007) with radial-tangential distortion, as cv2.omnidir.
+
+The double sphere model (Usenko, Demmel & Cremers 2018).
+
+The enhanced unified camera model (Khomutenko, Garcia & Martinet 2016).
+"""
 
 from __future__ import annotations
 

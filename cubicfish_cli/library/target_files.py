@@ -1,4 +1,7 @@
-"""Boards on paper: the pages of a target that is there, or of one that is made for a paper size."""
+"""Boards on paper: the pages of a target that is there, or of one that is made for a paper size.
+
+What a target is worth for someone who is about to take photos: facts, and words.
+"""
 
 from __future__ import annotations
 

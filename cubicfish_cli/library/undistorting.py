@@ -1,4 +1,7 @@
-"""Photos and videos in files -> undistorted files, with what failed and why."""
+"""Photos and videos in files -> undistorted files, with what failed and why.
+
+A picture and a camera -> the undistorted picture.
+"""
 
 from __future__ import annotations
 

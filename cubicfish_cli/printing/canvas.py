@@ -1,4 +1,11 @@
-"""Drawing on a page in millimetres from its top left corner, and pages as one PDF file."""
+"""Drawing on a page in millimetres from its top left corner, and pages as one PDF file.
+
+The ink of a board as polygons: what the renderer calls dark, in one exact outline.
+
+The ink's edges run along x and along y only, so its places are a grid of cells, each of one
+colour, which the face itself tells. All cells that touch along a side become one polygon: black
+next to black is one area, and no reader or printer can leave a white hair between them.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What is on a board's sheet of paper: the print, the white around it, the edges that are cut."""
+"""What is on a board's sheet of paper: the print, the white around it, the edges that are cut.
+
+Sizes of paper, and lengths as people write them, in millimetres.
+"""
 
 from __future__ import annotations
 

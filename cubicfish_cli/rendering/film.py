@@ -3,6 +3,11 @@
 The sensor reads its rows one after the other and each for as long as the shutter is open: what
 moves is bent and blurred by its own motion, not by a filter. Boards are drawn from textures, many
 times faster than ray by ray; background and lamp stand still with the camera.
+
+Hand motion for rendered films: from place to place, with pauses and tremor.
+
+A hand goes from rest to rest along the smoothest way, which is least jerk (Flash and Hogan, 1985).
+It sways slowly and trembles at some hertz all the while.
 """
 
 from __future__ import annotations

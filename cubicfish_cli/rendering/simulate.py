@@ -1,4 +1,9 @@
-"""Photos of known truth: a target through any lens, from poses that are given or chosen."""
+"""Photos of known truth: a target through any lens, from poses that are given or chosen.
+
+Target, lens and pose -> the photo that the lens would take, ray by ray.
+
+From the light on a sensor to the grey levels of a photo go exposure, blur, blooming and noise.
+"""
 
 from __future__ import annotations
 

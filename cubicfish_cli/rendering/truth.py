@@ -1,6 +1,8 @@
 """Exact pixels of a target's corners through a lens, and which of them are visible.
 
 The target's boards are plates that rays hit: who is in front, and what is seen of it.
+
+Where the camera is: ``camera_from_world`` as a rotation vector and a shift, and their table.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""A calibration's folder -> what a page says of it, with what cannot be found left out."""
+"""A calibration's folder -> what a page says of it, with what cannot be found left out.
+
+Small copies of the photos for the page, with what was found in them.
+"""
 
 from __future__ import annotations
 

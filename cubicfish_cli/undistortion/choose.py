@@ -1,4 +1,7 @@
-"""Views from the options asked for, and what the camera sees of them."""
+"""Views from the options asked for, and what the camera sees of them.
+
+All kinds of views: their registry, their records, and the default view.
+"""
 
 from __future__ import annotations
 

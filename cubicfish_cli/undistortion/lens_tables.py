@@ -1,4 +1,14 @@
-"""A camera as two tables: the pixel of each direction, the direction of each pixel; also as USD."""
+"""A camera as two tables: the pixel of each direction, the direction of each pixel; also as USD.
+
+As NVIDIA's RTX cameras take them, with x to the right, y up and the view along -z. Directions are
+laid out on a square by an octahedron, what lies straight ahead in the middle. What the camera does
+not see looks straight back in the first table, and is off the picture in the second.
+
+USD cameras whose lenses are tables, as text (.usda): NVIDIA's OmniLensDistortionLutAPI.
+
+USD's cameras have x to the right, y up and look along -z; so has the rig's frame here, which is the
+first camera's. Matrices stand to the right of rows.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 
 All hold, for each pixel of the result, where it comes from in the source. What comes from
 nowhere is negative, or beyond the frame where a format has no negative numbers.
+
+The virtual camera of a view as files: plain YAML, and what OpenCV's FileStorage reads.
 """
 
 from __future__ import annotations

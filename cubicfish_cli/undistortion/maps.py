@@ -2,6 +2,11 @@
 
 Nobody vouches for such a file. A small one can claim huge arrays: every size is read, and held
 against the others, before there is room made for anything. Nothing in it can run (no pickles).
+
+A camera for photos that are an exact rescale or a stated crop of the calibrated ones.
+
+A pixel's centre is at its whole coordinates, so a photo scaled by s has pixel (x + 1/2)·s − 1/2
+where the original has x. Leaving the half out shifts a half-size picture by a quarter pixel.
 """
 
 from __future__ import annotations

@@ -13,6 +13,8 @@ middle in focal lengths:
 
 The epipolar ones are those of the same name on their sides. Where x points from one camera to
 another, all that a row shows lies in one plane through both: their rows agree beyond 180° too.
+
+The six faces of a cube about the camera, as six pictures or as one cross.
 """
 
 from __future__ import annotations

@@ -5,6 +5,13 @@ at a given distance, or on a given plane. Where several see a pixel they are ble
 is from the edge of each one's field, so that no camera begins or ends with a step.
 
 The ground is seen from above so: a plane in the frame of the body, and its metric picture.
+
+Rectified stereo pairs: a point is in the same row of both pictures.
+
+In the rectified frame x points along the line between the cameras. Half-planes that end in that
+line hold what a row shows: flat pictures have such rows up to 180°, and pictures on a cylinder or a
+sphere about that line, as the epipolar kinds of :mod:`~cubicfish_cli.undistortion.projections` are,
+all around it.
 """
 
 from __future__ import annotations
