@@ -36,7 +36,6 @@ from cubicfish_cli.fitting.refinement import ObjectFit
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import flatness, select_photos
-from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
@@ -145,7 +144,7 @@ def _followed(fit: ObjectFit, together: float) -> Finding | None:
     """
     pairs, photos = fit.reference.pairs, _own(fit)
     apart, split, reach = fit, two_lenses(photos), photos.reach
-    noticed = _NOTICED_PX * max(1.0, max(pairs.image_size) / _SIDE)
+    noticed = _noticed_px(pairs)
     given, gains = np.zeros((len(pairs.images), 3)), [0.0]
     worthy = _worthy_gain(together, noticed)
     for _ in range(_ROUNDS):
@@ -186,6 +185,11 @@ def _followed(fit: ObjectFit, together: float) -> Finding | None:
         figures={"together_px": together, "apart_px": apart_px},
     )
     return replace(found, severity=severity)
+
+
+def _noticed_px(pairs: Observations) -> float:
+    """Pixels that a person would notice."""
+    return _NOTICED_PX * max(1.0, max(pairs.image_size) / _SIDE)
 
 
 def worth(together: float, apart: float, unforeseen: float, noticed: float) -> Severity | None:
@@ -411,7 +415,10 @@ def odd_photos(fit: ObjectFit) -> list[Finding]:
         certain = [
             one
             for one in unlike
-            if one.photo in suspects and one.chance < BY_CHANCE and one.share > WORTH
+            if one.photo in suspects
+            and one.chance < BY_CHANCE
+            and one.share > WORTH
+            and one.gain_px > _noticed_px(pairs)
         ]
         suspects -= {one.photo for one in certain}
         if certain and 2 * len(certain) < len(pairs.images):
@@ -440,14 +447,7 @@ def _without(fit: ObjectFit, suspects: IntArray) -> PhotoLenses:
     poses = fit.cubic.poses.with_photos(good, cubic.poses)
     # Beside their poses under the other lens, photos would look grossly wrong all over.
     left_out = np.setdiff1d(np.arange(len(poses)), good)
-    camera = CubicCamera(
-        image_size=pairs.image_size,
-        P=cubic.lens.P,
-        max_angle_deg=cubic.max_angle_deg,
-        radial=few.reference.camera,
-        pupil_travel=cubic.lens.travel,
-    )
-    lens, others = FixedLens(camera=camera), select_photos(pairs, left_out)
+    lens, others = FixedLens(camera=cubic.lens), select_photos(pairs, left_out)
     placed = adjust(lens, poses[left_out], others, huber_px=_WIDE_HUBER_PX)
     poses = poses.with_photos(left_out, placed.poses)
     photos = photo_lenses(cubic.lens, poses, pairs, pairs.world)

@@ -142,6 +142,7 @@ class Unlike:
         chance: how often the most unlike of so many right photos would be as unlike.
         size_px: how large the difference is at ``reach`` from the centre, pixels.
         share: of the photo's squared error that it explains.
+        gain_px: RMS of what it explains, pixels.
 
     """
 
@@ -149,6 +150,7 @@ class Unlike:
     chance: float
     size_px: float
     share: float
+    gain_px: float
 
 
 def photo_lenses(
@@ -345,13 +347,16 @@ def _unlike(photos: PhotoLenses, terms: slice) -> list[Unlike]:
     distance = np.einsum("ki,kij,kj->k", off, weight, off) / (size * noise)
     # What the photos' own terms are beyond noise, by the better half of them.
     spread = max(1.0, float(np.median(distance)))
-    chance = fdtrc(size, np.maximum(photos.numbers, 1), distance / spread) * count
+    # Of photos that differ by more than their corners' noise, the better half tells by how much.
+    told = np.inf if spread == 1 else size * count / 2
+    chance = fdtrc(size, np.clip(photos.numbers, 1, told), distance / spread) * count
     worth = np.einsum("ki,kij,kj->k", off, weight, off)
     return [
         Unlike(
             photo=int(photos.photos[index]),
             chance=float(chance[index]),
             size_px=float(np.linalg.norm(off[index])),
+            gain_px=float(np.sqrt(2 * worth[index] / max(photos.numbers[index], 1))),
             share=float(worth[index] / (worth[index] + photos.squares[index] + 1e-300)),
         )
         for index in range(count)

@@ -578,10 +578,34 @@ def test_odd_photos_are_compared_with_a_lens_that_knows_none_of_them(size):
 @pytest.mark.parametrize("code", [Code.SHEARED, Code.PHOTO_LENS])
 def test_one_odd_photo_is_no_reason_to_doubt_a_camera(pairs, code):
     odd = [
-        photo_lenses.Unlike(photo=photo, chance=1e-9, size_px=2.0, share=0.6) for photo in (2, 5)
+        photo_lenses.Unlike(photo=photo, chance=1e-9, size_px=2.0, share=0.6, gain_px=0.4)
+        for photo in (2, 5)
     ]
     assert lens_faults._single_finding(odd[:1], pairs, code).severity == "note"
     assert lens_faults._single_finding(odd, pairs, code).severity == "care"
+
+
+def test_photos_that_all_differ_accuse_none_of_them():
+    """Each has a lens of its own by what its sheet bends, far beyond its corners' noise."""
+    count, least = 8, 1.0
+    for seed in range(300):
+        own = np.random.default_rng(seed).normal(size=(count, 5))
+        photos = photo_lenses.PhotoLenses(
+            photos=np.arange(count),
+            own=own,
+            information=np.tile(1e3 * np.eye(5), (count, 1, 1)),
+            squares=np.full(count, 200.0),
+            numbers=np.full(count, 200.0),
+            reach=300.0,
+        )
+        least = min(least, *(one.chance for one in photo_lenses.zoomed_photos(photos)))
+    assert photo_lenses.BY_CHANCE < least < 0.05
+    # One that is another camera's is still found.
+    odd = replace(photos, own=own + 400 * (np.arange(count) == 7)[:, None])
+    found = photo_lenses.zoomed_photos(odd)[7]
+    assert found.chance < photo_lenses.BY_CHANCE
+    # Its own lens takes sqrt(3 · 40² · 1e3 / 100) px from its corners.
+    assert found.gain_px == pytest.approx(np.sqrt(3 * 400**2 * 1e3 / 100), rel=0.1)
 
 
 # Many photos, of which a few are looked at first
