@@ -31,9 +31,8 @@ import numpy as np
 
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
-from cubicfish_cli.rendering.pose import look_at
-from cubicfish_cli.rendering.render import render
-from cubicfish_cli.rendering.truth import project_corners
+from cubicfish_cli.rendering.simulate import render
+from cubicfish_cli.rendering.truth import look_at, project_corners
 from cubicfish_cli.target import Target
 
 NEAR, FAR = 1.0, 3.0

@@ -42,7 +42,7 @@ from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.library.detection import detect_corners
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import Photo, find_photos
-from cubicfish_cli.rendering.lens_file import load_lens
+from cubicfish_cli.rendering.outside import load_lens
 from cubicfish_cli.target import Target, load_target
 
 SAMPLE = Path(__file__).resolve().parents[1] / "sample_data" / "target.yaml"

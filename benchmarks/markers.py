@@ -23,9 +23,8 @@ from cubicfish_cli.boards.types import BOARD_TYPES
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.markers import How, find_marked_corners
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
-from cubicfish_cli.rendering.pose import Pose, look_at
-from cubicfish_cli.rendering.render import render
-from cubicfish_cli.rendering.truth import TrueCorners, project_corners
+from cubicfish_cli.rendering.simulate import render
+from cubicfish_cli.rendering.truth import Pose, TrueCorners, look_at, project_corners
 from cubicfish_cli.target import Target
 
 LENS = AsymmetricLens(

@@ -30,7 +30,7 @@ from cubicfish_cli.fitting.rig.shots import shots_by_name
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.outside import OutsideLens, outside_lens
-from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
+from cubicfish_cli.rendering.truth import Pose, pose_of_matrix, rotation_matrix
 from cubicfish_cli.target import Target
 
 NOISE = CornerErrors(noise=0.1, shared=0.0, spread=0.0)

@@ -28,11 +28,14 @@ import numpy as np  # noqa: E402
 from cubicfish_cli.formats.camera_yaml import load_camera  # noqa: E402
 from cubicfish_cli.lenses.cubic import CubicCamera  # noqa: E402
 from cubicfish_cli.undistortion.batch import PhotoJob, undistort_photos  # noqa: E402
-from cubicfish_cli.undistortion.frames import camera_for_photos  # noqa: E402
+from cubicfish_cli.undistortion.choose import CENTRAL_KINDS  # noqa: E402
 from cubicfish_cli.undistortion.images import PLAIN  # noqa: E402
-from cubicfish_cli.undistortion.maps import UndistortMap, build_map  # noqa: E402
+from cubicfish_cli.undistortion.maps import (  # noqa: E402
+    UndistortMap,
+    build_map,
+    camera_for_photos,
+)
 from cubicfish_cli.undistortion.projections import PerspectiveView  # noqa: E402
-from cubicfish_cli.undistortion.views import CENTRAL_KINDS  # noqa: E402
 
 HERE = Path(__file__).resolve().parent
 SAMPLE = HERE.parent / "sample_data"
@@ -144,7 +147,7 @@ def ours(sources: list[Path], folder: Path, made: UndistortMap, workers: int) ->
         overwrite=True,
         progress=lambda done, total: None,
     )
-    assert not failures, failures[0].error
+    assert not failures, failures
 
 
 def measure_one(camera: CubicCamera, folder: Path) -> None:

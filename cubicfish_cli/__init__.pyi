@@ -44,7 +44,6 @@ from cubicfish_cli.library.importing import import_corner_files as import_corner
 from cubicfish_cli.library.importing import import_files as import_files
 from cubicfish_cli.library.map_files import map_files as map_files
 from cubicfish_cli.library.map_files import map_rig_files as map_rig_files
-from cubicfish_cli.library.pictures import undistort as undistort
 from cubicfish_cli.library.report_files import advise_files as advise_files
 from cubicfish_cli.library.report_files import report_files as report_files
 from cubicfish_cli.library.rig_files import calibrate_rig_files as calibrate_rig_files
@@ -57,9 +56,10 @@ from cubicfish_cli.library.rigs import compare_rigs as compare_rigs
 from cubicfish_cli.library.rigs import evaluate_rig as evaluate_rig
 from cubicfish_cli.library.rigs import save_rig as save_rig
 from cubicfish_cli.library.simulation import simulate_files as simulate_files
-from cubicfish_cli.library.target_check import check_target as check_target
-from cubicfish_cli.library.target_check import check_target_files as check_target_files
+from cubicfish_cli.library.target_files import check_target as check_target
+from cubicfish_cli.library.target_files import check_target_files as check_target_files
 from cubicfish_cli.library.target_files import print_target_files as print_target_files
+from cubicfish_cli.library.undistorting import undistort as undistort
 from cubicfish_cli.library.undistorting import undistort_files as undistort_files
 from cubicfish_cli.library.views import build_plane as build_plane
 from cubicfish_cli.listener import Listener as Listener
@@ -73,7 +73,7 @@ from cubicfish_cli.undistortion.maps import UndistortMap as UndistortMap
 from cubicfish_cli.undistortion.maps import build_map as build_map
 from cubicfish_cli.undistortion.maps import load_map as load_map
 from cubicfish_cli.undistortion.maps import save_map as save_map
-from cubicfish_cli.undistortion.stereo import RectifiedPair as RectifiedPair
+from cubicfish_cli.undistortion.rigs import RectifiedPair as RectifiedPair
 from cubicfish_cli.undistortion.view import View as View
 from cubicfish_cli.words.codes import Event as Event
 from cubicfish_cli.words.finding import Finding as Finding

@@ -9,13 +9,32 @@ import re
 import secrets
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cache
 from itertools import islice
 from pathlib import Path
 
 from cubicfish_cli.errors import MISSING, CubicfishError, OutputError
-from cubicfish_cli.hosts import on_host
+
+_host: ContextVar[str] = ContextVar("host", default="")
+
+
+def on_host() -> str:
+    """`` on node7`` while the work of another machine is done on node7, else nothing."""
+    name = _host.get()
+    return f" on {name}" if name else ""
+
+
+@contextmanager
+def working_on(name: str) -> Iterator[None]:
+    """Work inside is done for another machine, on the host ``name``: messages say so."""
+    token = _host.set(name)
+    try:
+        yield
+    finally:
+        _host.reset(token)
+
 
 Content = str | bytes | Callable[[Path], object]
 """Of a file: its text, its bytes, or what writes it to a name."""

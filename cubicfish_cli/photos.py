@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import MISSING, PhotoError
-from cubicfish_cli.hosts import on_host
+from cubicfish_cli.files import on_host
 from cubicfish_cli.picture_headers import (
     OTHER_SUFFIXES,
     RAW_SUFFIXES,
@@ -35,7 +35,7 @@ from cubicfish_cli.wording import quoted
 
 Picture = npt.NDArray[np.integer[Any] | np.floating[Any]]
 
-_NAMES = ".png .jpg .jpeg .jpe .tif .tiff .bmp .dib .webp .jp2 .pgm .ppm .pnm"
+_NAMES = ".png .jpg .jpeg .jpe .tif .tiff .bmp .dib .webp .pgm .ppm .pnm"
 SUFFIXES = frozenset(_NAMES.split())
 _MISSED_SUFFIXES = VIDEO_SUFFIXES | OTHER_SUFFIXES | RAW_SUFFIXES
 _FEW_NAMES = 4
@@ -46,7 +46,7 @@ MAX_PICTURE_BYTES = 1_200_000_000
 """As many pixels in colour of 16 bits: what a decoder may have to make room for, about twice."""
 MAX_FILE_BYTES = 2_000_000_000
 
-_READABLE = "PNG, JPEG, TIFF, BMP, WebP, JPEG 2000 or PNM"
+_READABLE = "PNG, JPEG, TIFF, BMP, WebP or PNM"
 _DAMAGED = "is cut short or damaged: copy it again or leave it out"
 
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 _MOST_PARTS = 1_000_000
 _MOST_SCANS = 64
-_MOST_TILES = 65_535
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +40,7 @@ def is_picture(data: bytes) -> bool:
 def claimed(data: bytes) -> Claim | None:
     """What a picture file claims, None when it is cut short, damaged or of another kind.
 
-    PNG, JPEG, TIFF, BigTIFF, BMP, WebP, JPEG 2000 and PNM are understood.
+    PNG, JPEG, TIFF, BigTIFF, BMP, WebP and PNM are understood.
     """
     for magic, read in _KINDS:
         if data.startswith(magic):
@@ -79,7 +78,7 @@ _RAW_NAMES = (
     ".3fr .arw .cr2 .cr3 .crw .dcr .dng .erf .iiq .kdc .mef .mos .mrw .nef .nrw .orf .pef .raf "
     ".raw .rw2 .rwl .sr2 .srf .srw .x3f"
 )
-_OTHER_NAMES = ".avif .exr .gif .heic .heif .hif .jxl .pdf .psd"
+_OTHER_NAMES = ".avif .exr .gif .heic .heif .hif .jp2 .jxl .pdf .psd"
 _VIDEO_NAMES = ".mp4 .m4v .mov .mkv .webm .avi .mts .m2ts .ts .mpg .mpeg .wmv .insv .360"
 VIDEO_SUFFIXES = frozenset(_VIDEO_NAMES.split())
 RAW_SUFFIXES = frozenset(_RAW_NAMES.split())
@@ -106,6 +105,8 @@ _OTHERS = (
     (b"\x76\x2f\x31\x01", _PICTURE.format("an OpenEXR")),
     (b"\xff\x0a", _PICTURE.format("a JPEG XL")),
     (b"\0\0\0\x0cJXL ", _PICTURE.format("a JPEG XL")),
+    (b"\0\0\0\x0cjP  ", _PICTURE.format("a JPEG 2000")),
+    (b"\xff\x4f\xff\x51", _PICTURE.format("a JPEG 2000")),
     (b"%PDF", "is a PDF document: save the photo in it as PNG or JPEG, in full size"),
     *((magic, _RAW) for magic in (b"FUJIFILMCCD-RAW", b"IIRO", b"IIRS", b"MMOR", b"IIU\0")),
     *((magic, _RAW) for magic in (b"FOVb", b"\0MRM", b"II\x1a\0\0\0HEAPCCDR")),
@@ -255,39 +256,6 @@ def _three_bytes(data: bytes, *places: int) -> tuple[int, int]:
     return across[0] + (across[1] << 16) + 1, down[0] + (down[1] << 16) + 1
 
 
-def _jp2(data: bytes) -> Claim | None:
-    """A JPEG 2000 file: boxes, one of which holds the codestream."""
-    position = 0
-    for _ in range(_MOST_PARTS):
-        length, kind = struct.unpack_from(">I4s", data, position)
-        head = 8
-        if length == 1:
-            length, head = struct.unpack_from(">Q", data, position + 8)[0], 16
-        if kind == b"jp2c":
-            return _codestream(data, position + head)
-        if length < head:
-            return None
-        position += length
-    return None
-
-
-def _codestream(data: bytes, start: int = 0) -> Claim | None:
-    """The size that stands first in it; a decoder keeps every number in four bytes."""
-    if data[start : start + 4] != b"\xff\x4f\xff\x51":
-        return None
-    right, bottom, left, top, tile_width, tile_height = struct.unpack_from(">6I", data, start + 8)
-    channels = struct.unpack_from(">H", data, start + 40)[0]
-    width, height = right - left, bottom - top
-    # No coded byte after 0xFF is above 0x8F: where there is no end, the file was cut.
-    cut = data.find(b"\xff\xd9", start) < 0
-    if cut or width <= 0 or height <= 0 or not tile_width or not tile_height:
-        return None
-    tiles = (right // tile_width + 1) * (bottom // tile_height + 1)
-    if tiles * channels > _MOST_TILES:
-        return None
-    return _claim(width, height, 4 * channels)
-
-
 _BLANK = rb"(?:\s|#[^\n\r]*[\n\r])+"
 _PNM = re.compile(rb"P([1-6])" + 2 * (_BLANK + rb"([0-9]{1,9})"))
 
@@ -317,7 +285,5 @@ _KINDS: tuple[tuple[bytes, Callable[[bytes], Claim | None]], ...] = (
     (b"MM\0+", _tiff),
     (b"BM", _bmp),
     (b"RIFF", _webp),
-    (b"\0\0\0\x0cjP  ", _jp2),
-    (b"\xff\x4f\xff\x51", _codestream),
     *((b"P%d" % kind, _pnm) for kind in range(1, 7)),
 )

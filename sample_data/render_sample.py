@@ -16,10 +16,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.rendering.lens_file import load_lens
-from cubicfish_cli.rendering.outside import OutsideLens
-from cubicfish_cli.rendering.pose import Pose, look_at, rotation_matrix
-from cubicfish_cli.rendering.truth import true_corners_text
+from cubicfish_cli.rendering.outside import OutsideLens, load_lens
+from cubicfish_cli.rendering.truth import Pose, look_at, rotation_matrix, true_corners_text
 from cubicfish_cli.target import Target, load_target
 
 HERE = Path(__file__).parent

@@ -8,7 +8,7 @@ import synthetic
 
 from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.symmetry import best_named, renamed, symmetries
+from cubicfish_cli.placement import best_named, renamed, symmetries
 from cubicfish_cli.target import Target
 
 

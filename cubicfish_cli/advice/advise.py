@@ -16,11 +16,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.advice.gaps import Gaps, find_gaps, photo_distances
+from cubicfish_cli.advice.gaps import (
+    Gaps,
+    find_gaps,
+    length_words,
+    photo_distances,
+    place_words,
+    tilt_words,
+)
 from cubicfish_cli.advice.knowledge import Knowledge, know, recorded_poses
-from cubicfish_cli.advice.words import length_words, place_words, tilt_words
 from cubicfish_cli.angles import angle_from_axis
-from cubicfish_cli.assess.field_uncertainty import FieldUncertainty, recorded, summed
+from cubicfish_cli.assess.records import FieldUncertainty, recorded, summed
 from cubicfish_cli.assess.verdict import verdict
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.uncertainty import Information, field_grid

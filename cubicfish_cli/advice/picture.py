@@ -11,7 +11,7 @@ import numpy as np
 from cubicfish_cli.advice.advise import GRID, Advice, Proposal, reach_of, rim_of
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.rendering.object_drawing import board_rim
-from cubicfish_cli.rendering.pose import camera_points
+from cubicfish_cli.rendering.truth import camera_points
 from cubicfish_cli.rendering.views import WholeLens
 from cubicfish_cli.types import FloatArray
 

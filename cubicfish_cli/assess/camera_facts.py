@@ -13,8 +13,7 @@ from cubicfish_cli.assess.pupil import PupilEffect, recorded_pupil
 from cubicfish_cli.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import Verdict, verdict
 from cubicfish_cli.frame_names import counted
-from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.lenses.point_cubic import PointCamera
+from cubicfish_cli.lenses.cubic import CubicCamera, PointCamera
 
 _STEPS = 512  # pixels that are looked at between the axis and an edge
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.numbers import FloatRange, IntRange
-from cubicfish_cli.cli.options import as_command, option, record
+from cubicfish_cli.cli.options import FloatRange, IntRange, as_command, option, record
 from cubicfish_cli.cli.progress import running
 from cubicfish_cli.cli.streams import text_width
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say

@@ -11,29 +11,27 @@ import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import (
+    corners_by_board,
     count,
+    fitted_rows,
     hold_gate,
     mark_of,
     print_errors,
     print_figure,
     print_models,
+    print_photo_table,
     print_verdict,
     px,
+    why_lost,
 )
-from cubicfish_cli.cli.numbers import IntRange
 from cubicfish_cli.cli.options import (
     DEFAULT_MODEL,
+    IntRange,
     as_command,
     option,
     record,
     target_options,
     verbosity,
-)
-from cubicfish_cli.cli.photo_table import (
-    corners_by_board,
-    fitted_rows,
-    print_photo_table,
-    why_lost,
 )
 from cubicfish_cli.cli.progress import say_left_out
 from cubicfish_cli.cli.report import FitOptions, fit_options, say_if_no_page
@@ -214,8 +212,8 @@ def _print_calibration(made: CalibratedFiles, calibration: Calibration) -> None:
 
 
 def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
-    from cubicfish_cli.assess.field_uncertainty import recorded
     from cubicfish_cli.assess.pupil import recorded_pupil
+    from cubicfish_cli.assess.records import recorded
     from cubicfish_cli.fitting.findings import COVERED
     from cubicfish_cli.frame_names import counted
 

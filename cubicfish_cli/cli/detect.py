@@ -6,15 +6,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cubicfish_cli.cli import options
-from cubicfish_cli.cli.figures import count, mark_of
-from cubicfish_cli.cli.options import as_command, option, record, target_options
-from cubicfish_cli.cli.photo_table import (
+from cubicfish_cli.cli.figures import (
     GOOD,
     PhotoRow,
     corners_by_board,
+    count,
     lost_word,
+    mark_of,
     print_photo_table,
 )
+from cubicfish_cli.cli.options import as_command, option, record, target_options
 from cubicfish_cli.cli.progress import SchedulerOptions, running, say_found, scheduler_options
 from cubicfish_cli.cli.terminal import print_json, result, say
 

@@ -10,15 +10,18 @@ import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import (
+    corners_by_board,
     count,
+    fitted_rows,
     hold_gate,
     print_errors,
     print_figure,
+    print_photo_table,
     print_verdict,
     px,
+    why_lost,
 )
 from cubicfish_cli.cli.options import as_command, record, target_options
-from cubicfish_cli.cli.photo_table import corners_by_board, fitted_rows, print_photo_table, why_lost
 from cubicfish_cli.cli.progress import running, say_found, say_left_out
 from cubicfish_cli.cli.terminal import print_json, print_table, result, say
 from cubicfish_cli.library.asked import check_inputs

@@ -7,8 +7,7 @@ from pathlib import Path
 import click
 
 from cubicfish_cli.cli import options
-from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import as_command, option, record, rig_path
+from cubicfish_cli.cli.options import FloatRange, as_command, option, record, rig_path
 from cubicfish_cli.cli.progress import running
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
 from cubicfish_cli.formats.registry import WRITTEN

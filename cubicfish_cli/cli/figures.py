@@ -1,18 +1,31 @@
-"""The figures of a fit in words: the same words wherever an RMS is shown."""
+"""The figures of a fit in words: the same words wherever an RMS is shown.
+
+The table of photos that calibrate, evaluate and detect print.
+
+A terminal shows of many photos the odd ones and those with the largest errors, and says what the
+others are like; ``--verbose``, pipes and files have them all.
+"""
 
 from __future__ import annotations
 
+import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli.table import Column, Row, print_columns
-from cubicfish_cli.cli.terminal import result, tell
+from cubicfish_cli.cli.options import verbosity
+from cubicfish_cli.cli.streams import Style, columns_of
+from cubicfish_cli.cli.terminal import Column, Row, fitting, print_columns, result, tell
 
 if TYPE_CHECKING:
     from cubicfish_cli.assess.verdict import Verdict
-    from cubicfish_cli.words.finding import Finding
+    from cubicfish_cli.identification.identified import Detection, PhotoReport
+    from cubicfish_cli.observations import Observations
+    from cubicfish_cli.words.finding import Finding, Level
+
 
 EXIT_GATE = 3
 
@@ -98,3 +111,252 @@ def hold_gate(rms_px: float, max_rms: float | None) -> None:
     if max_rms is not None and not rms_px <= max_rms:
         tell(f"The RMS of {rms_px:.3f} px is above --max-rms {max_rms:g}.")
         click.get_current_context().exit(EXIT_GATE)
+
+
+ByBoard = Mapping[str, Mapping[str, int]]
+
+GOOD = "good"
+_MOST_ROWS = 12
+_FEW_LOST, _FEW_ROWS = 4, 10
+_RANK: Mapping[Level, int] = {"bad": 0, "care": 1, "good": 2}
+_STYLE: Mapping[Level, Style] = {"bad": "bad", "care": "care", "good": "good"}
+# Below so many columns words of judgement are said, and cut, shorter.
+_ROOMY, _NARROW = 100, 60
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhotoRow:
+    """What is said of a photo.
+
+    Attributes:
+        name: of the photo.
+        words: a word of judgement.
+        short: the same where there is little room; empty where there is no shorter one.
+        level: how bad that is.
+        boards: corners used of each board in it.
+        corners: corners used; None for a photo that takes no part.
+        dropped: corners left out.
+        rms_px, median_px, p95_px, max_px: reprojection errors, where there are any.
+
+    """
+
+    name: str
+    words: str
+    level: Level
+    short: str = ""
+    boards: Mapping[str, int] = field(default_factory=dict)
+    corners: int | None = None
+    dropped: int = 0
+    rms_px: float | None = None
+    median_px: float | None = None
+    p95_px: float | None = None
+    max_px: float | None = None
+
+
+def corners_by_board(corners: Observations) -> dict[str, dict[str, int]]:
+    """How many corners each photo has of each board, in the target's order of the boards."""
+    import numpy as np
+
+    if not corners.boards:
+        return {}
+    counts = np.zeros((len(corners.images), len(corners.boards)), int)
+    np.add.at(counts, (corners.image, corners.board), 1)
+    return {
+        image: {board: n for board, n in zip(corners.boards, row, strict=True) if n}
+        for image, row in zip(corners.images, counts.tolist(), strict=True)
+    }
+
+
+def lost_word(photo: PhotoReport) -> str:
+    """A word for why a photo gave no corners."""
+    from cubicfish_cli.words.codes import Code
+
+    why = photo.refusal.code if photo.refusal is not None else None
+    if why in (Code.OTHER_SIZE, Code.CANNOT_BE_READ):
+        return "another size" if why is Code.OTHER_SIZE else "cannot be read"
+    return "left out" if why is None else "nothing found"
+
+
+def why_lost(detection: Detection | None) -> dict[str, str]:
+    """Photos that gave nothing, and a word for why."""
+    photos = () if detection is None else detection.photos
+    return {photo.name: lost_word(photo) for photo in photos if photo.lost}
+
+
+def fitted_rows(
+    record: Mapping[str, Any],
+    image_size: tuple[int, int],
+    by_board: ByBoard,
+    lost: Mapping[str, str],
+) -> list[PhotoRow]:
+    """Rows of photos with reprojection errors, and of those that take no part.
+
+    Args:
+        record: ``per_image`` and ``dropped_corners`` as calibrate's JSON has them.
+        image_size: (width, height), pixels.
+        by_board: corners used, by photo and board.
+        lost: photos that take no part, and a word for why.
+
+    """
+    from cubicfish_cli.assess.verdict import photo_verdicts
+    from cubicfish_cli.words.finding import joined, level_of
+
+    records = record["per_image"]
+    dropped = Counter(corner["image"] for corner in record.get("dropped_corners", ()))
+    rows = [
+        PhotoRow(
+            name=str(one["image"]),
+            words=joined(told),
+            short="; ".join(one.short for one in told),
+            level=level_of(told),
+            boards=by_board.get(one["image"], {}),
+            corners=one["corners"],
+            dropped=dropped[one["image"]],
+            **{key: one.get(key) for key in ("rms_px", "median_px", "p95_px", "max_px")},
+        )
+        for one, told in zip(records, photo_verdicts(record, image_size), strict=True)
+    ]
+    known = {row.name for row in rows}
+    rows += [
+        PhotoRow(name=name, words=why, level="bad", dropped=dropped[name])
+        for name, why in lost.items()
+        if name not in known
+    ]
+    return rows
+
+
+def print_photo_table(
+    rows: Sequence[PhotoRow],
+    boards: Sequence[str],
+    total: Mapping[str, Any] | None = None,
+    *,
+    everything: str = "--json",
+) -> None:
+    """Print one row per photo.
+
+    Args:
+        rows: the photos.
+        boards: names of the boards, in the target's order.
+        total: the same figures of all photos together; None for corners alone.
+        everything: where all photos are, for who sees a few of them.
+
+    """
+    room = columns_of(sys.stdout)
+    chosen = list(rows)
+    if room is not None:
+        result()  # apart from what was said before it
+    if room is not None and len(rows) > _MOST_ROWS and verbosity() <= 0:
+        chosen = _few(rows)
+        result(f"The worst and the odd ones of {len(rows):,} photos:\n")
+    if room is not None and room < _ROOMY:
+        chosen = [replace(row, words=row.short or row.words) for row in chosen]
+    with_errors = any(row.rms_px is not None for row in rows)
+    some_dropped = any(row.dropped for row in rows)
+    for each in (True, False):
+        if each and not boards:
+            continue
+        columns = _columns(boards if each else (), bool(boards) and not each, with_errors,
+                           some_dropped, room)  # fmt: skip
+        cells = [_cells(row, boards, each, with_errors, some_dropped) for row in chosen]
+        table = [
+            Row(cells=cell, style=_STYLE[row.level])
+            for cell, row in zip(cells, chosen, strict=True)
+        ]
+        if len(rows) > 1:
+            every = _together(rows, boards, total or {})
+            table.append(
+                Row(cells=_cells(every, boards, each, with_errors, some_dropped), total=True)
+            )
+        kept = fitting(columns, table, room)
+        if not each or not boards or set(range(2, 2 + len(boards))) <= set(kept):
+            break
+    print_columns(columns, table)
+    if len(chosen) < len(rows):
+        result(f"\n{_rest(rows, chosen)}; all of them: -v, or {everything}")
+
+
+def _columns(
+    boards: Sequence[str], counted: bool, with_errors: bool, some_dropped: bool, room: int | None
+) -> list[Column]:
+    narrow = room is not None and room < _NARROW
+    columns = [Column(title="photo", least=12 if narrow else 16, most=40)]
+    columns.append(Column(title="corners", drop=3 if with_errors else 0))
+    columns += [Column(title=board, least=8, most=10, drop=5) for board in boards]
+    if counted:
+        columns.append(Column(title="boards", drop=5))
+    if some_dropped:
+        columns.append(Column(title="dropped", drop=4))
+    if with_errors:
+        columns += [
+            Column(title="rms px"),
+            Column(title="median", drop=8),
+            Column(title="95 %", drop=7),
+            Column(title="largest", drop=2),
+        ]
+    columns.append(Column(title="verdict", least=14 if narrow else 20, most=60, cut="end"))
+    return columns
+
+
+def _cells(
+    row: PhotoRow, boards: Sequence[str], each: bool, with_errors: bool, some_dropped: bool
+) -> list[str]:
+
+    cells = [row.name, "-" if row.corners is None else str(row.corners)]
+    if each:
+        cells += [str(row.boards.get(board, "-")) for board in boards]
+    elif boards:
+        cells.append(f"{len(row.boards)} of {len(boards)}")
+    if some_dropped:
+        cells.append(str(row.dropped or "-"))
+    if with_errors:
+        cells += [px(row.rms_px), px(row.median_px), px(row.p95_px), px(row.max_px)]
+    return [*cells, row.words]
+
+
+def _together(
+    rows: Sequence[PhotoRow], boards: Sequence[str], total: Mapping[str, Any]
+) -> PhotoRow:
+    return PhotoRow(
+        name=f"all {len(rows):,}",
+        words="",
+        short="",
+        level="good",
+        boards={
+            board: found
+            for board in boards
+            if (found := sum(row.boards.get(board, 0) for row in rows))
+        },
+        corners=sum(row.corners or 0 for row in rows),
+        dropped=sum(row.dropped for row in rows),
+        **{key: total.get(key) for key in ("rms_px", "median_px", "p95_px", "max_px")},
+    )
+
+
+def _few(rows: Sequence[PhotoRow]) -> list[PhotoRow]:
+    """A few that take no part, and the oddest and worst of the others, the worst first."""
+    lost = [row for row in rows if row.corners is None]
+    others = [row for row in rows if row.corners is not None]
+    others.sort(key=lambda row: (_RANK[row.level], -(row.rms_px or 0.0), row.corners))
+    worst = sorted(others, key=lambda row: -(row.rms_px or 0.0))[: _FEW_ROWS // 3]
+    chosen = others[:_FEW_ROWS]
+    for row in worst:  # a good photo may be worse than an odd one
+        if row not in chosen:
+            chosen[-1:] = [row]
+            chosen.sort(key=lambda one: (_RANK[one.level], -(one.rms_px or 0.0), one.corners))
+    return lost[:_FEW_LOST] + chosen
+
+
+def _rest(rows: Sequence[PhotoRow], chosen: Sequence[PhotoRow]) -> str:
+    """What the photos that are not shown are like."""
+    shown = {row.name for row in chosen}
+    rest = [row for row in rows if row.name not in shown]
+    lost = sum(row.corners is None for row in rest)
+    odd = sum(row.level != "good" for row in rest) - lost
+    good = len(rest) - lost - odd
+    kinds = [f"{n:,} {what}" for n, what in ((good, "good"), (odd, "odd"), (lost, "lost")) if n]
+    words = f"and {len(rest):,} more: " + ", ".join(kinds)
+    rms = [row.rms_px for row in rest if row.rms_px is not None]
+    most = [row.max_px for row in rest if row.max_px is not None]
+    if rms and most:
+        words += f", each within {px(max(rms))} px RMS and {px(max(most))} px at the worst corner"
+    return words

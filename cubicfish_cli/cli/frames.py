@@ -7,8 +7,7 @@ from pathlib import Path
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.numbers import IntRange
-from cubicfish_cli.cli.options import as_command, option, record, target_options
+from cubicfish_cli.cli.options import IntRange, as_command, option, record, target_options
 from cubicfish_cli.cli.progress import running
 from cubicfish_cli.cli.terminal import print_json, result
 from cubicfish_cli.films import MOST

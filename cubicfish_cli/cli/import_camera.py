@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cubicfish_cli.cli import options
-from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import as_command, option, record
+from cubicfish_cli.cli.options import FloatRange, as_command, option, record
 from cubicfish_cli.cli.progress import running
 from cubicfish_cli.cli.terminal import print_json, result
 from cubicfish_cli.formats.registry import READABLE

@@ -19,8 +19,8 @@ from typing import Any, NoReturn
 import click
 
 from cubicfish_cli import __version__
-from cubicfish_cli.cli.ending import EXIT_SIGNAL, asked
 from cubicfish_cli.cli.options import DEBUG_KEY, common_options, examples
+from cubicfish_cli.cli.standard_streams import EXIT_SIGNAL, asked
 from cubicfish_cli.cli.streams import safe
 from cubicfish_cli.cli.terminal import Failure, say_interrupted, tell
 from cubicfish_cli.errors import CubicfishError

@@ -10,13 +10,18 @@ import click
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.options import as_command, option, record
 from cubicfish_cli.cli.progress import running
-from cubicfish_cli.cli.rendering_options import MaskOptions, crop_option, mask_options
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
-from cubicfish_cli.cli.view_options import say_what_is_unseen, view_options
+from cubicfish_cli.cli.view_options import (
+    MaskOptions,
+    crop_option,
+    mask_options,
+    say_what_is_unseen,
+    view_options,
+)
 from cubicfish_cli.library.asked_pictures import ViewOptions
 
 if TYPE_CHECKING:
-    from cubicfish_cli.undistortion.frames import Crop
+    from cubicfish_cli.undistortion.maps import Crop
 
 _HELP = """Write where each pixel of a view comes from in the photo, and the view's camera too.
 

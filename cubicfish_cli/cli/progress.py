@@ -5,8 +5,10 @@ The line is on stderr, on a terminal only, and leaves nothing behind.
 
 from __future__ import annotations
 
+import atexit
 import os
 import sys
+import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
@@ -16,10 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli.cache_folder import cache_folder
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.numbers import FloatRange
-from cubicfish_cli.cli.options import bundle, option, record, verbosity
+from cubicfish_cli.cli.options import FloatRange, bundle, option, record, verbosity
 from cubicfish_cli.cli.streams import ERRORS, can_redraw
 from cubicfish_cli.cli.terminal import detail, say
 from cubicfish_cli.library.asked import Run
@@ -27,9 +27,10 @@ from cubicfish_cli.listener import Listener
 
 if TYPE_CHECKING:
     from cubicfish_cli.cli.progress_line import ProgressLine
-    from cubicfish_cli.executors.executor import Executor
+    from cubicfish_cli.executors.pool import Executor
     from cubicfish_cli.words.codes import Event
     from cubicfish_cli.words.finding import Finding
+
 
 # What is done sooner shows no line: it would only flash.
 _PATIENCE_SECONDS = 0.4
@@ -133,7 +134,7 @@ class _Cluster:
         return self._there.each(work, items, writes_below=writes_below)
 
     def _connected(self, address: str) -> Executor:
-        from cubicfish_cli.executors.cluster.connection import WAIT_S, connect
+        from cubicfish_cli.executors.cluster import WAIT_S, connect
 
         self._listener.end()
         wait_s = WAIT_S if self._asked.wait_s is None else self._asked.wait_s
@@ -194,3 +195,40 @@ def _line(label: str) -> Iterator[ProgressLine | None]:
             timer.cancel()
             timer.join()
             line.close()
+
+
+def cache_folder() -> Path | None:
+    """Where it is kept: CUBICFISH_CACHE, else the user's cache folder; None without a home."""
+    named = os.environ.get("CUBICFISH_CACHE")
+    if named:
+        return Path(named).absolute()
+    from platformdirs import user_cache_path
+
+    # Nobody that this machine knows, as in some containers, has no home.
+    try:
+        folder = user_cache_path("cubicfish", appauthor=False)
+    except RuntimeError:  # newer versions; older ones leave the ~
+        return None
+    return None if folder.parts[0] == "~" else folder.absolute()
+
+
+def keep_fonts(keep: bool = True) -> None:
+    """Tell matplotlib, before it is loaded, where its list of this machine's fonts belongs.
+
+    By itself it makes two folders of its own in the user's home. The list takes up to seconds to
+    make, so it is kept with the rest.
+
+    Args:
+        keep: false where nothing may be kept: then the folder ends with this process.
+
+    """
+    if "MPLCONFIGDIR" in os.environ or "matplotlib" in sys.modules:
+        return
+    folder = cache_folder() if keep else None
+    if folder is not None:
+        # One that cannot be made or written to: matplotlib takes a temporary one instead.
+        os.environ["MPLCONFIGDIR"] = str(folder / "matplotlib")
+        return
+    temporary = tempfile.TemporaryDirectory(prefix="cubicfish-", ignore_cleanup_errors=True)
+    atexit.register(temporary.cleanup)
+    os.environ["MPLCONFIGDIR"] = temporary.name

@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.cli import options
-from cubicfish_cli.cli.cache_folder import keep_fonts
 from cubicfish_cli.cli.figures import print_verdict
 from cubicfish_cli.cli.options import as_command, bundle, option, record
-from cubicfish_cli.cli.progress import running
+from cubicfish_cli.cli.progress import keep_fonts, running
 from cubicfish_cli.cli.terminal import print_json, result, say
 from cubicfish_cli.library.asked import Run
 

@@ -8,8 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count, hold_gate, mark_of, print_errors, print_verdict, px
-from cubicfish_cli.cli.numbers import IntRange, Seconds
-from cubicfish_cli.cli.options import FILE, as_command, option, record, target_options
+from cubicfish_cli.cli.options import (
+    FILE,
+    IntRange,
+    Seconds,
+    as_command,
+    option,
+    record,
+    target_options,
+)
 from cubicfish_cli.cli.report import FitOptions, fit_options
 from cubicfish_cli.cli.terminal import apart, print_json, print_table, print_wrote, result, say
 from cubicfish_cli.films import MOST

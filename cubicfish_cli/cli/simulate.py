@@ -8,8 +8,15 @@ import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.numbers import FloatRange, IntRange
-from cubicfish_cli.cli.options import as_command, bundle, needed_target, option, record
+from cubicfish_cli.cli.options import (
+    FloatRange,
+    IntRange,
+    as_command,
+    bundle,
+    needed_target,
+    option,
+    record,
+)
 from cubicfish_cli.cli.progress import running
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result
 from cubicfish_cli.library.asked_pictures import FILMS, LOOKS, FilmOptions, LookOptions

@@ -27,8 +27,8 @@ def main() -> None:
     numbers = _our_signals()
     _end_at_once(numbers)
     _settle()
-    from cubicfish_cli.cli.ending import EXIT_SIGNAL, asked, raise_on
     from cubicfish_cli.cli.main import run
+    from cubicfish_cli.cli.standard_streams import EXIT_SIGNAL, asked, raise_on
 
     try:
         try:

@@ -13,24 +13,26 @@ from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import as_command, option, record
 from cubicfish_cli.cli.progress import SchedulerOptions, running, scheduler_options
-from cubicfish_cli.cli.rendering_options import (
+from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say, tell
+from cubicfish_cli.cli.view_options import (
     EncodingOptions,
     MaskOptions,
     RenderingOptions,
+    SceneOptions,
     crop_option,
     encoding_options,
     mask_options,
     rendering_options,
+    say_what_is_unseen,
+    scene_options,
 )
-from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say, tell
-from cubicfish_cli.cli.view_options import SceneOptions, say_what_is_unseen, scene_options
 from cubicfish_cli.errors import CubicfishError, OutputError, PhotoError
 from cubicfish_cli.words.phrases import listed
 
 if TYPE_CHECKING:
     from cubicfish_cli.library.undistorting import UndistortedFiles
     from cubicfish_cli.undistortion.choose import ChosenView
-    from cubicfish_cli.undistortion.frames import Crop
+    from cubicfish_cli.undistortion.maps import Crop
 
 
 @record

@@ -15,16 +15,13 @@ import numpy as np
 
 from cubicfish_cli.diagnosis import (
     corner_count,
-    failed_lens,
     left_out,
     lens_faults,
-    marker_layout,
     mirrored,
-    misdrawn,
+    object_faults,
+    photo_lenses,
     repeats,
     rig,
-    tag_spacing,
-    unsteady,
     wrong_drawing,
 )
 from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence, PhotoEvidence
@@ -117,15 +114,15 @@ HYPOTHESES: tuple[Hypothesis[Any], ...] = (
     # Of photos, and of the grids and markers in them.
     Hypothesis(PhotoEvidence, (Code.REPEATS,), _TABLES, repeats.copies),
     Hypothesis(GridEvidence, _COUNT, _TABLES, corner_count.squares_of_grids),
-    Hypothesis(GridEvidence, _DRAWING, _TRIALS, misdrawn.misdrawn, _counted_rightly),
+    Hypothesis(GridEvidence, _DRAWING, _TRIALS, object_faults.misdrawn, _counted_rightly),
     Hypothesis(GridEvidence, _ANOTHER, _TRIALS, corner_count.another_target, _some_corners),
     Hypothesis(GridEvidence, _COUNT, _TRIALS, corner_count.miscounted, _only_notes),
     Hypothesis(GridEvidence, _NOTHING, _TRIALS, corner_count.nothing_named, _no_corners),
     Hypothesis(GridEvidence, _MIRRORED, _TABLES, mirrored.other_colours),
     Hypothesis(MarkerEvidence, (*_MIRRORED, Code.INVERTED), _TRIALS, mirrored.otherwise_printed),
-    Hypothesis(MarkerEvidence, _COUNT, _TRIALS, marker_layout.otherwise_laid_out, _only_notes),
+    Hypothesis(MarkerEvidence, _COUNT, _TRIALS, corner_count.otherwise_laid_out, _only_notes),
     Hypothesis(
-        MarkerEvidence, (Code.BOARD_SQUARE,), _TRIALS, tag_spacing.other_spacing, _only_notes
+        MarkerEvidence, (Code.BOARD_SQUARE,), _TRIALS, wrong_drawing.other_spacing, _only_notes
     ),
     Hypothesis(MarkerEvidence, (Code.NO_MARKERS,), _TRIALS, mirrored.no_markers, _no_corners),
     # Of a fit.
@@ -143,7 +140,7 @@ HYPOTHESES: tuple[Hypothesis[Any], ...] = (
         FitEvidence,
         _CHANGES,
         _TRIALS,
-        lambda e: unsteady.unsteady(e.fit),
+        lambda e: photo_lenses.unsteady(e.fit),
         lambda e, found: _not_bad(e, found) and _lacks([Code.SHEARED, *_LENSES], found),
         # Where all photos differ, those that do so most are not odd.
         instead_of=(Code.PHOTO_LENS,),
@@ -164,7 +161,7 @@ HYPOTHESES: tuple[Hypothesis[Any], ...] = (
         FailedFit, _MIRRORED, _TRIALS, lambda e: mirrored.mirrored_object(e.scaled[0]), _unexplained
     ),
     Hypothesis(
-        FailedFit, _LENS, _TRIALS, lambda e: failed_lens.failed_lens(e.scaled[0]), _unexplained
+        FailedFit, _LENS, _TRIALS, lambda e: lens_faults.failed_lens(e.scaled[0]), _unexplained
     ),
     # Of a fitted rig.
     Hypothesis(RigEvidence, (Code.SHOT_MISMATCHED,), _TABLES, rig.mismatched),

@@ -1,22 +1,65 @@
-"""Process pool over photos, with results in order whatever the number of processes."""
+"""Process pool over photos, with results in order whatever the number of processes.
+
+Worker processes, each behind its own pipe.
+
+They share no queue and no lock, unlike those of :mod:`concurrent.futures`: one that is killed,
+also while it sends an answer, leaves nothing behind that anybody waits for.
+"""
 
 from __future__ import annotations
 
 import multiprocessing
-import multiprocessing.context
 import os
 import signal
 import tempfile
+import threading
+import traceback
 from collections.abc import Callable, Iterator, Sequence
-from typing import Protocol, TypeVar
+from contextlib import contextmanager, suppress
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import BaseContext
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
 
+import cv2
 import numpy as np
 
-from cubicfish_cli.errors import ClusterError, CubicfishError
-from cubicfish_cli.executors.executor import Executor
-from cubicfish_cli.executors.processes import each_by_processes
+from cubicfish_cli.errors import ClusterError, CubicfishError, DetectionError
 from cubicfish_cli.photos import one_opencv_thread
 from cubicfish_cli.types import FloatArray
+
+Item = TypeVar("Item")
+Answer = TypeVar("Answer")
+
+
+class Executor(Protocol):
+    """Something that does the same work on many items, such as a cluster."""
+
+    def each(
+        self,
+        work: Callable[[Item], Answer],
+        items: Sequence[Item],
+        *,
+        writes_below: Path | None = None,
+    ) -> Iterator[tuple[int, Answer | CubicfishError]]:
+        """Do ``work`` on every item and yield (number of the item, answer) as they are done.
+
+        A :class:`CubicfishError` that ``work`` raises is an answer. An item may be worked on more
+        than once, where a machine is lost before it has answered: work that writes must be able
+        to replace what it wrote before.
+
+        Args:
+            work: a function of a module, or a partial one, that can be pickled. It is unpickled
+                once in each process, so what it keeps serves many items.
+            items: what can be pickled too; their paths are absolute.
+            writes_below: the folder that the work writes into; the executor must have the same.
+
+        Raises:
+            CubicfishError: the work cannot be done there at all.
+
+        """
+        ...
 
 
 class _Named(Protocol):
@@ -26,8 +69,7 @@ class _Named(Protocol):
         ...
 
 
-Item = TypeVar("Item", bound=_Named)
-Answer = TypeVar("Answer")
+Photo = TypeVar("Photo", bound=_Named)
 
 # Fewer photos than this are not worth starting other processes for.
 _ITEMS_FOR_POOL = 4
@@ -53,8 +95,8 @@ def workers_for(jobs: int | None, items: int) -> int:
 
 
 def map_photos(
-    work: Callable[[Item], Answer],
-    items: Sequence[Item],
+    work: Callable[[Photo], Answer],
+    items: Sequence[Photo],
     workers: int,
     executor: Executor | None = None,
 ) -> Iterator[Answer]:
@@ -84,8 +126,8 @@ def map_photos(
 
 
 def photos_done(
-    work: Callable[[Item], Answer],
-    items: Sequence[Item],
+    work: Callable[[Photo], Answer],
+    items: Sequence[Photo],
     *,
     jobs: int | None,
     progress: Callable[[int, int], None] | None,
@@ -110,7 +152,7 @@ def photos_done(
 
 
 def _by_machines(
-    work: Callable[[Item], Answer], items: Sequence[Item], executor: Executor
+    work: Callable[[Photo], Answer], items: Sequence[Photo], executor: Executor
 ) -> Iterator[Answer]:
     def good() -> Iterator[tuple[int, Answer]]:
         for number, answer in executor.each(work, items):
@@ -133,7 +175,7 @@ def _in_order(answers: Iterator[tuple[int, Answer]]) -> Iterator[Answer]:
             wanted += 1
 
 
-def _context() -> multiprocessing.context.BaseContext:
+def _context() -> BaseContext:
     """How worker processes are made.
 
     A forked copy of a process whose OpenCV has threads may hang. Copies of a server that has the
@@ -166,3 +208,136 @@ def _too_long_for_a_server() -> bool:
     """Whether a server's socket has no place: it stands where temporary files do."""
     socket = os.path.join(tempfile.gettempdir(), "pymp-12345678", "listener-12345678")
     return len(os.fsencode(socket)) > _SOCKET_BYTES
+
+
+# Signals that ask for the end of a run, where there are such.
+_REQUESTS = [
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+]
+
+
+def each_by_processes(
+    work: Callable[[Item], Answer], items: Sequence[Item], workers: int, context: BaseContext
+) -> Iterator[tuple[int, Answer]]:
+    """Yield (number of the item, ``work`` of it) of every item, as they are done.
+
+    Leaving early waits for what is being worked on.
+
+    Args:
+        work: picklable.
+        items: picklable.
+        workers: how many processes to use.
+        context: how they are made.
+
+    Raises:
+        DetectionError: a process was ended from outside.
+        Exception: what ``work`` raises.
+
+    """
+    processes: list[BaseProcess] = []
+    pipes: list[Connection] = []
+    doing: dict[Connection, int] = {}
+    numbers = iter(range(len(items)))
+
+    def go_on(pipe: Connection) -> None:
+        number = next(numbers, None)
+        if number is not None:
+            pipe.send(items[number])
+            doing[pipe] = number
+
+    try:
+        for _ in range(workers):
+            with _told():
+                with _requests_held_back():
+                    pipes.append(_start(work, context, processes))
+                go_on(pipes[-1])
+        while doing:
+            for pipe in wait(list(doing)):
+                assert isinstance(pipe, Connection)
+                with _told():
+                    problem, answer = pipe.recv()
+                    number = doing.pop(pipe)
+                    go_on(pipe)
+                if problem is not None:
+                    raise problem
+                yield number, answer
+    finally:
+        for pipe in pipes:
+            pipe.close()  # says that there is no more to do
+        for process in processes:
+            process.join()
+
+
+def _start(
+    work: Callable[[Any], Any], context: BaseContext, processes: list[BaseProcess]
+) -> Connection:
+    here, there = context.Pipe()
+    process = context.Process(target=_serve, args=(there, work), daemon=True)  # type: ignore[attr-defined]
+    process.start()
+    processes.append(process)
+    there.close()  # the process has its own: when it ends, this end knows
+    return here
+
+
+@contextmanager
+def _requests_held_back() -> Iterator[None]:
+    """Block signals while the forkserver starts a worker: cut off, it complains at length."""
+    came: list[int] = []
+    before: dict[int, Any] = {}
+    # Only the main thread may set handlers, and only there they are called.
+    ours = threading.current_thread() is threading.main_thread()
+    try:
+        for number in _REQUESTS if ours else ():
+            if callable(signal.getsignal(number)):
+                before[number] = signal.getsignal(number)
+                signal.signal(number, lambda one, frame: came.append(one))
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if came:
+            signal.raise_signal(came[0])
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    """Say what it means that there is nobody at the other end."""
+    try:
+        yield
+    except (EOFError, OSError) as error:
+        raise DetectionError(
+            "a process that looked for corners was ended from outside, as happens when memory "
+            "runs out: try again with --jobs 1"
+        ) from error
+
+
+def _serve(pipe: Connection, work: Callable[[Any], Any]) -> None:
+    """Run in a process of its own: work on what comes until no more does."""
+    # The parent alone answers Ctrl-C, and the workers together use one thread a processor.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    cv2.setNumThreads(1)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    with suppress(EOFError, OSError):  # the parent has no more to do
+        while True:
+            item = pipe.recv()
+            answer = _answer(work, item)
+            try:
+                pipe.send(answer)
+            except (TypeError, AttributeError, ValueError) as error:  # it cannot be pickled
+                pipe.send((RuntimeError(f"{type(error).__name__}: {error}"), None))
+
+
+def _answer(work: Callable[[Any], Any], item: Any) -> tuple[Exception | None, Any]:
+    try:
+        return None, work(item)
+    except Exception as problem:
+        problem.add_note(traceback.format_exc())  # of this process: --debug shows it
+        return problem, None
+
+
+def _end_with_parent() -> None:
+    """A parent that is killed cannot tell its workers to end: they would do what they do."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

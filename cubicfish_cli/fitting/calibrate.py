@@ -72,7 +72,7 @@ from cubicfish_cli.lenses.pupil import from_pupil
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.symmetry import Symmetry, renamed
+from cubicfish_cli.placement import Symmetry, renamed
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Code

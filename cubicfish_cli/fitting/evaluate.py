@@ -16,7 +16,7 @@ from cubicfish_cli.fitting.statistics import ErrorStatistics, error_statistics, 
 from cubicfish_cli.fitting.subset import middle, select, with_mean_weight_one
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.symmetry import best_named
+from cubicfish_cli.placement import best_named
 from cubicfish_cli.types import FloatArray
 
 

@@ -26,7 +26,7 @@ from cubicfish_cli.fitting.refinement import FIRST_SPREAD, Drawing, ObjectFit, f
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.symmetry import Symmetry, chosen, symmetries
+from cubicfish_cli.placement import Symmetry, chosen, symmetries
 from cubicfish_cli.types import FloatArray, IntArray
 
 # What corners may be off by, in FIRST_SPREAD: the likeliest is taken.

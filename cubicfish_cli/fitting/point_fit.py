@@ -27,8 +27,8 @@ from cubicfish_cli.fitting.statistics import (
     rms_px,
 )
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
+from cubicfish_cli.lenses.cubic import PointCamera
 from cubicfish_cli.lenses.lift import lift
-from cubicfish_cli.lenses.point_cubic import PointCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.finding import Finding

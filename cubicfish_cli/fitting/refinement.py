@@ -21,7 +21,7 @@ from cubicfish_cli.fitting.radial_reference import RadialReference, refit_radial
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.symmetry import Symmetry
+from cubicfish_cli.placement import Symmetry
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray
 

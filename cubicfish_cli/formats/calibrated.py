@@ -19,12 +19,11 @@ import numpy.typing as npt
 
 from cubicfish_cli import __version__
 from cubicfish_cli.assess.camera_facts import CameraFacts, camera_facts
-from cubicfish_cli.assess.field_uncertainty import sigma_at
+from cubicfish_cli.assess.records import sigma_at
 from cubicfish_cli.assess.verdict import Verdict, verdict
 from cubicfish_cli.errors import CameraFileError, CorrespondenceError
 from cubicfish_cli.files import write_text
-from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.lenses.point_cubic import PointCamera
+from cubicfish_cli.lenses.cubic import CubicCamera, PointCamera
 from cubicfish_cli.plain_yaml import plain_yaml_text
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import quoted

@@ -19,8 +19,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.camera_format import CameraFormat, LensRig
-from cubicfish_cli.formats.fields import (
+from cubicfish_cli.formats.camera_format import (
+    CameraFormat,
+    LensRig,
     focal,
     json_text,
     numbers,
@@ -28,13 +29,12 @@ from cubicfish_cli.formats.fields import (
     read_bounded_bytes,
     size,
 )
-from cubicfish_cli.lenses.division import DivisionLens
-from cubicfish_cli.lenses.enhanced_unified import EnhancedUnifiedLens
-from cubicfish_cli.lenses.field_of_view import FieldOfViewLens
+from cubicfish_cli.lenses.field_of_view import DivisionLens, FieldOfViewLens
 from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.lenses.pinhole import PinholeLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.thin_prism import RadTanThinPrismLens, ThinPrismLens
+from cubicfish_cli.lenses.unified import EnhancedUnifiedLens
 from cubicfish_cli.wording import did_you_mean, quoted
 
 HALF = 0.5

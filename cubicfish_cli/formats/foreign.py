@@ -9,8 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.camera_format import CameraFormat, LensRig, Poses
-from cubicfish_cli.formats.fields import read_bounded, read_bounded_bytes
+from cubicfish_cli.formats.camera_format import (
+    CameraFormat,
+    LensRig,
+    Poses,
+    read_bounded,
+    read_bounded_bytes,
+)
 from cubicfish_cli.formats.registry import ENTRIES, READABLE
 from cubicfish_cli.lenses.lens import Lens
 

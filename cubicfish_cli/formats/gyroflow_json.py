@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cubicfish_cli.formats.camera_format import CameraFormat
-from cubicfish_cli.formats.fields import json_text
+from cubicfish_cli.formats.camera_format import CameraFormat, json_text
 from cubicfish_cli.lenses.radial import RadialCamera
 
 

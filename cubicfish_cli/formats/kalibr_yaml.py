@@ -14,15 +14,20 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.camera_format import CameraFormat, LensRig, matrix_rows
-from cubicfish_cli.formats.fields import focal, mapping, numbers, size
-from cubicfish_cli.lenses.double_sphere import DoubleSphereLens
-from cubicfish_cli.lenses.enhanced_unified import EnhancedUnifiedLens
+from cubicfish_cli.formats.camera_format import (
+    CameraFormat,
+    LensRig,
+    focal,
+    mapping,
+    matrix_rows,
+    numbers,
+    size,
+)
 from cubicfish_cli.lenses.field_of_view import FieldOfViewLens
 from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.lenses.pinhole import PinholeLens
 from cubicfish_cli.lenses.radial import RadialCamera
-from cubicfish_cli.lenses.unified import UnifiedLens
+from cubicfish_cli.lenses.unified import DoubleSphereLens, EnhancedUnifiedLens, UnifiedLens
 from cubicfish_cli.plain_yaml import load_plain_yaml
 from cubicfish_cli.wording import quoted
 

@@ -23,8 +23,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.camera_format import CameraFormat, LensRig
-from cubicfish_cli.formats.fields import numbers, read_bounded, size
+from cubicfish_cli.formats.camera_format import CameraFormat, LensRig, numbers, read_bounded, size
 from cubicfish_cli.lenses.mrcal_splined import SplinedLens
 from cubicfish_cli.lenses.pinhole import PinholeLens
 from cubicfish_cli.types import FloatArray

@@ -15,8 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.camera_format import CameraFormat, LensRig, Poses
-from cubicfish_cli.formats.fields import (
+from cubicfish_cli.formats.camera_format import (
+    CameraFormat,
+    LensRig,
+    Poses,
     focal,
     json_text,
     mapping,

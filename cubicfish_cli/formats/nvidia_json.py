@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.formats.camera_format import CameraFormat, LensRig
-from cubicfish_cli.formats.fields import json_text
+from cubicfish_cli.formats.camera_format import CameraFormat, LensRig, json_text
 from cubicfish_cli.lenses.ftheta import FThetaLens
 from cubicfish_cli.types import FloatArray
 

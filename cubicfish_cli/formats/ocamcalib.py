@@ -21,8 +21,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.camera_format import CameraFormat
-from cubicfish_cli.formats.fields import read_bounded, size
+from cubicfish_cli.formats.camera_format import CameraFormat, read_bounded, size
 from cubicfish_cli.lenses.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import quoted

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.camera_format import CameraFormat
-from cubicfish_cli.formats.fields import parse_plain_json, read_bounded
+from cubicfish_cli.formats.camera_format import CameraFormat, parse_plain_json, read_bounded
 from cubicfish_cli.formats.ocamcalib import MAX_COEFFICIENTS, ocam_lens, scaled
 from cubicfish_cli.lenses.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.types import FloatArray

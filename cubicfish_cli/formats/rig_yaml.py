@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.errors import CameraFileError
+from cubicfish_cli.formats.camera_format import mapping, numbers, refuse_unknown, refuse_version
 from cubicfish_cli.formats.camera_yaml import CameraFile, load_camera
-from cubicfish_cli.formats.fields import mapping, numbers, refuse_unknown, refuse_version
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.plain_yaml import load_plain_yaml, plain_yaml_text
 from cubicfish_cli.types import FloatArray
@@ -64,6 +64,11 @@ class RigFileCamera:
     def camera(self) -> CubicCamera:
         """The camera itself."""
         return self.file.camera
+
+    @property
+    def position(self) -> FloatArray:
+        """(3,) where it stands in the rig."""
+        return np.asarray(-self.rotation.T @ self.translation)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -20,8 +20,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.camera_format import CameraFormat, LensRig
-from cubicfish_cli.formats.fields import focal, mapping, numbers, size
+from cubicfish_cli.formats.camera_format import CameraFormat, LensRig, focal, mapping, numbers, size
 from cubicfish_cli.lenses.pinhole import PinholeLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.plain_yaml import load_plain_yaml

@@ -15,8 +15,7 @@ import numpy.typing as npt
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.detection.refine import refine_corners
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.executors.executor import Executor
-from cubicfish_cli.executors.pool import photos_done, settled
+from cubicfish_cli.executors.pool import Executor, photos_done, settled
 from cubicfish_cli.fitting.calibrate import Calibration, calibrate
 from cubicfish_cli.fitting.robust import gross_px
 from cubicfish_cli.identification.identified import Detection, PhotoReport

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
-from cubicfish_cli.lenses.division import DivisionLens
-from cubicfish_cli.lenses.double_sphere import DoubleSphereLens
-from cubicfish_cli.lenses.enhanced_unified import EnhancedUnifiedLens
-from cubicfish_cli.lenses.field_of_view import FieldOfViewLens
+from cubicfish_cli.lenses.field_of_view import DivisionLens, FieldOfViewLens
 from cubicfish_cli.lenses.ftheta import FThetaLens
 from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.lenses.mrcal_splined import SplinedLens
@@ -15,7 +12,7 @@ from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.rational import RationalLens
 from cubicfish_cli.lenses.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.lenses.thin_prism import RadTanThinPrismLens, ThinPrismLens
-from cubicfish_cli.lenses.unified import UnifiedLens
+from cubicfish_cli.lenses.unified import DoubleSphereLens, EnhancedUnifiedLens, UnifiedLens
 
 LENSES: tuple[type[Lens], ...] = (
     RadialCamera,

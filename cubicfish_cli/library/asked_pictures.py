@@ -86,7 +86,7 @@ class ViewOptions:
     def parts(self) -> tuple[str, ...]:
         """Names of the pictures that a photo becomes; one without a name unless it is a cube."""
         if self.kind == "cube" and self.layout != "cross":
-            from cubicfish_cli.undistortion.cube import FACES
+            from cubicfish_cli.undistortion.projections import FACES
 
             return tuple(FACES)
         return ("",)

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from cubicfish_cli.advice.advise import summary
 from cubicfish_cli.assess.camera_facts import CameraFacts, camera_facts
-from cubicfish_cli.assess.field_uncertainty import uncertainty_at
+from cubicfish_cli.assess.records import uncertainty_at
 from cubicfish_cli.assess.verdict import Verdict, evaluation_verdict, verdict
 from cubicfish_cli.corner_files.observations_csv import save_corners
 from cubicfish_cli.errors import OutputError, UsageError
@@ -31,6 +31,8 @@ from cubicfish_cli.library.asked import (
     TargetSource,
     check_inputs,
     in_folder,
+    made_at,
+    made_by_record,
     paths_of,
 )
 from cubicfish_cli.library.calibration import calibrate
@@ -41,13 +43,12 @@ from cubicfish_cli.library.inputs import (
     refuse_other_sizes,
     with_frames,
 )
-from cubicfish_cli.library.provenance import made_at, made_by_record
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import MAX_PIXELS
 from cubicfish_cli.printing import extra
 from cubicfish_cli.target import Target, target_text
+from cubicfish_cli.undistortion.choose import default_view
 from cubicfish_cli.undistortion.maps import build_map, save_map
-from cubicfish_cli.undistortion.views import default_view
 from cubicfish_cli.words.codes import Event
 
 NAMES = {

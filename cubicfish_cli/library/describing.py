@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.assess.camera_facts import CameraFacts, camera_facts
-from cubicfish_cli.assess.rig_verdict import rig_verdict
-from cubicfish_cli.assess.verdict import Verdict
+from cubicfish_cli.assess.verdict import Verdict, rig_verdict
 from cubicfish_cli.files import refuse_existing
 from cubicfish_cli.fitting.comparison import ComparedCamera, Comparison, compare
 from cubicfish_cli.fitting.rig.compare import ComparedCamera as ComparedPlace
@@ -28,7 +27,7 @@ from cubicfish_cli.library.asked import (
 )
 from cubicfish_cli.library.rigs import compare_rigs, loaded_record
 from cubicfish_cli.rendering.difference_picture import difference_picture
-from cubicfish_cli.rendering.lens_file import is_lens_file, load_lens
+from cubicfish_cli.rendering.outside import is_lens_file, load_lens
 from cubicfish_cli.undistortion.images import check_suffix, write_picture
 
 _DRAWN_PIXELS = 150_000

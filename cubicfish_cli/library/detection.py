@@ -23,8 +23,7 @@ from cubicfish_cli.detection.markers import MarkedCorners
 from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence
 from cubicfish_cli.errors import DetectionError, OutputError, PhotoError
-from cubicfish_cli.executors.executor import Executor
-from cubicfish_cli.executors.pool import photos_done
+from cubicfish_cli.executors.pool import Executor, photos_done
 from cubicfish_cli.files import refuse_existing
 from cubicfish_cli.identification.identified import (
     Detection,
@@ -38,7 +37,7 @@ from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.identification.second_pass import second_pass
 from cubicfish_cli.library.asked import RUN, Run, StrPath, TargetSource, named_photos, paths_of
 from cubicfish_cli.listener import SILENT, Listener
-from cubicfish_cli.overlay.draw import draw_found
+from cubicfish_cli.overlay import draw_found
 from cubicfish_cli.photos import MAX_PIXELS, Photo, Picture, find_photos, read_grey
 from cubicfish_cli.target import Target
 from cubicfish_cli.undistortion.images import write_picture

@@ -37,17 +37,16 @@ from cubicfish_cli.formats.foreign import (
     rig_texts,
 )
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera, load_rig
-from cubicfish_cli.formats.usd_text import TableCamera, prim_name, usd_text
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, rig_in
 from cubicfish_cli.library.rig_pictures import rectify
-from cubicfish_cli.rendering.pose import rotation_matrix
+from cubicfish_cli.rendering.truth import rotation_matrix
+from cubicfish_cli.undistortion.choose import default_view
 from cubicfish_cli.undistortion.fit import sees
-from cubicfish_cli.undistortion.lens_tables import lens_tables
+from cubicfish_cli.undistortion.lens_tables import TableCamera, lens_tables, prim_name, usd_text
 from cubicfish_cli.undistortion.map_formats import require_exr, write_float_exr
 from cubicfish_cli.undistortion.maps import build_map, save_map
-from cubicfish_cli.undistortion.views import default_view
 from cubicfish_cli.wording import did_you_mean, quoted
 
 # Of formats of one tool, the one that follows decentred lenses best.

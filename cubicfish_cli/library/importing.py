@@ -24,8 +24,15 @@ from cubicfish_cli.formats.camera_yaml import CameraFile
 from cubicfish_cli.formats.foreign import own_field_deg, read_foreign
 from cubicfish_cli.formats.registry import READABLE
 from cubicfish_cli.lenses.lens import Lens
-from cubicfish_cli.library.asked import RUN, Run, StrPath, paths_of, target_in
-from cubicfish_cli.library.provenance import made_at, made_by_record
+from cubicfish_cli.library.asked import (
+    RUN,
+    Run,
+    StrPath,
+    made_at,
+    made_by_record,
+    paths_of,
+    target_in,
+)
 from cubicfish_cli.observations import MAX_SIDE, Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.wording import did_you_mean, quoted

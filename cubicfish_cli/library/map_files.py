@@ -17,16 +17,27 @@ from cubicfish_cli.formats.rig_yaml import RigFile, load_rig
 from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, path_or_none, rig_file_in
 from cubicfish_cli.library.asked_pictures import ViewOptions
 from cubicfish_cli.library.rig_pictures import rectify
-from cubicfish_cli.library.views import TrustedWithin, chosen_of
+from cubicfish_cli.library.views import chosen_of, trusted_within
 from cubicfish_cli.plain_yaml import plain_yaml_text
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField
 from cubicfish_cli.undistortion.fit import sees
-from cubicfish_cli.undistortion.frames import Crop, camera_for_photos, parse_crop
-from cubicfish_cli.undistortion.map_formats import build_redistort_map, ffmpeg_command, map_writer
-from cubicfish_cli.undistortion.maps import UndistortMap, build_map
-from cubicfish_cli.undistortion.stereo import ROW_ALIGNED
+from cubicfish_cli.undistortion.map_formats import (
+    Masked,
+    build_redistort_map,
+    ffmpeg_command,
+    map_writer,
+    part_name,
+    view_files,
+)
+from cubicfish_cli.undistortion.maps import (
+    Crop,
+    UndistortMap,
+    build_map,
+    camera_for_photos,
+    parse_crop,
+)
+from cubicfish_cli.undistortion.rigs import ROW_ALIGNED
 from cubicfish_cli.undistortion.view import CentralView, View
-from cubicfish_cli.undistortion.view_files import Masked, part_name, view_files
 from cubicfish_cli.wording import either
 
 SUFFIXES = (".npz", ".exr", ".png", ".pgm")
@@ -200,7 +211,7 @@ def map_files(
     there = camera_for_photos(loaded.camera, size, part)
     masked = None
     if mask_limit is not None:
-        masked = partial(TrustedWithin(mask_limit, loaded, path, part).mask, size=size)
+        masked = partial(trusted_within(mask_limit, loaded, path, part), size)
     chosen = chosen_of(view, there)
     build = build_redistort_map if redistort else build_map
     maps = {name: build(there, one) for name, one in chosen.views.items()}

@@ -9,8 +9,7 @@ from typing import Any
 
 from cubicfish_cli.advice.advise import Advice, advise
 from cubicfish_cli.advice.picture import advice_svg
-from cubicfish_cli.assess.rig_verdict import rig_verdict
-from cubicfish_cli.assess.verdict import Verdict
+from cubicfish_cli.assess.verdict import Verdict, rig_verdict
 from cubicfish_cli.errors import CubicfishError, OutputError, UsageError
 from cubicfish_cli.files import Content, refuse_existing, write_files, write_text
 from cubicfish_cli.formats.rig_yaml import load_rig
@@ -18,7 +17,7 @@ from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, path_or_none, rig_in
 from cubicfish_cli.library.rigs import loaded_record
 from cubicfish_cli.printing import extra
-from cubicfish_cli.rendering.pose import pose_table_text
+from cubicfish_cli.rendering.truth import pose_table_text
 from cubicfish_cli.report.from_files import facts_of_files
 
 PAGE = "report.html"

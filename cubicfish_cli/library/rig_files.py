@@ -9,8 +9,7 @@ from glob import has_magic
 from pathlib import Path
 from typing import Any
 
-from cubicfish_cli.assess.rig_verdict import rig_verdict
-from cubicfish_cli.assess.verdict import Verdict
+from cubicfish_cli.assess.verdict import Verdict, rig_verdict
 from cubicfish_cli.errors import CorrespondenceError, UsageError
 from cubicfish_cli.files import fingerprint, refuse_existing
 from cubicfish_cli.films import MOST
@@ -20,9 +19,17 @@ from cubicfish_cli.fitting.rig.calibrate import RigCalibration
 from cubicfish_cli.fitting.rig.evaluate import RigEvaluation
 from cubicfish_cli.formats.camera_yaml import CameraFile, load_camera
 from cubicfish_cli.formats.rig_yaml import load_rig
-from cubicfish_cli.library.asked import RUN, Run, StrPath, TargetSource, in_folder, paths_of
+from cubicfish_cli.library.asked import (
+    RUN,
+    Run,
+    StrPath,
+    TargetSource,
+    in_folder,
+    made_at,
+    made_by_record,
+    paths_of,
+)
 from cubicfish_cli.library.inputs import Inputs, films_among, load_inputs
-from cubicfish_cli.library.provenance import made_at, made_by_record
 from cubicfish_cli.library.report_files import PAGE, write_rig_page
 from cubicfish_cli.library.rig_films import RigFrames, rig_frames
 from cubicfish_cli.library.rigs import (

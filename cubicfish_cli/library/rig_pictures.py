@@ -15,12 +15,17 @@ from cubicfish_cli.formats.nerfstudio_json import nerfstudio_rig_text
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
 from cubicfish_cli.lenses.pinhole import PinholeLens
 from cubicfish_cli.photos import Picture
-from cubicfish_cli.rendering.pose import rotation_matrix
+from cubicfish_cli.rendering.truth import rotation_matrix
 from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.maps import UndistortMap, build_map
-from cubicfish_cli.undistortion.mosaic import Body, BodyCamera, mosaic_of
 from cubicfish_cli.undistortion.projections import PerspectiveView
-from cubicfish_cli.undistortion.stereo import RectifiedPair, rectified_pair
+from cubicfish_cli.undistortion.rigs import (
+    Body,
+    BodyCamera,
+    RectifiedPair,
+    mosaic_of,
+    rectified_pair,
+)
 from cubicfish_cli.undistortion.view import View
 from cubicfish_cli.wording import did_you_mean, quoted
 

@@ -24,24 +24,29 @@ from cubicfish_cli.library.asked import (
     rig_file_in,
 )
 from cubicfish_cli.library.asked_pictures import GroundOptions, PlaneOptions, ViewOptions
-from cubicfish_cli.library.pictures import Interpolation, rendering_of
 from cubicfish_cli.library.rig_pictures import Face, body_of_rig, faces_of, faces_texts
-from cubicfish_cli.library.undistorting import UndistortedFiles, is_folder, refuse_itself
+from cubicfish_cli.library.undistorting import (
+    Interpolation,
+    UndistortedFiles,
+    is_folder,
+    refuse_itself,
+    rendering_of,
+)
 from cubicfish_cli.library.views import board_with_plane, chosen_of
 from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.photos import decode_picture, natural_key, photo_size, read_file, shown
 from cubicfish_cli.target import Target
 from cubicfish_cli.undistortion.choose import ChosenView
-from cubicfish_cli.undistortion.frames import camera_for_photos
 from cubicfish_cli.undistortion.images import (
     Rendering,
     check_outputs,
     encode_picture,
     remap_picture,
 )
-from cubicfish_cli.undistortion.mosaic import Body, Ground, mosaic_of
+from cubicfish_cli.undistortion.map_formats import mask_picture, view_files
+from cubicfish_cli.undistortion.maps import camera_for_photos
+from cubicfish_cli.undistortion.rigs import Body, Ground, mosaic_of
 from cubicfish_cli.undistortion.view import View, matrix_of_rotation
-from cubicfish_cli.undistortion.view_files import mask_picture, view_files
 from cubicfish_cli.wording import did_you_mean, quoted
 from cubicfish_cli.words.phrases import plural
 

@@ -24,15 +24,16 @@ from cubicfish_cli.library.asked import RUN, Run, StrPath, target_in
 from cubicfish_cli.library.asked_pictures import LOOKS, FilmOptions, LookOptions
 from cubicfish_cli.listener import Count
 from cubicfish_cli.observations import MAX_SIDE
-from cubicfish_cli.rendering.lens_file import is_lens_file, lens_text, load_lens
 from cubicfish_cli.rendering.near import NearLens
 from cubicfish_cli.rendering.outside import (
     OUTSIDE_LENSES,
     OutsideLens,
     RaysAtDistance,
+    is_lens_file,
+    lens_text,
+    load_lens,
     outside_lens,
 )
-from cubicfish_cli.rendering.pose import Pose, load_poses, pose_table_text
 from cubicfish_cli.rendering.simulate import (
     FORMATS,
     Look,
@@ -40,7 +41,12 @@ from cubicfish_cli.rendering.simulate import (
     photo_bytes,
     simulated_photos,
 )
-from cubicfish_cli.rendering.truth import true_corners_text
+from cubicfish_cli.rendering.truth import (
+    Pose,
+    load_poses,
+    pose_table_text,
+    true_corners_text,
+)
 from cubicfish_cli.rendering.views import WholeLens
 from cubicfish_cli.target import Target
 from cubicfish_cli.wording import did_you_mean, quoted

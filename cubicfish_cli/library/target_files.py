@@ -1,27 +1,32 @@
-"""Boards on paper: the pages of a target that is there, or of one that is made for a paper size."""
+"""Boards on paper: the pages of a target that is there, or of one that is made for a paper size.
+
+What a target is worth for someone who is about to take photos: facts, and words.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from cubicfish_cli import __version__
-from cubicfish_cli.errors import CubicfishError, UsageError
-from cubicfish_cli.files import Content, refuse_existing, write_files
-from cubicfish_cli.library.asked import RUN, Run, StrPath
-from cubicfish_cli.library.provenance import made_at
-from cubicfish_cli.library.target_check import check_target
+from cubicfish_cli.boards.board import Board
+from cubicfish_cli.diagnosis.object_check import ObjectFacts, Turn, check_object
+from cubicfish_cli.errors import CubicfishError, OutputError, UsageError
+from cubicfish_cli.files import Content, refuse_existing, write_files, write_text
+from cubicfish_cli.library.asked import RUN, Run, StrPath, made_at, path_or_none
 from cubicfish_cli.printing import extra
 from cubicfish_cli.printing.layout import Page, lay_out
 from cubicfish_cli.printing.objects import Wanted, design
-from cubicfish_cli.printing.paper import Paper, length_mm
-from cubicfish_cli.printing.paper import paper as paper_of
-from cubicfish_cli.printing.sheet import Sheet, sheets_of
-from cubicfish_cli.target import load_target, target_text
+from cubicfish_cli.printing.sheet import Paper, Sheet, length_mm, sheets_of
+from cubicfish_cli.printing.sheet import paper as paper_of
+from cubicfish_cli.rendering.object_drawing import object_svg
+from cubicfish_cli.target import Target, load_target, target_text
+from cubicfish_cli.units import MILLIMETRES
+from cubicfish_cli.wording import either
 from cubicfish_cli.words.codes import Event
 
 NAMES = {"boards": "boards.pdf", "assembly": "assembly.pdf", "target": "target.yaml"}
@@ -155,3 +160,314 @@ def _page_record(page: Page) -> dict[str, Any]:
         "tile": tile and {key: getattr(tile, key) for key in ("row", "column", "rows", "columns")},
         "corner_0_0_mm": list(page.shift),
     }
+
+
+_FULL_RANK = 20
+# More examples than this are not read.
+_MOST = 4
+# Squares that differ by more than this are in different units; single ones are within these.
+_ONE_UNIT = 50.0
+_FINEST_MM, _LARGEST_MM = 0.2, 2000.0
+
+
+_FACTS = ("corners", "planes", "rank", "flat", "named_by", "ambiguous")
+_TURNS = ("symmetries", "near_symmetries", "look_alikes")
+_PAIRS = ("boards_needed", "boards_at_once", "never_together", "turned_away", "crossing")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TargetCheck:
+    """A target, what was found of it, and what that means.
+
+    Attributes:
+        target: the target.
+        facts: what was found.
+        advice: (what it is about, text) for each thing that is worth saying, in order.
+        drawing: the file of a drawing; None where there is none.
+
+    """
+
+    target: Target
+    facts: ObjectFacts
+    advice: list[tuple[str, str]]
+    drawing: Path | None = None
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        turns = {name: getattr(self.facts, name) for name in _TURNS}
+        return {
+            "units": self.target.units,
+            "boards": [_board_record(board) for board in self.target.boards],
+            **{name: getattr(self.facts, name) for name in _FACTS},
+            **{name: own and list(map(_turn_record, own)) for name, own in turns.items()},
+            **{name: getattr(self.facts, name) for name in _PAIRS},
+            "advice": [{"about": label, "text": text} for label, text in self.advice],
+            **({} if self.drawing is None else {"drawing": self.drawing}),
+        }
+
+
+def check_target(target: Target) -> TargetCheck:
+    """Look at a target from all sides: which boards and photos may be mistaken for others.
+
+    Args:
+        target: the target, as it is printed.
+
+    """
+    facts = check_object(target)
+    return TargetCheck(target=target, facts=facts, advice=_advice(target, facts))
+
+
+def check_target_files(
+    target: StrPath, drawing: StrPath | None = None, *, run: Run = RUN
+) -> TargetCheck:
+    """Look at the target in a file, and draw it, as ``cubicfish target check`` does.
+
+    Args:
+        target: its file.
+        drawing: where an SVG of it goes; None for none.
+        run: how the work is done.
+
+    Raises:
+        TargetError: the file is no usable target.
+        OutputError: the drawing exists and may not be replaced, or has another suffix.
+
+    """
+    path = path_or_none(drawing)
+    if path is not None:
+        if path.suffix.lower() != ".svg":
+            raise OutputError(f"{path}: drawings are SVG: end the name in .svg")
+        refuse_existing(path, overwrite=run.overwrite)
+    loaded = load_target(Path(target)).as_printed()
+    run.listener.progress("Looking at the target from all sides")
+    checked = check_target(loaded)
+    if path is not None:
+        write_text(path, object_svg(loaded), overwrite=run.overwrite)
+    return replace(checked, drawing=path)
+
+
+def print_size(board: Board) -> list[float]:
+    """Width and height of the print; of a list of points its extent along x, y and z."""
+    if board.points is not None:
+        extent = board.points.max(axis=0) - board.points.min(axis=0)
+        return [round(float(side), 6) for side in extent]
+    rim = 2 * board.rim
+    end = board.plane_points(board.columns - 1, board.rows - 1) + rim
+    return [round(float(side), 6) for side in end]
+
+
+def _board_record(board: Board) -> dict[str, Any]:
+    record: dict[str, Any] = {
+        "name": board.name,
+        "type": board.kind,
+        "columns": board.columns,
+        "rows": board.rows,
+        "print": print_size(board),
+    }
+    if board.points is not None:
+        return record
+    markers = board.markers
+    return {
+        **record,
+        "square": board.square,
+        "origin": board.origin,
+        "x_axis": board.x_axis,
+        "y_axis": board.y_axis,
+        "faces": -board.axes[2] + 0.0,
+        "markers": None
+        if markers is None
+        else {"dictionary": markers.dictionary, "first": markers.first, "count": markers.count},
+    }
+
+
+def _turn_record(turn: Turn) -> dict[str, Any]:
+    return {
+        "angle_deg": turn.angle_deg,
+        "axis": turn.axis,
+        "point": turn.point,
+        "onto": dict(zip(turn.boards, turn.onto, strict=True)),
+        "error_squares": turn.error,
+    }
+
+
+def _advice(target: Target, facts: ObjectFacts) -> list[tuple[str, str]]:
+    """(what it is about, text) for each thing that is worth saying, in order."""
+    return [
+        ("Photos", _photos(target, facts)),
+        *(("Names", text) for text in _names(target, facts)),
+        *(("Places", text) for text in _places(facts)),
+        *(("Sizes", text) for text in _sizes(target)),
+        ("Point lift", _point_lift(facts)),
+    ]
+
+
+def _point_lift(facts: ObjectFacts) -> str:
+    says = (
+        "Only 'calibrate --lift point' asks for this; the default, --lift ray, does not. Over the "
+        f"corners its cubics have rank {facts.rank} of {_FULL_RANK}: "
+    )
+    left = _FULL_RANK - facts.rank
+    if left == 0:
+        return says + "enough to determine its P in the volume that the boards fill."
+    cubics = "one cubic vanishes" if left == 1 else f"{left} cubics vanish"
+    return f"{says}{cubics} at every corner, so its camera would say nothing off the boards."
+
+
+def _photos(target: Target, facts: ObjectFacts) -> str:
+    points = any(board.points is not None for board in target.boards)
+    if facts.flat or (facts.boards_at_once < 2 and not points):
+        why = "The target is flat" if facts.flat else "No photo shows two of the boards at once"
+        return (
+            f"{why}, and one photo of a flat board cannot determine a lens: take five or more, "
+            "tilted to all sides and filling the picture to the rim."
+        )
+    return (
+        "One photo can be enough, if it shows boards at an angle and fills the picture to the "
+        "rim. Three or more also give the held-out error."
+    )
+
+
+def _is_oblong(board: Board) -> bool:
+    return board.has_squares and board.columns != board.rows
+
+
+def _names(target: Target, facts: ObjectFacts) -> Iterator[str]:
+    if facts.named_by == "table":
+        yield (
+            "Lists of points are not looked for in photos: calibrate from a corners.csv that says "
+            "where they are."
+        )
+        return
+    if facts.named_by == "markers":
+        yield "The markers' ids name the corners: nothing can be mixed up."
+        if facts.plain:
+            yield (
+                f"{_list(facts.plain)}, without markers, "
+                f"{'is' if len(facts.plain) == 1 else 'are'} found where a board with markers is "
+                "in the same photo."
+            )
+        return
+    alone = len(facts.plain) == 1
+    for turn in facts.symmetries[:_MOST]:
+        yield f"{_turned(turn, alone=alone)} {'it' if alone else 'the target'} looks the same."
+    if len(facts.symmetries) > _MOST:
+        yield f"So it does after {len(facts.symmetries) - _MOST} more turns."
+    if facts.symmetries:
+        yield (
+            "Its corners may be named in either way, which is harmless for the lens. The way that "
+            "is most upright in the photo is taken: "
+            + (
+                "its longer side runs to the right or down."
+                if alone and any(_is_oblong(board) for board in target.boards)
+                else "columns to the right, rows down."
+            )
+        )
+    elif alone:
+        yield (
+            f"The colours of its squares tell which way round {facts.plain[0]} is: nothing can be "
+            "mixed up when it is seen whole."
+        )
+    for turn in facts.near_symmetries[:_MOST]:
+        yield (
+            f"{_turned(turn, alone=alone)} the target looks nearly the same: boards are "
+            f"{turn.error:.2g} squares apart then. Photos may not tell such places apart, and are "
+            "left out if they do not. If the difference is none, make it none in the file; or "
+            "move a board by half a square or more."
+        )
+    if not alone:
+        yield from _telling_apart(facts)
+
+
+def _telling_apart(facts: ObjectFacts) -> Iterator[str]:
+    if facts.look_alikes is None or facts.boards_needed is None:
+        yield "There are too many boards without markers to see which look alike in photos."
+        return
+    but = "Up to such turns, " if facts.symmetries else "In photos "
+    if facts.boards_needed == 1:
+        yield but + "each board, seen whole, is told from the others by its size and colours."
+        return
+    total, needed = len(facts.plain), facts.boards_needed
+    how = "by their sizes and by how they lie to each other"
+    if needed > facts.boards_at_once:
+        yield (
+            "Groups of boards look like other groups, and no photo shows enough boards to be "
+            "sure: give the boards different sizes, or markers."
+        )
+    elif needed == total:
+        boards = "both" if total == 2 else f"all {total}"
+        yield but + f"only a photo of {boards} boards is sure to tell which is which, {how}."
+    else:
+        yield but + f"any {needed} boards that are seen together can be told apart, {how}."
+    alone = [turn for turn in facts.look_alikes if len(turn.boards) == 1]
+    groups = [turn for turn in facts.look_alikes if len(turn.boards) > 1]
+    alike = [f"{_list(turn.boards)} could be {_list(turn.onto)}" for turn in groups[:_MOST]]
+    if len(groups) > _MOST:
+        alike.append(f"{len(groups) - _MOST} more groups likewise")
+    if len(alone) == 1:
+        alike.append(_alone(alone[0]))
+    elif alone:
+        names = either([turn.boards[0] for turn in alone])
+        alike.append(f"{names} could be another board, or itself the other way round")
+    yield (
+        f"Seen without the rest, {'; '.join(alike)}. Such photos are left out, and nothing is "
+        "guessed."
+    )
+    if needed > 2 or needed == total:
+        yield "With a board of another size, or one moved by a square in its plane, fewer would do."
+
+
+def _alone(turn: Turn) -> str:
+    if turn.boards == turn.onto:
+        return f"{turn.boards[0]} could be itself turned by {turn.angle_deg:.0f}°"
+    return f"{turn.boards[0]} could be {turn.onto[0]}"
+
+
+def _places(facts: ObjectFacts) -> Iterator[str]:
+    for one, other in facts.crossing[:_MOST]:
+        yield f"The prints of {one} and {other} reach into each other: check origin and axes."
+    for board, other in facts.turned_away[:_MOST]:
+        yield (
+            f"{board} shows its back to {other}, which faces it: is x_axis or y_axis of one of "
+            "them reversed? Seen on the printed face, x is to the right and y down."
+        )
+    pairs = [f"{one} and {other}" for one, other in facts.never_together]
+    if pairs:
+        more = f" (and {len(pairs) - _MOST} more pairs)" if len(pairs) > _MOST else ""
+        yield f"Back to back, so never in one photo: {_list(pairs[:_MOST], '; ')}{more}."
+
+
+def _sizes(target: Target) -> Iterator[str]:
+    """Lengths that look like those of another unit."""
+    printed = sorted(
+        (board for board in target.boards if board.points is None), key=lambda b: b.square
+    )
+    if not printed:
+        return
+    small, large = printed[0], printed[-1]
+    if large.square > _ONE_UNIT * small.square:
+        yield (
+            f"The squares of {large.name}, {large.square:g}, are {large.square / small.square:.0f} "
+            f"times those of {small.name}, {small.square:g}: are all lengths in the same unit?"
+        )
+        return
+    factor = MILLIMETRES.get(target.units.lower())
+    if factor is not None and not _FINEST_MM <= factor * large.square <= _LARGEST_MM:
+        yield (
+            f"A square of {large.square:g} {target.units} is very "
+            f"{'small' if factor * large.square < _FINEST_MM else 'large'}: is units right? A lens "
+            "does not depend on it, but all lengths that you measure will."
+        )
+
+
+def _turned(turn: Turn, *, alone: bool) -> str:
+    if alone:
+        return f"Turned by {turn.angle_deg:.0f}° about the middle of {turn.boards[0]}"
+    axis, point = (
+        "(" + ", ".join(f"{round(float(value), 2) + 0.0:g}" for value in vector) + ")"
+        for vector in (turn.axis, turn.point)
+    )
+    moved = [f"{a} → {b}" for a, b in zip(turn.boards, turn.onto, strict=True)]
+    return f"Turned by {turn.angle_deg:.0f}° about the axis {axis} through {point} ({_list(moved)})"
+
+
+def _list(words: Sequence[str], comma: str = ", ") -> str:
+    return comma.join(words)

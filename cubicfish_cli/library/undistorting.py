@@ -1,13 +1,19 @@
-"""Photos and videos in files -> undistorted files, with what failed and why."""
+"""Photos and videos in files -> undistorted files, with what failed and why.
+
+A picture and a camera -> the undistorted picture.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
 
 from cubicfish_cli.errors import CubicfishError, OutputError, UsageError, ViewError
 from cubicfish_cli.files import Content, refuse_existing, write_files
@@ -24,28 +30,113 @@ from cubicfish_cli.library.asked import (
     paths_of,
 )
 from cubicfish_cli.library.asked_pictures import PlaneOptions, ViewOptions
-from cubicfish_cli.library.pictures import Interpolation, rendering_of
 from cubicfish_cli.library.views import (
     PlanesOfPhotos,
     Size,
-    TrustedWithin,
     Views,
     ViewsBySize,
     chosen_of,
+    trusted_within,
 )
 from cubicfish_cli.listener import Listener
 from cubicfish_cli.photos import SUFFIXES, expanded, photo_size, shown
 from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
-from cubicfish_cli.undistortion.batch import FailedPhoto, PhotoJob, undistort_photos
-from cubicfish_cli.undistortion.choose import ChosenView, SeenField
-from cubicfish_cli.undistortion.frames import Crop, parse_crop
-from cubicfish_cli.undistortion.images import Rendering, check_suffix
+from cubicfish_cli.undistortion.batch import PhotoJob, undistort_photos
+from cubicfish_cli.undistortion.choose import ChosenView, SeenField, default_view
+from cubicfish_cli.undistortion.images import INTERPOLATIONS, Rendering, check_suffix, remap_picture
+from cubicfish_cli.undistortion.map_formats import part_name, view_files
+from cubicfish_cli.undistortion.maps import (
+    Crop,
+    UndistortMap,
+    build_map,
+    camera_for_photos,
+    parse_crop,
+)
 from cubicfish_cli.undistortion.video import DEFAULT_CRF, Encoding, undistort_video, video_size
-from cubicfish_cli.undistortion.view import View
-from cubicfish_cli.undistortion.view_files import part_name, view_files
+from cubicfish_cli.undistortion.view import View, is_numbers
+from cubicfish_cli.wording import did_you_mean, quoted
 from cubicfish_cli.words.codes import Code, Event, Severity
 from cubicfish_cli.words.finding import Finding
 from cubicfish_cli.words.phrases import plural
+
+Image = npt.NDArray[Any]
+Interpolation = Literal["nearest", "linear", "cubic", "lanczos"]
+
+
+def undistort(
+    picture: Image,
+    by: CubicCamera | UndistortMap,
+    view: View | None = None,
+    *,
+    interpolation: Interpolation = "linear",
+    border: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Image:
+    """Render a view from a photo, as ``cubicfish undistort`` does.
+
+    For many photos make the map once with :func:`build_map` and pass it instead of the camera.
+
+    Args:
+        picture: (H, W) or (H, W, 1 to 4), uint8, uint16 or float32, of the size that the camera
+            was calibrated for or an exact rescale of it (a map takes its own size alone).
+        by: the camera, or a map.
+        view: what to render; by default flat, as large as the photo and with the photo's scale in
+            its middle, up to 120° across.
+        interpolation: how pixels are blended.
+        border: (red, green, blue) of what the camera does not see, 0 to 1; pictures are BGR.
+
+    Returns:
+        (h, w) or (h, w, channels), of the view's size and the picture's dtype.
+
+    Raises:
+        ViewError: the picture is not one that the camera or the map is for, or an option is not
+            known.
+
+    """
+    _refuse_no_picture(picture)
+    rendering = rendering_of(interpolation, border)
+    if isinstance(by, UndistortMap):
+        if view is not None:
+            raise ViewError("a map has its view already: leave the view out, or pass the camera")
+        undistort_map = by
+    else:
+        camera = camera_for_photos(by, (picture.shape[1], picture.shape[0]))
+        undistort_map = build_map(camera, default_view(camera) if view is None else view)
+    flat = remap_picture(np.ascontiguousarray(picture), undistort_map, rendering)
+    return flat.reshape((*flat.shape[:2], *picture.shape[2:]))
+
+
+def rendering_of(
+    interpolation: Interpolation, border: tuple[float, float, float], quality: int | None = None
+) -> Rendering:
+    """How pixels are made, checked.
+
+    Raises:
+        ViewError: an option is not known.
+
+    """
+    if interpolation not in INTERPOLATIONS:
+        raise ViewError(
+            f"interpolation {quoted(interpolation)} is not known: "
+            f"{did_you_mean(str(interpolation), INTERPOLATIONS)}"
+        )
+    colour = tuple(border)
+    if not is_numbers(colour, 3) or not all(0 <= part <= 1 for part in colour):
+        raise ViewError(f"border must be three numbers from 0 to 1, not {quoted(colour)}")
+    if quality is not None and quality not in range(1, 101):
+        raise ViewError(f"quality must be a whole number from 1 to 100, not {quoted(quality)}")
+    border = (colour[0], colour[1], colour[2])
+    return Rendering(interpolation=interpolation, border=border, quality=quality)
+
+
+def _refuse_no_picture(picture: object) -> None:
+    if not isinstance(picture, np.ndarray):
+        raise ViewError(f"the picture is no array but {type(picture).__name__}: read it first")
+    if picture.ndim not in (2, 3) or (picture.ndim == 3 and not 1 <= picture.shape[2] <= 4):
+        raise ViewError(f"the picture has the shape {picture.shape}, not (H, W) or (H, W, 1 to 4)")
+    if picture.dtype not in (np.uint8, np.uint16, np.float32):
+        raise ViewError(f"the picture holds {picture.dtype} numbers, not uint8, uint16 or float32")
+    if not picture.size:
+        raise ViewError(f"the picture has the shape {picture.shape}: it is empty")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,7 +322,7 @@ def undistort_files(
         views = ViewsBySize(loaded.camera, part, partial(chosen_of, view))
     masked = None
     if mask_limit is not None:
-        masked = TrustedWithin(mask_limit, loaded, path or "the camera", part)
+        masked = trusted_within(mask_limit, loaded, path or "the camera", part)
     plan = plan.free(skip_existing=skip_existing, overwrite=run.overwrite)
     if isinstance(views, PlanesOfPhotos):
         views.place([job.source for job in (*plan.jobs, *plan.skipped)], run)
@@ -245,16 +336,13 @@ def undistort_files(
     if plan.videos:
         crf = DEFAULT_CRF if crf is None else crf
         encoding = Encoding(codec=codec, crf=crf, preset=preset)
-        failed = _videos(plan, views, rendering, encoding, run)
+        made = plan.became(_videos(plan, views, rendering, encoding, run))
     else:
-        failed = _photos(plan, views, rendering, run)
-    made = plan.became({one.job.name: one.error for one in failed})
-    for job in plan.jobs:
-        if job.name in made.written:
-            size = plan.size_of(job)
-            seen = views.seen(job.source, size)
-            made = replace(made, view=views.view(job.source, size), seen=seen)
-            break
+        made = plan.became(_photos(plan, views, rendering, run))
+    done = next((job for job in plan.jobs if job.name in made.written), None)
+    if done is not None:
+        there, shown_view = views.chosen(done.source, plan.size_of(done))
+        made = replace(made, view=shown_view, seen=shown_view.seen_by(there))
     return replace(made, model=path, extras=extras)
 
 
@@ -418,7 +506,7 @@ def _extras(
     plan: _Plan,
     views: Views,
     mask: Path | None,
-    masked: TrustedWithin | None,
+    masked: Callable[[Size, UndistortMap], Any] | None,
     virtual_camera: Path | None,
 ) -> dict[Path, Content]:
     """The mask and the virtual camera, which are the same for all photos of one size."""
@@ -432,13 +520,14 @@ def _extras(
             "differ: do them one at a time"
         )
     source, size = next(iter(sizes.items()))
-    maps = dict(zip(views.view(source, size).views, views.maps(source, size), strict=True))
-    trusted = None if masked is None else partial(masked.mask, size=size)
+    _, shown_view = views.chosen(source, size)
+    maps = dict(zip(shown_view.views, views.maps(source, size), strict=True))
+    trusted = None if masked is None else partial(masked, size)
     return view_files(maps, mask=mask, beside=virtual_camera, masked=trusted)
 
 
-def _photos(plan: _Plan, views: Views, rendering: Rendering, run: Run) -> list[FailedPhoto]:
-    """All photos at once."""
+def _photos(plan: _Plan, views: Views, rendering: Rendering, run: Run) -> dict[str, CubicfishError]:
+    """All photos at once: what could not be done, and why."""
     executor = run.executor if plan.jobs else None
     failures = undistort_photos(
         plan.jobs,
@@ -449,24 +538,19 @@ def _photos(plan: _Plan, views: Views, rendering: Rendering, run: Run) -> list[F
         progress=run.listener.counting("Undistorting"),
         executor=executor,
     )
-    failed = {failure.job.source for failure in failures}
     for job in plan.jobs if executor is None else ():
         missing = next((path for path in job.wanted if not path.is_file()), None)
-        if missing is not None and job.source not in failed:  # somebody removed their folder
+        if missing is not None and job.name not in failures:  # somebody removed their folder
             why = "is gone again: was its folder removed or renamed meanwhile?"
-            failures.append(FailedPhoto(job=job, error=OutputError(f"{missing} {why}")))
+            failures[job.name] = OutputError(f"{missing} {why}")
     return failures
 
 
 def _videos(
-    plan: _Plan,
-    views: Views,
-    rendering: Rendering,
-    encoding: Encoding,
-    run: Run,
-) -> list[FailedPhoto]:
-    """One video after the other."""
-    failures = []
+    plan: _Plan, views: Views, rendering: Rendering, encoding: Encoding, run: Run
+) -> dict[str, CubicfishError]:
+    """One video after the other: what could not be done, and why."""
+    failures = {}
     for job in plan.jobs:
         try:
             done = undistort_video(
@@ -479,7 +563,7 @@ def _videos(
                 progress=run.listener.counting(job.name),
             )
         except CubicfishError as error:
-            failures.append(FailedPhoto(job=job, error=error))
+            failures[job.name] = error
             continue
         if done.turned_deg:
             told = {"video": job.outputs[0], "turned_deg": done.turned_deg}
@@ -487,7 +571,7 @@ def _videos(
     return failures
 
 
-def _first_map(views: Views, source: Path, size: Size) -> Any:
+def _first_map(views: Views, source: Path, size: Size) -> UndistortMap:
     return views.maps(source, size)[0]
 
 
@@ -507,13 +591,13 @@ def _outlook(plan: _Plan, views: Views) -> UndistortedFiles:
         job, size = own[0]
         group = Group(images=[one.name for one, _ in own], size=size)
         try:
-            view, maps = views.view(job.source, size), views.maps(job.source, size)
+            (camera, view), maps = views.chosen(job.source, size), views.maps(job.source, size)
             empty = 1 - sum(made.valid.sum() for made in maps) / sum(m.valid.size for m in maps)
             group = replace(
                 group,
                 view=view,
-                seen=views.seen(job.source, size),
-                kept_share=views.kept_share(job.source, size),
+                seen=view.seen_by(camera),
+                kept_share=view.kept_share(camera),
                 empty_share=float(empty),
             )
         except CubicfishError as error:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.arrays import Refusal
-from cubicfish_cli.assess.field_uncertainty import sigma_at
+from cubicfish_cli.assess.records import recorded_grid, sigma_at
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.errors import CameraFileError, UsageError, ViewError
 from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
@@ -21,9 +21,14 @@ from cubicfish_cli.library.asked import Run
 from cubicfish_cli.library.asked_pictures import PlaneOptions, ViewOptions
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
-from cubicfish_cli.undistortion.choose import ChosenView, SeenField
-from cubicfish_cli.undistortion.frames import Crop, calibrated_pixels, camera_for_photos
-from cubicfish_cli.undistortion.maps import UndistortMap, build_map
+from cubicfish_cli.undistortion.choose import ChosenView
+from cubicfish_cli.undistortion.maps import (
+    Crop,
+    UndistortMap,
+    build_map,
+    calibrated_pixels,
+    camera_for_photos,
+)
 from cubicfish_cli.undistortion.plane import PlaneView, PointProjector, plane_view
 from cubicfish_cli.undistortion.view import Camera, View, matrix_of_rotation
 from cubicfish_cli.wording import did_you_mean, quoted
@@ -51,24 +56,10 @@ class Views(ABC):
 
         """
 
-    def view(self, source: Path, size: Size) -> ChosenView:
-        """The view of a photo."""
-        return self.chosen(source, size)[1]
-
     def maps(self, source: Path, size: Size) -> Sequence[UndistortMap]:
         """Its maps, one for each part of the view."""
         camera, view = self.chosen(source, size)
         return [build_map(camera, part) for part in view.views.values()]
-
-    def kept_share(self, source: Path, size: Size) -> float | None:
-        """Share of what the camera sees that the view keeps; None where it is not of directions."""
-        camera, view = self.chosen(source, size)
-        return view.kept_share(camera)
-
-    def seen(self, source: Path, size: Size) -> SeenField | None:
-        """What the camera sees of the view's field; None where it has none."""
-        camera, view = self.chosen(source, size)
-        return view.seen_by(camera)
 
 
 def chosen_of(view: View | ViewOptions | None, camera: Camera) -> ChosenView:
@@ -149,13 +140,17 @@ def build_plane(
     if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), atol=_ROTATION_TOLERANCE):
         raise ViewError("rotation is no rotation matrix (3, 3)")
     place = refusal.numbers([np.asarray(translation)], "translation", 3, limit=_LIMIT)[0]
-    return plane_of(
+    plane = board_with_plane(target, board)
+    corners = plane.plane_points([0, plane.columns - 1], [0, plane.rows - 1])
+    beyond = plane.square if margin is None else margin
+    return plane_view(
         camera,
-        board_with_plane(target, board),
-        turn,
-        place,
+        origin=turn @ np.asarray(plane.origin) + place,
+        x_axis=turn @ np.asarray(plane.x_axis),
+        y_axis=turn @ np.asarray(plane.y_axis),
+        low=corners[0] - beyond,
+        high=corners[1] + beyond,
         pixels_per_unit=pixels_per_unit,
-        margin=margin,
     )
 
 
@@ -176,29 +171,6 @@ def board_with_plane(target: Target, name: str) -> Board:
             f"board {quoted(name)} is a list of points and has no plane: name a board with a grid"
         )
     return names[name]
-
-
-def plane_of(
-    camera: PointProjector,
-    board: Board,
-    rotation: npt.NDArray[np.float64],
-    translation: npt.NDArray[np.float64],
-    *,
-    pixels_per_unit: float | None,
-    margin: float | None,
-) -> PlaneView:
-    """See :func:`build_plane`."""
-    corners = board.plane_points([0, board.columns - 1], [0, board.rows - 1])
-    beyond = board.square if margin is None else margin
-    return plane_view(
-        camera,
-        origin=rotation @ np.asarray(board.origin) + translation,
-        x_axis=rotation @ np.asarray(board.x_axis),
-        y_axis=rotation @ np.asarray(board.y_axis),
-        low=corners[0] - beyond,
-        high=corners[1] + beyond,
-        pixels_per_unit=pixels_per_unit,
-    )
 
 
 class PlanesOfPhotos(Views):
@@ -224,7 +196,7 @@ class PlanesOfPhotos(Views):
 
         self._loaded, self._crop, self._asked, self._target = loaded, crop, asked, asked.loaded()
         try:
-            self._board = board_with_plane(self._target, asked.board)
+            board_with_plane(self._target, asked.board)
         except ViewError as problem:
             raise UsageError(str(problem)) from None
         self._poses = _poses_of(loaded.fit)
@@ -260,24 +232,20 @@ class PlanesOfPhotos(Views):
         found = detect_corners(photos, self._target, progress=progress, executor=run.executor)
         self._poses |= _poses_of(evaluate(camera, found.corners).as_record())
 
-    def chosen(self, source: Path, size: Size) -> tuple[PointProjector, ChosenView]:
+    def chosen(self, source: Path, size: Size) -> tuple[Any, ChosenView]:
         """The board's plane in this photo."""
         camera, rotation, translation = self._placed(source, size)
-        plane = plane_of(
+        scale, margin = self._asked.pixels_per_unit, self._asked.margin
+        plane = build_plane(
             camera,
-            self._board,
+            self._target,
+            self._asked.board,
             rotation,
             translation,
-            pixels_per_unit=self._asked.pixels_per_unit,
-            margin=self._asked.margin,
+            pixels_per_unit=scale,
+            margin=margin,
         )
         return camera, ChosenView(views={"": plane}, unit=self._target.units)
-
-    def kept_share(self, source: Path, size: Size) -> None:
-        """A plane is not about directions."""
-
-    def seen(self, source: Path, size: Size) -> None:
-        """Nor has it a field."""
 
     def _placed(self, source: Path, size: Size) -> tuple[PointProjector, Any, Any]:
         """A camera, and the rotation and the translation from the world to its frame."""
@@ -313,75 +281,58 @@ def _poses_of(fit: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
     return {Path(name).name: pose for name, pose in poses_on_record(fit).items()}
 
 
-class TrustedWithin:
-    """Says of each pixel of a map whether the camera may be trusted there to so many pixels."""
+def trusted_within(
+    limit: float, loaded: CameraFile | PointCameraFile, path: Path | str, crop: Crop | None
+) -> Callable[[Size, UndistortMap], npt.NDArray[np.bool_]]:
+    """What says of each pixel of a map whether the camera may be trusted there to so many pixels.
 
-    def __init__(
-        self,
-        limit: float,
-        loaded: CameraFile | PointCameraFile,
-        path: Path | str,
-        crop: Crop | None,
-    ) -> None:
-        """Prepare for a camera.
+    Args:
+        limit: the largest uncertainty, pixels of the photo as calibrated.
+        loaded: the camera's file.
+        path: where that is, for messages, or what it is called.
+        crop: what part of the calibrated photo photos show.
 
-        Args:
-            limit: the largest uncertainty, pixels of the photo as calibrated.
-            loaded: the camera's file.
-            path: where that is, for messages, or what it is called.
-            crop: what part of the calibrated photo photos show.
+    Returns:
+        A function of the (width, height) of photos and a map for them: where the map is valid and
+        the uncertainty is known and within, (H, W).
 
-        Raises:
-            CameraFileError: it holds no uncertainty that can be used.
+    Raises:
+        CameraFileError: the camera's file holds no uncertainty that can be used.
 
-        """
-        self._limit, self._record, self._crop = limit, _uncertainty_of(loaded, path), crop
-        self._size = loaded.camera.image_size
+    """
+    record, calibrated = _uncertainty_of(loaded, path), loaded.camera.image_size
 
-    def mask(self, made: UndistortMap, size: tuple[int, int]) -> npt.NDArray[np.bool_]:
-        """Where the map is valid and the uncertainty is known and within, (H, W).
-
-        Args:
-            made: the map.
-            size: (width, height) of the photos that it is for.
-
-        """
+    def mask(size: Size, made: UndistortMap) -> npt.NDArray[np.bool_]:
         within = np.zeros_like(made.valid)
         rows_per_block = max(1, _PIXELS_PER_BLOCK // made.valid.shape[1])
         for top in range(0, len(made.valid), rows_per_block):
             rows = slice(top, top + rows_per_block)
             valid = made.valid[rows]
             pixel = np.stack([made.map_x[rows][valid], made.map_y[rows][valid]], axis=-1)
-            source = calibrated_pixels(pixel.astype(float), self._size, size, self._crop)
+            source = calibrated_pixels(pixel.astype(float), calibrated, size, crop)
             # A comparison with NaN, where nothing is known, is false.
-            within[rows][valid] = sigma_at(self._record, source) <= self._limit
+            within[rows][valid] = sigma_at(record, source) <= limit
         return within
 
+    return mask
 
-def _uncertainty_of(loaded: CameraFile | PointCameraFile, path: Path | str) -> dict[str, Any]:
+
+def _uncertainty_of(loaded: CameraFile | PointCameraFile, path: Path | str) -> Mapping[str, Any]:
     """The uncertainty over the photo that a camera file holds."""
     if isinstance(loaded, PointCameraFile):
         raise CameraFileError(
             f"{path} is of lift 'point', which has no uncertainty: leave out --mask-limit, or "
             "calibrate with --lift ray"
         )
-    record = loaded.fit.get("uncertainty")
-    if not isinstance(record, dict):
+    if not isinstance(loaded.fit.get("uncertainty"), dict):
         raise CameraFileError(
             f"{path} does not hold the camera's uncertainty (fit.uncertainty): calibrate again "
             "with this version, or leave out --mask-limit"
         )
-    try:
-        x, y = (np.array(record[axis], float) for axis in "xy")
-        sigma = np.array(record["sigma_px"], float)  # None becomes NaN
-        usable = sigma.shape == (len(y), len(x)) and all(
-            len(line) > 1 and bool((np.diff(line) > 0).all()) for line in (x, y)
-        )
-    except (KeyError, TypeError, ValueError):
-        usable = False
-    if not usable:
+    grid = recorded_grid(loaded.fit)
+    if grid is None:
         raise CameraFileError(
             f"{path}: fit.uncertainty is not a grid of numbers: calibrate again with this version, "
             "or leave out --mask-limit"
         )
-    return record
+    return grid

@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from cubicfish_cli import __version__
-from cubicfish_cli.printing.canvas import GREY, STYLE, Canvas, length_of, write_pdf
+from cubicfish_cli.printing.canvas import GREY, STYLE, Canvas, ink_outlines, length_of, write_pdf
 from cubicfish_cli.printing.extra import drawing
 from cubicfish_cli.printing.layout import Page
-from cubicfish_cli.printing.outline import ink_outlines
 from cubicfish_cli.printing.page import draw_pages
 from cubicfish_cli.printing.sheet import SIDES, Sheet, Side
 from cubicfish_cli.rendering.object_drawing import Picture, picture_of

@@ -8,13 +8,13 @@ from math import ceil, floor
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.errors import TargetError
-from cubicfish_cli.printing.paper import Paper
 from cubicfish_cli.printing.sheet import (
     LOW_STRIP,
     SHORTEST_STRIP,
     SIDES,
     STRIP,
     Margins,
+    Paper,
     Sheet,
     Side,
 )

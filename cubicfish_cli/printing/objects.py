@@ -17,10 +17,10 @@ from cubicfish_cli.boards.board import Board
 from cubicfish_cli.boards.types import BOARD_TYPES
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.printing.layout import BAND, SHORTEST_SHEET, lay_out
-from cubicfish_cli.printing.paper import Paper
 from cubicfish_cli.printing.sheet import (
     STRIP,
     Margins,
+    Paper,
     Seam,
     Sheet,
     Side,

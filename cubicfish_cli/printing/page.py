@@ -14,9 +14,8 @@ import numpy as np
 from cubicfish_cli import __version__
 from cubicfish_cli.boards.aprilgrid import AprilGrid
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.printing.canvas import GREY, PALE, Canvas, fitted, length_of
+from cubicfish_cli.printing.canvas import GREY, PALE, Canvas, fitted, ink_outlines, length_of
 from cubicfish_cli.printing.layout import BAND, OVERLAP, Page, Point, Rect, Strip, Tile
-from cubicfish_cli.printing.outline import ink_outlines
 from cubicfish_cli.printing.sheet import STRIP, Side
 
 _POINTER = 2.2

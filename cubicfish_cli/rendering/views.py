@@ -17,8 +17,14 @@ import numpy.typing as npt
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.boards.markers import marker_modules
 from cubicfish_cli.errors import TargetError
-from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
-from cubicfish_cli.rendering.truth import Lens, TrueCorners, project_corners
+from cubicfish_cli.rendering.truth import (
+    Lens,
+    Pose,
+    TrueCorners,
+    pose_of_matrix,
+    project_corners,
+    rotation_matrix,
+)
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 

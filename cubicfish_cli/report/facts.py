@@ -18,10 +18,9 @@ from cubicfish_cli.assess.verdict import Verdict, photo_verdicts, verdict
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.statistics import photos_on_record, poses_on_record, rms_px
 from cubicfish_cli.fitting.subset import select
-from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.lenses.point_cubic import PointCamera
+from cubicfish_cli.lenses.cubic import CubicCamera, PointCamera
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.symmetry import best_named
+from cubicfish_cli.placement import best_named
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray
 from cubicfish_cli.words.finding import Finding, joined

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import Transform, blended_transform_factory
 
-from cubicfish_cli.assess.field_uncertainty import recorded, sigma_at
-from cubicfish_cli.assess.records import recorded_number
+from cubicfish_cli.assess.records import recorded, recorded_grid, sigma_at
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.findings import field_cells
 from cubicfish_cli.fitting.statistics import rms_px
@@ -94,6 +93,11 @@ class Drawn:
     axes: str = ""
 
 
+def finished(figure: Figure, *, name: str, label: str, **more: Any) -> Drawn:
+    """A figure that is finished; ``label`` is for those who cannot see it, ``more`` as above."""
+    return Drawn(name=name, svg=svg_text(figure, name, label), **more)
+
+
 def key(kind: str, colour: str, text: str) -> Key:
     """An entry of a legend, by a stand-in colour or by one that stays as it is."""
     variable = VARIABLES.get(colour)
@@ -169,15 +173,13 @@ def coverage_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
     caption = "" if share is None else f"Corners cover {100 * share:.0f} % of the field."
     if len(empty):
         caption += " What a camera says of places without corners nobody has checked."
-    return Drawn(
+    return finished(
+        figure,
         name="coverage",
         axes=readout(axes, " px", " px"),
         title="Where the corners are",
-        svg=svg_text(
-            figure,
-            "coverage",
-            f"{len(pixel)} corners over the photo, and {len(empty)} parts of the field without any",
-        ),
+        label=f"{len(pixel)} corners over the photo, and {len(empty)} parts of the field without "
+        "any",
         caption=(caption + thinned(len(pixel), MOST_DOTS, "corners")).strip(),
         keys=tuple(keys),
     )
@@ -207,16 +209,13 @@ def vectors_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
     y = 7 / (figure.get_figheight() * 72)
     figure.add_artist(_line([left, left + drawn], [y, y]))
     figure.text(left + drawn + 6 / WIDTH, y, f"{sample:g} px", va="center", color=INK)
-    return Drawn(
+    return finished(
+        figure,
         name="vectors",
         axes=readout(axes, " px", " px"),
         title="Errors as arrows",
-        svg=svg_text(
-            figure,
-            "vectors",
-            f"Reprojection errors as arrows, {zoom:g} times as long as they are; the 95th "
-            f"percentile is {typical:.3f} px",
-        ),
+        label=f"Reprojection errors as arrows, {zoom:g} times as long as they are; the 95th "
+        f"percentile is {typical:.3f} px",
         caption=f"From each detected corner towards where the camera puts it, {zoom:g} times as "
         "long. Noise points every way; neighbours that point one way are an error of the camera, "
         "of the target or of the corner finder." + thinned(len(length), _MOST_STROKES, "errors"),
@@ -249,16 +248,13 @@ def places_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
     edges = [f"{top * i / _BANDS:.3g}" for i in range(_BANDS + 1)]
     edges[-1] += "+" * bool(value.max() > top)
     _scale_bar(figure, colours, edges, "px RMS")
-    return Drawn(
+    return finished(
+        figure,
         name="places",
         axes=readout(axes, " px", " px"),
         title="Errors over the picture",
-        svg=svg_text(
-            figure,
-            "places",
-            f"RMS error in {len(hit)} cells of the photo, from {value.min():.3f} to "
-            f"{value.max():.3f} px",
-        ),
+        label=f"RMS error in {len(hit)} cells of the photo, from {value.min():.3f} to "
+        f"{value.max():.3f} px",
         caption="RMS of the corners in each cell. A rim much worse than the middle means blur "
         "there, or a lens that the model does not follow.",
     )
@@ -289,16 +285,13 @@ def angle_figure(errors: ErrorFacts) -> Drawn | None:
     _beside_ticks(axes)
     beyond = int((length > top).sum())
     few = int(number.min())
-    return Drawn(
+    return finished(
+        figure,
         name="angle",
         axes=readout(axes, "°", " px", (1, 3)),
         title="Errors by angle from the axis",
-        svg=svg_text(
-            figure,
-            "angle",
-            f"Errors by angle from the axis; RMS from {rms.min():.3f} to {rms.max():.3f} px in "
-            f"steps of {_STEP_DEG:g} degrees",
-        ),
+        label=f"Errors by angle from the axis; RMS from {rms.min():.3f} to {rms.max():.3f} px in "
+        f"steps of {_STEP_DEG:g} degrees",
         caption=_worse_rim(used, rms)
         + f"The least filled step holds {few:,} corner{'s' * (few != 1)}."
         + (f" {beyond:,} larger errors lie above the figure." if beyond else "")
@@ -347,16 +340,13 @@ def histogram_figure(errors: ErrorFacts) -> Drawn:
     _beside_ticks(axes)
     beyond = float(np.mean(np.abs(values) > reach))
     heavy = beyond > _HEAVY_TAIL
-    return Drawn(
+    return finished(
+        figure,
         name="histogram",
         axes=readout(axes, " px", " %", (3, 1)),
         title="How errors are spread",
-        svg=svg_text(
-            figure,
-            "histogram",
-            f"Histogram of errors along x and y with the normal distribution of sigma {sigma:.4f} "
-            "px",
-        ),
+        label="Histogram of errors along x and y with the normal distribution of sigma "
+        f"{sigma:.4f} px",
         caption=f"{100 * beyond:.2g} % lie beyond four σ, where a normal distribution has 0.006 %"
         + (": corners that were found worse than most, which weigh little in the fit." * heavy)
         + "." * (not heavy),
@@ -414,16 +404,13 @@ def profile_figure(facts: Facts, camera: CubicCamera) -> Drawn:
     below.set_ylabel("difference, px")
     below.set_xlabel("angle from the axis θ, degrees")
     largest = float(np.abs(difference[known]).max()) if known.any() else 0.0
-    return Drawn(
+    return finished(
+        figure,
         name="profile",
         title="The lens: radius by angle",
-        svg=svg_text(
-            figure,
-            "profile",
-            f"Radius by angle from the axis to {camera.max_angle_deg:.0f} degrees, beside the "
-            "radial reference, which differs by up to "
-            f"{largest:.1f} px, and three ideal lenses of focal length {focal:.0f} px",
-        ),
+        label=f"Radius by angle from the axis to {camera.max_angle_deg:.0f} degrees, beside the "
+        "radial reference, which differs by up to "
+        f"{largest:.1f} px, and three ideal lenses of focal length {focal:.0f} px",
         caption="Below, how much farther out the camera sees than the radial reference, a rotation "
         "between them taken out: the line is the mean over all directions, the band goes from the "
         "least to the most, and no radial lens follows it. Ideal lenses with the reference's focal "
@@ -438,7 +425,7 @@ def profile_figure(facts: Facts, camera: CubicCamera) -> Drawn:
 
 def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
     """How far the camera's own pixels may be off, over the photo."""
-    record = _uncertainty_grid(facts)
+    record = recorded_grid(facts.fit)
     if record is None:
         return None
     width, height = camera.image_size
@@ -457,41 +444,18 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
     bands.set_clip_path(edge)
     _scale_bar(figure, colours, [f"{level:g}" for level in levels], "px")
     told = recorded(facts.fit)
-    return Drawn(
+    return finished(
+        figure,
         name="uncertainty",
         axes=readout(axes, " px", " px"),
         title="How certain the camera is",
-        svg=svg_text(
-            figure,
-            "uncertainty",
-            f"Uncertainty of a distant point's pixel over the photo, from {np.nanmin(sigma):.3f} "
-            f"to {np.nanmax(sigma):.3f} px",
-        ),
+        label=f"Uncertainty of a distant point's pixel over the photo, from {np.nanmin(sigma):.3f} "
+        f"to {np.nanmax(sigma):.3f} px",
         caption="How far the pixel of a distant point would be elsewhere, had you taken other "
         "photos"
         + (f": {told.words}" if told else "")
         + ". Errors of the target or of the model are not in it.",
     )
-
-
-def _uncertainty_grid(facts: Facts) -> Mapping[str, Any] | None:
-    """The record's grid, if it is one."""
-    record = facts.fit.get("uncertainty")
-    if not isinstance(record, dict):
-        return None
-    x, y, sigma = (record.get(name) for name in ("x", "y", "sigma_px"))
-    if not (isinstance(x, list) and isinstance(y, list) and isinstance(sigma, list)):
-        return None
-    right = len(x) > 1 and len(y) > 1 and len(sigma) == len(y) and len(x) * len(y) < 1e6
-    if not right or not all(isinstance(row, list) and len(row) == len(x) for row in sigma):
-        return None
-    columns, rows = [recorded_number(value) for value in x], [recorded_number(value) for value in y]
-    if None in columns or None in rows:
-        return None
-    values = [[recorded_number(value) for value in row] for row in sigma]
-    if not all(value is None or 0 <= value < 1e6 for row in values for value in row):
-        return None
-    return {**record, "x": columns, "y": rows, "sigma_px": values}
 
 
 def _photo_axes(size: tuple[int, int], foot: float = 0.0) -> tuple[Figure, Axes]:

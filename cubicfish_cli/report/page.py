@@ -14,16 +14,15 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 
 from cubicfish_cli.assess.camera_facts import CameraFacts, camera_facts
-from cubicfish_cli.assess.field_uncertainty import recorded
 from cubicfish_cli.assess.pupil import recorded_pupil
-from cubicfish_cli.assess.records import recorded_mappings, recorded_number
+from cubicfish_cli.assess.records import recorded, recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import WORDS
 from cubicfish_cli.fitting.findings import COVERED
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.report.facts import Facts
 from cubicfish_cli.report.figures import all_figures, arrow_zoom
-from cubicfish_cli.report.pictures import MOST_CARDS, all_pictures, matched
+from cubicfish_cli.report.from_files import MOST_CARDS, all_pictures, matched
 from cubicfish_cli.report.scene import scene_figures
 
 _MOST_DROPPED = 200

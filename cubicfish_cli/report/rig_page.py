@@ -10,11 +10,10 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from cubicfish_cli.assess.records import recorded_mappings, recorded_number
-from cubicfish_cli.assess.rig_verdict import rig_verdict
-from cubicfish_cli.assess.verdict import WORDS
+from cubicfish_cli.assess.verdict import WORDS, rig_verdict
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
 from cubicfish_cli.printing.extra import drawing
-from cubicfish_cli.report.figures import BOARD_COLOURS, Drawn, Key, key
+from cubicfish_cli.report.figures import BOARD_COLOURS, Drawn, Key, finished, key
 from cubicfish_cli.report.page import day_of, made_of, template
 from cubicfish_cli.report.scene import at_one_scale, frusta, scale_bar
 from cubicfish_cli.report.svg import (
@@ -31,7 +30,6 @@ from cubicfish_cli.report.svg import (
     new_figure,
     rectangles,
     strokes,
-    svg_text,
 )
 from cubicfish_cli.types import BoolArray, FloatArray
 from cubicfish_cli.words.codes import Severity
@@ -50,7 +48,7 @@ def rig_html(rig: RigFile, record: Mapping[str, Any]) -> str:
         record: the plain data of its file.
 
     """
-    seen = [_seen(one) for one in rig.cameras]
+    seen = rig.cameras
     fit = record["fit"]
     findings = recorded_mappings(fit.get("findings"))
     outlying = [str(name) for one in findings for name in one.get("shots") or []]
@@ -77,18 +75,15 @@ def rig_html(rig: RigFile, record: Mapping[str, Any]) -> str:
     )
 
 
-def _seen(camera: RigFileCamera) -> SeenCamera:
-    return SeenCamera(
-        name=camera.name,
-        rotation=camera.rotation,
-        position=-camera.rotation.T @ camera.translation,
-        half_field_deg=_half_field_deg(camera),
-    )
-
-
 def _half_field_deg(camera: RigFileCamera) -> float:
     covered = recorded_number(camera.file.fit.get("covered_deg"))
     return covered if covered and 0 < covered < 180 else camera.file.camera.max_angle_deg
+
+
+def _sees(camera: RigFileCamera, directions: FloatArray) -> BoolArray:
+    """Whether far away things are in its field, by their directions (..., 3) in the rig."""
+    cosine = directions @ camera.rotation[2]
+    return np.asarray(cosine >= np.cos(np.deg2rad(_half_field_deg(camera))))
 
 
 def _camera(number: int, record: Mapping[str, Any], camera: RigFileCamera) -> dict[str, Any]:
@@ -113,7 +108,7 @@ def _camera(number: int, record: Mapping[str, Any], camera: RigFileCamera) -> di
 
 
 def _pairs(
-    records: Sequence[Mapping[str, Any]], cameras: Sequence[SeenCamera]
+    records: Sequence[Mapping[str, Any]], cameras: Sequence[RigFileCamera]
 ) -> list[dict[str, Any]]:
     share = overlap_shares(cameras)
     index = {one.name: number for number, one in enumerate(cameras)}
@@ -157,28 +152,6 @@ _STEP_DEG, _CELL_DEG = 2.0, 4.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SeenCamera:
-    """A camera of a rig as figures need it.
-
-    Attributes:
-        name: of the camera.
-        rotation, position: (3, 3) of camera_from_rig, and (3,) where it stands in the rig's frame.
-        half_field_deg: how far from its axis it may be trusted.
-
-    """
-
-    name: str
-    rotation: FloatArray
-    position: FloatArray
-    half_field_deg: float
-
-    def sees(self, directions: FloatArray) -> BoolArray:
-        """Whether far away things are in its field, by their directions (..., 3) in the rig."""
-        cosine = directions @ self.rotation[2]
-        return np.asarray(cosine >= np.cos(np.deg2rad(self.half_field_deg)))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class _Axes:
     """Which way is right, up and back for who looks at the rig."""
 
@@ -188,7 +161,7 @@ class _Axes:
 
 
 def rig_figures(
-    cameras: Sequence[SeenCamera], shots: object, units: str, outlying: Sequence[str] = ()
+    cameras: Sequence[RigFileCamera], shots: object, units: str, outlying: Sequence[str] = ()
 ) -> dict[str, Drawn]:
     """Every figure, by its name.
 
@@ -211,18 +184,18 @@ def rig_figures(
     return {figure.name: figure for figure in drawn if figure is not None}
 
 
-def overlap_shares(cameras: Sequence[SeenCamera]) -> FloatArray:
+def overlap_shares(cameras: Sequence[RigFileCamera]) -> FloatArray:
     """(C, C) share of all directions that two cameras both see; on the diagonal one's own."""
     index = np.arange(20_000) + 0.5
     z = 1 - 2 * index / len(index)
     turn = np.pi * (1 + np.sqrt(5)) * index
     across = np.sqrt(1 - z * z)
     sphere = np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=-1)
-    seen = np.stack([one.sees(sphere) for one in cameras]).astype(float)
+    seen = np.stack([_sees(one, sphere) for one in cameras]).astype(float)
     return np.asarray(seen @ seen.T / len(index))
 
 
-def _upright(cameras: Sequence[SeenCamera]) -> _Axes:
+def _upright(cameras: Sequence[RigFileCamera]) -> _Axes:
     """Up is where most photos have their top; ahead is where the first camera looks."""
     up = -np.mean([one.rotation[1] for one in cameras], axis=0)
     if np.linalg.norm(up) < 0.2:  # cameras on their sides and heads
@@ -242,7 +215,7 @@ def colour_of(camera: int) -> str:
 
 
 def _view(
-    cameras: Sequence[SeenCamera],
+    cameras: Sequence[RigFileCamera],
     units: str,
     name: str,
     title: str,
@@ -264,7 +237,7 @@ def _view(
     axes = add_axes(figure, Box(left=4, top=4, width=WIDTH - 8, height=_HEIGHT))
     unit = at_one_scale(axes, whole, _HEIGHT)
     for number, (camera, at) in enumerate(zip(cameras, centre, strict=True)):
-        seen = camera.sees(way @ flat.T)
+        seen = _sees(camera, way @ flat.T)
         nearly = np.stack([way, np.roll(way, -1, axis=0)], axis=1)[seen & np.roll(seen, -1)]
         slices = np.concatenate([np.zeros((len(nearly), 1, 2)), nearly], axis=1)
         areas(axes, at + reach * slices, colour_of(number), 0.13)
@@ -283,29 +256,30 @@ def _view(
         place = (5 + 10 * behind, 5)
         axes.annotate(str(number + 1), at, xytext=place, textcoords="offset points", color=INK)
     length = scale_bar(figure, unit, _HEIGHT)
-    return Drawn(
+    return finished(
+        figure,
         name=name,
         title=title,
-        svg=svg_text(figure, name, f"{len(cameras)} cameras seen from {words}"),
+        label=f"{len(cameras)} cameras seen from {words}",
         caption=f"The bar is {length:g} {units or 'in the units of the target'}. Shaded: what each "
         "camera sees in the plane of the picture.",
         keys=_keys(cameras),
     )
 
 
-def _keys(cameras: Sequence[SeenCamera]) -> tuple[Key, ...]:
+def _keys(cameras: Sequence[RigFileCamera]) -> tuple[Key, ...]:
     return tuple(
         key("area", colour_of(number), f"{number + 1} {one.name}")
         for number, one in enumerate(cameras)
     )
 
 
-def _fields(cameras: Sequence[SeenCamera], towards: _Axes) -> Drawn:
+def _fields(cameras: Sequence[RigFileCamera], towards: _Axes) -> Drawn:
     """All directions about the rig: how many cameras see each, and where fields end."""
     longitude = np.arange(-180 + _CELL_DEG / 2, 180, _CELL_DEG)
     latitude = np.arange(90 - _CELL_DEG / 2, -90, -_CELL_DEG)
     x, y = np.meshgrid(longitude, latitude)
-    count = np.sum([one.sees(_direction(x, y, towards)) for one in cameras], axis=0)
+    count = np.sum([_sees(one, _direction(x, y, towards)) for one in cameras], axis=0)
     figure = new_figure(222)
     axes = add_axes(figure, Box(left=44, top=8, width=WIDTH - 54, height=(WIDTH - 54) / 2))
     left, top = x - _CELL_DEG / 2, y - _CELL_DEG / 2
@@ -331,10 +305,11 @@ def _fields(cameras: Sequence[SeenCamera], towards: _Axes) -> Drawn:
     axes.set_xlabel("to the right of where the first camera looks, degrees")
     axes.set_ylabel("up, degrees")
     none, shared = (_share(choice, y) for choice in (count == 0, count > 1))
-    return Drawn(
+    return finished(
+        figure,
         name="rig-fields",
         title="What the cameras see of all around",
-        svg=svg_text(figure, "rig-fields", f"The fields of {len(cameras)} cameras"),
+        label=f"The fields of {len(cameras)} cameras",
         caption=f"Dots: where cameras look; lines: where their fields end; darker: seen by more. "
         f"{100 * none:.0f} % of all directions are seen by no camera, {100 * shared:.0f} % by two "
         "or more.",
@@ -349,10 +324,10 @@ def _direction(longitude: FloatArray, latitude: FloatArray, towards: _Axes) -> F
     return np.asarray(np.cos(rise) * level + np.sin(rise) * towards.up)
 
 
-def _rim(camera: SeenCamera, towards: _Axes) -> FloatArray:
+def _rim(camera: RigFileCamera, towards: _Axes) -> FloatArray:
     """Short strokes (N, 2, 2) along the end of a field, none across the picture's edge."""
     angle = np.linspace(0, 2 * np.pi, 361)[:, None]
-    half = np.deg2rad(camera.half_field_deg)
+    half = np.deg2rad(_half_field_deg(camera))
     x, y, z = camera.rotation
     way = np.cos(half) * z + np.sin(half) * (np.cos(angle) * x + np.sin(angle) * y)
     at = np.stack(
@@ -395,10 +370,11 @@ def _shots(records: Sequence[Mapping[str, Any]], outlying: Sequence[str]) -> Dra
     axes.set_xlabel("shot")
     axes.set_ylabel("RMS, px")
     keys = (key("dot", RED, "something is told of it"),) if odd.any() else ()
-    return Drawn(
+    return finished(
+        figure,
         name="rig-shots",
         title="Errors of the shots, in their order",
-        svg=svg_text(figure, "rig-shots", f"RMS error of {len(known)} shots"),
+        label=f"RMS error of {len(known)} shots",
         caption=f"The line is the usual shot, {usual:.3f} px. A step means that a camera moved.",
         keys=keys,
     )

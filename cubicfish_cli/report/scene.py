@@ -15,6 +15,7 @@ from cubicfish_cli.report.figures import (
     MOST_DOTS,
     Drawn,
     Key,
+    finished,
     key,
     round_down,
     some,
@@ -30,7 +31,6 @@ from cubicfish_cli.report.svg import (
     dots,
     new_figure,
     strokes,
-    svg_text,
 )
 from cubicfish_cli.types import FloatArray
 
@@ -124,12 +124,11 @@ def _view(
     length = scale_bar(figure, unit, _HEIGHT)
     keys.append(key("line", INK, "a photo: the open side looks at the target"))
     units = f" {facts.units}" if facts.units else " in the units of the target"
-    return Drawn(
+    return finished(
+        figure,
         name=name,
         title=title,
-        svg=svg_text(
-            figure, name, f"{len(plates)} boards and {len(centre)} camera poses, seen {words}"
-        ),
+        label=f"{len(plates)} boards and {len(centre)} camera poses, seen {words}",
         caption=f"{len(centre):,} photo{'s' * (len(centre) != 1)}; the bar is {length:g}{units}.",
         keys=tuple(keys),
     )

@@ -162,44 +162,25 @@ def strokes(
     closed: bool = False,
 ) -> None:
     """Lines (N, K, 2) in data coordinates, all in one path."""
-    if not len(ends):
-        return
-    codes = np.full(ends.shape[:2], Outline.LINETO, np.uint8)
-    codes[:, 0] = Outline.MOVETO
-    if closed:
-        ends = np.concatenate([ends, ends[:, :1]], axis=1)
-        codes = np.concatenate([codes, np.full((len(ends), 1), Outline.CLOSEPOLY, np.uint8)], 1)
-    # Not add_patch: it looks at every segment, to scale axes that have their scale.
-    axes.add_artist(
-        PathPatch(
-            Outline(ends.reshape(-1, 2), codes.ravel()),
-            fill=False,
-            edgecolor=colour,
-            linewidth=width,
-            capstyle="round",
-            joinstyle="round",
-            alpha=alpha,
-        )
-    )
+    style = {"capstyle": "round", "joinstyle": "round", "alpha": alpha}
+    _path(axes, ends, closed, fill=False, edgecolor=colour, linewidth=width, **style)
 
 
 def areas(axes: Axes, polygons: FloatArray, colour: str, alpha: float = 1.0) -> None:
     """Filled polygons (N, K, 2) in data coordinates, all in one path."""
-    if not len(polygons):
+    _path(axes, polygons, True, facecolor=colour, edgecolor="none", alpha=alpha)
+
+
+def _path(axes: Axes, lines: FloatArray, closed: bool, **style: Any) -> None:
+    if not len(lines):
         return
-    count, corners = polygons.shape[:2]
-    closed = np.concatenate([polygons, polygons[:, :1]], axis=1)
-    codes = np.full((count, corners + 1), Outline.LINETO, np.uint8)
-    codes[:, 0], codes[:, -1] = Outline.MOVETO, Outline.CLOSEPOLY
+    codes = np.full(lines.shape[:2], Outline.LINETO, np.uint8)
+    codes[:, 0] = Outline.MOVETO
+    if closed:
+        lines = np.concatenate([lines, lines[:, :1]], axis=1)
+        codes = np.concatenate([codes, np.full((len(lines), 1), Outline.CLOSEPOLY, np.uint8)], 1)
     # Not add_patch: it looks at every segment, to scale axes that have their scale.
-    axes.add_artist(
-        PathPatch(
-            Outline(closed.reshape(-1, 2), codes.ravel()),
-            facecolor=colour,
-            edgecolor="none",
-            alpha=alpha,
-        )
-    )
+    axes.add_artist(PathPatch(Outline(lines.reshape(-1, 2), codes.ravel()), **style))
 
 
 def rectangles(left: FloatArray, top: FloatArray, width: float, height: float) -> FloatArray:

@@ -6,21 +6,28 @@ some wait for it the others go on.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 from os.path import abspath, commonpath
 from pathlib import Path
 from threading import BoundedSemaphore
+from typing import Any
 
 from cubicfish_cli.errors import ClusterError, CubicfishError
-from cubicfish_cli.executors.executor import Executor
+from cubicfish_cli.executors.pool import Executor
 from cubicfish_cli.files import remove_orphans, write_files
 from cubicfish_cli.photos import decode_picture, one_opencv_thread, read_file, shown
-from cubicfish_cli.undistortion.images import Rendering, check_outputs, render_files
+from cubicfish_cli.undistortion.images import (
+    Rendering,
+    check_outputs,
+    encode_picture,
+    naming,
+    remap_picture,
+)
 from cubicfish_cli.undistortion.maps import UndistortMap
 
 MapsOf = Callable[[Path, tuple[int, int]], Sequence[UndistortMap]]
@@ -50,14 +57,6 @@ class PhotoJob:
         return [path for number, path in enumerate(self.outputs) if number not in self.kept]
 
 
-@dataclass(frozen=True, kw_only=True)
-class FailedPhoto:
-    """A photo that could not be undistorted, and why."""
-
-    job: PhotoJob
-    error: CubicfishError
-
-
 def undistort_photos(
     jobs: Sequence[PhotoJob],
     maps: MapsOf,
@@ -67,7 +66,7 @@ def undistort_photos(
     overwrite: bool,
     progress: Callable[[int, int], None],
     executor: Executor | None = None,
-) -> list[FailedPhoto]:
+) -> dict[str, CubicfishError]:
     """Undistort photos; one that fails does not stop the others.
 
     Every output appears whole or not at all, also when this is interrupted.
@@ -83,39 +82,26 @@ def undistort_photos(
             ``workers`` says nothing.
 
     Returns:
-        What failed, in the order of ``jobs``.
+        Name of each that failed, in the order of ``jobs``, and why.
 
     Raises:
         ClusterError: ``executor`` cannot do the work.
 
     """
-    if executor is not None:
-        return _undistort_there(
-            jobs, maps, rendering, overwrite=overwrite, progress=progress, executor=executor
-        )
-    failures: dict[int, FailedPhoto] = {}
-    slots = BoundedSemaphore(workers)
-
-    def work(number: int) -> None:
-        try:
-            undistort_photo(jobs[number], maps, rendering, overwrite=overwrite, slots=slots)
-        except CubicfishError as error:
-            failures[number] = FailedPhoto(job=jobs[number], error=error)
-
-    progress(0, len(jobs))
-    if workers == 1 or len(jobs) == 1:
-        for number in range(len(jobs)):
-            work(number)
-            progress(number + 1, len(jobs))
+    work = partial(_problem_of, maps=maps, rendering=rendering)
+    if executor is None:
+        slots = BoundedSemaphore(workers)
+        answers = _by_threads(partial(work, overwrite=overwrite, slots=slots), jobs, workers)
     else:
-        with one_opencv_thread(), ThreadPoolExecutor(workers + 1) as threads:
-            try:
-                for done in _in_order_of_completion(threads, work, len(jobs), 2 * workers):
-                    progress(done, len(jobs))
-            except BaseException:
-                threads.shutdown(wait=True, cancel_futures=True)
-                raise
-    return [failures[number] for number in sorted(failures)]
+        answers = _by_executor(partial(work, overwrite=True), jobs, executor, overwrite=overwrite)
+    problems: dict[int, CubicfishError | None] = {}
+    progress(0, len(jobs))
+    with closing(answers):
+        for number, problem in answers:
+            problems[number] = problem
+            progress(len(problems), len(jobs))
+    failed = ((job.name, problems[number]) for number, job in enumerate(jobs))
+    return {name: problem for name, problem in failed if problem is not None}
 
 
 def undistort_photo(
@@ -137,8 +123,9 @@ def undistort_photo(
 
     Raises:
         PhotoError: the photo cannot be read.
-        CubicfishError: as :func:`~.images.render_files`; ``maps`` may raise others.
-        OutputError: an output exists and ``overwrite`` is false, or cannot be written.
+        ViewError: a map is not for photos of this size; ``maps`` may raise others.
+        OutputError: an output exists and ``overwrite`` is false, or cannot be written, or cannot
+            hold such a picture.
 
     """
     check_outputs(job.wanted, overwrite=overwrite)
@@ -146,90 +133,92 @@ def undistort_photo(
     with slots or nullcontext():
         picture = decode_picture(job.source, data, floats=True)
         height, width = picture.shape[:2]
-        try:
+        with naming(job.source):
             own = maps(job.source, (width, height))
-        except CubicfishError as problem:
-            raise type(problem)(str(problem), about=shown(job.source), apart=True) from problem
-        outputs = enumerate(zip(job.outputs, own, strict=True))
-        wanted = [output for number, output in outputs if number not in job.kept]
-        files = render_files(job.source, data, picture, wanted, rendering)
+        files = {}
+        for number, (path, made) in enumerate(zip(job.outputs, own, strict=True)):
+            if number not in job.kept:
+                with naming(job.source):
+                    part = remap_picture(picture, made, rendering)
+                files[path] = encode_picture(path, part, quality=rendering.quality, like=data)
         del data, picture  # the disk may take its time
     write_files(files, overwrite=overwrite)
 
 
-def _undistort_there(
+def _problem_of(job: PhotoJob, **how: Any) -> CubicfishError | None:
+    try:
+        undistort_photo(job, **how)
+    except CubicfishError as problem:
+        return problem
+    return None
+
+
+Answers = Generator[tuple[int, CubicfishError | None], None, None]
+"""Numbers of the jobs as they are done, and why one could not be."""
+
+
+def _by_threads(
+    work: Callable[[PhotoJob], CubicfishError | None], jobs: Sequence[PhotoJob], workers: int
+) -> Answers:
+    """Do the work here, never more than twice as many jobs begun as there are workers."""
+    if workers == 1 or len(jobs) == 1:
+        yield from enumerate(map(work, jobs))
+        return
+    numbers = iter(range(len(jobs)))
+    with one_opencv_thread(), ThreadPoolExecutor(workers + 1) as threads:
+        try:
+            doing = {threads.submit(work, jobs[n]): n for n in islice(numbers, 2 * workers)}
+            while doing:
+                done, _ = wait(doing, return_when=FIRST_COMPLETED)
+                for future in done:
+                    yield doing.pop(future), future.result()
+                doing |= {threads.submit(work, jobs[n]): n for n in islice(numbers, len(done))}
+        except BaseException:
+            threads.shutdown(wait=True, cancel_futures=True)
+            raise
+
+
+def _by_executor(
+    work: Callable[[PhotoJob], CubicfishError | None],
     jobs: Sequence[PhotoJob],
-    maps: MapsOf,
-    rendering: Rendering,
+    executor: Executor,
     *,
     overwrite: bool,
-    progress: Callable[[int, int], None],
-    executor: Executor,
-) -> list[FailedPhoto]:
-    """Undistort photos by an executor.
+) -> Answers:
+    """Have an executor do the work.
 
     What may be written is decided here, before the work: what a machine finds there later is
     what another one wrote that was lost before it could say so.
     """
-    failures: dict[int, FailedPhoto] = {}
-    free: list[int] = []
+    free: dict[int, PhotoJob] = {}
     for number, job in enumerate(jobs):
         try:
             check_outputs(job.wanted, overwrite=overwrite)
-        except CubicfishError as error:
-            failures[number] = FailedPhoto(job=job, error=error)
+        except CubicfishError as refused:
+            yield number, refused
         else:
-            free.append(number)
-    progress(len(failures), len(jobs))
-    if free:
-        absolute = [_absolute(jobs[number]) for number in free]
-        below = Path(commonpath([path.parent for job in absolute for path in job.outputs]))
-        work = partial(_undistort_again, maps=maps, rendering=rendering)
-        done = len(failures)
-        try:
-            for index, problem in executor.each(work, absolute, writes_below=below):
-                if problem is not None:
-                    job = jobs[free[index]]
-                    if isinstance(problem, ClusterError):  # which does not know the photo
-                        about = shown(job.source)
-                        problem = ClusterError(str(problem), about=about, apart=True)
-                    failures[free[index]] = FailedPhoto(job=job, error=problem)
-                done += 1
-                progress(done, len(jobs))
-        except ClusterError as problem:
-            if done == len(failures):
-                raise
-            raise ClusterError(f"{problem}; --skip-existing keeps what is done") from problem
-        finally:
-            # What workers that were killed have left: others may have looked there before.
-            for folder in {path.parent for job in absolute for path in job.outputs}:
-                remove_orphans(folder)
-    return [failures[number] for number in sorted(failures)]
+            free[number] = _absolute(job)
+    if not free:
+        return
+    numbers, folders = list(free), {path.parent for job in free.values() for path in job.outputs}
+    below, any_done = Path(commonpath(folders)), False
+    try:
+        for index, problem in executor.each(work, list(free.values()), writes_below=below):
+            if isinstance(problem, ClusterError):  # which does not know the photo
+                about = shown(jobs[numbers[index]].source)
+                problem = ClusterError(str(problem), about=about, apart=True)
+            any_done = True
+            yield numbers[index], problem
+    except ClusterError as error:
+        if not any_done:
+            raise
+        raise ClusterError(f"{error}; --skip-existing keeps what is done") from error
+    finally:
+        # What workers that were killed have left: others may have looked there before.
+        for folder in folders:
+            remove_orphans(folder)
 
 
 def _absolute(job: PhotoJob) -> PhotoJob:
-    return replace(
-        job,
-        source=Path(abspath(job.source)),
-        outputs=tuple(Path(abspath(path)) for path in job.outputs),
-    )
-
-
-def _undistort_again(job: PhotoJob, *, maps: MapsOf, rendering: Rendering) -> None:
-    undistort_photo(job, maps, rendering, overwrite=True)
-
-
-def _in_order_of_completion(
-    threads: ThreadPoolExecutor, work: Callable[[int], None], count: int, ahead: int
-) -> Iterator[int]:
-    """Run ``work`` on 0..count−1, never more than ``ahead`` of them begun; yield how many did."""
-    numbers = iter(range(count))
-    pending: set[Future[None]] = {threads.submit(work, n) for n in islice(numbers, ahead)}
-    finished = 0
-    while pending:
-        done, pending = wait(pending, return_when=FIRST_COMPLETED)
-        for future in done:
-            future.result()
-            finished += 1
-            yield finished
-        pending |= {threads.submit(work, n) for n in islice(numbers, len(done))}
+    outputs = tuple(Path(abspath(path)) for path in job.outputs)
+    return replace(job, source=Path(abspath(job.source)), outputs=outputs)

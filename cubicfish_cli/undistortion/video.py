@@ -24,7 +24,7 @@ from cubicfish_cli.errors import CubicfishError, OutputError, PhotoError, ViewEr
 from cubicfish_cli.files import whole_file
 from cubicfish_cli.films.source import decode, frame_count, is_frame, library, opened
 from cubicfish_cli.photos import shown
-from cubicfish_cli.undistortion.images import INTERPOLATIONS, PLAIN, Rendering
+from cubicfish_cli.undistortion.images import INTERPOLATIONS, PLAIN, Rendering, naming
 from cubicfish_cli.undistortion.maps import OUTSIDE, UndistortMap
 
 if TYPE_CHECKING:
@@ -134,10 +134,8 @@ def undistort_video(
     encoding = encoding or Encoding()
     with whole_file(destination, overwrite=overwrite) as temporary, opened(source) as film:
         container, stream = film
-        try:
+        with naming(source):
             undistort_map = make_map((stream.width, stream.height))
-        except ViewError as problem:
-            raise ViewError(str(problem), about=shown(source), apart=True) from problem
         writer = _Writer(temporary, destination, container, stream, undistort_map, encoding)
         with closing(writer):
             codecs = (stream.codec_context.name, writer.codec)

@@ -17,17 +17,25 @@ from synthetic import (
 )
 
 from cubicfish_cli.advice.advise import advise, reach_of, rim_of, summary, why_not_enough
-from cubicfish_cli.advice.gaps import find_gaps, photo_distances
+from cubicfish_cli.advice.gaps import (
+    across,
+    find_gaps,
+    length_words,
+    photo_distances,
+    place_words,
+    side_of,
+    slant,
+    tilt_words,
+)
 from cubicfish_cli.advice.knowledge import know, recorded_poses
 from cubicfish_cli.advice.picture import advice_svg
-from cubicfish_cli.advice.words import across, length_words, place_words, side_of, slant, tilt_words
-from cubicfish_cli.assess.field_uncertainty import FieldUncertainty, recorded, sigma_at, summed
+from cubicfish_cli.assess.records import FieldUncertainty, recorded, sigma_at, summed
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.fitting.uncertainty import camera_uncertainty, field_grid
-from cubicfish_cli.rendering.pose import look_at
+from cubicfish_cli.rendering.truth import look_at
 from cubicfish_cli.rendering.views import Distances, sample_views, view_from
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from running import SAMPLE, Run
 
-from cubicfish_cli.assess.field_uncertainty import FieldUncertainty, recorded, summed
+from cubicfish_cli.assess.records import FieldUncertainty, recorded, summed
 from cubicfish_cli.fitting.findings import COVERED
 from cubicfish_cli.formats.camera_yaml import load_camera
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import platformdirs
 import pytest
 
-from cubicfish_cli.cli.cache_folder import cache_folder, keep_fonts
+from cubicfish_cli.cli.progress import cache_folder, keep_fonts
 
 
 def test_the_folder_is_the_named_one_else_the_users(
@@ -53,7 +53,7 @@ def fonts_folder(*, keep: bool, **environment: str) -> Path:
     """Where a new process tells matplotlib to keep its list of fonts."""
     done = subprocess.run(
         [sys.executable, "-c",
-         f"import os; from cubicfish_cli.cli.cache_folder import keep_fonts; keep_fonts({keep})\n"
+         f"import os; from cubicfish_cli.cli.progress import keep_fonts; keep_fonts({keep})\n"
          "name = os.environ['MPLCONFIGDIR']; print(name, os.path.isdir(name))"],
         env={**os.environ, **environment}, capture_output=True, text=True, check=True,
     )  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from running import SAMPLE, Run
 
-from cubicfish_cli.cli.photo_table import lost_word
+from cubicfish_cli.cli.figures import lost_word
 from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.errors import OutputError

@@ -11,7 +11,7 @@ from running import SAMPLE, Run
 from cubicfish_cli.assess.camera_facts import camera_facts, field_seen
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.rendering.lens_file import load_lens
+from cubicfish_cli.rendering.outside import load_lens
 
 TRUTH = load_lens(SAMPLE / "true_camera.yaml").lens
 

@@ -18,7 +18,7 @@ from cubicfish_cli.cli.options import JsonOption
 from cubicfish_cli.cli.terminal import print_json
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.library import calibration_files
-from cubicfish_cli.rendering.lens_file import lens_text
+from cubicfish_cli.rendering.outside import lens_text
 
 CORNERS, TARGET = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
 PHOTO = SAMPLE / "photos" / "corner_01.jpg"

@@ -9,11 +9,10 @@ import pytest
 import yaml
 from running import SAMPLE, Run
 
-from cubicfish_cli.assess.field_uncertainty import sigma_at
+from cubicfish_cli.assess.records import sigma_at
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.plain_yaml import plain_yaml_text
-from cubicfish_cli.undistortion.frames import Crop, calibrated_pixels, camera_for_photos
-from cubicfish_cli.undistortion.maps import load_map
+from cubicfish_cli.undistortion.maps import Crop, calibrated_pixels, camera_for_photos, load_map
 
 VIEW = ["--view", "equidistant", "--fit", "outer", "--size", "160x120"]
 PHOTO = next((SAMPLE / "photos").glob("*.[pj]*g"))

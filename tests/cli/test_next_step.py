@@ -7,8 +7,8 @@ from running import SAMPLE, Run
 from terminals import Screen, widest
 
 from cubicfish_cli.assess.verdict import Verdict
-from cubicfish_cli.cli import calibrate, photo_table
-from cubicfish_cli.cli.photo_table import PhotoRow
+from cubicfish_cli.cli import calibrate, figures
+from cubicfish_cli.cli.figures import PhotoRow
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 
@@ -64,14 +64,14 @@ def test_a_terminal_shows_the_worst_ten(monkeypatch: pytest.MonkeyPatch, columns
     screen = Screen()
     monkeypatch.setattr("sys.stdout", screen)
     monkeypatch.setenv("COLUMNS", str(columns))
-    monkeypatch.setattr(photo_table, "verbosity", lambda: 0)
+    monkeypatch.setattr(figures, "verbosity", lambda: 0)
     rows = [
         PhotoRow(name=f"p{n:02}.jpg", words="good", level="good", boards={"board": 40}, corners=40,
                  rms_px=n / 100, median_px=n / 120, p95_px=n / 60, max_px=n / 40)
         for n in range(1, 41)
     ]  # fmt: skip
     total = {"rms_px": 0.2, "median_px": 0.1, "p95_px": 0.4, "max_px": 1.0}
-    photo_table.print_photo_table(rows, ["board"], total)
+    figures.print_photo_table(rows, ["board"], total)
     shown = [line.split()[0] for line in screen.text.splitlines() if line.startswith("p")][1:]
     assert shown == [f"p{n:02}.jpg" for n in range(40, 30, -1)]
     assert widest(screen.text) <= columns

@@ -6,7 +6,7 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cubicfish_cli.cli.numbers import FloatRange, IntRange
+from cubicfish_cli.cli.options import FloatRange, IntRange
 
 ANGLE = FloatRange(0, 360, min_open=True, unit="degrees")
 

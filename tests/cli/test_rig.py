@@ -19,7 +19,7 @@ from cubicfish_cli import (
     save_corners,
     save_target,
 )
-from cubicfish_cli.assess.rig_verdict import rig_verdict
+from cubicfish_cli.assess.verdict import rig_verdict
 from cubicfish_cli.cli.options import keys_of
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.camera_yaml import load_camera
@@ -27,7 +27,7 @@ from cubicfish_cli.lenses.lift import lift_rotation
 from cubicfish_cli.library.rig_files import named_by
 from cubicfish_cli.library.rigs import compare_rigs
 from cubicfish_cli.rendering.outside import outside_lens
-from cubicfish_cli.rendering.pose import rotation_matrix
+from cubicfish_cli.rendering.truth import rotation_matrix
 from cubicfish_cli.target import Target
 
 BOARDS = [

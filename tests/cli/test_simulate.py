@@ -19,9 +19,8 @@ from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.formats.foreign import read_foreign
 from cubicfish_cli.rendering import simulate as library
-from cubicfish_cli.rendering.lens_file import lens_text, load_lens
-from cubicfish_cli.rendering.outside import OUTSIDE_LENSES, outside_lens
-from cubicfish_cli.rendering.pose import camera_points, load_poses
+from cubicfish_cli.rendering.outside import OUTSIDE_LENSES, lens_text, load_lens, outside_lens
+from cubicfish_cli.rendering.truth import camera_points, load_poses
 from cubicfish_cli.target import Target, load_target
 
 TARGET = SAMPLE / "target.yaml"

@@ -19,10 +19,9 @@ from cubicfish_cli.printing import extra
 from cubicfish_cli.printing.canvas import Canvas, write_pdf
 from cubicfish_cli.printing.layout import lay_out
 from cubicfish_cli.printing.objects import Wanted, design
-from cubicfish_cli.printing.paper import paper
-from cubicfish_cli.printing.sheet import Sheet, sheets_of
-from cubicfish_cli.rendering.pose import look_at
-from cubicfish_cli.rendering.render import render
+from cubicfish_cli.printing.sheet import Sheet, paper, sheets_of
+from cubicfish_cli.rendering.simulate import render
+from cubicfish_cli.rendering.truth import look_at
 from cubicfish_cli.target import load_target
 from tests.cli.test_main import CUBICFISH, heavy_modules_after
 

@@ -15,10 +15,9 @@ from running import SAMPLE, Run
 from terminals import Screen, on_terminal, unstyled, visible, widest
 
 from cubicfish_cli.cli import streams
-from cubicfish_cli.cli.photo_table import PhotoRow, fitted_rows, print_photo_table
+from cubicfish_cli.cli.figures import PhotoRow, fitted_rows, print_photo_table
 from cubicfish_cli.cli.streams import cells, cut_end, cut_middle, safe, wrapped
-from cubicfish_cli.cli.table import Column, Row, print_columns, print_table
-from cubicfish_cli.cli.terminal import print_json, result
+from cubicfish_cli.cli.terminal import Column, Row, print_columns, print_json, print_table, result
 
 CORNERS = SAMPLE / "true_corners.csv"
 TARGET = SAMPLE / "target.yaml"
@@ -60,7 +59,7 @@ def photo(name: str, rms: float, **more: object) -> PhotoRow:
 @pytest.fixture
 def show(monkeypatch: pytest.MonkeyPatch):  # type: ignore[no-untyped-def]
     """Print the table of photos, on a terminal or not; return the text."""
-    monkeypatch.setattr("cubicfish_cli.cli.photo_table.verbosity", lambda: 0)
+    monkeypatch.setattr("cubicfish_cli.cli.figures.verbosity", lambda: 0)
 
     def printed(rows: Sequence[PhotoRow], columns: int | None) -> str:
         with monkeypatch.context() as patch:

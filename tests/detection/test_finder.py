@@ -12,9 +12,8 @@ from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.growth import measure_contrast
 from cubicfish_cli.detection.lattice import Lattice
 from cubicfish_cli.detection.pyramid import build_pyramid
-from cubicfish_cli.rendering.pose import look_at
-from cubicfish_cli.rendering.render import render
-from cubicfish_cli.rendering.truth import project_corners
+from cubicfish_cli.rendering.simulate import render
+from cubicfish_cli.rendering.truth import look_at, project_corners
 from cubicfish_cli.target import load_target
 from cubicfish_cli.words.codes import Code
 

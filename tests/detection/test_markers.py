@@ -16,9 +16,8 @@ from cubicfish_cli.detection.markers_read import read_grid
 from cubicfish_cli.detection.pyramid import build_pyramid
 from cubicfish_cli.identification.glance import glance_at_markers
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
-from cubicfish_cli.rendering.pose import camera_points, look_at
-from cubicfish_cli.rendering.render import plain_background, render
-from cubicfish_cli.rendering.truth import project_corners
+from cubicfish_cli.rendering.simulate import plain_background, render
+from cubicfish_cli.rendering.truth import camera_points, look_at, project_corners
 from cubicfish_cli.target import Target
 
 SIZE = (520, 520)

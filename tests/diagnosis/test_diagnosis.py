@@ -11,12 +11,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.boards.shape import BoardShape
-from cubicfish_cli.diagnosis import failed_lens as failed_lens_module
 from cubicfish_cli.diagnosis import lens_faults, photo_lenses, wrong_drawing
 from cubicfish_cli.diagnosis.diagnose import HYPOTHESES, find_faults
-from cubicfish_cli.diagnosis.failed_lens import failed_lens
 from cubicfish_cli.diagnosis.left_out import board_fault, board_findings
-from cubicfish_cli.diagnosis.lens_faults import LensChange, left_out_lens, lens_change
+from cubicfish_cli.diagnosis.lens_faults import LensChange, failed_lens, left_out_lens, lens_change
 from cubicfish_cli.diagnosis.mirrored import handed, mirrored_object, seen_sides
 from cubicfish_cli.diagnosis.object_faults import object_fault
 from cubicfish_cli.diagnosis.photo_lenses import (
@@ -875,8 +873,8 @@ def test_photos_that_do_not_go_with_the_others_are_named(points):
 
 
 def test_few_of_many_photos_are_tried():
-    assert len(list(failed_lens_module._subsets(1000))) < 40
-    assert max(len(few) for few in failed_lens_module._subsets(1000)) <= 6
+    assert len(list(lens_faults._subsets(1000))) < 40
+    assert max(len(few) for few in lens_faults._subsets(1000)) <= 6
 
 
 @pytest.mark.slow
@@ -889,8 +887,6 @@ def test_photos_that_only_say_too_little_are_not_taken_apart(pairs, monkeypatch)
         for turn in rng.uniform(-3, 3, 8)
     ]
     facing = synthetic.synthetic_correspondences(flat, poses, lens=LENS, noise=0.1)
-    monkeypatch.setattr(
-        failed_lens_module, "failed_lens", lambda pairs: pytest.fail("must not be tried")
-    )
+    monkeypatch.setattr(lens_faults, "failed_lens", lambda pairs: pytest.fail("must not be tried"))
     with pytest.raises(FitError, match=r"do not determine the lens.*: add photos in which"):
         calibrate(facing, target=flat, hold_out=False)

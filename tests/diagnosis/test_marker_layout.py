@@ -14,8 +14,8 @@ from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.diagnosis.evidence import MarkerEvidence
 from cubicfish_cli.identification.identified import marked_corners
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
-from cubicfish_cli.rendering.pose import look_at
-from cubicfish_cli.rendering.render import render
+from cubicfish_cli.rendering.simulate import render
+from cubicfish_cli.rendering.truth import look_at
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code, Severity
 
@@ -81,7 +81,7 @@ def evidence(pictures, target):
 @pytest.mark.parametrize(
     "drawn",
     [
-        pytest.param((6, 4), id="exchanged"),
+        pytest.param((6, 4), id="exchanged", marks=pytest.mark.slow),
         pytest.param((5, 6), id="more", marks=pytest.mark.slow),
         pytest.param((3, 6), id="fewer", marks=pytest.mark.slow),
         pytest.param((5, 7), id="squares", marks=pytest.mark.slow),
@@ -104,6 +104,7 @@ def test_the_older_layout_is_named_where_rows_are_of_an_even_number_of_squares()
     assert told.figures["first_square"] == "light"
 
 
+@pytest.mark.slow
 def test_tags_tell_it_too():
     pictures = photos("aprilgrid", (4, 3))
     (told,) = find_faults(evidence(pictures, drawing("aprilgrid", (3, 4))))
@@ -120,7 +121,9 @@ def test_markers_of_another_family_tell_nothing_of_rows():
     assert told.code is Code.NO_MARKERS
 
 
-@pytest.mark.parametrize("spacing", [0.36, 0.2, 5.0])
+@pytest.mark.parametrize(
+    "spacing", [0.36, *(pytest.param(one, marks=pytest.mark.slow) for one in (0.2, 5.0))]
+)
 def test_tags_tell_how_far_apart_they_are(spacing):
     target = drawing("aprilgrid", (4, 3))
     (board,) = target.boards
@@ -138,6 +141,7 @@ def test_a_right_drawing_is_left_alone(kind, counts):
     assert find_faults(seen) == []
 
 
+@pytest.mark.slow
 def test_a_board_that_shows_too_little_is_not_blamed():
     """Its markers lie as the target says; what is missing are its corners."""
     seen = evidence(photos("charuco", (4, 6)), drawing("charuco", (4, 6)))

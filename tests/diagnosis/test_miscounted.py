@@ -22,8 +22,8 @@ from cubicfish_cli.diagnosis import more_corners
 from cubicfish_cli.diagnosis.corner_count import miscounted
 from cubicfish_cli.diagnosis.more_corners import Count
 from cubicfish_cli.identification.name_grids import name_grids
-from cubicfish_cli.rendering.pose import camera_points
 from cubicfish_cli.rendering.simulate import Look, simulated_photos
+from cubicfish_cli.rendering.truth import camera_points
 from cubicfish_cli.target import Target
 
 pytestmark = pytest.mark.slow

@@ -9,8 +9,8 @@ from seen import grid_evidence
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three, poses_around, synthetic_corners
 
 from cubicfish_cli.detection.grids import grid_in_mirror
-from cubicfish_cli.diagnosis import misdrawn as module
-from cubicfish_cli.diagnosis.misdrawn import misdrawn
+from cubicfish_cli.diagnosis import object_faults as module
+from cubicfish_cli.diagnosis.object_faults import misdrawn
 from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.target import Target
 

@@ -157,6 +157,7 @@ def test_what_the_work_raises_is_raised() -> None:
     assert isinstance(outcome(cannot_travel, ["a", "b"]), RuntimeError)
 
 
+@pytest.mark.slow
 def test_leaving_early_ends_the_processes() -> None:
     answers = map_photos(refuses, list("abcdefgh"), 2)
     assert next(answers) == "a"

@@ -17,6 +17,7 @@ from cubicfish_cli.films.raw import brightness, load_frame, save_frame
 from cubicfish_cli.films.source import Film
 
 
+@pytest.mark.slow
 def test_near_copies_are_told_before_corners_are_looked_for(tmp_path: Path) -> None:
     one, other = photos(3)[:2]
     pictures = [one, one, np.roll(one, (9, 9), (0, 1)), other, one, other]

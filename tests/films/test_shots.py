@@ -22,8 +22,8 @@ from cubicfish_cli.films.shots import flow, moments
 from cubicfish_cli.films.source import Film
 from cubicfish_cli.frame_names import time_of
 from cubicfish_cli.rendering.outside import outside_lens
-from cubicfish_cli.rendering.pose import Pose, pose_of_matrix
-from cubicfish_cli.rendering.render import render
+from cubicfish_cli.rendering.simulate import render
+from cubicfish_cli.rendering.truth import Pose, pose_of_matrix
 from tests.films.test_films import at
 from tests.fitting.rig.test_rig import target
 

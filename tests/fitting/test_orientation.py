@@ -11,10 +11,12 @@ from cubicfish_cli.fitting.calibrate import _better_named, calibrate
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.fitting.held_out import HeldOut
 from cubicfish_cli.fitting.refinement import Drawing
-from cubicfish_cli.symmetry import symmetries
+from cubicfish_cli.placement import symmetries
 
 
-@pytest.mark.parametrize(("columns", "rows", "count"), [(6, 4, 12), (4, 4, 24)])
+@pytest.mark.parametrize(
+    ("columns", "rows", "count"), [(6, 4, 12), pytest.param(4, 4, 24, marks=pytest.mark.slow)]
+)
 def test_names_by_chance_are_made_those_of_one_print(columns: int, rows: int, count: int) -> None:
     target = drawn(columns, rows)
     truth = photos(columns, rows, 0.1, count)
@@ -40,6 +42,7 @@ def test_names_by_chance_are_made_those_of_one_print(columns: int, rows: int, co
     np.testing.assert_allclose(residual, found.residual, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_print_that_is_exact_loses_nothing_by_it() -> None:
     """There is nothing to tell names by, and nothing that hangs on them."""
     target = drawn(6, 4)
@@ -59,6 +62,7 @@ def test_a_board_without_symmetry_keeps_its_names() -> None:
     assert found.named(given) is given
 
 
+@pytest.mark.slow
 def test_corners_that_may_be_others_keep_their_names() -> None:
     target = drawn(6, 4)
     given, _ = misnamed(photos(6, 4, 0.1), target)
@@ -115,6 +119,7 @@ def test_dropped_corners_have_the_names_of_the_others() -> None:
     }
 
 
+@pytest.mark.slow
 def test_a_box_of_which_some_boards_are_never_seen() -> None:
     """By other names photos show boards that no photo shows by the names given."""
     box = synthetic.box_of_four()
@@ -128,7 +133,9 @@ def test_a_box_of_which_some_boards_are_never_seen() -> None:
     assert found.errors.rms_px < 0.1
 
 
-@pytest.mark.parametrize("noise", [0.0, 1e-12, 1e-3])
+@pytest.mark.parametrize(
+    "noise", [0.0, *(pytest.param(one, marks=pytest.mark.slow) for one in (1e-12, 1e-3))]
+)
 def test_corners_without_errors_keep_their_names_and_their_fit(noise: float) -> None:
     target = drawn(6, 4)
     poses = synthetic.poses_around(target, 10, seed=2)

@@ -139,6 +139,7 @@ def test_a_photo_with_wrong_names_is_named_and_left_out():
     assert np.median(np.hypot(*reference.residual.T)) < 0.4
 
 
+@pytest.mark.slow
 def test_a_few_corners_placed_wrongly_are_judged_by_the_lens_of_the_others(monkeypatch):
     """Together with the others they would make another lens, which misses them by half as much."""
     truth = RadialCamera(image_size=(960, 720), fx=500, fy=500, cx=900, cy=60, k=np.zeros(4))

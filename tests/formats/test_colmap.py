@@ -13,9 +13,9 @@ from cubicfish_cli.fitting.conversion.from_lens import from_lens
 from cubicfish_cli.fitting.conversion.to_lens import to_lens
 from cubicfish_cli.formats.colmap_cameras import MODELS, WRITTEN, colmap_text, read_colmap
 from cubicfish_cli.formats.foreign import sniffed
-from cubicfish_cli.lenses.enhanced_unified import EnhancedUnifiedLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.thin_prism import RadTanThinPrismLens, ThinPrismLens
+from cubicfish_cli.lenses.unified import EnhancedUnifiedLens
 
 SIZE = (640, 480)
 # Some of each parameter that is not 0: pixels of lenses that look like lenses.

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.file_storage import read_file_storage
 from cubicfish_cli.formats.foreign import read_foreign, sniffed
-from cubicfish_cli.formats.opencv_cameras import read_opencv
+from cubicfish_cli.formats.opencv_cameras import read_file_storage, read_opencv
 
 K = np.array([[401.25, 0, 320.5], [0, 399.5, 239.0], [0, 0, 1]])
 D4 = np.array([[-0.02], [0.003], [-4e-4], [1e-5]])

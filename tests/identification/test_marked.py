@@ -13,7 +13,7 @@ from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.identification.second_pass import second_pass
 from cubicfish_cli.library.detection import detect_corners
 from cubicfish_cli.photos import find_photos
-from cubicfish_cli.rendering.render import render
+from cubicfish_cli.rendering.simulate import render
 from cubicfish_cli.rendering.truth import project_corners
 
 LENS = synthetic.lens_of_size(0.75)

@@ -16,8 +16,8 @@ from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.fitting.poses import rotation_from_vector
 from cubicfish_cli.identification.decide import CLEAR_RATIO, Decided, decide, decide_alone
 from cubicfish_cli.identification.ends import Ends, ends_of
-from cubicfish_cli.identification.grid_views import grid_poses, view_of
 from cubicfish_cli.identification.identified import Place
+from cubicfish_cli.identification.scene import grid_poses, view_of
 from cubicfish_cli.identification.search import (
     form_cost,
     gauss_newton,
@@ -27,7 +27,7 @@ from cubicfish_cli.identification.search import (
 )
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.placement import placement_of, reach_of
-from cubicfish_cli.rendering.pose import look_at
+from cubicfish_cli.rendering.truth import look_at
 from cubicfish_cli.target import Target
 
 LENS = RadialCamera(

@@ -7,8 +7,7 @@ import pytest
 from lenses import cubic_camera, radial_camera, random_rays
 
 from cubicfish_cli.angles import angle_from_axis, unit_rays
-from cubicfish_cli.lenses.division import DivisionLens
-from cubicfish_cli.lenses.double_sphere import DoubleSphereLens
+from cubicfish_cli.lenses.field_of_view import DivisionLens
 from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.lenses.mrcal_splined import SplinedLens
 from cubicfish_cli.lenses.nearest import FreeLens, nearest_accepted, nearest_lens
@@ -16,7 +15,7 @@ from cubicfish_cli.lenses.pinhole import PinholeLens
 from cubicfish_cli.lenses.rational import RationalLens
 from cubicfish_cli.lenses.registry import LENSES
 from cubicfish_cli.lenses.scaramuzza import ScaramuzzaLens
-from cubicfish_cli.lenses.unified import UnifiedLens
+from cubicfish_cli.lenses.unified import DoubleSphereLens, UnifiedLens
 
 RADIAL = radial_camera(100.0)
 WIDE_DEG = 94

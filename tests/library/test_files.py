@@ -157,6 +157,7 @@ def test_a_camera_is_exported_as_the_command_does(calibrated: Path, tmp_path: Pa
         export_files(calibrated, "opencv", tmp_path / "c", pair=("left", "right"))
 
 
+@pytest.mark.slow
 def test_what_to_photograph_next_is_what_the_command_says(
     calibrated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -171,6 +172,7 @@ def test_what_to_photograph_next_is_what_the_command_says(
         advise_files(calibrated, picture=tmp_path / "a.png")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("with_report")
 def test_a_page_is_that_of_the_command(calibrated: Path, tmp_path: Path) -> None:
     run_cli("report", calibrated, "-o", tmp_path / "a.html")
@@ -284,6 +286,7 @@ def test_views_that_cannot_be_are_refused(asked: dict[str, Any], said: str) -> N
         ViewOptions(**asked)
 
 
+@pytest.mark.slow
 def test_maps_are_those_of_the_command(calibrated: Path, tmp_path: Path) -> None:
     for name in "ab":
         (tmp_path / name).mkdir()
@@ -344,6 +347,7 @@ def test_pictures_and_maps_of_a_rig_are_those_of_the_command(
         map_rig_files(rig, b / "n.npz", ViewOptions(kind="stereographic"))
 
 
+@pytest.mark.slow
 def test_what_cameras_are_and_how_far_apart_is_what_the_commands_say(
     calibrated: Path, tmp_path: Path
 ) -> None:
@@ -375,6 +379,7 @@ def test_what_rigs_are_and_how_far_apart_is_what_the_commands_say(
     assert [one.turn_deg for one in found.cameras] == pytest.approx([0, 0], abs=1e-6)
 
 
+@pytest.mark.slow
 def test_another_tools_camera_is_written_as_by_the_command(
     calibrated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

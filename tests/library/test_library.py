@@ -478,6 +478,7 @@ def board() -> Target:
     return Target(units="mm", boards=(checkerboard("board", 5, 4, 40.0),))
 
 
+@pytest.mark.slow
 def test_photos_of_known_truth_are_those_of_simulate(
     fitted: Calibration, board: Target, tmp_path: Path
 ) -> None:
@@ -522,6 +523,7 @@ def test_photos_of_known_truth_are_those_of_simulate(
     assert read_picture(files[0]).mean() > 1.5 * dark
 
 
+@pytest.mark.slow
 def test_a_film_of_known_truth_has_its_frames(board: Target, tmp_path: Path) -> None:
     for name, readout_ms in (("a", 15), ("b", 0)):
         made = simulate_files(

@@ -12,8 +12,7 @@ from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.identified import GridReport, PhotoReport, Place
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.overlay.canvas import PhotoCanvas
-from cubicfish_cli.overlay.draw import BOARD_COLOURS, LEFT_OUT, REFUSED, draw_found
+from cubicfish_cli.overlay import BOARD_COLOURS, LEFT_OUT, REFUSED, PhotoCanvas, draw_found
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
 

@@ -12,8 +12,15 @@ from cubicfish_cli.diagnosis.object_check import check_object
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.printing.layout import BAND, OVERLAP, lay_out
 from cubicfish_cli.printing.objects import KINDS, Wanted, design
-from cubicfish_cli.printing.paper import length_mm, millimetres_per, paper
-from cubicfish_cli.printing.sheet import STRIP, Sheet, in_millimetres, sheets_of
+from cubicfish_cli.printing.sheet import (
+    STRIP,
+    Sheet,
+    in_millimetres,
+    length_mm,
+    millimetres_per,
+    paper,
+    sheets_of,
+)
 from cubicfish_cli.target import Target, load_target, target_text
 from tests.rendering.test_faces_markers import aprilgrid
 

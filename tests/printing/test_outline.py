@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import checkerboard
 
-from cubicfish_cli.printing.outline import ink_outlines
+from cubicfish_cli.printing.canvas import ink_outlines
 from tests.rendering.test_faces_markers import aprilgrid, charuco
 
 BOARDS = {

@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 from synthetic import corner_of_three, flat_board, lens_of_size
 
-from cubicfish_cli.rendering.film import Film, Shutter
-from cubicfish_cli.rendering.hand import HandPath
+from cubicfish_cli.rendering.film import Film, HandPath, Shutter
 from cubicfish_cli.rendering.outside import outside_lens
-from cubicfish_cli.rendering.pose import look_at, rotation_matrix
 from cubicfish_cli.rendering.simulate import Look, chosen_poses, simulated_photos
+from cubicfish_cli.rendering.truth import look_at, rotation_matrix
 from cubicfish_cli.target import Target
 
 LENS = lens_of_size(0.5)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from synthetic import corner_of_three, lens_of_size, poses_around
 
-from cubicfish_cli.rendering.render import plain_background, render
-from cubicfish_cli.rendering.simulate import RayGrid
+from cubicfish_cli.rendering.simulate import RayGrid, plain_background, render
 
 LENS = lens_of_size(0.5)
 SIZE = LENS.image_size

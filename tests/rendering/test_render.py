@@ -7,10 +7,9 @@ from synthetic import as_type, checkerboard, corner_of_three, flat_board, lens_o
 
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
-from cubicfish_cli.rendering import render as rendering
-from cubicfish_cli.rendering.pose import camera_points, look_at, rotation_matrix
-from cubicfish_cli.rendering.render import plain_background, render
-from cubicfish_cli.rendering.truth import project_corners
+from cubicfish_cli.rendering import simulate as rendering
+from cubicfish_cli.rendering.simulate import plain_background, render
+from cubicfish_cli.rendering.truth import camera_points, look_at, project_corners, rotation_matrix
 from cubicfish_cli.target import Target
 
 LENS = lens_of_size(0.5)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cubicfish_cli.rendering.render import bloomed, sensed
+from cubicfish_cli.rendering.simulate import bloomed, sensed
 
 HALF = 40
 FINE = 8

@@ -17,8 +17,8 @@ from synthetic import (
 from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
-from cubicfish_cli.rendering.pose import camera_points, rotation_matrix
 from cubicfish_cli.rendering.simulate import chosen_poses
+from cubicfish_cli.rendering.truth import camera_points, rotation_matrix
 from cubicfish_cli.rendering.views import choose_views, sample_views, view_from
 from cubicfish_cli.target import Target
 

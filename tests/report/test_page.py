@@ -29,8 +29,8 @@ from cubicfish_cli.observations import Observations
 from cubicfish_cli.printing.extra import drawing as plain_drawing
 from cubicfish_cli.report import figures, svg
 from cubicfish_cli.report.facts import Facts, gather
+from cubicfish_cli.report.from_files import matched
 from cubicfish_cli.report.page import report_html
-from cubicfish_cli.report.pictures import matched
 from cubicfish_cli.target import Target, load_target
 
 TARGET = load_target(SAMPLE / "target.yaml")

@@ -25,9 +25,8 @@ import numpy.typing as npt
 
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.outside import OutsideLens
-from cubicfish_cli.rendering.pose import Pose
 from cubicfish_cli.rendering.simulate import chosen_poses
-from cubicfish_cli.rendering.truth import Lens, project_corners
+from cubicfish_cli.rendering.truth import Lens, Pose, project_corners
 from cubicfish_cli.rendering.views import WholeLens
 from cubicfish_cli.target import Target
 

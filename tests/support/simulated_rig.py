@@ -12,8 +12,7 @@ from simulated import CornerErrors, Truth, simulated_corners
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.outside import OutsideLens
-from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
-from cubicfish_cli.rendering.truth import project_corners
+from cubicfish_cli.rendering.truth import Pose, pose_of_matrix, project_corners, rotation_matrix
 from cubicfish_cli.target import Target
 
 FloatArray = npt.NDArray[np.float64]

@@ -8,8 +8,8 @@ from simulated import CornerErrors, simulated_corners
 
 from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.observations import Observations
+from cubicfish_cli.placement import renamed, symmetries
 from cubicfish_cli.rendering.outside import outside_lens
-from cubicfish_cli.symmetry import renamed, symmetries
 from cubicfish_cli.target import Target
 
 LENS = outside_lens("equisolid", (800, 600))

@@ -13,8 +13,14 @@ from cubicfish_cli.boards.checkerboard import Checkerboard
 from cubicfish_cli.boards.types import BOARD_TYPES
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.rendering.pose import Pose, camera_points, look_at
-from cubicfish_cli.rendering.truth import Lens, TrueCorners, project_corners
+from cubicfish_cli.rendering.truth import (
+    Lens,
+    Pose,
+    TrueCorners,
+    camera_points,
+    look_at,
+    project_corners,
+)
 from cubicfish_cli.target import Target
 
 IMAGE_SIZE = (960, 720)

@@ -15,7 +15,7 @@ from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.grids import grid_in_mirror
 from cubicfish_cli.detection.markers import find_marked_corners
-from cubicfish_cli.diagnosis.misdrawn import misdrawn
+from cubicfish_cli.diagnosis.object_faults import misdrawn
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.statistics import rms_px

@@ -7,7 +7,7 @@ from simulated import CornerErrors, simulated_corners
 
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.rendering.outside import outside_lens
-from cubicfish_cli.rendering.pose import camera_points
+from cubicfish_cli.rendering.truth import camera_points
 
 EXACT = CornerErrors(noise=0, shared=0, spread=0)
 TARGET = synthetic.flat_board()

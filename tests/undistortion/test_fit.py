@@ -13,12 +13,11 @@ from cubicfish_cli.errors import ViewError
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.undistortion.choose import build_view
+from cubicfish_cli.undistortion.choose import CENTRAL_KINDS, axis_focal, build_view
 from cubicfish_cli.undistortion.fit import Fitted, fit_view, kept_share, seen_field_deg, sees
 from cubicfish_cli.undistortion.limits import WIDEST
 from cubicfish_cli.undistortion.maps import build_map
 from cubicfish_cli.undistortion.view import CentralView, rotation_from_angles
-from cubicfish_cli.undistortion.views import CENTRAL_KINDS, axis_focal
 
 SIZE = (120, 90)
 

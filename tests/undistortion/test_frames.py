@@ -6,9 +6,8 @@ import pytest
 from lenses import cubic_camera, random_rays
 
 from cubicfish_cli.errors import ViewError
-from cubicfish_cli.undistortion.frames import Crop, camera_for_photos, parse_crop
-from cubicfish_cli.undistortion.maps import build_map
-from cubicfish_cli.undistortion.views import default_view
+from cubicfish_cli.undistortion.choose import default_view
+from cubicfish_cli.undistortion.maps import Crop, build_map, camera_for_photos, parse_crop
 
 CAMERA = cubic_camera(100.0)  # 960x720
 RAYS = random_rays(90, 200)

@@ -14,10 +14,11 @@ from cubicfish_cli.undistortion.images import (
     encode_grey_with_alpha,
     encode_picture,
     is_grey_with_alpha,
+    jpeg_nature,
     remap_picture,
+    with_segments,
     write_picture,
 )
-from cubicfish_cli.undistortion.jpeg import jpeg_nature, with_segments
 from cubicfish_cli.undistortion.maps import build_map, save_map
 from cubicfish_cli.undistortion.projections import PerspectiveView
 

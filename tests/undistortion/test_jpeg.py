@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cubicfish_cli.undistortion.jpeg import jpeg_nature, with_segments
+from cubicfish_cli.undistortion.images import jpeg_nature, with_segments
 
 RNG = np.random.default_rng(4)
 COLOUR = cv2.GaussianBlur(RNG.integers(0, 255, (40, 56, 3)).astype(np.uint8), (0, 0), 2)

@@ -15,10 +15,10 @@ from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.lift import lift
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.undistortion import maps
+from cubicfish_cli.undistortion.choose import default_view
 from cubicfish_cli.undistortion.maps import build_map, load_map, save_map
 from cubicfish_cli.undistortion.projections import PerspectiveView
 from cubicfish_cli.undistortion.view import rotation_from_angles
-from cubicfish_cli.undistortion.views import default_view
 
 LENS = lens_of_size(0.25)
 SIZE = LENS.image_size

@@ -14,11 +14,11 @@ from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.rendering.pose import rotation_matrix
+from cubicfish_cli.rendering.truth import rotation_matrix
 from cubicfish_cli.undistortion.images import Rendering
-from cubicfish_cli.undistortion.mosaic import Body, BodyCamera, Ground, edge_distance, mosaic_of
 from cubicfish_cli.undistortion.plane import PlaneView
 from cubicfish_cli.undistortion.projections import CylindricalView, EquirectangularView
+from cubicfish_cli.undistortion.rigs import Body, BodyCamera, Ground, edge_distance, mosaic_of
 from tests.undistortion.test_stereo import calibrated as calibrated_pair
 
 Light = Callable[[np.ndarray], np.ndarray]

@@ -12,19 +12,21 @@ from lenses import cubic_camera
 
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.undistortion.cube import FACES, CrossView, face_views
+from cubicfish_cli.undistortion.choose import CENTRAL_KINDS, view_from_json
 from cubicfish_cli.undistortion.limits import WIDEST
 from cubicfish_cli.undistortion.maps import build_map
 from cubicfish_cli.undistortion.plane import PlaneView
 from cubicfish_cli.undistortion.projections import (
+    FACES,
+    CrossView,
     CylindricalView,
     EquidistantView,
     EquirectangularView,
     PerspectiveView,
     StereographicView,
+    face_views,
 )
 from cubicfish_cli.undistortion.view import rotation_from_angles
-from cubicfish_cli.undistortion.views import CENTRAL_KINDS, view_from_json
 
 S = math.sqrt(0.5)
 TURNED = rotation_from_angles(yaw_deg=50, pitch_deg=-20, roll_deg=70)

@@ -15,7 +15,7 @@ from cubicfish_cli.errors import ViewError
 from cubicfish_cli.fitting.rig.calibrate import RigCalibration
 from cubicfish_cli.geometry import camera_centre
 from cubicfish_cli.rendering.outside import OutsideLens, outside_lens
-from cubicfish_cli.rendering.pose import Pose, rotation_matrix
+from cubicfish_cli.rendering.truth import Pose, rotation_matrix
 from cubicfish_cli.target import Target
 from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.maps import build_map
@@ -24,7 +24,7 @@ from cubicfish_cli.undistortion.projections import (
     EpipolarEquirectangularView,
     PerspectiveView,
 )
-from cubicfish_cli.undistortion.stereo import ROW_ALIGNED, RectifiedPair, rectified_pair
+from cubicfish_cli.undistortion.rigs import ROW_ALIGNED, RectifiedPair, rectified_pair
 
 BOARDS = [
     ("floor", [8, 6], [90, 390, 0], [1, 0, 0], [0, -1, 0]),

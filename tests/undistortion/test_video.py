@@ -11,9 +11,8 @@ from lenses import cubic_camera
 
 from cubicfish_cli.errors import OutputError, PhotoError, ViewError
 from cubicfish_cli.films import source as source_of_frames
-from cubicfish_cli.undistortion.frames import camera_for_photos
 from cubicfish_cli.undistortion.images import Rendering
-from cubicfish_cli.undistortion.maps import build_map
+from cubicfish_cli.undistortion.maps import build_map, camera_for_photos
 from cubicfish_cli.undistortion.projections import PerspectiveView
 from cubicfish_cli.undistortion.video import (
     Encoding,

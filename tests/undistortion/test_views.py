@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from synthetic import TRUE_LENS
 
 from cubicfish_cli.errors import ViewError
+from cubicfish_cli.undistortion.choose import default_view, view_from_json
 from cubicfish_cli.undistortion.projections import PerspectiveView
 from cubicfish_cli.undistortion.view import rotation_from_angles
-from cubicfish_cli.undistortion.views import default_view, view_from_json
 
 
 def angle_deg(a, b):

@@ -16,7 +16,7 @@ from cubicfish_cli.fitting.rig.start import apart, common_shots, median_pose
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.subset import world_scale
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.symmetry import chosen, symmetries
+from cubicfish_cli.placement import chosen, symmetries
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import IntArray
 

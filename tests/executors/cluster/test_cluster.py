@@ -21,10 +21,8 @@ pytest.importorskip("distributed", exc_type=ImportError)
 import distant_work
 
 from cubicfish_cli.errors import ClusterError, PhotoError
-from cubicfish_cli.executors.cluster import connection, workers
-from cubicfish_cli.executors.cluster.connection import connect
-from cubicfish_cli.executors.cluster.tasks import do_one, order
-from cubicfish_cli.executors.cluster.versions import versions_here
+from cubicfish_cli.executors import cluster
+from cubicfish_cli.executors.cluster import connect, do_one, order, versions_here
 from cubicfish_cli.undistortion.batch import PhotoJob, undistort_photos
 from cubicfish_cli.undistortion.images import PLAIN
 
@@ -119,7 +117,7 @@ def jobs_of(folder: Path, count: int, out: str = "out") -> list[PhotoJob]:
     return jobs
 
 
-def undistort(jobs: Sequence[PhotoJob], address: str, maps, wait_s=PATIENCE_S, **options) -> list:
+def undistort(jobs: Sequence[PhotoJob], address: str, maps, wait_s=PATIENCE_S, **options) -> dict:
     with connect(address, wait_s=wait_s) as executor:
         return undistort_photos(
             jobs,
@@ -211,7 +209,7 @@ def test_a_worker_that_is_killed_loses_nothing(processes: Processes, tmp_path: P
         distant_work.maps_and_an_end,
         progress=lambda done, total: seen.append((done, total)),
     )
-    assert failures == []
+    assert failures == {}
     assert (tmp_path / "ended").exists()
     processes.wait_for(1)
     assert contents(tmp_path / "out") == contents(tmp_path / "here")
@@ -225,14 +223,14 @@ def test_what_exists_is_refused_before_the_work(processes: Processes, tmp_path: 
     jobs[2].outputs[0].parent.mkdir()
     jobs[2].outputs[0].write_text("old")
     address = processes.have(1)
-    missing, exists = undistort(jobs, address, distant_work.maps)
-    assert missing.job is jobs[1]
-    assert isinstance(missing.error, PhotoError)
-    assert f"1.png cannot be read on {os.uname().nodename}: No such file" in str(missing.error)
-    assert "2.png exists already" in str(exists.error)
+    failures = undistort(jobs, address, distant_work.maps)
+    missing, exists = failures["1.png"], failures["2.png"]
+    assert isinstance(missing, PhotoError)
+    assert f"1.png cannot be read on {os.uname().nodename}: No such file" in str(missing)
+    assert "2.png exists already" in str(exists)
     assert jobs[2].outputs[0].read_text() == "old"
     assert sorted(contents(tmp_path / "out")) == ["0.png", "2.png", "3.png"]
-    assert undistort(jobs[2:3], address, distant_work.maps, overwrite=True) == []
+    assert undistort(jobs[2:3], address, distant_work.maps, overwrite=True) == {}
     assert jobs[2].outputs[0].read_bytes() != b"old"
 
 
@@ -281,7 +279,7 @@ def test_workers_of_another_version_are_refused(
 ) -> None:
     address = processes.have(1)
     theirs = versions_here()["OpenCV"]
-    monkeypatch.setattr(workers, "versions_here", lambda: {**versions_here(), "OpenCV": "3.2"})
+    monkeypatch.setattr(cluster, "versions_here", lambda: {**versions_here(), "OpenCV": "3.2"})
     with (
         pytest.raises(ClusterError, match=rf"has OpenCV {theirs} and this machine has 3\.2, whose"),
         connect(address, wait_s=PATIENCE_S),
@@ -297,7 +295,7 @@ def test_a_worker_that_comes_later_is_checked_too(
     assert not (tmp_path / "new").exists()
     with order(distant_work.process, tmp_path) as wanted:
         other = {**versions_here(), "numpy": "1.0"}
-        monkeypatch.setattr("cubicfish_cli.executors.cluster.tasks.versions_here", lambda: other)
+        monkeypatch.setattr("cubicfish_cli.executors.cluster.versions_here", lambda: other)
         with pytest.raises(ClusterError, match=r"a worker on \S+ has numpy 1\.0 and this machine"):
             do_one(wanted, pickle.dumps(1))
 
@@ -375,7 +373,7 @@ def test_an_interrupt_cancels_what_has_not_begun(
 def test_a_scheduler_that_is_not_there_is_one_line(
     run: Run, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, address: str, said: str
 ) -> None:
-    monkeypatch.setattr(connection, "_CONNECT_S", 0.5)
+    monkeypatch.setattr(cluster, "_CONNECT_S", 0.5)
     begun = time.monotonic()
     args = ["undistort", SAMPLE / "photos", tmp_path / "out", "-m", model]
     result = run(*args, "--scheduler", address, code=1)
@@ -388,9 +386,9 @@ def test_a_scheduler_that_is_not_there_is_one_line(
 @pytest.mark.slow
 def test_a_listener_that_is_no_scheduler_is_one_line_too() -> None:
     code = (
-        "import sys\nfrom cubicfish_cli.executors.cluster import connection\n"
-        "connection._CONNECT_S = connection._SLACK_S = 0.3\n"
-        "with connection.connect(sys.argv[1]):\n    pass"
+        "import sys\nfrom cubicfish_cli.executors import cluster\n"
+        "cluster._CONNECT_S = cluster._SLACK_S = 0.3\n"
+        "with cluster.connect(sys.argv[1]):\n    pass"
     )
     with socket.create_server(("127.0.0.1", 0)) as silent:
         address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
@@ -424,18 +422,18 @@ def test_a_scheduler_that_is_lost_is_one_line(
 def test_a_photo_that_ends_its_workers_is_that_photos_failure() -> None:
     from distributed import KilledWorker
 
-    cluster = workers.Cluster(None, "tcp://node:1", 1)
-    problem = cluster._explained(KilledWorker.__new__(KilledWorker), "")
+    there = cluster.Cluster(None, "tcp://node:1", 1)
+    problem = there._explained(KilledWorker.__new__(KilledWorker), "")
     assert "ended from outside, as happens when memory runs out" in str(problem)
     with pytest.raises(ZeroDivisionError):
-        cluster._explained(ZeroDivisionError(), "")
+        there._explained(ZeroDivisionError(), "")
 
 
 @pytest.mark.slow
 def test_a_worker_that_stands_still_is_named(
     processes: Processes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(workers, "_ANSWER_S", 4.0)
+    monkeypatch.setattr(cluster, "_ANSWER_S", 4.0)
     address = processes.have(2)
     stopped = processes._workers[0]
     stopped.send_signal(signal.SIGSTOP)

@@ -31,9 +31,9 @@ from cubicfish_cli.fitting.world import World
 from cubicfish_cli.lenses.nearest import FreeLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
+from cubicfish_cli.placement import renamed, symmetries
 from cubicfish_cli.rendering.outside import outside_lens
-from cubicfish_cli.rendering.pose import Pose, pose_of_matrix, rotation_matrix
-from cubicfish_cli.symmetry import renamed, symmetries
+from cubicfish_cli.rendering.truth import Pose, pose_of_matrix, rotation_matrix
 from cubicfish_cli.target import Target
 
 NAMES = ("left", "right")
@@ -533,7 +533,9 @@ def symmetric_shots() -> tuple[Target, tuple[Observations, ...], RigTruth]:
     return of, tuple(one.with_target(of) for one in corners), truth
 
 
-@pytest.mark.parametrize("named", ["by chance", "upside down"])
+@pytest.mark.parametrize(
+    "named", [pytest.param("by chance", marks=pytest.mark.slow), "upside down"]
+)
 def test_cameras_that_name_a_symmetric_board_otherwise_are_one_rig(named: str) -> None:
     of, shown, truth = symmetric_shots()
     (half,) = symmetries(of)

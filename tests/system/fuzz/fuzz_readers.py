@@ -18,8 +18,8 @@ from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.formats.camera_yaml import load_any_camera
 from cubicfish_cli.photos import decode_picture, photo_size, read_file
 from cubicfish_cli.target import load_target
+from cubicfish_cli.undistortion.choose import default_view
 from cubicfish_cli.undistortion.maps import UndistortMap, load_map, save_map
-from cubicfish_cli.undistortion.views import default_view
 
 SAMPLE = Path(__file__).parents[3] / "sample_data"
 LONGEST_MESSAGE = 2000
@@ -157,7 +157,7 @@ def _picture_seeds() -> Sequence[bytes]:
     grey = rng.integers(0, 255, (60, 72), np.uint8)
     colour = rng.integers(0, 255, (60, 72, 3), np.uint8)
     seeds = []
-    for suffix in (".png", ".jpg", ".tif", ".bmp", ".webp", ".jp2", ".pgm", ".ppm"):
+    for suffix in (".png", ".jpg", ".tif", ".bmp", ".webp", ".pgm", ".ppm"):
         for picture in (
             (colour,)
             if suffix == ".ppm"

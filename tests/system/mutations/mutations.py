@@ -205,7 +205,7 @@ MUTATIONS = tuple(
         ),
         # Views and maps.
         (
-            "undistortion/frames.py",
+            "undistortion/maps.py",
             "scale * (0.5 - start) - 0.5",
             "-scale * start",
             "undistortion/test_frames",
