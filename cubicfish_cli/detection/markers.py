@@ -42,6 +42,7 @@ from cubicfish_cli.detection.markers_read import (
     read_together,
     shortest_side,
     squares,
+    surely_alike,
     wrong_modules,
 )
 from cubicfish_cli.detection.nearby import nearest
@@ -545,7 +546,14 @@ def _agrees(pyramid: Pyramid, target: Target, all_families: list[Family], piece:
         own |= modules.clear & (wrong <= family.corrected)
         other |= modules.clear & (wrong > max(family.corrected, _BLURRED * family.size**2))
     least = 2 if piece.markers == 1 else 1
-    return bool(own.sum() >= least and own.sum() >= _OWN_FOR_ANOTHER * (other & ~own).sum())
+    if own.sum() >= least and own.sum() >= _OWN_FOR_ANOTHER * (other & ~own).sum():
+        return True
+    # Modules of a pixel or two are misread one by one where all together leave no doubt.
+    return any(
+        surely_alike(pyramid, target, family, piece.board, piece.lattice)
+        for family in all_families
+        if (family.board == piece.board).any()
+    )
 
 
 def _settle(pieces: list[_Piece]) -> tuple[list[_Piece], set[int]]:
