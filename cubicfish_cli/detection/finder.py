@@ -23,6 +23,7 @@ from cubicfish_cli.detection.lattice import Lattice
 from cubicfish_cli.detection.links import Patch, find_patches
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import (
+    CLOSE,
     SMALLEST_SIDE,
     Pyramid,
     build_pyramid,
@@ -47,7 +48,7 @@ _GROWN, _GROWN_LEAST, _HELD = 2, 64, 0.25
 _LIKE_REACH, _FAR_PX, _LIKE_CONTRAST = 0.3, 10.0, 0.5
 
 
-def find_grids(image: npt.NDArray[np.generic]) -> FoundGrids:
+def find_grids(image: npt.NDArray[np.generic], *, closely: bool = False) -> FoundGrids:
     """Find all checkerboard grids, whole or in part, in a grey photo.
 
     Boards may be cut by the photo's border, the image circle or each other, bent by a fisheye
@@ -57,13 +58,15 @@ def find_grids(image: npt.NDArray[np.generic]) -> FoundGrids:
 
     Args:
         image: (H, W) grey levels, uint8, uint16 or float.
+        closely: search a photo of at most MOST_PIXELS / 4 at twice its size, for squares half as
+            small.
 
     """
     height, width = image.shape
     size = (width, height)
     if min(height, width) < SMALLEST_SIDE:
         return FoundGrids(grids=(), refused=np.zeros((0, 2)), image_size=size)
-    zoom = 1
+    zoom = CLOSE if closely else 1.0
     while height * width > MOST_PIXELS * zoom * zoom:
         zoom *= 2
     pyramid = build_pyramid(reduced(image, zoom))
@@ -207,9 +210,9 @@ def _taken(points: FloatArray, pixel: FloatArray, side: FloatArray) -> BoolArray
     return distance[:, 0] < 0.3 * side[index[:, 0]]
 
 
-def _grid(lattice: Lattice, image: npt.NDArray[np.generic], pyramid: Pyramid, zoom: int) -> Grid:
+def _grid(lattice: Lattice, image: npt.NDArray[np.generic], pyramid: Pyramid, zoom: float) -> Grid:
     lattice.make_room()
-    if zoom > 1:
+    if zoom != 1:
         cells = lattice.cells()
         lattice.pixel = enlarged(lattice.pixel, zoom)
         found = refine_at_full_size(

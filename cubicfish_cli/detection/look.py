@@ -20,7 +20,7 @@ import numpy as np
 
 from cubicfish_cli import __version__, detection
 from cubicfish_cli.detection.diagnose import explain_no_grids
-from cubicfish_cli.detection.finder import find_grids
+from cubicfish_cli.detection.finder import MOST_PIXELS, find_grids
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.markers import MarkedCorners, find_marked_corners
 from cubicfish_cli.errors import OutputError, PhotoError
@@ -144,6 +144,12 @@ class Look:
     marked: MarkedCorners | None = None
     digest: str = ""
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether no corner was found: none that markers name, where the target has any."""
+        named = self.marked
+        return not (len(named) if named is not None else self.grids and self.grids.grids)
+
 
 def look_at(photo: Photo, *, target: Target | None, cache: GridCache | None) -> Look:
     """Read a photo and search it.
@@ -205,12 +211,22 @@ def _searched(photo: Photo, data: bytes, target: Target | None, cache: GridCache
         cache.save(key, grids)
     if target is None:
         return Look(grids=grids)
-    if markers:
-        marked = find_marked_corners(picture, target, grids)
-        marked = replace(marked, pixel=settled(marked.pixel))
-        why = None if len(marked) else _why_no_markers(photo, picture, grids)
-        return Look(grids=grids, refusal=why, marked=marked)
-    return Look(grids=grids, refusal=None if grids.grids else _why_nothing(photo, picture, grids))
+    look = _looked(picture, target, grids)
+    if look.is_empty and 4 * picture.size <= MOST_PIXELS:
+        closer = _settled(find_grids(picture, closely=True))
+        closer_look = _looked(picture, target, closer, closely=True)
+        look = look if closer_look.is_empty else closer_look
+    if look.is_empty:
+        why = _why_no_markers if markers else _why_nothing
+        return replace(look, refusal=why(photo, picture, grids))
+    return look
+
+
+def _looked(picture: Picture, target: Target, grids: FoundGrids, *, closely: bool = False) -> Look:
+    if not target.has_markers:
+        return Look(grids=grids)
+    marked = find_marked_corners(picture, target, grids, closely=closely)
+    return Look(grids=grids, marked=replace(marked, pixel=settled(marked.pixel)))
 
 
 def _settled(found: FoundGrids) -> FoundGrids:

@@ -42,10 +42,11 @@ from cubicfish_cli.detection.markers_read import (
     read_together,
     shortest_side,
     squares,
+    surely_alike,
     wrong_modules,
 )
 from cubicfish_cli.detection.nearby import nearest
-from cubicfish_cli.detection.pyramid import Pyramid, build_pyramid
+from cubicfish_cli.detection.pyramid import CLOSE, Pyramid, build_pyramid, enlarged, reduced
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
@@ -127,7 +128,7 @@ class _Piece:
 
 
 def find_marked_corners(
-    image: npt.NDArray[np.generic], target: Target, grids: FoundGrids
+    image: npt.NDArray[np.generic], target: Target, grids: FoundGrids, *, closely: bool = False
 ) -> MarkedCorners:
     """Find and name the corners of the target's ChArUco and AprilGrid boards.
 
@@ -135,9 +136,10 @@ def find_marked_corners(
         image: (H, W) grey photo, uint8, uint16 or float.
         target: the calibration target; boards without markers are passed over.
         grids: what :func:`~.finder.find_grids` found in the same photo.
+        closely: look at the photo at twice its size, for markers half as small.
 
     """
-    return _however_printed(_find, image, target, grids)
+    return _however_printed(_find_closely if closely else _find, image, target, grids)
 
 
 def outlined_corners(image: npt.NDArray[np.generic], target: Target) -> MarkedCorners:
@@ -238,6 +240,29 @@ def _find(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> 
     refuted[[piece.board for piece in kept]] = 0
     contradictory |= set(np.nonzero(refuted >= _NO_ACCIDENT)[0].tolist())
     return _marked(kept, len(grids.grids), tuple(sorted(contradictory)))
+
+
+def _find_closely(
+    image: npt.NDArray[np.generic], target: Target, grids: FoundGrids
+) -> MarkedCorners:
+    """As :func:`_find` at twice the size; what the photo itself shows says where corners are."""
+    larger = [
+        replace(grid, pixel=enlarged(grid.pixel, 1 / CLOSE), step=grid.step / CLOSE)
+        for grid in grids.grids
+    ]
+    refused = enlarged(grids.refused, 1 / CLOSE)
+    found = _find(
+        reduced(image, CLOSE), target, replace(grids, grids=tuple(larger), refused=refused)
+    )
+    pyramid, pixel = build_pyramid(image), enlarged(found.pixel, CLOSE)
+    for index in np.unique(found.board):
+        rows = np.flatnonzero(found.board == index)
+        cells = np.stack([found.column[rows], found.row[rows]], axis=-1)
+        lattice = BoardLattice(board=target.boards[index])
+        lattice.put(cells, pixel[rows])
+        refined, good = lattice.refined(pyramid, cells, pixel[rows], lattice.fit(cells))
+        pixel[rows[good]] = refined[good]
+    return replace(found, pixel=pixel)
 
 
 def agreeing_markers(
@@ -521,7 +546,14 @@ def _agrees(pyramid: Pyramid, target: Target, all_families: list[Family], piece:
         own |= modules.clear & (wrong <= family.corrected)
         other |= modules.clear & (wrong > max(family.corrected, _BLURRED * family.size**2))
     least = 2 if piece.markers == 1 else 1
-    return bool(own.sum() >= least and own.sum() >= _OWN_FOR_ANOTHER * (other & ~own).sum())
+    if own.sum() >= least and own.sum() >= _OWN_FOR_ANOTHER * (other & ~own).sum():
+        return True
+    # Modules of a pixel or two are misread one by one where all together leave no doubt.
+    return any(
+        surely_alike(pyramid, target, family, piece.board, piece.lattice)
+        for family in all_families
+        if (family.board == piece.board).any()
+    )
 
 
 def _settle(pieces: list[_Piece]) -> tuple[list[_Piece], set[int]]:

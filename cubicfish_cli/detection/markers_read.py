@@ -261,7 +261,9 @@ def read_together(
             if len(places) > _MOST_PLACES:
                 continue
             for cells in places:
-                likeness, share, markers = _likeness(pyramid, target, family, board, grid, cells)
+                lattice = BoardLattice(board=target.boards[board])
+                lattice.put(cells, grid.pixel)
+                likeness, share, markers = _likeness(pyramid, target, family, board, lattice)
                 one = NamedGrid(board=board, cells=cells, markers=markers)
                 found.append((likeness, share, one))
     found.sort(key=lambda one: -one[0])
@@ -287,16 +289,22 @@ def _places(lattice: BoardLattice, grid: Grid) -> list[IntArray]:
     return places
 
 
+def surely_alike(
+    pyramid: Pyramid, target: Target, family: Family, index: int, lattice: BoardLattice
+) -> bool:
+    """Tell whether a board's markers, taken together, are surely those between its corners."""
+    likeness, share, _ = _likeness(pyramid, target, family, index, lattice)
+    return likeness >= _CERTAIN and share >= _SHARE
+
+
 def _likeness(
-    pyramid: Pyramid, target: Target, family: Family, index: int, grid: Grid, cells: IntArray
+    pyramid: Pyramid, target: Target, family: Family, index: int, lattice: BoardLattice
 ) -> tuple[float, float, int]:
-    """How much a grid's squares look like the markers that a place puts there.
+    """How much a board's squares look like the markers that belong there.
 
     In standard deviations of what other markers would give; then the share of markers that look
     more like themselves than the mean of others, and how many there are.
     """
-    lattice = BoardLattice(board=target.boards[index])
-    lattice.put(cells, grid.pixel)
     own = np.nonzero(family.board == index)[0]
     corner = cell_corners(target.boards[index], family.cell[own])
     whole = np.asarray(lattice.inside(corner).all(axis=1))

@@ -173,7 +173,7 @@ def _lean_on_saddles(image: npt.NDArray[np.generic], found: Crossings, half: Flo
 
 
 def refine_at_full_size(
-    image: npt.NDArray[np.generic], pixel: FloatArray, fit: LocalFit, zoom: int, noise: float
+    image: npt.NDArray[np.generic], pixel: FloatArray, fit: LocalFit, zoom: float, noise: float
 ) -> FloatArray:
     """Refine corners of a photo that was searched at 1/zoom of its size.
 
@@ -182,14 +182,15 @@ def refine_at_full_size(
         pixel: (N, 2) corners, pixels of the photo.
         fit: their local shape, pixels of the photo.
         zoom: how many times smaller the photo was that they were found in.
-        noise: standard deviation of the noise of the reduced photo, its grey levels.
+        noise: standard deviation of the noise of the photo that was searched, its grey levels.
 
     Returns:
         (N, 2) refined pixels; the given ones where the photo shows nothing better.
 
     """
-    found = _cross(image, pixel, fit, noise * zoom, _LARGEST_HALF * zoom)
+    found = _cross(image, pixel, fit, noise * zoom, _LARGEST_HALF * max(zoom, 1.0))
     near = found.ok & (np.hypot(*(found.pixel - pixel).T) < zoom)
+    near &= found.spread < _MOST_SPREAD * fit.side
     return np.where(near[:, None], found.pixel, pixel)
 
 

@@ -151,7 +151,7 @@ def first_look(
             except DetectionError:  # the last says why, where none does better
                 if number == len(targets) and not found:
                     raise
-    return max(found, key=lambda one: len(one.corners.pixel))
+    return max(found, key=lambda one: (len(one.corners.pixel), -len(one.findings)))
 
 
 def _photos(

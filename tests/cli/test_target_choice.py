@@ -153,3 +153,13 @@ def test_a_checkerboard_of_kalibr_is_found_in_either_colours(run: Run, tmp_path:
     )
     said = run("detect", tmp_path / "photos", "-t", path, "-o", tmp_path / "c.csv", "--json").stdout
     assert json.loads(said)["corners"] == 4 * 35
+
+
+def test_of_two_colourings_that_fit_alike_the_one_without_remarks_is_taken(
+    run: Run, tmp_path: Path
+) -> None:
+    write_photos(tmp_path / "photos", 7, 5, light=True)
+    given = ("--board", "7x5", "--square", "30mm", "--json")
+    said = run("detect", tmp_path / "photos", *given, "-o", tmp_path / "c.csv").stdout
+    assert json.loads(said)["corners"] == 4 * 35
+    assert json.loads(said)["findings"] == []

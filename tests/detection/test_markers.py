@@ -1,5 +1,6 @@
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -9,6 +10,7 @@ from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.boards.types import BOARD_TYPES
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.grids import FoundGrids, Grid
+from cubicfish_cli.detection.look import look_at as search
 from cubicfish_cli.detection.markers import How, find_marked_corners
 from cubicfish_cli.detection.markers_detect import families
 from cubicfish_cli.detection.markers_lattice import BoardLattice
@@ -16,6 +18,7 @@ from cubicfish_cli.detection.markers_read import read_grid
 from cubicfish_cli.detection.pyramid import build_pyramid
 from cubicfish_cli.identification.glance import glance_at_markers
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
+from cubicfish_cli.photos import Photo
 from cubicfish_cli.rendering.simulate import plain_background, render
 from cubicfish_cli.rendering.truth import camera_points, look_at, project_corners
 from cubicfish_cli.target import Target
@@ -383,3 +386,53 @@ def test_markers_at_a_glance_are_none_where_none_agree():
     hidden = np.full_like(photo, 128)
     hidden[top:bottom, left:right] = photo[top:bottom, left:right]
     assert len(glance_at_markers(hidden, board)) == 0
+
+
+def searched(photo, target):
+    """What is found of a picture in memory, where need be at twice its size."""
+    return search(Photo(name="p", path=Path("p"), picture=photo), target=target, cache=None)
+
+
+# Markers of 7 px, whose modules have 1.2 px, and tags of 14 px, whose modules have 1.4 px: these so
+# blurred that hardly one is read well, and all together are.
+SMALL = {
+    "charuco": (wall("front", "charuco", (6, 4), 9.0), 0.5),
+    "aprilgrid": (wall("front", "aprilgrid", (5, 4), 13.0), 0.8),
+}
+
+
+@pytest.mark.parametrize("kind", SMALL)
+def test_small_markers_are_read_at_twice_the_size(kind):
+    board, blur = SMALL[kind]
+    target = Target(units="mm", boards=(board,))
+    photo = photo_of(target, supersample=3, blur=blur)
+    assert not len(find(photo, target))
+    error, recall = errors(searched(photo, target).marked, target)
+    assert recall > 0.95
+    assert np.sqrt(np.mean(error**2)) < 0.08
+
+
+def test_small_squares_are_found_at_twice_the_size():
+    target = Target(units="mm", boards=(wall("front", "checkerboard", (8, 6), 3.2),))
+    photo = photo_of(target, supersample=3, blur=0.3)
+    assert not find_grids(photo).grids
+    (grid,) = searched(photo, target).grids.grids
+    truth = project_corners(target, LENS, POSE, SIZE).pixel
+    away = np.linalg.norm(grid.pixel[:, None] - truth, axis=2).min(axis=1)
+    assert len(grid) == 48
+    assert np.sqrt(np.mean(away**2)) < 0.08
+
+
+@pytest.mark.parametrize("kind", ["checkerboard", "charuco"])
+def test_the_photo_says_where_corners_are_at_whatever_size_they_were_found(kind):
+    target = Target(units="mm", boards=(wall("front", kind, (5, 4), 24.0),))
+    photo = photo_of(target)
+    plain, close = (
+        np.concatenate([grid.pixel for grid in find_grids(photo, closely=closely).grids])
+        if kind == "checkerboard"
+        else find_marked_corners(photo, target, find_grids(photo), closely=closely).pixel
+        for closely in (False, True)
+    )
+    assert len(plain) == len(close) == 20
+    # Refined at twice the size they would be 0.05 px elsewhere.
+    assert np.linalg.norm(plain[:, None] - close, axis=2).min(axis=1).max() < 0.025

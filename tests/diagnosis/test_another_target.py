@@ -52,7 +52,7 @@ def test_one_grid_in_all_photos_that_is_no_board(size):
     (said,) = nothing_named(grid_evidence(identified(*[(report(size, verdict),)] * 5), LARGE))
     assert said.code is Code.ANOTHER_TARGET
     assert said.what == (
-        f"5 photos show grids of up to {max(size)}x{min(size)} inner corners, but target.yaml has "
+        f"5 photos show grids of up to {max(size)}x{min(size)} inner corners, but the target has "
         "boards of another size (floor 9x7, wall 8x6)"
     )
 
@@ -89,7 +89,7 @@ def test_a_lone_board_that_is_off_by_more_than_a_line_is_another_one(size, wrong
     for said in found:
         assert said.code is Code.ANOTHER_TARGET
         assert said.what == (
-            f"3 photos show grids of up to {size[0]}x{size[1]} inner corners, but target.yaml has "
+            f"3 photos show grids of up to {size[0]}x{size[1]} inner corners, but the target has "
             "one board of another size (b 9x7)"
         )
 

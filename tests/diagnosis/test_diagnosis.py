@@ -751,7 +751,7 @@ def test_corners_under_another_boards_name():
             lambda c: {"column": np.where(c.board == 2, 6 - c.column, c.column)},
             "board_order",
             "00.png, 01.png and 02.png: corners of board side are named wrongly: columns counted",
-            "board side: columns are counted the other way round than target.yaml says",
+            "board side: columns are counted the other way round than the target says",
         ),
         (
             lambda c: {"pixel": c.pixel + (c.board[:, None] == 1) * [6, -5]},

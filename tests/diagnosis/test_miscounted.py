@@ -204,7 +204,7 @@ def test_of_a_board_that_is_cut_in_all_photos_only_what_is_seen_is_told(corner, 
     assert (count.size, count.sure) == ((11, 6), (False, True))
     (finding,) = in_words([count], target, 5)
     assert finding.what == (
-        "photos show 6 rows of inner corners of board floor (target.yaml says 7)"
+        "photos show 6 rows of inner corners of board floor (the target says 7)"
     )
 
 
@@ -220,7 +220,7 @@ def test_what_is_said():
     (finding,) = in_words(counts, resized(THREE, 0, 10, 6), 10)
     assert (finding.code, finding.severity, finding.boards) == ("corner_count", "care", ("floor",))
     assert finding.line == (
-        "photos show 9x6 inner corners of board floor (target.yaml says 10x6) (8 of 10 photos "
+        "photos show 9x6 inner corners of board floor (the target says 10x6) (8 of 10 photos "
         "show where it ends, none shows otherwise); correct corners in target.yaml (and origin, "
         "if it was of a corner that is not there) and run it again"
     )
@@ -232,5 +232,5 @@ def test_several_boards_are_said_in_one_line():
     counts = [Count(board=0, size=(9, 6), photos=8), Count(board=2, size=(7, 5), photos=5)]
     (finding,) = in_words(counts, target, 10)
     assert finding.boards == ("floor", "right")
-    assert "9x6 inner corners of board floor (target.yaml says 10x7) and 7x5 inner " in finding.what
+    assert "9x6 inner corners of board floor (the target says 10x7) and 7x5 inner " in finding.what
     assert finding.evidence.startswith("5 to 8 of 10 photos show where they end")
