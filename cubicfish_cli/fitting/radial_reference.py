@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import islice
+from itertools import islice, pairwise
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.lenses.nearest import FreeLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.types import FloatArray, IntArray
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
 
@@ -378,17 +378,34 @@ def _joined(
 
 
 def _bad_photos(fit: Adjustment[Any], pairs: Observations, limit: float) -> dict[int, Finding]:
-    """Photos of which most corners are off by more than a limit in pixels, with the reason."""
+    """Photos of which most corners are off by more than a limit in pixels, with the reason.
+
+    And those whose corners do not say where they were taken from: they go astray without end.
+    """
     length = np.hypot(fit.residual[:, 0], fit.residual[:, 1])
+    bounds = np.searchsorted(pairs.image, np.arange(len(pairs.images) + 1))
+    open_ = _undetermined(fit)
     bad = {}
-    for photo in range(len(pairs.images)):
-        own = length[pairs.image == photo]
-        if np.median(own) > limit:
-            figures = {"error_px": float(np.median(own))}
-            bad[photo] = Finding(
-                code=Code.DOES_NOT_FIT, images=(pairs.images[photo],), figures=figures
-            )
+    for photo, (first, stop) in enumerate(pairwise(bounds.tolist())):
+        images, typical = (pairs.images[photo],), float(np.median(length[first:stop]))
+        if typical > limit:
+            figures = {"error_px": typical}
+            bad[photo] = Finding(code=Code.DOES_NOT_FIT, images=images, figures=figures)
+        elif open_[photo]:
+            bad[photo] = Finding(code=Code.TOO_FEW_CORNERS, images=images)
     return bad
+
+
+def _undetermined(fit: Adjustment[Any]) -> BoolArray:
+    """(M,) photos whose corners, as noisy as all are, leave a turn or the distance open.
+
+    That is, a turn to a radian, or a shift to the distance itself: beyond that a pose is not
+    known at all, and what is linear about it says nothing.
+    """
+    far = np.linalg.norm(fit.poses.translation, axis=1)[:, None]
+    unit = np.hstack([np.ones((len(far), 3)), np.repeat(far, 3, axis=1)])
+    known = fit.normal.pose * unit[:, :, None] * unit[:, None, :]
+    return np.asarray(np.linalg.eigvalsh(known)[:, 0] < noise_px(fit.residual) ** 2)
 
 
 def _sound_profile(fit: RadialAdjustment, pairs: Observations) -> tuple[RadialAdjustment, int]:
