@@ -29,8 +29,8 @@ _MAX_ITERATIONS = 100
 _RELATIVE_DECREASE = 1e-10
 # Below this share, what is left to gain is lost in the rounding of the cost.
 _ROUNDING = 1e-13
-# Where straight steps lead up, and on from there the cost changes by less than this share, it is the
-# bottom, as far as many photos tell: there is always one whose pose rocks between two places.
+# Where a straight step leads up, and on from there the cost changes by less than this share, it is
+# the bottom as far as many photos tell: there is always one whose pose rocks between two places.
 _IMMATERIAL = 1e-8
 # What residuals say of their noise is less certain than this share.
 _SAME_LIMIT = 0.02
