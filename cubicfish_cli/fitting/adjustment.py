@@ -29,6 +29,9 @@ _MAX_ITERATIONS = 100
 _RELATIVE_DECREASE = 1e-10
 # Below this share, what is left to gain is lost in the rounding of the cost.
 _ROUNDING = 1e-13
+# Where a straight step leads up, and on from there the cost changes by less than this share, it is
+# the bottom as far as many photos tell: there is always one whose pose rocks between two places.
+_IMMATERIAL = 1e-8
 # What residuals say of their noise is less certain than this share.
 _SAME_LIMIT = 0.02
 # What an adjustment looks at of its pairs, beside their world points.
@@ -191,15 +194,16 @@ def adjust(
             iterations += 1
             candidate = candidate.moved(*new.normal.solve(damping))
             new = _evaluated(candidate, pairs, huber_px)
+        least = max(relative_decrease, _IMMATERIAL) if stray else relative_decrease
         if new.normal is not None and new.cost < now.cost:
             decrease = (now.cost - new.cost) / max(now.cost, 1e-300)
             state, now, normal, sums = candidate, new, new.normal, new.sums
             damping = max(damping / 10, 1e-12)
-            if decrease < relative_decrease:
+            if decrease < least:
                 break
         else:
             damping *= 10
-            if damping > 1e8 or gain < _ROUNDING:
+            if damping > 1e8 or gain < _ROUNDING or new.cost < (1 + least) * now.cost:
                 break
     return Adjustment(
         lens=state.lens,

@@ -7,7 +7,7 @@ import numpy as np
 from cubicfish_cli.fitting.adjustment import Adjustment, adjust
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.radial_pose import depth_shift
+from cubicfish_cli.fitting.radial_pose import RadialPose, depth_shift, pose_of_rays
 from cubicfish_cli.fitting.start import candidate_poses
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.lenses.radial import RadialCamera
@@ -33,18 +33,33 @@ def place_photos(camera: RadialCamera, pairs: Observations) -> tuple[Poses, Floa
     focal = np.array([camera.fx, camera.fy])
     offset = (pairs.pixel - [camera.cx, camera.cy]) / focal
     angle = camera.angle(np.hypot(offset[:, 0], offset[:, 1]))
+    seen = np.flatnonzero(np.isfinite(angle))
+    seen = seen[np.argsort(pairs.image[seen], kind="stable")]
+    bounds = np.searchsorted(pairs.image[seen], np.arange(count + 1))
     for photo in range(count):
-        own = (pairs.image == photo) & np.isfinite(angle)
+        own = seen[bounds[photo] : bounds[photo + 1]]
         world = pairs.world[own]
-        for pose in candidate_poses(world, offset[own], pairs.board[own]):
-            depth, _ = depth_shift(pose, world, angle[own])
-            shift = np.array([*pose.shift, float(depth)])
+        for pose in _candidates(world, offset[own], angle[own], pairs.board[own]):
+            shift = pose.shift
             miss = camera.project(world @ pose.rotation.T + shift) - pairs.pixel[own]
             length = np.hypot(miss[:, 0], miss[:, 1])
             found = float(np.median(np.where(np.isfinite(length), length, np.inf)))
             if found < error[photo]:
                 rotation[photo], translation[photo], error[photo] = pose.rotation, shift, found
     return Poses(rotation=rotation, translation=translation), error
+
+
+def _candidates(
+    world: FloatArray, offset: FloatArray, angle: FloatArray, board: IntArray
+) -> list[RadialPose]:
+    """Poses with their depths, from directions and angles of some points."""
+    found = []
+    for pose in candidate_poses(world, offset, board):
+        depth, _ = depth_shift(pose, world, angle)
+        found.append(RadialPose(rotation=pose.rotation, shift=np.append(pose.shift, depth)))
+    away = offset / np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 1e-300)[:, None]
+    rays = np.column_stack([np.sin(angle)[:, None] * away, np.cos(angle)])
+    return [*found, *filter(None, [pose_of_rays(world, rays)])]
 
 
 def fit_poses(

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.types import FloatArray
 
 # Fewest points that determine the 8 (6 on a plane) homogeneous unknowns.
@@ -18,15 +19,17 @@ MIN_POINTS = 7
 MIN_POINTS_ON_PLANE = 5
 # Below this ratio of their third to their first extent, points count as lying on one plane.
 _FLAT = 1e-6
+# A direction that points take up by less than this share is not one of theirs.
+_NOTHING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RadialPose:
-    """R and (tx, ty) of a photo; tz is still unknown.
+    """R and (tx, ty) of a photo; tz is unknown as long as the lens is.
 
     Attributes:
         rotation: (3, 3) camera_from_world.
-        shift: (2,) tx, ty in the world's units.
+        shift: (2,) tx, ty in the world's units; (3,) where tz is known, too.
 
     """
 
@@ -40,30 +43,88 @@ def radial_poses(world: FloatArray, offset: FloatArray) -> list[RadialPose]:
     Points off one plane give one candidate, points on a plane two (the plane may lean either
     way). The list is empty when the points are too few or degenerate (collinear).
     """
-    if len(world) < MIN_POINTS_ON_PLANE:
+    frame = _Frame.of(world)
+    if frame is None or not offset.any():
         return []
-    middle = world.mean(axis=0)
-    _, extent, axes = np.linalg.svd(world - middle, full_matrices=False)
-    if extent[0] == 0 or extent[1] < _FLAT * extent[0] or not offset.any():
-        return []
-    # Lengths of order 1 and pixels of order 1 keep the linear system well conditioned.
-    scale = np.sqrt(len(world)) / extent[0]
-    local = (world - middle) @ axes.T * scale
-    if np.linalg.det(axes) < 0:
-        local, axes = local * [1, 1, -1], axes * [[1], [1], [-1]]
     pixel = offset / np.sqrt(np.mean(np.square(offset)))
-    if extent[2] < _FLAT * extent[0]:
-        poses = _on_a_plane(local, pixel)
+    if frame.flat:
+        poses = _on_a_plane(frame.local, pixel)
     elif len(world) >= MIN_POINTS:
-        poses = _in_space(local, pixel)
+        poses = _in_space(frame.local, pixel)
     else:
         poses = []
-    return [_in_world(pose, middle, axes, float(scale)) for pose in poses]
+    return [frame.in_world(pose) for pose in poses]
 
 
-def _in_world(pose: RadialPose, middle: FloatArray, axes: FloatArray, scale: float) -> RadialPose:
-    rotation = pose.rotation @ axes
-    return RadialPose(rotation=rotation, shift=pose.shift / scale - rotation[:2] @ middle)
+def pose_of_rays(world: FloatArray, rays: FloatArray) -> RadialPose | None:
+    """The pose of a photo whose lens is known, from points and their unit rays, both (N, 3).
+
+    Unlike the radial equations this uses how far pixels are from the centre, too, so few points
+    are enough: with five on a plane those have no equation to spare, and any five fit.
+
+    Returns:
+        R and all three coordinates of t; None where the points are too few or degenerate.
+
+    """
+    frame = _Frame.of(world)
+    if frame is None or (not frame.flat and len(world) < MIN_POINTS):
+        return None
+    size = 2 if frame.flat else 3
+    homogeneous = np.column_stack([frame.local[:, :size], np.ones(len(world))])
+    # Each ray is parallel to its point: their cross product is none.
+    equations = np.einsum("nij,nk->nijk", cross_matrix(rays), homogeneous)
+    solution = _null_vector(equations.reshape(3 * len(world), -1)).reshape(3, size + 1)
+    solution *= _same_way(homogeneous @ solution.T, rays)
+    columns = solution[:, :size]
+    if frame.flat:
+        columns = np.column_stack([columns, np.zeros(3)])
+    left, extent, right = np.linalg.svd(columns)
+    if extent[1] < _NOTHING * extent[0]:
+        return None
+    if frame.flat:  # the third column is that of a rotation
+        left[:, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))
+    rotation = left @ right
+    if np.linalg.det(rotation) < 0:
+        return None
+    return frame.in_world(
+        RadialPose(rotation=rotation, shift=solution[:, size] / extent[:size].mean())
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Frame:
+    """World points about their middle, along their own axes, with lengths of order 1.
+
+    Which keeps linear systems well conditioned.
+    """
+
+    local: FloatArray
+    middle: FloatArray
+    axes: FloatArray
+    scale: float
+    flat: bool
+
+    @classmethod
+    def of(cls, world: FloatArray) -> _Frame | None:
+        """Of points (N, 3); None where they are too few for any pose, or on one line."""
+        if len(world) < MIN_POINTS_ON_PLANE:
+            return None
+        middle = world.mean(axis=0)
+        _, extent, axes = np.linalg.svd(world - middle, full_matrices=False)
+        if extent[0] == 0 or extent[1] < _FLAT * extent[0]:
+            return None
+        scale = float(np.sqrt(len(world)) / extent[0])
+        local = (world - middle) @ axes.T * scale
+        if np.linalg.det(axes) < 0:
+            local, axes = local * [1, 1, -1], axes * [[1], [1], [-1]]
+        flat = bool(extent[2] < _FLAT * extent[0])
+        return cls(local=local, middle=middle, axes=axes, scale=scale, flat=flat)
+
+    def in_world(self, pose: RadialPose) -> RadialPose:
+        """A pose of the local points as one of the points that were given."""
+        rotation = pose.rotation @ self.axes
+        moved = rotation[: len(pose.shift)] @ self.middle
+        return RadialPose(rotation=rotation, shift=pose.shift / self.scale - moved)
 
 
 def _null_vector(equations: FloatArray) -> FloatArray:
@@ -82,7 +143,7 @@ def _in_space(local: FloatArray, pixel: FloatArray) -> list[RadialPose]:
     ).reshape(2, 4)
     solution *= _same_way(homogeneous @ solution.T, pixel)
     left, size, right = np.linalg.svd(solution[:, :3], full_matrices=False)
-    if size[1] < 1e-9 * size[0]:
+    if size[1] < _NOTHING * size[0]:
         return []
     rows = left @ right
     rotation = np.vstack([rows, np.cross(rows[0], rows[1])])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import islice
+from itertools import islice, pairwise
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.lenses.nearest import FreeLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.types import FloatArray, IntArray
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
 
@@ -148,11 +148,12 @@ def fit_radial(pairs: Observations, *, thorough: bool = True) -> RadialReference
     pairs = select_photos(pairs, np.arange(len(pairs.images)))
     fit, used = _first_fit(pairs, thorough)
     unfit: dict[str, Finding] = {}
-    for _ in range(_ROUNDS):
+    for round_ in range(_ROUNDS):
         missing = np.setdiff1d(np.arange(len(pairs.images)), used)
-        fit, used, refused = _with_missing(fit, used, pairs, missing)
+        before = len(used)
+        fit, used, refused = _with_missing(fit, used, pairs, missing, again=round_ > 0)
         own = select_photos(pairs, used)
-        if missing.size:
+        if len(used) > before:
             fit = _adjusted(fit, own)
         unfit = {
             pairs.images[photo]: refused.get(photo, Finding(code=Code.TOO_FEW_CORNERS))
@@ -337,14 +338,14 @@ def _adjusted(fit: RadialAdjustment, pairs: Observations) -> RadialAdjustment:
 
 
 def _with_missing(
-    fit: RadialAdjustment, used: IntArray, pairs: Observations, missing: IntArray
+    fit: RadialAdjustment, used: IntArray, pairs: Observations, missing: IntArray, *, again: bool
 ) -> tuple[RadialAdjustment, IntArray, dict[int, Finding]]:
     """Add the photos that the start set aside, placed with the lens that the others gave.
 
     Where these pull the others' corners away from a lens that fitted, those that are placed
     grossly wrong under that lens are refused: a few corners say little of their photo's pose, and
     a pose that is far off may turn a good lens into another. A photo that shows for the first time
-    how the lens goes on at the rim pulls nobody away.
+    how the lens goes on at the rim pulls nobody away; one that is tried ``again`` has to fit.
 
     Returns:
         The fit, its photos, and why each photo that could be placed was refused.
@@ -355,15 +356,20 @@ def _with_missing(
     found, own, placed = fit_poses(fit.lens.lens, select_photos(pairs, missing))
     if found is None:
         return fit, used, {}
+    # Those that go astray would hold up all others.
+    firm = np.flatnonzero(~_undetermined(found, noise_px(fit.residual)))
     photos = missing[placed]
-    joined, everyone = _joined(fit, used, pairs, found.poses, photos)
-    others = np.isin(select_photos(pairs, everyone).image, np.searchsorted(everyone, used))
-    if noise_px(joined.residual[others]) <= _PULLED_AWAY * noise_px(fit.residual):
-        return joined, everyone, {}
+    if not again:
+        joined, everyone = _joined(fit, used, pairs, found.poses[firm], photos[firm])
+        others = np.isin(select_photos(pairs, everyone).image, np.searchsorted(everyone, used))
+        if noise_px(joined.residual[others]) <= _PULLED_AWAY * noise_px(fit.residual):
+            return joined, everyone, {}
     wrong = _bad_photos(found, own, gross_px(fit.residual))
-    good = np.setdiff1d(np.arange(len(placed)), list(wrong))
-    joined, everyone = _joined(fit, used, pairs, found.poses[good], photos[good])
-    return joined, everyone, {int(photos[photo]): why for photo, why in wrong.items()}
+    refused = {int(photos[photo]): why for photo, why in wrong.items()}
+    good = np.setdiff1d(firm, list(wrong))
+    if not good.size:
+        return fit, used, refused
+    return *_joined(fit, used, pairs, found.poses[good], photos[good]), refused
 
 
 def _joined(
@@ -378,17 +384,34 @@ def _joined(
 
 
 def _bad_photos(fit: Adjustment[Any], pairs: Observations, limit: float) -> dict[int, Finding]:
-    """Photos of which most corners are off by more than a limit in pixels, with the reason."""
+    """Photos of which most corners are off by more than a limit in pixels, with the reason.
+
+    And those whose corners do not say where they were taken from: they go astray without end.
+    """
     length = np.hypot(fit.residual[:, 0], fit.residual[:, 1])
+    bounds = np.searchsorted(pairs.image, np.arange(len(pairs.images) + 1))
+    open_ = _undetermined(fit, noise_px(fit.residual))
     bad = {}
-    for photo in range(len(pairs.images)):
-        own = length[pairs.image == photo]
-        if np.median(own) > limit:
-            figures = {"error_px": float(np.median(own))}
-            bad[photo] = Finding(
-                code=Code.DOES_NOT_FIT, images=(pairs.images[photo],), figures=figures
-            )
+    for photo, (first, stop) in enumerate(pairwise(bounds.tolist())):
+        images, typical = (pairs.images[photo],), float(np.median(length[first:stop]))
+        if typical > limit:
+            figures = {"error_px": typical}
+            bad[photo] = Finding(code=Code.DOES_NOT_FIT, images=images, figures=figures)
+        elif open_[photo]:
+            bad[photo] = Finding(code=Code.TOO_FEW_CORNERS, images=images)
     return bad
+
+
+def _undetermined(fit: Adjustment[Any], noise: float) -> BoolArray:
+    """(M,) photos whose corners, with so many pixels of noise, leave a turn or the distance open.
+
+    That is, a turn to a radian, or a shift to the distance itself: beyond that a pose is not
+    known at all, and what is linear about it says nothing.
+    """
+    far = np.linalg.norm(fit.poses.translation, axis=1)[:, None]
+    unit = np.hstack([np.ones((len(far), 3)), np.repeat(far, 3, axis=1)])
+    known = fit.normal.pose * unit[:, :, None] * unit[:, None, :]
+    return np.asarray(np.linalg.eigvalsh(known)[:, 0] < noise**2)
 
 
 def _sound_profile(fit: RadialAdjustment, pairs: Observations) -> tuple[RadialAdjustment, int]:

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.radial_pose import RadialPose, depth_shift, radial_poses
+from cubicfish_cli.fitting.radial_pose import (
+    MIN_POINTS_ON_PLANE,
+    RadialPose,
+    depth_shift,
+    radial_poses,
+)
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray
 
@@ -54,11 +60,16 @@ def start_at_centre(pairs: Observations, centre: FloatArray) -> Start:
     Every photo is placed by the linear radial equations, then its depth follows from the focal
     length in closed form; the focal length with the smallest errors over all photos wins.
     """
-    photos = [_photo(pairs, image, centre) for image in range(len(pairs.images))]
+    bounds = np.searchsorted(pairs.image, np.arange(len(pairs.images) + 1))
+    photos = [_photo(pairs, slice(*own), centre) for own in pairwise(bounds.tolist())]
     farthest = max(float(photo.radius.max(initial=0)) for photo in photos)
     focals = farthest / np.deg2rad(_FARTHEST_ANGLE_DEG)
     by_candidate = [_errors(photo, focals) for photo in photos]
     errors = np.stack([each.min(axis=0) for each in by_candidate])
+    # Any so few corners fit, so they say nothing of the lens, and little of their pose.
+    spare = np.array([len(photo.world) > MIN_POINTS_ON_PLANE for photo in photos])
+    if np.isfinite(errors[spare]).any():
+        errors[~spare] = np.inf
     placed = np.isfinite(errors).any(axis=1)
     # The mean over photos of an error that is capped: one broken photo must not choose.
     cap = 0.05 * max(pairs.image_size)
@@ -69,7 +80,7 @@ def start_at_centre(pairs: Observations, centre: FloatArray) -> Start:
     translation = np.full((len(photos), 3), np.nan)
     error = np.full(len(photos), np.inf)
     for image, photo in enumerate(photos):
-        if not photo.candidates:
+        if not placed[image]:
             continue
         own = by_candidate[image][:, chosen]
         best = int(np.argmin(own))
@@ -86,8 +97,7 @@ def start_at_centre(pairs: Observations, centre: FloatArray) -> Start:
     )
 
 
-def _photo(pairs: Observations, image: int, centre: FloatArray) -> _Photo:
-    own = pairs.image == image
+def _photo(pairs: Observations, own: slice, centre: FloatArray) -> _Photo:
     world, offset = pairs.world[own], pairs.pixel[own] - centre
     return _Photo(
         world=world,

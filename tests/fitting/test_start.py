@@ -8,12 +8,15 @@ import synthetic
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.fitting import radial_reference
+from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.known_lens import fit_poses
+from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses, cross_matrix, rotation_from_vector
-from cubicfish_cli.fitting.radial_pose import depth_shift, radial_poses
+from cubicfish_cli.fitting.radial_pose import depth_shift, pose_of_rays, radial_poses
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.start import start_at_centre
 from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.observations import Observations
 
 RNG = np.random.default_rng(3)
 EQUIDISTANT = RadialCamera(image_size=(960, 720), fx=250, fy=250, cx=470, cy=380, k=np.zeros(4))
@@ -77,6 +80,64 @@ def test_radial_equations_find_the_pose_beyond_90_degrees(world, candidates):
 def test_degenerate_points_give_no_pose(world):
     offset = RNG.uniform(-100, 100, (len(world), 2))
     assert radial_poses(world, offset) == []
+
+
+@pytest.mark.parametrize(
+    "world", [FLAT[[0, 1, 2, 9, 16]], SOLID[[0, 3, 10, 31, 40, 50, 66]]], ids=["flat", "solid"]
+)
+def test_rays_of_few_points_give_the_pose_with_its_depth(world):
+    for _ in range(20):
+        rotation, translation = _random_pose()
+        points = world @ rotation.T + translation
+        found = pose_of_rays(world, points / np.linalg.norm(points, axis=1)[:, None])
+        np.testing.assert_allclose(found.rotation, rotation, atol=1e-8)
+        np.testing.assert_allclose(found.shift, translation, atol=1e-7)
+
+
+def test_rays_of_degenerate_or_mirrored_points_give_no_pose():
+    rays = RNG.standard_normal((70, 3))
+    rays /= np.linalg.norm(rays, axis=1)[:, None]
+    assert pose_of_rays(FLAT[:4], rays[:4]) is None
+    assert pose_of_rays(SOLID[[0, 1, 5, 40, 50, 60]], rays[:6]) is None
+    assert pose_of_rays(FLAT[FLAT[:, 1] == 2], rays[:7]) is None
+    mirrored = (SOLID + np.array([1, 1, 5])) * [-1, 1, 1]
+    mirrored /= np.linalg.norm(mirrored, axis=1)[:, None]
+    assert pose_of_rays(SOLID, mirrored) is None
+
+
+def test_five_corners_are_placed_where_the_lens_is_known():
+    """Any five on a plane fit the radial equations; how far they are from the centre decides."""
+    corners, rng = FLAT[[2, 3, 4, 11, 18]], np.random.default_rng(5)
+    turns = Rotation.from_rotvec(rng.normal(0, 0.4, (40, 3))).as_matrix()
+    shifts = np.column_stack([rng.uniform(-9, 9, (40, 2)), rng.uniform(30, 40, 40)])
+    lens = replace(EQUIDISTANT, fx=900.0, fy=900.0)
+    points = corners @ turns.transpose(0, 2, 1) + shifts[:, None]
+    pairs = _photos_of(corners, points, lens, rng)
+    fit, _, placed = fit_poses(lens, pairs)
+    worst = np.hypot(*fit.residual.T).reshape(-1, 5).max(axis=1)
+    assert len(placed) == 40
+    assert worst.max() < 1
+
+
+def test_a_pose_is_undetermined_where_noise_hides_a_turn_of_the_target():
+    """A board of a tenth of a pixel shows no turn; a tilt of a near one moves corners by pixels."""
+    rng = np.random.default_rng(8)
+    poses = Poses(
+        rotation=Rotation.from_rotvec(rng.normal(0, 0.5, (3, 3))).as_matrix(),
+        translation=np.array([[-2.0, 0.5, 5.0], [300, 200, 8e4], [1.0, -3.0, 6.0]]),
+    )
+    points = FLAT @ poses.rotation.transpose(0, 2, 1) + poses.translation[:, None]
+    pairs = _photos_of(FLAT, points, EQUIDISTANT, rng)
+    fit = adjust(FixedLens(camera=EQUIDISTANT), poses, pairs, huber_px=5.0, max_iterations=0)
+    found = radial_reference._undetermined(fit, 0.1)
+    np.testing.assert_array_equal(found, [False, True, False])
+    assert not radial_reference._undetermined(fit, 1e-4).any()
+
+
+def _photos_of(world, points, lens, rng):
+    """Pairs of the same points (N, 3) in M photos, which see them at (M, N, 3), with some noise."""
+    pixel = [lens.project(own) + rng.normal(0, 0.1, (len(own), 2)) for own in points]
+    return Observations.from_points([world] * len(pixel), pixel, image_size=lens.image_size)
 
 
 def test_start_finds_an_equidistant_lens_exactly():
