@@ -212,7 +212,6 @@ def _print_calibration(made: CalibratedFiles, calibration: Calibration) -> None:
 
 
 def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
-    from cubicfish_cli.assess.pupil import recorded_pupil
     from cubicfish_cli.assess.records import recorded
     from cubicfish_cli.fitting.findings import COVERED
     from cubicfish_cli.frame_names import counted
@@ -242,9 +241,7 @@ def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
     uncertainty = recorded(record)
     if uncertainty is not None:
         print_figure("uncertainty", px(uncertainty.median_px), meaning=uncertainty.meaning)
-    pupil = recorded_pupil(record)
-    if pupil is not None:
-        print_figure("entrance pupil", px(pupil.rim_px), meaning=pupil.meaning)
+    print_figure("entrance pupil", px(calibration.pupil.rim_px), meaning=calibration.pupil.meaning)
 
 
 def _print_object(calibration: Calibration) -> None:

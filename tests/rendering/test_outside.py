@@ -34,7 +34,7 @@ def test_points_on_the_ray_of_a_pixel_are_seen_there(name, distance):
     assert 0.5 < seen.mean() < 0.8
     np.testing.assert_allclose(np.linalg.norm(ray[seen], axis=-1), 1, atol=1e-12)
     point = distance * ray
-    point[..., 2] += lens.starts(ray)
+    point[..., 2] += lens.ray_starts(ray)
     np.testing.assert_allclose(lens.project(point)[seen], pixel[seen], atol=1e-9)
 
 
