@@ -347,8 +347,9 @@ def _unlike(photos: PhotoLenses, terms: slice) -> list[Unlike]:
     distance = np.einsum("ki,kij,kj->k", off, weight, off) / (size * noise)
     # What the photos' own terms are beyond noise, by the better half of them.
     spread = max(1.0, float(np.median(distance)))
-    # Of photos that differ by more than their corners' noise, the better half tells by how much.
-    told = np.inf if spread == 1 else size * count / 2
+    # The noise, 1, is known from all corners; what is beyond it is told by the better half of the
+    # photos (Satterthwaite 1946).
+    told = size * count / 2 * (spread / max(spread - 1, 1e-6)) ** 2
     chance = fdtrc(size, np.clip(photos.numbers, 1, told), distance / spread) * count
     worth = np.einsum("ki,kij,kj->k", off, weight, off)
     return [
