@@ -3,7 +3,8 @@
 Rays that come in from the side enter the lens farther forward, so no one point is the centre of
 projection. Those at an angle θ from the axis meet it t·(θ/sin θ − 1) in front of where rays near
 the axis do (Gennery 2006, "Generalized Camera Calibration Including Fish-Eye Lenses", of whose
-series this is the first term). Of boards at arm's length these millimetres are pixels; of what is
+series this is the first term; θ is that of the point as seen from the origin, which is enough and
+needs no iteration). Of boards at arm's length these millimetres are pixels; of what is
 far away they are nothing.
 """
 

@@ -32,7 +32,7 @@ from cubicfish_cli.lenses.nearest import FreeLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.placement import renamed, symmetries
-from cubicfish_cli.rendering.outside import outside_lens
+from cubicfish_cli.rendering.outside import SineProfile, outside_lens
 from cubicfish_cli.rendering.truth import Pose, pose_of_matrix, rotation_matrix
 from cubicfish_cli.target import Target
 
@@ -328,6 +328,45 @@ def test_a_lens_that_is_known_stays_as_it_is() -> None:
     assert (rig.cameras[1].camera.P == known.camera.P).all()
     assert np.allclose(rig.cameras[1].translation, known.translation, atol=0.3)
     assert not rig.held_lenses
+
+
+@pytest.mark.slow
+def test_each_camera_has_the_pupil_that_its_lens_has() -> None:
+    """Fitted along in the common scale, and of a camera that is known, in the target's units."""
+    plain_lens = outside_lens("equisolid", (800, 600))
+    travels = (5.0, 2.0)
+    corners, _ = simulated_rig(
+        [
+            replace(plain_lens, profile=SineProfile(share=0.31, pupil_mm=travel))
+            for travel in travels
+        ],
+        [(np.zeros(3), np.zeros(3)), APART],
+        target(),
+        12,
+        distances=(50, 300),
+        middle=(330, 330, 300),
+        errors=CornerErrors(noise=0.05, shared=0, spread=0),
+    )
+    pairs = [one.with_target(target()) for one in corners]
+    rig = fitted(pairs)
+    found = [one.camera.pupil_travel for one in rig.cameras]
+    np.testing.assert_allclose(found, travels, atol=0.6)
+    assert {one.camera.units for one in rig.cameras} == {"mm"}
+    assert rig.errors.rms_px == pytest.approx(0.05 * np.sqrt(2), rel=0.15)
+    one = rig.cameras[1]
+    held = calibrate_rig(
+        [
+            RigCamera(name="left", pairs=pairs[0]),
+            RigCamera(name="right", pairs=pairs[1], camera=one.camera, fit=one.fit),
+        ],
+        matched(pairs),
+        target=target(),
+        refine_target="off",
+    )
+    assert held.cameras[1].camera.pupil_travel == pytest.approx(one.camera.pupil_travel)
+    assert held.errors.rms_px == pytest.approx(rig.errors.rms_px, rel=0.02)
+    told = evaluate_rig(rig.cameras, pairs, matched(pairs))
+    assert told.errors.rms_px == pytest.approx(rig.errors.rms_px, rel=0.02)
 
 
 @pytest.mark.slow
