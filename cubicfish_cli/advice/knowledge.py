@@ -174,7 +174,12 @@ def know(
         seen = camera.scaled(1 / scale).project(points, near=True)
         noise = max(noise_px(np.nan_to_num(seen - pairs.pixel, nan=LOST_PX)), 1e-3)
         world = World.drawn(pairs, target, noise=noise, offset_spread=spread, scale=scale)
-    result = fit_cubic(reference, _hold(fit), world=world, relative_decrease=_DECREASE)
+    result = fit_cubic(
+        reference,
+        _hold(fit, central=not camera.pupil_travel),
+        world=world,
+        relative_decrease=_DECREASE,
+    )
     return Knowledge(
         camera=replace(
             camera,
@@ -193,7 +198,7 @@ def know(
     )
 
 
-def _hold(fit: Mapping[str, Any]) -> Hold:
+def _hold(fit: Mapping[str, Any], *, central: bool) -> Hold:
     """How P was held; as in files that do not say where it is not a number."""
     spread, weight = (
         recorded_number(fit.get("prior_spread")),
@@ -202,6 +207,7 @@ def _hold(fit: Mapping[str, Any]) -> Hold:
     return Hold(
         spread=_OLDER_SPREAD if spread is None or spread < 0 else spread,
         weight=EXPECTED.weight if weight is None or weight <= 0 else weight,
+        central=central,
     )
 
 

@@ -512,24 +512,28 @@ def _judged(
     """The held-out error, which has the last word on how P is held.
 
     The choice was made to first order. Where the cubic is worse than its reference on photos that
-    were left out, it is held as firmly as can be, if that is better.
+    were left out, its pupil stands still, or it is held as firmly as can be, or both, whichever is
+    best.
     """
     held_out = held_out_error(fit, progress)
     if held_out is None or held_out.rms_px <= held_out.companion_rms_px:
         return fit, held_out
-    cubic = fit_cubic(
-        fit.reference,
-        FIRMEST,
-        world=fit.cubic.fit.world,
-        start=fit.cubic,
-        relative_decrease=NEAR_DECREASE,
-    )
-    firm = replace(fit, cubic=cubic)
-    measured = held_out_error(firm, progress)
-    if measured is None or measured.rms_px >= held_out.rms_px:
-        return fit, held_out
-    rival = Rival(hold=fit.cubic.hold, likely=measured.doubt(held_out))
-    return replace(fit, cubic=replace(cubic, rival=rival)), measured
+    best, error = fit, held_out
+    central = replace(fit.cubic.hold, central=True)
+    for hold in (central, FIRMEST, replace(FIRMEST, central=True)):
+        cubic = fit_cubic(
+            fit.reference,
+            hold,
+            world=fit.cubic.fit.world,
+            start=fit.cubic,
+            relative_decrease=NEAR_DECREASE,
+        )
+        firm = replace(fit, cubic=cubic)
+        measured = held_out_error(firm, progress)
+        if measured is not None and measured.rms_px < error.rms_px:
+            rival = Rival(hold=fit.cubic.hold, likely=measured.doubt(held_out))
+            best, error = replace(firm, cubic=replace(cubic, rival=rival)), measured
+    return best, error
 
 
 def _refuse_too_little(pairs: Observations) -> None:

@@ -43,6 +43,8 @@ _DENOMINATOR_SPREAD = 0.1
 _TRAVEL_SPREAD = 0.02
 # Corners of one photo share their errors: about so many of them say what one would.
 _ALIKE = 10
+# Pixels that hold it where it is, whatever corners say.
+_STILL = 1e7
 _STRONGEST = 1e4
 NEAR_DECREASE = 1e-6
 """For fits that only lead to the next one."""
@@ -56,11 +58,13 @@ class Hold:
         spread: expected asymmetry of the lens that holds P (see
             :class:`~cubicfish_cli.fitting.asymmetric.BentFit`); 0 for a symmetric one.
         weight: weight of the pseudo-observations.
+        central: whether the entrance pupil stands still.
 
     """
 
     spread: float
     weight: float
+    central: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,8 +204,10 @@ def _starts(
 ) -> Iterator[tuple[CubicFit, Poses]]:
     if start is not None:
         lens = held(start.lens, reference, hold)
-        weight = _travel_weight(reference, start.residual)
-        yield replace(lens, travel_weight=weight), start.poses
+        if not hold.central:
+            weight = _travel_weight(reference, start.residual)
+            lens = replace(lens, travel_weight=weight)
+        yield lens, start.poses
     yield start_lens(reference, hold), reference.bent(hold.spread)[1]
     for pull in (_DENOMINATOR_PULL, *_SAFER_PULLS):
         yield start_lens(reference, hold, denominator_pull=pull, symmetric=True), reference.poses
@@ -209,7 +215,12 @@ def _starts(
 
 def held(lens: CubicFit, reference: RadialReference, hold: Hold) -> CubicFit:
     """The same P, held otherwise."""
-    return lens.held_to(reference.bent(hold.spread)[0], hold.weight)
+    lens = lens.held_to(reference.bent(hold.spread)[0], hold.weight)
+    if hold.central:
+        return replace(lens, travel=0.0, travel_weight=_STILL)
+    if lens.travel_weight == _STILL:
+        return replace(lens, travel_weight=_travel_weight(reference, reference.residual))
+    return lens
 
 
 def start_lens(
@@ -247,9 +258,8 @@ def start_lens(
         coefficients=lens.coefficients[2],
         denominator_weight=_denominator_weight(reference),
     )
-    return replace(
-        lens, ray_prior=prior, travel_weight=_travel_weight(reference, reference.residual)
-    )
+    weight = _STILL if hold.central else _travel_weight(reference, reference.residual)
+    return replace(lens, ray_prior=prior, travel_weight=weight)
 
 
 def _travel_weight(reference: RadialReference, residual: FloatArray) -> float:

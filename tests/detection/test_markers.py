@@ -397,7 +397,7 @@ def searched(photo, target):
 # blurred that hardly one is read well, and all together are.
 SMALL = {
     "charuco": (wall("front", "charuco", (6, 4), 9.0), 0.5),
-    "aprilgrid": (wall("front", "aprilgrid", (5, 4), 13.0), 0.8),
+    "aprilgrid": (wall("front", "aprilgrid", (5, 4), 13.0), 0.4),
 }
 
 

@@ -8,7 +8,11 @@ import synthetic
 
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import Calibration, calibrate
+from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.evaluate import evaluate
+from cubicfish_cli.fitting.radial_reference import fit_radial
+from cubicfish_cli.fitting.statistics import rms_px
+from cubicfish_cli.fitting.subset import world_scale
 from cubicfish_cli.lenses.sphere import cone_rays, ray_at
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.outside import OutsideLens, outside_lens
@@ -79,3 +83,16 @@ def test_a_central_lens_stays_central() -> None:
     )
     found = calibrate(pairs, target=TARGET, refine_target="off", hold_out=False)
     assert abs(found.pupil.rim_px) < 0.1
+
+
+def test_it_stands_still_where_that_is_how_p_is_held(lens: OutsideLens) -> None:
+    pairs = photos(lens)
+    reference = fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))
+    free = fit_cubic(reference, Hold(spread=1e-3, weight=1.0))
+    still = fit_cubic(reference, replace(free.hold, central=True), start=free)
+    assert free.lens.travel > 1e-3
+    assert abs(still.lens.travel) < 1e-9
+    assert rms_px(still.residual) > 1.1 * rms_px(free.residual)
+    # And wanders again where it may.
+    again = fit_cubic(reference, free.hold, start=still)
+    assert again.lens.travel == pytest.approx(free.lens.travel, rel=1e-3)

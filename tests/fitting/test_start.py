@@ -227,6 +227,6 @@ def test_a_few_corners_placed_wrongly_are_judged_by_the_lens_of_the_others(monke
         assert list(reference.unfit) == ["00.png", "01.png", "05.png"]
         assert (reference.camera.cx, reference.camera.cy) == pytest.approx((900, 60), abs=1)
         assert max(placed) > 5  # where the noise is 0.1
-        if reference.unfit["05.png"].figures["error_px"] == max(placed):
+        if reference.unfit["05.png"].figures.get("error_px") == max(placed):
             return  # judged by the lens of the others
     pytest.fail("the photo was judged by the lens that it had pulled to itself")
