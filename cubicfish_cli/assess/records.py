@@ -1,8 +1,7 @@
-"""Reading numbers and mappings from plain records that may hold anything.
+"""Reading plain records that may hold anything: numbers, mappings, and a fit's uncertainty.
 
-Uncertainty over a camera's field: two figures and their wording.
-
-The field is where the camera may be trusted, as far as the photo shows it.
+Uncertainty is of a camera's field, in two figures and their wording. The field is where the camera
+may be trusted, as far as the photo shows it.
 """
 
 from __future__ import annotations
@@ -44,9 +43,9 @@ class Numbers:
 CERTAIN_PX = 0.5
 """A camera is certain where its pixels are known to this, in a photo of up to 2000 pixels."""
 PERCENT = 95.0
-_LARGEST_PX = 1e6
 """Single places at the very edge, where no corner is near, say little of the rest: the second
 figure is what so much of the field is within."""
+_LARGEST_PX = 1e6
 
 
 @dataclass(frozen=True, kw_only=True)

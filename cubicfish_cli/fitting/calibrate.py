@@ -35,6 +35,7 @@ from cubicfish_cli.fitting.radial_reference import (
     RadialReference,
     fit_radial,
     refit_radial,
+    terms_beyond,
 )
 from cubicfish_cli.fitting.reach import Reach, reach, trusted_angle_deg
 from cubicfish_cli.fitting.refinement import (
@@ -578,7 +579,7 @@ def _far_radial(lens: CubicFit, reference: RadialReference) -> RadialCamera:
     if not lens.travel:
         return reference.camera
     rays = cone_rays(reference.covered, _RAYS)
-    held = [f"k{power}" for power in range(reference.terms + 1, 5)]
+    held = terms_beyond(reference.terms)
     found = nearest_lens([reference.camera], rays, lens.far(rays), held=held)
     sees = min(reference.covered, reference.camera.max_angle)
     return found if found.max_angle >= sees else reference.camera

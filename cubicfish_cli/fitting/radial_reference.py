@@ -318,7 +318,12 @@ def _fit_from_centre(
 
 def _free(camera: RadialCamera, terms: int) -> FreeLens[RadialCamera]:
     """A lens of which so many coefficients of the profile are free."""
-    return FreeLens.of(camera, held=[f"k{power}" for power in range(terms + 1, _ALL_TERMS + 1)])
+    return FreeLens.of(camera, held=terms_beyond(terms))
+
+
+def terms_beyond(terms: int) -> list[str]:
+    """Names of the profile's coefficients that are not in use."""
+    return [f"k{power}" for power in range(terms + 1, _ALL_TERMS + 1)]
 
 
 def _with_terms(fit: RadialAdjustment, pairs: Observations, terms: int) -> RadialAdjustment:
