@@ -174,6 +174,11 @@ def evaluation_verdict(
                 {**figures, "p95_px": own.p95_px},
             )
         reasons = [Finding(code=code, severity=level, figures=figures)]
+    # Poses of these photos take up much of what a camera is off by: small errors alone clear none.
+    median_px = Numbers(record.get("uncertainty")).median_px
+    level = _above(median_px / scale, _MEDIAN_UNCERTAINTY_PX)
+    reasons += _reason(level, Code.UNCERTAIN, "evaluation", median_px=median_px)
+    reasons.sort(key=_is_mild)
     return Verdict(
         level=level_of(reasons),
         figures=f"off by {rms:.3f} px on these photos{beside}",

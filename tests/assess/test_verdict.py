@@ -242,3 +242,14 @@ def test_other_photos_are_judged_beside_the_fit(
     judged = evaluation_verdict({"rms_px": rms, "p95_px": p95}, fit, (960, 720))
     assert judged.level == level
     assert words in judged.line
+
+
+@pytest.mark.parametrize(("sigma", "level"), [(0.4, "good"), (0.6, "care"), (9.6, "bad")])
+def test_small_errors_do_not_clear_an_uncertain_camera(sigma: float, level: str) -> None:
+    """The poses of a few photos take up what a lens of three photos is off by."""
+    record = {"rms_px": 0.12, "p95_px": 0.2, "uncertainty": {"median_px": sigma}}
+    judged = evaluation_verdict(record, {"held_out_rms_px": 0.127}, (800, 800))
+    assert judged.level == level
+    assert [reason.code for reason in judged.reasons] == [Code.UNCERTAIN] * (level != "good")
+    larger = evaluation_verdict(record, {}, (8000, 6000))
+    assert larger.level == ("good" if sigma < 2 else "care")
