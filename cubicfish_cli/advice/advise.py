@@ -19,7 +19,6 @@ import numpy.typing as npt
 from cubicfish_cli.advice.gaps import (
     Gaps,
     find_gaps,
-    length_words,
     photo_distances,
     place_words,
     tilt_words,
@@ -36,6 +35,7 @@ from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.views import Distances, Viewpoint, WholeLens, sample_views
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray
+from cubicfish_cli.units import length_words
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 

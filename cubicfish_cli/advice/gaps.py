@@ -1,6 +1,6 @@
 """What photos so far do not show: parts of the picture, tilts and distances.
 
-Places in the picture, lengths and tilts in a photographer's words.
+Places in the picture and tilts in a photographer's words.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
+from cubicfish_cli.units import length_words
 
 _BAND_DEG = 20.0
 # A part counts as empty when so many of its squares hold no corner.
@@ -280,7 +281,6 @@ SIDES = (
 _MIDDLE_DEG = 12.0
 # Below this slant a face looks at the camera.
 _HEAD_ON_DEG = 12.0
-_METRES = {"mm": 1e-3, "cm": 1e-2, "dm": 0.1, "m": 1.0, "um": 1e-6, "µm": 1e-6}
 
 
 def side_of(offset: FloatArray) -> IntArray:
@@ -298,25 +298,6 @@ def place_words(ray: FloatArray) -> str:
     side = SIDES[int(side_of(ray[:2]))]
     word = {"bottom": "at", "top": "at", "left": "on", "right": "on"}.get(side, "in")
     return f"{word} the {side} of the picture, {angle:.0f}° from the axis"
-
-
-def length_words(length: float, units: str) -> str:
-    """A length to two digits in a unit that suits it: ``40 cm``; others are left as they are."""
-    if length <= 0:
-        return f"0 {units}"
-    factor = _METRES.get(units)
-    if factor is None:
-        return f"{_two_digits(length)} {units}"
-    metres = length * factor
-    for name, size, least in (("m", 1.0, 1.0), ("cm", 0.01, 0.02), ("mm", 1e-3, 0.0)):
-        if metres >= least:
-            return f"{_two_digits(metres / size)} {name}"
-    return f"{_two_digits(length)} {units}"
-
-
-def _two_digits(value: float) -> str:
-    digits = 1 - int(np.floor(np.log10(value)))
-    return f"{round(value, digits):.{max(0, digits)}f}"
 
 
 def across(middle: FloatArray) -> FloatArray:

@@ -100,7 +100,7 @@ class CameraFacts:
         if self.field is not None:
             parts.append(
                 f"sees {self.field.horizontal:.0f}° x {self.field.vertical:.0f}° "
-                f"({self.field.diagonal:.0f}° across corners)"
+                f"({self.field.diagonal:.0f}° diagonal)"
             )
         if self.focal_px is not None and self.principal_point is not None:
             parts.append(

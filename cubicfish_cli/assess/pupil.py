@@ -13,6 +13,7 @@ from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.pupil import from_pupil
 from cubicfish_cli.lenses.sphere import ray_at
 from cubicfish_cli.types import FloatArray
+from cubicfish_cli.units import length_words
 
 _DIRECTIONS = 72
 
@@ -37,8 +38,8 @@ class PupilEffect:
     @property
     def meaning(self) -> str:
         """Behind ``rim_px``."""
-        at = f"{self.distance:.3g} {self.units}" if self.units else f"{self.distance:.3g}"
-        return f"farther out the rim is seen at {at}, as far as the corners were, than far away"
+        away = length_words(self.distance, self.units or "")
+        return f"outward at the rim for things as near as corners were, {away}"
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON and YAML."""

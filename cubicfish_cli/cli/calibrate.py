@@ -250,13 +250,17 @@ def _print_object(calibration: Calibration) -> None:
         return
     units = calibration.target.units
     what = {"shape": "boards' shapes and places", "points": "shapes, places and single corners"}
-    tried = ", ".join(f"{level} {px(rms)}" for level, rms in calibration.held_out_by_level.items())
+    levels = {"off": "as drawn", "shape": "shapes", "points": "corners too"}
+    tried = ", ".join(
+        f"{levels[level]} {px(rms)}" for level, rms in calibration.held_out_by_level.items()
+    )
     result(
-        f"target fitted too: {what[calibration.refined]}" + f" (held-out: {tried})" * bool(tried)
+        f"target fitted too: {what[calibration.refined]}"
+        + f" (held-out error px: {tried})" * bool(tried)
     )
     if calibration.renamed:
         photos = count(len(calibration.renamed), "photo")
-        result(f"{photos} named the other way round, as the refined board says")
+        result(f"corners counted from the other end in {photos}, as the board's shape tells")
     print_table(
         ("board", f"bend x {units}", f"bend y {units}", f"twist {units}", "stretch x %",
          "stretch y %", f"moved {units}", "turned °", f"corners {units}"),

@@ -17,7 +17,6 @@ from cubicfish_cli.fitting.departures import Departure, departures
 from cubicfish_cli.fitting.evidence import Diagnose, FailedFit, FitEvidence
 from cubicfish_cli.fitting.findings import (
     coverage,
-    coverage_notes,
     dropped_groups,
     noisy_photos,
 )
@@ -366,7 +365,6 @@ def _calibrated(
         )
     # What is put down to one board, or to the lens, is not doubted of every board.
     wrong = any(finding.code in _INSTEAD_OF_DOUBTS for finding in findings)
-    notes += coverage_notes(share, len(used.images), not hold_out or fit.level in held_out_by_level)
     return Calibration(
         camera=camera,
         poses=poses,

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cubicfish_cli.fitting.folds import MIN_PHOTOS
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.geometry import inside_polygon
 from cubicfish_cli.observations import Observations
@@ -19,7 +18,6 @@ COVERED = "of the field covered by corners"
 in squares of an eighth of the photo's shorter side."""
 # Cells along the photo's shorter side in which coverage is counted.
 _CELLS = 8
-_POOR_COVERAGE = 0.5
 _FEW_PHOTOS = 3
 # A photo this many times noisier than the median photo does more harm than good.
 _NOISY = 4.0
@@ -128,14 +126,3 @@ def noisy_photos(pairs: Observations, residual: FloatArray) -> dict[int, Finding
         )
         for photo in noisy
     }
-
-
-def coverage_notes(share: float, photos: int, held_out: bool) -> list[Finding]:
-    """What a low RMS may hide: a field that is badly covered, or too few photos."""
-    notes = []
-    if share < _POOR_COVERAGE:
-        notes.append(Finding(code=Code.LOW_COVERAGE, case="note", figures={"share": share}))
-    if not held_out:
-        case = "note_few" if photos < MIN_PHOTOS else "note"
-        notes.append(Finding(code=Code.NOT_HELD_OUT, case=case, figures={"photos": photos}))
-    return notes

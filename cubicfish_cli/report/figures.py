@@ -294,7 +294,7 @@ def angle_figure(errors: ErrorFacts) -> Drawn | None:
         f"steps of {_STEP_DEG:g} degrees",
         caption=_worse_rim(used, rms)
         + f"The least filled step holds {few:,} corner{'s' * (few != 1)}."
-        + (f" {beyond:,} larger errors lie above the figure." if beyond else "")
+        + (f" Larger errors, above the figure: {beyond:,}." if beyond else "")
         + thinned(len(length), MOST_DOTS // 2, "corners"),
         keys=(
             key("dot", BLUE, "a corner"),

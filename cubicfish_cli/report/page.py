@@ -14,7 +14,6 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 
 from cubicfish_cli.assess.camera_facts import CameraFacts, camera_facts
-from cubicfish_cli.assess.pupil import recorded_pupil
 from cubicfish_cli.assess.records import recorded, recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import WORDS
 from cubicfish_cli.fitting.findings import COVERED
@@ -24,6 +23,7 @@ from cubicfish_cli.report.facts import Facts
 from cubicfish_cli.report.figures import all_figures, arrow_zoom
 from cubicfish_cli.report.from_files import MOST_CARDS, all_pictures, matched
 from cubicfish_cli.report.scene import scene_figures
+from cubicfish_cli.units import two_digits
 
 _MOST_DROPPED = 200
 _MOST_ROWS = 5000
@@ -158,9 +158,6 @@ def _tiles(facts: Facts) -> list[tuple[str, str, str]]:
     if uncertainty is not None:
         median = f"{uncertainty.median_px:.3f} px"
         tiles.append(("Uncertainty", median, uncertainty.meaning))
-    pupil = recorded_pupil(facts.fit)
-    if pupil is not None:
-        tiles.append(("Entrance pupil", f"{pupil.rim_px:.3f} px", pupil.meaning))
     rank = facts.number("rank")
     if rank is not None and not isinstance(facts.camera, CubicCamera):
         tiles.append(("Rank", f"{rank:.0f} of 20", "what the corners determine of P"))
@@ -179,6 +176,8 @@ def _lens(known: CameraFacts) -> list[tuple[str, str]]:
             rows.append((name, f"x {value[0]:.2f}{spread[0]}, y {value[1]:.2f}{spread[1]}"))
     if known.field is not None:
         rows.append(("Field of view", known.field.words))
+    if known.pupil is not None:
+        rows.append(("Entrance pupil", f"{known.pupil.rim_px:.3f} px {known.pupil.meaning}"))
     return rows
 
 
@@ -203,7 +202,7 @@ def _halves(facts: Facts) -> str | None:
     ray = isinstance(facts.camera, CubicCamera)
     if uncertainty is None or not ray or len(facts.photos) < _FEWEST_TO_HALVE:
         return None
-    return f"{_BETWEEN_HALVES * uncertainty.median_px:.3f} px"
+    return f"{two_digits(_BETWEEN_HALVES * uncertainty.median_px)} px"
 
 
 def _bars(facts: Facts) -> dict[str, Any]:
@@ -263,8 +262,8 @@ def _deformations(fit: Mapping[str, Any]) -> list[dict[str, Any]]:
         rows.append(
             {
                 "board": str(record.get("board")),
-                "bend": " ".join(f"{value:.2g}" for value in bend[:2]),
-                "stretch": " ".join(f"{100 * value:.2f}" for value in stretch[:2]),
+                "bend": ", ".join(f"{value:.2g}" for value in bend[:2]),
+                "stretch": ", ".join(f"{100 * value:.2f}" for value in stretch[:2]),
                 "twist": f"{single['twist']:.2g}",
                 "shift": f"{single['shift']:.2g}",
                 "turn": f"{single['turn_deg']:.2f}",

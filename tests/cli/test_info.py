@@ -1,6 +1,7 @@
 """What a camera is, in the terminal, in its file, and wherever a camera is used by default."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -72,7 +73,7 @@ def test_the_title_and_the_line_are_in_the_file_and_in_the_output(run: Run, tmp_
     line = ("calibrate", table, "-t", target, "--no-hold-out", "-o", tmp_path / "c")
     said = run(*line, "--title", "front left").stdout
     first = said.splitlines()[0]
-    assert first.startswith("front left: 960x720 px, sees ")
+    assert re.match(r"front left: 960x720 px, sees \d+° x \d+° \(\d+° diagonal\), ", first)
     assert (tmp_path / "c" / "camera.yaml").read_text().startswith(f"# {first}\ncubicfish: 1\n")
     assert run("info", tmp_path / "c").stdout.splitlines()[0] == first
     error = run(*line, "--title", "two\nlines", "--overwrite", code=2).stderr

@@ -32,6 +32,7 @@ from cubicfish_cli.report.facts import Facts, gather
 from cubicfish_cli.report.from_files import matched
 from cubicfish_cli.report.page import report_html
 from cubicfish_cli.target import Target, load_target
+from cubicfish_cli.units import two_digits
 
 TARGET = load_target(SAMPLE / "target.yaml")
 PHOTOS = sorted((SAMPLE / "photos").iterdir())
@@ -228,9 +229,12 @@ def test_before_and_after_stand_beside_the_verdict(page: Page, html: str) -> Non
     assert html.count("Before and after:") == 1
     known = re.findall(r"<dt>([^<]*)</dt><dd>([^<]*)</dd>", top)
     assert [name for name, _ in known] == [
-        "Focal length, px per radian", "Principal point, px", "Field of view",
+        "Focal length, px per radian", "Principal point, px", "Field of view", "Entrance pupil",
     ]  # fmt: skip
     assert re.fullmatch(r"x 253\.\d\d ± \d\.\d\d, y 253\.\d\d ± \d\.\d\d", known[0][1])
+    assert re.fullmatch(r"-?\d\.\d\d\d px outward .*, (150|15 cm)", known[3][1])
+    header = html[html.index("<header>") : html.index("</header>")]
+    assert len(re.findall("960", header)) == 1
 
 
 def test_the_error_by_angle_is_that_of_the_corners(
@@ -252,7 +256,7 @@ def test_halves_are_foretold_of_enough_photos_only(
     page: Page, fitted: Calibration, pairs: Observations
 ) -> None:
     median = fitted.as_record()["uncertainty"]["median_px"]
-    assert f"would agree within about {2 * median:.3f} px: foretold" in page.text
+    assert f"would agree within about {two_digits(2 * median)} px: foretold" in page.text
     few = {"per_image": fitted.as_record()["per_image"][:5]}
     assert "would agree" not in Page(report_html(facts_of(fitted, pairs, fit=few))).text
 
@@ -266,6 +270,7 @@ def test_a_bad_photo_stands_out(fitted: Calibration, pairs: Observations) -> Non
     rows = re.findall(r'<li( class=bad)?><span class="name">([^<]*)<.*?width:([\d.]+)%', bars)
     assert len(rows) == 10
     assert [name for bad, name, _ in rows if bad] == [per_image[4]["image"]] == [rows[0][1]]
+    assert "What stands against photos in the warning colour is in the table." in bars
     assert float(rows[0][2]) == 100
     assert all(float(share) < 50 for _, _, share in rows[1:])
 

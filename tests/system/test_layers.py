@@ -55,7 +55,7 @@ ALLOWED: dict[str, set[str]] = {
         "wording",
     },
     "lenses": {"errors", "angles", "geometry", "units"},
-    "assess": {"errors", "angles", "frame_names", "lenses", "words"},
+    "assess": {"errors", "angles", "frame_names", "lenses", "units", "words"},
     "formats": {
         "errors",
         "files",
@@ -162,6 +162,7 @@ ALLOWED: dict[str, set[str]] = {
         "assess",
         "fitting",
         "rendering",
+        "units",
         "words",
     },
 }
