@@ -13,12 +13,13 @@ import zipfile
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from pathlib import Path
 
 import numpy as np
 
 from cubicfish_cli import __version__, detection
+from cubicfish_cli.detection.closer import is_part, look_closer
 from cubicfish_cli.detection.diagnose import explain_no_grids
 from cubicfish_cli.detection.finder import MOST_PIXELS, find_grids
 from cubicfish_cli.detection.grids import FoundGrids, Grid
@@ -199,39 +200,62 @@ def refused(name: str, code: Code, case: str = "", **figures: int | str) -> Find
 
 
 def _searched(photo: Photo, data: bytes, target: Target | None, cache: GridCache | None) -> Look:
-    markers = target is not None and target.has_markers
-    cache = cache if data else None  # what is in memory has no bytes to know it by
-    key = cache.key(data) if cache else ""
-    known = cache.load(key) if cache else None
-    if known is not None and (target is None or (known.grids and not markers)):
-        return Look(grids=known)
-    picture = grey(decode_picture(photo.path, data)) if data else photo.read_grey()
-    grids = _settled(find_grids(picture)) if known is None else known
-    if cache and known is None:
-        cache.save(key, grids)
+    shown = _Shown(photo=photo, data=data)
+    key = cache.key(data) if cache and data else ""  # in memory there are no bytes to know it by
+
+    def remembered(search: Callable[[], FoundGrids], name: str = "") -> FoundGrids:
+        entry = key + name
+        known = cache.load(entry) if cache and key else None
+        if known is not None:
+            return known
+        found = search()
+        found = replace(
+            found, grids=tuple(replace(one, pixel=settled(one.pixel)) for one in found.grids)
+        )
+        if cache and key:
+            cache.save(entry, found)
+        return found
+
+    grids = remembered(lambda: find_grids(shown.picture))
     if target is None:
         return Look(grids=grids)
-    look = _looked(picture, target, grids)
-    if look.is_empty and 4 * picture.size <= MOST_PIXELS:
-        closer = _settled(find_grids(picture, closely=True))
-        closer_look = _looked(picture, target, closer, closely=True)
+    look = _looked(shown, target, grids)
+    width, height = grids.image_size
+    if look.is_empty and 4 * width * height <= MOST_PIXELS:
+        closer = remembered(lambda: find_grids(shown.picture, closely=True), "-close")
+        closer_look = _looked(shown, target, closer, closely=True)
         look = look if closer_look.is_empty else closer_look
     if look.is_empty:
-        why = _why_no_markers if markers else _why_nothing
-        return replace(look, refusal=why(photo, picture, grids))
-    return look
+        why = _why_no_markers if target.has_markers else _why_nothing
+        return replace(look, refusal=why(photo, shown.picture, grids))
+    if target.has_markers:
+        return look
+    sizes = sorted({(board.columns, board.rows) for board in target.boards})
+    if not any(is_part(grid, sizes) for grid in grids.grids):
+        return look
+    name = "-" + "-".join(f"{columns}x{rows}" for columns, rows in sizes)
+    return Look(grids=remembered(lambda: look_closer(shown.picture, grids, sizes), name))
 
 
-def _looked(picture: Picture, target: Target, grids: FoundGrids, *, closely: bool = False) -> Look:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Shown:
+    """A photo that is decoded when its picture is first asked for."""
+
+    photo: Photo
+    data: bytes
+
+    @cached_property
+    def picture(self) -> Picture:
+        if not self.data:
+            return self.photo.read_grey()
+        return grey(decode_picture(self.photo.path, self.data))
+
+
+def _looked(shown: _Shown, target: Target, grids: FoundGrids, *, closely: bool = False) -> Look:
     if not target.has_markers:
         return Look(grids=grids)
-    marked = find_marked_corners(picture, target, grids, closely=closely)
+    marked = find_marked_corners(shown.picture, target, grids, closely=closely)
     return Look(grids=grids, marked=replace(marked, pixel=settled(marked.pixel)))
-
-
-def _settled(found: FoundGrids) -> FoundGrids:
-    grids = tuple(replace(grid, pixel=settled(grid.pixel)) for grid in found.grids)
-    return replace(found, grids=grids)
 
 
 def _why_nothing(photo: Photo, picture: Picture, found: FoundGrids) -> Finding:

@@ -221,9 +221,9 @@ def test_what_is_said():
     assert (finding.code, finding.severity, finding.boards) == ("corner_count", "care", ("floor",))
     assert finding.line == (
         "photos show 9x6 inner corners of board floor (the target says 10x6) (8 of 10 photos "
-        "show where it ends, none shows otherwise); correct the counts of --board "
-        "(corners in target.yaml) and run it again (origin too, if it was of a corner that is not "
-        "there)"
+        "show where it ends, none shows otherwise); correct the counts of corners "
+        "in target.yaml (or of --board) and run it again (origin too, if it was of a corner that "
+        "is not there)"
     )
     assert in_words([], THREE, 10) == []
 

@@ -46,7 +46,7 @@ def test_one_photo_has_a_line_for_each_grid():
     ]
     large = (
         "corners is left out: larger than every board of the target; if it is a board of the "
-        "target, correct the counts of --board (corners in target.yaml)"
+        "target, correct the counts of corners in target.yaml (or of --board)"
     )
     assert remark_lines(remarks) == [
         "a.jpg: a grid of 6x4 with 24 corners" + PART,
