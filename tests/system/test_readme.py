@@ -52,6 +52,52 @@ def test_a_command_of_the_readme_parses(args: list[str]) -> None:
     command.make_context(args[0], args[1:], parent=group)
 
 
+def peers() -> dict[str, list[list[float]]]:
+    """What benchmarks/REACHED.md has of each program: RMS, held-out RMS and seconds a camera."""
+    reached = (ROOT / "benchmarks" / "REACHED.md").read_text(encoding="utf-8")
+    table = reached.partition("| program | boofcv_chessboard |")[2].partition("\n\n")[0]
+    rows = re.findall(r"^\| (\w[^|]*) \|(.*)\|$", table, re.MULTILINE)
+    assert len(rows) == 9
+    return {
+        name: [[float(one) for one in cell.split("/")] for cell in cells.split("|")]
+        for name, cells in rows
+    }
+
+
+def test_the_figures_beside_other_tools_are_the_recorded_ones() -> None:
+    """Of each tool its best model, by held-out error; what is least of a row is bold."""
+    known = peers()
+    points, off = (f"cubicfish, `--refine-target {level}`" for level in ("points", "off"))
+    others = ("OpenCV", "mrcal")
+
+    def best(tool: str, camera: int, without: str = "?") -> list[float]:
+        own = [row[camera] for name, row in known.items() if tool in name and without not in name]
+        return min(own, key=lambda one: one[1])
+
+    def shown(start: str) -> list[list[float]]:
+        line = next(one for one in TEXT.splitlines() if one.startswith(f"| {start} |"))
+        cells = [cell.split(" · ") for cell in line.split(" | ")[1:4]]
+        told = [[float(one.strip("*s ")) for one in cell] for cell in cells]
+        for column, place in enumerate(zip(*told, strict=True)):
+            bold = [cell[column].startswith("**") for cell in cells]
+            assert bold == [one == min(place) for one in place]
+        return told
+
+    rows = ["214° fisheye, 26 photos", "VGA fisheye, 20 photos", "GoPro in the dark, 24 photos"]
+    for camera, start in enumerate(rows):
+        of = [known[points][camera][1], *(best(tool, camera)[1] for tool in others)]
+        assert np.ravel(shown(start)) == pytest.approx(of, abs=6e-4)
+    of = [[known[off][camera][1], *(best(tool, camera, "warp")[1] for tool in others)]
+          for camera in range(3)]  # fmt: skip
+    drawn = shown("the same, board taken as drawn")
+    assert np.ravel(drawn) == pytest.approx(np.transpose(of).ravel(), abs=6e-4)
+    seconds = [known[points][0][2], *(best(tool, 0)[2] for tool in others)]
+    assert np.ravel(shown("time of a fit of 26 photos")) == pytest.approx(seconds, rel=0.05)
+    for name, (first, *_) in known.items():
+        told = f"| {name} | {first[0]:.4f} | {first[1]:.4f} | {first[2]:.2f} |"
+        assert told in ALL[ROOT / "docs" / "model.md"]
+
+
 def test_every_command_is_shown_on_some_page() -> None:
     shown = {args[0] for text in ALL.values() for args in command_lines(text)}
     assert shown == set(COMMANDS)
