@@ -33,6 +33,8 @@ _CAPITAL = 22  # height of its capitals at scale 1, pixels
 _BRIGHTEST, _GAMMA = 135.0, 0.7
 # Levels are spread no further than this share of the grey scale: noise stays dark.
 _LEAST_SPAN = 1 / 12
+# A text in a grid hides much of it where the grid is not so many times as large.
+_MUCH = 12
 
 
 def local_contrast(picture: Picture, pixel: FloatArray) -> FloatArray:
@@ -462,7 +464,7 @@ def _places(canvas: PhotoCanvas, mesh: _Mesh, text: str) -> FloatArray:
     low, high, size = mesh.pixel.min(axis=0), mesh.pixel.max(axis=0), canvas.text_size(text)
     middle, reach = (low + high) / 2, (high - low + size) / 2 + 2 * mesh.mark(canvas)
     sides = middle + reach * np.array([[0, 1], [0, -1], [1, 0], [-1, 0]])
-    if np.prod(high - low) < 4 * np.prod(size):
+    if np.prod(high - low) < _MUCH * np.prod(size):
         return sides
     far = np.linalg.norm(mesh.squares - mesh.pixel.mean(axis=0), axis=1)
     return np.concatenate([mesh.squares[np.argsort(far, kind="stable")], sides])

@@ -196,11 +196,11 @@ def _print_calibration(made: CalibratedFiles, calibration: Calibration) -> None:
     print_verdict(made.verdict)
     result(f"advice: {made.advice}\n")
     _print_figures(calibration, made.record)
-    result()
     lost = dict.fromkeys(calibration.unfit, "left out")  # lines on stderr say more
     lost |= why_lost(detection)
     rows = fitted_rows(made.record, camera.image_size, corners_by_board(pairs), lost)
-    print_photo_table(rows, pairs.boards, made.record, everything=str(made.files["camera"]))
+    everything = str(made.files["camera"])
+    print_photo_table(rows, pairs.boards, made.record, everything=everything, apart=True)
     result()
     _print_object(calibration)
     if made.models:

@@ -231,6 +231,7 @@ def print_photo_table(
     total: Mapping[str, Any] | None = None,
     *,
     everything: str = "--json",
+    apart: bool = False,
 ) -> None:
     """Print one row per photo.
 
@@ -239,12 +240,13 @@ def print_photo_table(
         boards: names of the boards, in the target's order.
         total: the same figures of all photos together; None for corners alone.
         everything: where all photos are, for who sees a few of them.
+        apart: whether something stands before it; on a terminal something does in any case.
 
     """
     room = columns_of(sys.stdout)
     chosen = list(rows)
-    if room is not None:
-        result()  # apart from what was said before it
+    if apart or room is not None:
+        result()
     if room is not None and len(rows) > _MOST_ROWS and verbosity() <= 0:
         chosen = _few(rows)
         result(f"The worst and the odd ones of {len(rows):,} photos:\n")

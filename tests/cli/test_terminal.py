@@ -133,6 +133,7 @@ def test_no_progress_where_none_is_wanted(tmp_path: Path, how: str) -> None:
         ended = on_terminal(*args, "--no-hold-out", TERM="dumb")
         assert "\x1b" not in ended.screen
         assert "Fitting to 1,139 corners." in ended.screen
+        assert "\n\n\n" not in ended.screen.replace("\r", "")
     assert ended.code == 0
 
 

@@ -172,13 +172,12 @@ def test_only_what_is_as_clear_as_a_board_s_corners_is_a_dot(
     assert near(drawn, 40, 380, REFUSED)
 
 
-@given(step=st.floats(2, 60), angle=st.floats(-3.1, 3.1), columns=st.integers(1, 14))
-@settings(max_examples=25, deadline=None)
-def test_texts_never_overlap_or_leave_the_picture(step: float, angle: float, columns: int) -> None:
+def one_board(step: float, angle: float, columns: int) -> Observations:
+    """A board in the middle of a photo of 480x360."""
     cells = np.stack(np.mgrid[:columns, :9], axis=-1).reshape(-1, 2)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     count = len(cells)
-    own = Observations(
+    return Observations(
         image_size=(480, 360),
         images=("a.png",),
         boards=("floor",),
@@ -189,6 +188,23 @@ def test_texts_never_overlap_or_leave_the_picture(step: float, angle: float, col
         pixel=(cells - cells.mean(axis=0)) * step @ turn.T + [240, 180],
         weight=np.ones(count),
     )
+
+
+@pytest.mark.parametrize(("step", "within"), [(6, False), (8, False), (30, True)])
+def test_the_name_of_a_small_board_stands_beside_it(
+    monkeypatch: pytest.MonkeyPatch, step: float, within: bool
+) -> None:
+    own = one_board(step, 0.4, 6)
+    photo = np.zeros((360, 480), np.uint8)
+    (box,) = written(monkeypatch, photo, PhotoReport(name="a.png"), own)["floor"]
+    hull = cv2.convexHull(own.pixel.astype(np.float32))
+    assert (cv2.pointPolygonTest(hull, tuple((box[:2] + box[2:]) / 2), False) > 0) == within
+
+
+@given(step=st.floats(2, 60), angle=st.floats(-3.1, 3.1), columns=st.integers(1, 14))
+@settings(max_examples=25, deadline=None)
+def test_texts_never_overlap_or_leave_the_picture(step: float, angle: float, columns: int) -> None:
+    own = one_board(step, angle, columns)
     with pytest.MonkeyPatch.context() as patch:
         texts = written(patch, np.zeros((360, 480), np.uint8), PhotoReport(name="a.png"), own)
     boxes = [box for text, places in texts.items() for box in places]
