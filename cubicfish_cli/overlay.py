@@ -34,7 +34,7 @@ _BRIGHTEST, _GAMMA = 135.0, 0.7
 # Levels are spread no further than this share of the grey scale: noise stays dark.
 _LEAST_SPAN = 1 / 12
 # A text in a grid hides much of it where the grid is not so many times as large.
-_MUCH = 12
+_MUCH = 10
 
 
 def local_contrast(picture: Picture, pixel: FloatArray) -> FloatArray:
