@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Literal
 
@@ -18,12 +18,11 @@ from cubicfish_cli.fitting.evidence import Diagnose, FailedFit, FitEvidence
 from cubicfish_cli.fitting.findings import (
     coverage,
     dropped_groups,
-    noisy_photos,
 )
 from cubicfish_cli.fitting.folds import folds_of
 from cubicfish_cli.fitting.frame import in_references_frame
 from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
-from cubicfish_cli.fitting.hold import EXPECTED, FIRMEST, choose_hold
+from cubicfish_cli.fitting.hold import FIRMEST
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.local_noise import within_noise
 from cubicfish_cli.fitting.orientation import oriented
@@ -33,7 +32,6 @@ from cubicfish_cli.fitting.radial_reference import (
     CHECK_ALL,
     RadialReference,
     fit_radial,
-    refit_radial,
     terms_beyond,
 )
 from cubicfish_cli.fitting.reach import Reach, reach, trusted_angle_deg
@@ -45,8 +43,15 @@ from cubicfish_cli.fitting.refinement import (
     refine_object,
     to_the_bottom,
 )
+from cubicfish_cli.fitting.rejection import (
+    DroppedCorner,
+    dropped_corners,
+    strays,
+    without,
+    without_gross,
+    without_noisy,
+)
 from cubicfish_cli.fitting.repeats import repeated_groups
-from cubicfish_cli.fitting.robust import gross_px
 from cubicfish_cli.fitting.stages import Progress, Stage, Stages
 from cubicfish_cli.fitting.statistics import (
     ErrorStatistics,
@@ -57,8 +62,6 @@ from cubicfish_cli.fitting.statistics import (
 from cubicfish_cli.fitting.subset import (
     flatness,
     middle,
-    select,
-    select_photos,
     with_mean_weight_one,
     world_scale,
 )
@@ -86,10 +89,7 @@ _FLAT = 1e-4
 _NEARLY_FLAT = 0.02
 # Beyond this relative uncertainty of the focal length the photos do not determine the lens.
 _MAX_FOCAL_UNCERTAINTY = 0.05
-_DROP_ROUNDS = 12
 _RAYS = 500
-# Enough to tell a corner that is pixels off.
-_DROP_DECREASE = 1e-4
 # A richer target must lower photos' held-out errors at least to this share of the poorer one's.
 _WORTH = 0.99
 _NO_CONVERGENCE = "the fit does not converge"
@@ -112,21 +112,6 @@ RefineTarget = Literal["off", "shape", "points", "auto"]
 
 class _UndeterminedError(FitError):
     """The corners fit, and do not determine the lens."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class DroppedCorner:
-    """A corner that was left out because it was grossly off."""
-
-    image: str
-    board: str | None
-    column: int
-    row: int
-    error_px: float
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data for JSON and YAML."""
-        return asdict(self)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -313,12 +298,18 @@ def _calibrated(
     scale = world_scale(pairs)
     reference = fit_radial(pairs.with_world(pairs.world / scale))
     stages.begin("cubic")
-    fit, gross, gross_error = _without_gross(reference)
-    fit = _without_noisy(fit)
+    fit, gross, gross_error = without_gross(reference)
+    fit = without_noisy(fit)
     _refuse_undetermined(fit.reference)
     drawing = Drawing(target=target, pairs=fit.reference.pairs, scale=scale)
     drawn = fit
     fit, drawing, held_out, refused = _climb(drawn, drawing, refine_target, hold_out, stages)
+    astray = strays(fit.reference.pairs, fit.cubic.residual)
+    stray = fit.reference.pairs.select(astray)
+    stray_error = np.linalg.norm(fit.cubic.residual[astray], axis=1)
+    if astray.any():
+        fit, drawing = without(fit, astray), drawing.of(drawing.pairs.select(~astray))
+        held_out = {level: error and error.of(~astray) for level, error in held_out.items()}
     fit = to_the_bottom(fit)
     drawn = fit if fit.level == "off" else drawn
     stages.begin("checks")
@@ -349,7 +340,7 @@ def _calibrated(
     share = coverage(used.pixel, camera.outline(), pairs.image_size)
     if target is not None:
         gross = renamed(gross, target, drawing.renamed)
-    dropped = tuple(_dropped(gross, gross_error))
+    dropped = dropped_corners(gross, gross_error) + dropped_corners(stray, stray_error)
     notes = dropped_groups(pairs, [(c.image, c.board, c.error_px) for c in dropped])
     findings: Sequence[Finding] = ()
     if diagnose is not None:
@@ -393,50 +384,6 @@ def _calibrated(
         notes=tuple(notes),
         findings=tuple(findings),
     )
-
-
-def _without_gross(
-    reference: RadialReference,
-) -> tuple[ObjectFit, Observations, FloatArray]:
-    """Fit to the target as drawn without grossly wrong corners; these, and how far they are off.
-
-    Every round judges all corners anew: a corner that only looked wrong because others had
-    pulled its photo's pose away comes back.
-    """
-    everything, poses = reference.pairs, reference.poses
-    length = np.hypot(reference.residual[:, 0], reference.residual[:, 1])
-    good, kept = length <= gross_px(reference.residual), np.ones(len(length), bool)
-    for round_ in range(_DROP_ROUNDS):
-        if not (good == kept).all():
-            remaining, photos = select(everything, good)
-            reference = refit_radial(reference, remaining, poses[photos])
-        elif round_:
-            break
-        else:
-            photos = np.arange(len(poses))
-        kept = good
-        cubic = fit_cubic(reference, EXPECTED, relative_decrease=_DROP_DECREASE)
-        poses = poses.with_photos(photos, cubic.poses)
-        miss = cubic.lens.project(poses.apply(everything.image, everything.world))
-        miss -= everything.pixel
-        length = np.minimum(np.hypot(miss[:, 0], miss[:, 1]), max(everything.image_size))
-        good = length <= gross_px(cubic.residual)
-    cubic = choose_hold(reference, folds_of(reference), start=cubic, everywhere=True)
-    fit = ObjectFit(level="off", reference=reference, cubic=cubic)
-    return fit, everything.select(~kept), length[~kept]
-
-
-def _without_noisy(fit: ObjectFit) -> ObjectFit:
-    """Leave out photos that are blurred, moving or badly lit, and say so."""
-    pairs = fit.reference.pairs
-    noisy = noisy_photos(pairs, fit.cubic.residual)
-    if not noisy:
-        return fit
-    good = np.setdiff1d(np.arange(len(pairs.images)), list(noisy))
-    reference = refit_radial(fit.reference, select_photos(pairs, good), fit.cubic.poses[good])
-    named = {pairs.images[photo]: reason for photo, reason in noisy.items()}
-    reference = replace(reference, unfit=reference.unfit | named)
-    return replace(fit, reference=reference, cubic=choose_hold(reference, folds_of(reference)))
 
 
 Judged = tuple[ObjectFit, HeldOut | None, Drawing]
@@ -557,19 +504,6 @@ def _refuse_undetermined(reference: RadialReference) -> None:
             f"{100 * reference.focal_uncertainty:.0f} %)",
             do="add photos in which the boards are tilted and nearer to the rim",
         )
-
-
-def _dropped(pairs: Observations, error_px: FloatArray) -> list[DroppedCorner]:
-    return [
-        DroppedCorner(
-            image=pairs.images[pairs.image[index]],
-            board=pairs.boards[pairs.board[index]] if pairs.boards else None,
-            column=int(pairs.column[index]),
-            row=int(pairs.row[index]),
-            error_px=float(error),
-        )
-        for index, error in enumerate(error_px)
-    ]
 
 
 def _far_radial(lens: CubicFit, reference: RadialReference) -> RadialCamera:

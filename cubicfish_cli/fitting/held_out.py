@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -15,12 +16,12 @@ from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refinement import ObjectFit
 from cubicfish_cli.fitting.robust import huber_px
-from cubicfish_cli.fitting.statistics import likely_positive, rms_px
+from cubicfish_cli.fitting.statistics import likely_positive
 from cubicfish_cli.fitting.subset import select, select_photos
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.types import FloatArray, IntArray
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # A step that lowers a fold's cost by less is taken unseen.
 _FOLD_DECREASE = 1e-4
@@ -37,19 +38,50 @@ class HeldOut:
     """Errors on photos left out of the fit, their poses refitted.
 
     Attributes:
-        rms_px: of the cubic camera.
-        companion_rms_px: of the radial reference, on the same folds.
-        corners: corners that were counted.
+        square: (N,) squared error of the cubic camera at each pair, pixels²; NaN where the camera
+            that did not see the pair's photo does not see the pair either.
+        radial_square: (N,) the same of the radial reference, on the same folds.
+        image: (N,) photo of each pair.
         folds: into how many parts the photos were split.
-        photos_px: (M,) RMS of the cubic camera on each photo; NaN where it sees none of it.
 
     """
 
-    rms_px: float
-    companion_rms_px: float
-    corners: int
+    square: FloatArray
+    radial_square: FloatArray
+    image: IntArray
     folds: int
-    photos_px: FloatArray
+
+    @property
+    def rms_px(self) -> float:
+        """Of the cubic camera."""
+        return float(np.sqrt(np.nanmean(self.square)))
+
+    @property
+    def companion_rms_px(self) -> float:
+        """Of the radial reference."""
+        return float(np.sqrt(np.nanmean(self.radial_square)))
+
+    @property
+    def corners(self) -> int:
+        """Corners that were counted."""
+        return int(np.isfinite(self.square).sum())
+
+    @cached_property
+    def photos_px(self) -> FloatArray:
+        """(M,) RMS of the cubic camera on each photo; NaN where it sees none of it."""
+        seen = np.isfinite(self.square)
+        count = np.bincount(self.image, seen)
+        with np.errstate(invalid="ignore"):
+            return np.sqrt(np.bincount(self.image, np.where(seen, self.square, 0)) / count)
+
+    def of(self, pairs: BoolArray) -> HeldOut:
+        """The error on some of the pairs (N,)."""
+        return replace(
+            self,
+            square=self.square[pairs],
+            radial_square=self.radial_square[pairs],
+            image=self.image[pairs],
+        )
 
     def times(self, other: HeldOut) -> float:
         """Ratio to the error of another fit of the same photos.
@@ -96,32 +128,21 @@ def held_out_error(
     parts = photo_folds(fit.cubic.poses, fit.reference.pairs, fit.reference.camera.fx)
     if not parts:
         return None
-    measured, cubic = [], fit.cubic.fit
-    leaving = Leaving(cubic, fit.reference.pairs, huber_px(cubic.residual), parts)
+    pairs, cubic = fit.reference.pairs, fit.cubic.fit
+    of_cubic, of_radial = np.full((2, len(pairs.image)), np.nan)
+    leaving = Leaving(cubic, pairs, huber_px(cubic.residual), parts)
     for done, (test, step) in enumerate(zip(parts, leaving.steps(), strict=True)):
         if progress is not None:
             progress(done, len(parts))
-        measured.append(_fold(fit, test, cubic.state.moved(*step)))
-    of_cubic, of_radial, images = zip(*measured, strict=True)
-    square = np.sum(np.square(np.vstack(of_cubic)), axis=1)
-    image, count = np.concatenate(images), len(fit.cubic.poses)
-    with np.errstate(invalid="ignore"):
-        mean = np.bincount(image, square, count) / np.bincount(image, minlength=count)
-    return HeldOut(
-        rms_px=rms_px(np.vstack(of_cubic)),
-        companion_rms_px=rms_px(np.vstack(of_radial)),
-        corners=sum(map(len, of_cubic)),
-        folds=len(parts),
-        photos_px=np.sqrt(mean),
-    )
+        rows = np.flatnonzero(np.isin(pairs.image, test))
+        of_cubic[rows], of_radial[rows] = _fold(fit, test, cubic.state.moved(*step))
+    return HeldOut(square=of_cubic, radial_square=of_radial, image=pairs.image, folds=len(parts))
 
 
-def _fold(
-    fit: ObjectFit, test: IntArray, near: State[CubicFit]
-) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Residuals of the photos ``test`` under a fit to the others: the cubic's, the reference's.
+def _fold(fit: ObjectFit, test: IntArray, near: State[CubicFit]) -> tuple[FloatArray, FloatArray]:
+    """Squared errors on the photos ``test``, of the cubic and the reference fitted to the others.
 
-    And the photo of each of the cubic's. The fit to the others starts at ``near``.
+    The fit to the others starts at ``near``.
     """
     pairs, world = fit.reference.pairs, near.world
     out = np.isin(pairs.image, test)
@@ -149,9 +170,18 @@ def _fold(
         pupil_travel=trained.lens.travel,
     )
     left_out = select_photos(pairs, test).with_world(world.like(trained.world).points[out])
-    _, cubic, seen = pose_only_residual(camera, left_out, fit.cubic.poses[test])
-    _, of_radial, _ = pose_only_residual(camera.radial, left_out, fit.reference.poses[test])
-    return cubic, of_radial, test[left_out.image[seen]]
+    return (
+        _squares(camera, left_out, fit.cubic.poses[test]),
+        _squares(camera.radial, left_out, fit.reference.poses[test]),
+    )
+
+
+def _squares(camera: CubicCamera | RadialCamera, pairs: Observations, start: Poses) -> FloatArray:
+    """(N,) squared error at each pair, the poses fitted, pixels²; NaN beyond the field."""
+    _, residual, seen = pose_only_residual(camera, pairs, start)
+    square = np.full(len(pairs.pixel), np.nan)
+    square[seen] = np.sum(np.square(residual), axis=1)
+    return square
 
 
 def _trained(

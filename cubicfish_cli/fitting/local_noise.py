@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from cubicfish_cli.fitting.robust import noise_px
@@ -14,17 +16,27 @@ _BEYOND_NOISE = 1.5
 
 def neighbours(pairs: Observations) -> tuple[IntArray, IntArray]:
     """(N,) index of the corner in the next column, and in the next row; -1 where it is not seen."""
+    right, down = _at(pairs, [(1, 0), (0, 1)]).T
+    return right, down
+
+
+def around(pairs: Observations) -> IntArray:
+    """(N, 8) indices of the corners around each on its board; -1 where they are not seen."""
+    return _at(pairs, [(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y])
+
+
+def _at(pairs: Observations, steps: Sequence[tuple[int, int]]) -> IntArray:
+    """(N, K) index of the corner so many columns and rows on, in the same photo and board."""
+    # One free column and row beyond the last, so that no step ends on another row or board.
     width, height = int(pairs.column.max()) + 2, int(pairs.row.max()) + 2
     view = pairs.image * max(len(pairs.boards), 1) + pairs.board
     key = (view * height + pairs.row) * width + pairs.column
     order = np.argsort(key, kind="stable")
     ordered = key[order]
-
-    def at(wanted: IntArray) -> IntArray:
-        place = np.minimum(np.searchsorted(ordered, wanted), len(ordered) - 1)
-        return np.where(ordered[place] == wanted, order[place], -1)
-
-    return at(key + 1), at(key + width)
+    wanted = key[:, None] + np.array([row * width + column for column, row in steps])
+    place = np.minimum(np.searchsorted(ordered, wanted), len(ordered) - 1)
+    found = (ordered[place] == wanted) & (pairs.board >= 0)[:, None]
+    return np.where(found, order[place], -1)
 
 
 def local_noise_px(pairs: Observations, residual: FloatArray) -> float:

@@ -8,8 +8,9 @@ from cubicfish_cli.types import FloatArray
 
 # Median of the length of a 2D normal vector of unit standard deviation a component.
 _MEDIAN_OF_RAYLEIGH = 1.17741
-# The Huber loss leaves errors within this many standard deviations alone.
-_HUBER_SIGMAS = 8.0
+# The Huber loss leaves errors within this many standard deviations alone: of normal ones, all but
+# three in ten thousand.
+_HUBER_SIGMAS = 4.0
 _SMALLEST_HUBER_PX = 0.1
 # A corner is dropped when it is off by more than both of these.
 GROSS_PX = 3.0
@@ -31,3 +32,8 @@ def huber_px(residual: FloatArray) -> float:
 def gross_px(residual: FloatArray) -> float:
     """From which length on a residual is gross, pixels."""
     return max(GROSS_PX, _GROSS_SIGMAS * noise_px(residual))
+
+
+def stray_px(noise: FloatArray) -> FloatArray:
+    """From which length on what sets a corner off from its neighbours is no noise, pixels."""
+    return np.maximum(_SMALLEST_HUBER_PX, _GROSS_SIGMAS * noise)

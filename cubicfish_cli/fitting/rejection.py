@@ -1,0 +1,134 @@
+"""Outliers: corners that are grossly off or depart from their neighbours, and noisy photos."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from cubicfish_cli.fitting.cubic_fit import fit_cubic
+from cubicfish_cli.fitting.findings import noisy_photos
+from cubicfish_cli.fitting.folds import folds_of
+from cubicfish_cli.fitting.hold import EXPECTED, choose_hold
+from cubicfish_cli.fitting.local_noise import around
+from cubicfish_cli.fitting.radial_reference import RadialReference, refit_radial
+from cubicfish_cli.fitting.refinement import ObjectFit
+from cubicfish_cli.fitting.robust import gross_px, noise_px, stray_px
+from cubicfish_cli.fitting.subset import select, select_photos
+from cubicfish_cli.observations import Observations
+from cubicfish_cli.types import BoolArray, FloatArray
+
+_DROP_ROUNDS = 12
+# Enough to tell a corner that is pixels off.
+_DROP_DECREASE = 1e-4
+# From so many on, the median of neighbours is none of those that are wrong themselves.
+_FEWEST_NEIGHBOURS = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class DroppedCorner:
+    """A corner that was left out because it was off by far more than noise."""
+
+    image: str
+    board: str | None
+    column: int
+    row: int
+    error_px: float
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON and YAML."""
+        return asdict(self)
+
+
+def dropped_corners(pairs: Observations, error_px: FloatArray) -> tuple[DroppedCorner, ...]:
+    """Pairs (N) that were left out, and by how many pixels (N,) they were off."""
+    return tuple(
+        DroppedCorner(
+            image=pairs.images[pairs.image[index]],
+            board=pairs.boards[pairs.board[index]] if pairs.boards else None,
+            column=int(pairs.column[index]),
+            row=int(pairs.row[index]),
+            error_px=float(error),
+        )
+        for index, error in enumerate(error_px)
+    )
+
+
+def without_gross(reference: RadialReference) -> tuple[ObjectFit, Observations, FloatArray]:
+    """Fit to the target as drawn without grossly wrong corners; these, and how far they are off.
+
+    Every round judges all corners anew: a corner that only looked wrong because others had
+    pulled its photo's pose away comes back.
+    """
+    everything, poses = reference.pairs, reference.poses
+    length = np.hypot(reference.residual[:, 0], reference.residual[:, 1])
+    good, kept = length <= gross_px(reference.residual), np.ones(len(length), bool)
+    for round_ in range(_DROP_ROUNDS):
+        if not (good == kept).all():
+            remaining, photos = select(everything, good)
+            reference = refit_radial(reference, remaining, poses[photos])
+        elif round_:
+            break
+        else:
+            photos = np.arange(len(poses))
+        kept = good
+        cubic = fit_cubic(reference, EXPECTED, relative_decrease=_DROP_DECREASE)
+        poses = poses.with_photos(photos, cubic.poses)
+        miss = cubic.lens.project(poses.apply(everything.image, everything.world))
+        miss -= everything.pixel
+        length = np.minimum(np.hypot(miss[:, 0], miss[:, 1]), max(everything.image_size))
+        good = length <= gross_px(cubic.residual)
+    cubic = choose_hold(reference, folds_of(reference), start=cubic, everywhere=True)
+    fit = ObjectFit(level="off", reference=reference, cubic=cubic)
+    return fit, everything.select(~kept), length[~kept]
+
+
+def without_noisy(fit: ObjectFit) -> ObjectFit:
+    """Leave out photos that are blurred, moving or badly lit, and say so."""
+    pairs = fit.reference.pairs
+    noisy = noisy_photos(pairs, fit.cubic.residual)
+    if not noisy:
+        return fit
+    good = np.setdiff1d(np.arange(len(pairs.images)), list(noisy))
+    reference = refit_radial(fit.reference, select_photos(pairs, good), fit.cubic.poses[good])
+    named = {pairs.images[photo]: reason for photo, reason in noisy.items()}
+    reference = replace(reference, unfit=reference.unfit | named)
+    return replace(fit, reference=reference, cubic=choose_hold(reference, folds_of(reference)))
+
+
+def strays(pairs: Observations, residual: FloatArray) -> BoolArray:
+    """(N,) corners that depart from their neighbours by far more than noise: slips of detection.
+
+    What a lens, a pose or a sheet leaves, neighbours share; noise is that of all corners, or of the
+    photo's where it is the larger. Without neighbours a corner is none.
+
+    Args:
+        pairs: the pairs, sorted by photo.
+        residual: (N, 2) projection less pixel, pixels.
+
+    """
+    near = around(pairs)
+    known = (near >= 0).sum(axis=1) >= _FEWEST_NEIGHBOURS
+    own = np.flatnonzero(known)
+    found = np.zeros(len(residual), bool)
+    if not own.size:
+        return found
+    theirs = np.where((near[own] >= 0)[..., None], residual[near[own]], np.nan)
+    departs = residual[own] - np.nanmedian(theirs, axis=1)
+    noise = np.zeros(len(pairs.images))
+    for photo in np.unique(pairs.image[own]):
+        noise[photo] = noise_px(departs[pairs.image[own] == photo])
+    limit = stray_px(np.maximum(noise, noise_px(departs)))[pairs.image[own]]
+    length = np.minimum(np.hypot(*departs.T), np.hypot(*residual[own].T))
+    found[own] = length > limit
+    return found
+
+
+def without(fit: ObjectFit, wrong: BoolArray) -> ObjectFit:
+    """The same fit of all corners but some (N,), to be adjusted on; every photo keeps some."""
+    rows = np.flatnonzero(~wrong)
+    pairs, world = fit.reference.pairs.select(~wrong), fit.cubic.fit.world.select(rows)
+    reference = refit_radial(fit.reference, pairs, fit.reference.poses)
+    near = replace(fit.cubic.fit, residual=fit.cubic.residual[rows], world=world, pairs=pairs)
+    return replace(fit, reference=reference, cubic=replace(fit.cubic, fit=replace(near, sums=None)))
