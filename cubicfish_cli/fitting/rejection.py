@@ -24,6 +24,9 @@ _DROP_ROUNDS = 12
 _DROP_DECREASE = 1e-4
 # From so many on, the median of neighbours is none of those that are wrong themselves.
 _FEWEST_NEIGHBOURS = 3
+# A corner stands alone when it is so many times farther off than most neighbours (percent) are.
+_BEYOND_NEIGHBOURS = 3.0
+_MOST = 75
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,19 +112,23 @@ def strays(pairs: Observations, residual: FloatArray) -> BoolArray:
 
     """
     near = around(pairs)
-    known = (near >= 0).sum(axis=1) >= _FEWEST_NEIGHBOURS
-    own = np.flatnonzero(known)
+    own = np.flatnonzero((near >= 0).sum(axis=1) >= _FEWEST_NEIGHBOURS)
     found = np.zeros(len(residual), bool)
     if not own.size:
         return found
     theirs = np.where((near[own] >= 0)[..., None], residual[near[own]], np.nan)
-    departs = residual[own] - np.nanmedian(theirs, axis=1)
+    middle = np.nanmedian(theirs, axis=1)
+    departs = residual[own] - middle
     noise = np.zeros(len(pairs.images))
     for photo in np.unique(pairs.image[own]):
         noise[photo] = noise_px(departs[pairs.image[own] == photo])
     limit = stray_px(np.maximum(noise, noise_px(departs)))[pairs.image[own]]
     length = np.minimum(np.hypot(*departs.T), np.hypot(*residual[own].T))
-    found[own] = length > limit
+    far = np.flatnonzero(length > limit)
+    # On a slope, the corner at its end departs from neighbours that depart from each other.
+    apart = np.linalg.norm(theirs[far] - middle[far, None], axis=2)
+    alone = length[far] > _BEYOND_NEIGHBOURS * np.nanpercentile(apart, _MOST, axis=1)
+    found[own[far[alone]]] = True
     return found
 
 

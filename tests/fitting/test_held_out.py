@@ -7,11 +7,9 @@ from cubicfish_cli.fitting.held_out import HeldOut
 
 
 def held_out(*photos_px):
-    photos = np.array(photos_px, float)
-    rms = float(np.sqrt(np.nanmean(photos**2)))
-    return HeldOut(
-        rms_px=rms, companion_rms_px=rms, corners=10 * len(photos), folds=5, photos_px=photos
-    )
+    square = np.repeat(np.square(np.array(photos_px, float)), 10)
+    image = np.repeat(np.arange(len(photos_px)), 10)
+    return HeldOut(square=square, radial_square=square, image=image, folds=5)
 
 
 def test_many_photos_that_agree_leave_no_doubt():
@@ -29,3 +27,11 @@ def test_few_photos_that_disagree_leave_much():
 @pytest.mark.parametrize("other", [(0.3,), (np.nan, 0.4)])
 def test_one_photo_tells_nothing(other):
     assert held_out(*(0.2 for _ in other)).doubt(held_out(*other)) == 0.5
+
+
+def test_an_error_of_some_pairs_counts_those_alone():
+    both = held_out(0.2, np.nan, 0.4)
+    assert both.corners == 20
+    assert both.photos_px == pytest.approx([0.2, np.nan, 0.4], nan_ok=True)
+    assert both.rms_px == pytest.approx(np.sqrt(0.1))
+    assert both.of(both.image < 2).rms_px == pytest.approx(0.2)

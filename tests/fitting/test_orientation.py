@@ -77,7 +77,7 @@ def test_names_that_photos_left_out_speak_against_are_not_taken() -> None:
     target = drawn(6, 4)
     (fit, drawing) = (object(), Drawing(target=target, pairs=photos(6, 4, 0.1), scale=1.0))
     given, better, worse = (
-        HeldOut(rms_px=px, companion_rms_px=1.0, corners=9, folds=3, photos_px=np.full(4, px))
+        HeldOut(square=np.full(4, px**2), radial_square=np.ones(4), image=np.arange(4), folds=3)
         for px in (0.2, 0.1, 0.3)
     )
     for likelier, taken in ((better, better), (worse, given), (None, given)):
