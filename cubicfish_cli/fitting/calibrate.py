@@ -40,6 +40,7 @@ from cubicfish_cli.fitting.refinement import (
     Drawing,
     Level,
     ObjectFit,
+    as_drawn,
     refine_object,
     to_the_bottom,
 )
@@ -298,11 +299,11 @@ def _calibrated(
     scale = world_scale(pairs)
     reference = fit_radial(pairs.with_world(pairs.world / scale))
     stages.begin("cubic")
-    fit, gross, gross_error = without_gross(reference)
-    fit = without_noisy(fit)
-    _refuse_undetermined(fit.reference)
-    drawing = Drawing(target=target, pairs=fit.reference.pairs, scale=scale)
-    drawn = fit
+    rough, gross, gross_error = without_gross(reference)
+    rough = without_noisy(rough)
+    _refuse_undetermined(rough.reference)
+    drawing = Drawing(target=target, pairs=rough.reference.pairs, scale=scale)
+    drawn = as_drawn(rough, drawing)
     fit, drawing, held_out, refused = _climb(drawn, drawing, refine_target, hold_out, stages)
     astray = strays(fit.reference.pairs, fit.cubic.residual)
     stray = fit.reference.pairs.select(astray)
@@ -315,7 +316,7 @@ def _calibrated(
     stages.begin("checks")
     held_out_by_level = {level: error.rms_px for level, error in held_out.items() if error}
     cubic, reference = fit.cubic, fit.reference
-    used = reference.pairs.with_world(reference.pairs.world * scale)
+    used = drawing.pairs.with_world(reference.pairs.world * scale)
     refined = fit.refined_target(drawing)
     camera = CubicCamera(
         image_size=pairs.image_size,

@@ -16,6 +16,7 @@ import numpy as np
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.lenses import WEIGHT_BEYOND, CubicFit, RayPrior
+from cubicfish_cli.fitting.photo_noise import ALIKE
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import MARGIN_DEG, RadialReference
 from cubicfish_cli.fitting.robust import huber_px, noise_px
@@ -41,8 +42,6 @@ _DENOMINATOR_SPREAD = 0.1
 # Expected travel of the entrance pupil, as a share of the corners' distance: millimetres at arm's
 # length.
 _TRAVEL_SPREAD = 0.02
-# Corners of one photo share their errors: about so many of them say what one would.
-_ALIKE = 10
 # Pixels that hold it where it is, whatever corners say.
 _STILL = 1e7
 _STRONGEST = 1e4
@@ -268,7 +267,7 @@ def _travel_weight(reference: RadialReference, residual: FloatArray) -> float:
     points = reference.poses.apply(pairs.image, pairs.world)
     distance = 1 / float(np.mean(1 / np.linalg.norm(points, axis=1)))
     sigma = max(noise_px(residual), 1e-3)
-    return float(sigma * np.sqrt(_ALIKE) / (_TRAVEL_SPREAD * distance))
+    return float(sigma * np.sqrt(ALIKE) / (_TRAVEL_SPREAD * distance))
 
 
 def _denominator_weight(reference: RadialReference) -> float:

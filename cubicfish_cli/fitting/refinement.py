@@ -13,9 +13,11 @@ import numpy as np
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
 from cubicfish_cli.fitting.fit_lens import FitLens
+from cubicfish_cli.fitting.folds import folds_of
 from cubicfish_cli.fitting.hold import choose_hold
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.normal_equations import solve_scaled
+from cubicfish_cli.fitting.photo_noise import weighed
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import RadialReference, refit_radial
 from cubicfish_cli.fitting.robust import huber_px, noise_px
@@ -87,6 +89,20 @@ class ObjectFit:
         return world.refined_target(drawing.target, drawing.pairs, scale=drawing.scale)
 
 
+def as_drawn(rough: ObjectFit, drawing: Drawing) -> ObjectFit:
+    """Fit to the target as drawn, photos by their noise, P held as photos left out speak for.
+
+    Raises:
+        FitError: no hold gives a sound camera.
+
+    """
+    pairs = weighed(drawing.pairs, rough.cubic.residual)
+    reference = refit_radial(rough.reference, pairs, rough.cubic.poses)
+    groups = folds_of(reference)
+    cubic = choose_hold(reference, groups, start=rough.cubic, everywhere=True)
+    return replace(rough, reference=reference, cubic=cubic)
+
+
 def refine_object(
     fit: ObjectFit, drawing: Drawing, level: Level, groups: Sequence[IntArray]
 ) -> ObjectFit:
@@ -111,8 +127,9 @@ def refine_object(
     spread = FIRST_SPREAD if level == "points" else None
     free = free_world(drawing, noise=noise_px(fit.cubic.residual), offset_spread=spread)
     free = free.started(fit.cubic.fit.world)
-    adjusted = _adjusted(fit.cubic.lens, fit.cubic.poses, drawing.pairs, free)
-    adjusted, spread = settled_spread(adjusted, drawing.pairs, spread)
+    pairs = replace(drawing.pairs, weight=fit.reference.pairs.weight)
+    adjusted = _adjusted(fit.cubic.lens, fit.cubic.poses, pairs, free)
+    adjusted, spread = settled_spread(adjusted, pairs, spread)
     return _joint(fit, drawing, level, adjusted, spread, groups)
 
 
@@ -213,7 +230,7 @@ def _joint(
 ) -> ObjectFit:
     """With the target near its place: the reference anew, how P is held, then all at once."""
     world = adjusted.world
-    pairs = drawing.pairs.with_world(world.points)
+    pairs = weighed(drawing.pairs, adjusted.residual).with_world(world.points)
     reference = refit_radial(fit.reference, pairs, adjusted.poses)
     world = world.with_noise(noise_px(adjusted.residual), spread)
     near = replace(fit.cubic, fit=replace(adjusted, world=world))

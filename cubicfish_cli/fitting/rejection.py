@@ -9,8 +9,7 @@ import numpy as np
 
 from cubicfish_cli.fitting.cubic_fit import fit_cubic
 from cubicfish_cli.fitting.findings import noisy_photos
-from cubicfish_cli.fitting.folds import folds_of
-from cubicfish_cli.fitting.hold import EXPECTED, choose_hold
+from cubicfish_cli.fitting.hold import EXPECTED
 from cubicfish_cli.fitting.local_noise import around
 from cubicfish_cli.fitting.radial_reference import RadialReference, refit_radial
 from cubicfish_cli.fitting.refinement import ObjectFit
@@ -61,7 +60,7 @@ def dropped_corners(pairs: Observations, error_px: FloatArray) -> tuple[DroppedC
 def without_gross(reference: RadialReference) -> tuple[ObjectFit, Observations, FloatArray]:
     """Fit to the target as drawn without grossly wrong corners; these, and how far they are off.
 
-    Every round judges all corners anew: a corner that only looked wrong because others had
+    P is held as is expected of any lens. Every round judges all corners anew: a corner that only looked wrong because others had
     pulled its photo's pose away comes back.
     """
     everything, poses = reference.pairs, reference.poses
@@ -82,7 +81,6 @@ def without_gross(reference: RadialReference) -> tuple[ObjectFit, Observations, 
         miss -= everything.pixel
         length = np.minimum(np.hypot(miss[:, 0], miss[:, 1]), max(everything.image_size))
         good = length <= gross_px(cubic.residual)
-    cubic = choose_hold(reference, folds_of(reference), start=cubic, everywhere=True)
     fit = ObjectFit(level="off", reference=reference, cubic=cubic)
     return fit, everything.select(~kept), length[~kept]
 
@@ -97,7 +95,8 @@ def without_noisy(fit: ObjectFit) -> ObjectFit:
     reference = refit_radial(fit.reference, select_photos(pairs, good), fit.cubic.poses[good])
     named = {pairs.images[photo]: reason for photo, reason in noisy.items()}
     reference = replace(reference, unfit=reference.unfit | named)
-    return replace(fit, reference=reference, cubic=choose_hold(reference, folds_of(reference)))
+    cubic = fit_cubic(reference, EXPECTED, relative_decrease=_DROP_DECREASE)
+    return replace(fit, reference=reference, cubic=cubic)
 
 
 def strays(pairs: Observations, residual: FloatArray) -> BoolArray:

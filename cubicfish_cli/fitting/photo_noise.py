@@ -1,0 +1,52 @@
+"""How much each photo says: photos differ in sharpness and light, and a sheet bends in some."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cubicfish_cli.fitting.robust import noise_px
+from cubicfish_cli.observations import Observations
+from cubicfish_cli.types import FloatArray
+
+ALIKE = 10
+"""Corners of one photo share their errors: about so many of them say what one would."""
+_POSE = 6
+# Fewer photos do not show how much photos differ.
+_FEWEST_PHOTOS = 3
+
+
+def photo_weights(pairs: Observations, residual: FloatArray) -> FloatArray:
+    """(M,) what a corner of each photo weighs, the mean over corners 1: one over its variance.
+
+    Empirical Bayes: photos' log variances are drawn to their mean, by as much as the scatter that
+    so few independent errors leave is larger than what photos truly differ by. Photos that
+    differ by no more than this scatter weigh the same.
+
+    Args:
+        pairs: the pairs, with the weights that they came with.
+        residual: (N, 2) projection less pixel, pixels, every photo's pose fitted.
+
+    """
+    photos = len(pairs.images)
+    count = np.bincount(pairs.image, minlength=photos)
+    free = np.maximum(2 * count - _POSE, 1)
+    told = residual * np.sqrt(pairs.weight)[:, None]
+    noise = np.array([noise_px(told[pairs.image == photo]) for photo in range(photos)])
+    if photos < _FEWEST_PHOTOS or not noise.all():
+        return np.ones(photos)
+    variance = np.log(np.square(noise) * 2 * count / free)
+    scatter = 2 * ALIKE / free
+    apart = max(float(np.var(variance, ddof=1) - scatter.mean()), 0.0)
+    if not apart:
+        return np.ones(photos)
+    mean = np.average(variance, weights=1 / (apart + scatter))
+    weight = np.exp((mean - variance) * apart / (apart + scatter))
+    return np.asarray(weight * count.sum() / (weight @ count))
+
+
+def weighed(pairs: Observations, residual: FloatArray) -> Observations:
+    """The pairs, each photo's weights times what :func:`photo_weights` says of its residuals."""
+    weight = pairs.weight * photo_weights(pairs, residual)[pairs.image]
+    return replace(pairs, weight=weight)
