@@ -60,8 +60,8 @@ def dropped_corners(pairs: Observations, error_px: FloatArray) -> tuple[DroppedC
 def without_gross(reference: RadialReference) -> tuple[ObjectFit, Observations, FloatArray]:
     """Fit to the target as drawn without grossly wrong corners; these, and how far they are off.
 
-    P is held as is expected of any lens. Every round judges all corners anew: a corner that only looked wrong because others had
-    pulled its photo's pose away comes back.
+    P is held as is expected of any lens. Every round judges all corners anew: a corner that only
+    looked wrong because others had pulled its photo's pose away comes back.
     """
     everything, poses = reference.pairs, reference.poses
     length = np.hypot(reference.residual[:, 0], reference.residual[:, 1])

@@ -1,0 +1,76 @@
+"""How much each photo says."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import synthetic
+
+from cubicfish_cli.fitting.calibrate import calibrate
+from cubicfish_cli.fitting.photo_noise import photo_weights, weighed
+
+NOISE = 0.05
+TARGET = synthetic.corner_of_three()
+
+
+@pytest.fixture(scope="module")
+def pairs():
+    poses = synthetic.poses_around(TARGET, 9, seed=13)
+    return synthetic.synthetic_correspondences(TARGET, poses)
+
+
+def spoilt(pairs, times):
+    """Residuals of photos whose noise is so many times NOISE."""
+    noise = np.random.default_rng(14).normal(0, NOISE, pairs.pixel.shape)
+    return noise * np.asarray(times, float)[pairs.image][:, None]
+
+
+def test_photos_alike_weigh_the_same(pairs):
+    assert np.array_equal(photo_weights(pairs, spoilt(pairs, np.ones(9))), np.ones(9))
+
+
+def test_noisier_photos_weigh_less_by_their_variance(pairs):
+    times = np.array([1, 1, 1, 1, 1, 1, 1, 4, 4])
+    weight = photo_weights(pairs, spoilt(pairs, times))
+    ratio = weight[:7].mean() / weight[7:].mean()
+    # A little is held back: that so few photos differ by so much may be chance.
+    assert 8 < ratio <= 16
+    count = np.bincount(pairs.image)
+    assert weight @ count / count.sum() == pytest.approx(1)
+
+
+def test_few_corners_are_drawn_to_the_others(pairs):
+    times = np.array([1, 1, 1, 1, 2, 2, 2, 2, 0.2])
+    few = pairs.image == 8
+    few &= np.cumsum(few) > 6
+    own = pairs.select(~few)
+    residual = spoilt(pairs, times)[~few]
+    weight = photo_weights(own, residual)
+    assert weight[8] < 2 * weight[:4].mean()
+    assert weight[8] < photo_weights(pairs, spoilt(pairs, times))[8] / 3
+
+
+def test_weights_given_to_corners_count_as_their_noise(pairs):
+    times = np.array([1, 1, 1, 1, 1, 1, 1, 4, 4])
+    known = replace(pairs, weight=1 / times[pairs.image] ** 2)
+    assert photo_weights(known, spoilt(pairs, times)) == pytest.approx(np.ones(9), rel=0.2)
+
+
+@pytest.mark.parametrize("photos", [1, 2])
+def test_two_photos_do_not_tell(pairs, photos):
+    own, _ = pairs.select(pairs.image < photos).only_seen()
+    residual = spoilt(pairs, np.linspace(1, 5, 9))[pairs.image < photos]
+    assert np.array_equal(weighed(own, residual).weight, own.weight)
+
+
+@pytest.mark.slow
+def test_blurred_photos_spoil_a_camera_less(pairs):
+    times = np.where(np.arange(9) < 6, 1, 6)
+    noisy = replace(pairs, pixel=pairs.pixel + spoilt(pairs, times))
+    found = calibrate(noisy)
+    assert not found.unfit
+    # What came with the corners is given back, not what the fit made of it.
+    assert np.array_equal(found.pairs.weight, np.ones(len(found.pairs.weight)))
+    sharp = noisy.image < 6
+    inside = np.hypot(*found.residual[sharp].T)
+    assert np.median(inside) < 1.25 * NOISE * 1.1774
