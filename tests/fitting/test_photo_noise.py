@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 import synthetic
 
+from cubicfish_cli.fitting import refinement
+from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.photo_noise import photo_weights, weighed
+from cubicfish_cli.lenses.sphere import cone_rays
 
 NOISE = 0.05
 TARGET = synthetic.corner_of_three()
@@ -64,13 +67,17 @@ def test_two_photos_do_not_tell(pairs, photos):
 
 
 @pytest.mark.slow
-def test_blurred_photos_spoil_a_camera_less(pairs):
-    times = np.where(np.arange(9) < 6, 1, 6)
+def test_blurred_photos_spoil_a_camera_less(pairs, monkeypatch):
+    times = np.where(np.arange(9) < 5, 1, 9)
     noisy = replace(pairs, pixel=pairs.pixel + spoilt(pairs, times))
     found = calibrate(noisy)
-    assert not found.unfit
     # What came with the corners is given back, not what the fit made of it.
     assert np.array_equal(found.pairs.weight, np.ones(len(found.pairs.weight)))
-    sharp = noisy.image < 6
-    inside = np.hypot(*found.residual[sharp].T)
-    assert np.median(inside) < 1.25 * NOISE * 1.1774
+    monkeypatch.setattr(refinement, "weighed", lambda pairs, residual: pairs)
+    alike = calibrate(noisy)
+    rays = cone_rays(np.deg2rad(80), 1000)
+    off = [
+        np.square(aligned_difference(one.camera, synthetic.TRUE_LENS, rays)[0]).mean()
+        for one in (found, alike)
+    ]
+    assert off[0] < 0.5 * off[1]
