@@ -26,7 +26,7 @@ from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.normal_equations import runs_of_photos
 from cubicfish_cli.fitting.poses import Poses, cross_matrix
 from cubicfish_cli.fitting.refinement import ObjectFit
-from cubicfish_cli.fitting.robust import huber_px
+from cubicfish_cli.fitting.robust import wide_px
 from cubicfish_cli.fitting.subset import flatness, select_photos
 from cubicfish_cli.fitting.two_groups import best_cut
 from cubicfish_cli.observations import Observations
@@ -210,7 +210,7 @@ def own_triangles(
     rows_of_all = np.concatenate(rows)
     # The loss of the fit: grossly wrong corners must not speak for a photo.
     miss = rows_of_all[:, :, -1]
-    weight = pairs.weight * huber_weight(np.hypot(miss[:, 0], miss[:, 1]), huber_px(miss))
+    weight = pairs.weight * huber_weight(np.hypot(miss[:, 0], miss[:, 1]), wide_px(miss))
     rows_of_all *= np.sqrt(weight)[:, None, None]
     counts = np.bincount(pairs.image, minlength=len(pairs.images))
     stops, size = np.cumsum(counts), rows_of_all.shape[2]

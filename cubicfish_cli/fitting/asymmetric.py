@@ -14,7 +14,7 @@ import numpy as np
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, adjust
 from cubicfish_cli.fitting.gram import gram
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.robust import huber_px, noise_px
+from cubicfish_cli.fitting.robust import noise_px, wide_px
 from cubicfish_cli.geometry import decentring, decentring_slope, mean_rotation
 from cubicfish_cli.lenses.radial import RadialCamera, project_jacobian
 from cubicfish_cli.observations import Observations
@@ -263,7 +263,7 @@ def bend(
             lens,
             poses,
             pairs,
-            huber_px=huber_px(residual),
+            huber_px=wide_px(residual),
             relative_decrease=_DECREASE,
             damping=WARM_DAMPING,
         )

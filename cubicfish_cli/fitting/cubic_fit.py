@@ -19,7 +19,7 @@ from cubicfish_cli.fitting.lenses import WEIGHT_BEYOND, CubicFit, RayPrior
 from cubicfish_cli.fitting.photo_noise import ALIKE
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import MARGIN_DEG, RadialReference
-from cubicfish_cli.fitting.robust import huber_px, noise_px
+from cubicfish_cli.fitting.robust import huber_px, noise_px, wide_px
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.lenses.cubic import Validity, check_validity
 from cubicfish_cli.lenses.sphere import cone_rays
@@ -144,7 +144,7 @@ def fit_cubic(
             lens,
             poses,
             reference.pairs,
-            huber_px=huber_px(reference.residual if start is None else start.residual),
+            huber_px=huber_px(start.residual) if start else wide_px(reference.residual),
             world=world,
             relative_decrease=max(relative_decrease, NEAR_DECREASE),
             damping=WARM_DAMPING,

@@ -15,7 +15,7 @@ from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refinement import ObjectFit
-from cubicfish_cli.fitting.robust import huber_px
+from cubicfish_cli.fitting.robust import huber_px, wide_px
 from cubicfish_cli.fitting.statistics import likely_positive
 from cubicfish_cli.fitting.subset import select, select_photos
 from cubicfish_cli.lenses.cubic import CubicCamera
@@ -157,7 +157,7 @@ def _fold(fit: ObjectFit, test: IntArray, near: State[CubicFit]) -> tuple[FloatA
         fit.reference.lens,
         fit.reference.poses[train],
         training.with_world(trained.world.points),
-        huber_px=huber_px(fit.reference.residual),
+        huber_px=wide_px(fit.reference.residual),
         relative_decrease=_RADIAL_DECREASE,
         damping=WARM_DAMPING,
         trust_last=True,

@@ -20,7 +20,7 @@ from cubicfish_cli.fitting.hold import choose_hold
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import RadialReference, radial_near, refit_radial
-from cubicfish_cli.fitting.robust import huber_px
+from cubicfish_cli.fitting.robust import wide_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
 from cubicfish_cli.lenses.lens import Lens
@@ -221,7 +221,7 @@ def _fit_cubic(hold: Hold) -> _Fit:
 
 
 def _fit_radial(reference: RadialReference) -> tuple[FitLens, FloatArray]:
-    fit = _adjusted(reference.lens, reference.poses, reference.pairs, huber_px(reference.residual))
+    fit = _adjusted(reference.lens, reference.poses, reference.pairs, wide_px(reference.residual))
     return fit.lens, fit.residual
 
 
@@ -235,7 +235,7 @@ def _fit_model(kind: type[Lens]) -> _Fit:
             lens,
             reference.poses,
             reference.pairs,
-            max(huber_px(miss), huber_px(reference.residual)),
+            max(wide_px(miss), wide_px(reference.residual)),
         )
         return fitted.lens, fitted.residual
 

@@ -16,7 +16,7 @@ from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.asymmetric import Bend, BentFit, bend, bend_between
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.robust import gross_px, huber_px, noise_px
+from cubicfish_cli.fitting.robust import gross_px, noise_px, wide_px
 from cubicfish_cli.fitting.start import start_at_centre
 from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.lenses.nearest import FreeLens
@@ -215,7 +215,7 @@ def refit_radial(reference: RadialReference, pairs: Observations, poses: Poses) 
         reference.lens,
         poses,
         pairs,
-        huber_px=huber_px(reference.residual),
+        huber_px=wide_px(reference.residual),
         relative_decrease=_NEAR_DECREASE,
         damping=WARM_DAMPING,
         trust_last=True,
@@ -329,7 +329,7 @@ def terms_beyond(terms: int) -> list[str]:
 def _with_terms(fit: RadialAdjustment, pairs: Observations, terms: int) -> RadialAdjustment:
     camera = fit.lens.lens
     camera = replace(camera, k=np.where(np.arange(_ALL_TERMS) < terms, camera.k, 0.0))
-    limit = huber_px(fit.residual)
+    limit = wide_px(fit.residual)
     return adjust(
         _free(camera, terms), fit.poses, pairs, huber_px=limit, relative_decrease=_NEAR_DECREASE
     )
@@ -384,7 +384,7 @@ def _joined(
     everyone = np.concatenate([used, photos])
     order = np.argsort(everyone, kind="stable")
     poses, everyone = Poses.joined([fit.poses, poses])[order], everyone[order]
-    limit = huber_px(fit.residual)
+    limit = wide_px(fit.residual)
     return adjust(fit.lens, poses, select_photos(pairs, everyone), huber_px=limit), everyone
 
 

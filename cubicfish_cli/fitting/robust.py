@@ -11,6 +11,9 @@ _MEDIAN_OF_RAYLEIGH = 1.17741
 # The Huber loss leaves errors within this many standard deviations alone: of normal ones, all but
 # three in ten thousand.
 _HUBER_SIGMAS = 4.0
+# While it is not known yet whether it is the fewer that are wrong: photos of another lens, a board
+# that moved.
+_WIDE_SIGMAS = 8.0
 _SMALLEST_HUBER_PX = 0.1
 # A corner is dropped when it is off by more than both of these.
 GROSS_PX = 3.0
@@ -27,6 +30,11 @@ def noise_px(residual: FloatArray) -> float:
 def huber_px(residual: FloatArray) -> float:
     """Where the Huber loss turns linear, pixels: it follows the noise of these residuals."""
     return max(_SMALLEST_HUBER_PX, _HUBER_SIGMAS * noise_px(residual))
+
+
+def wide_px(residual: FloatArray) -> float:
+    """Where it turns linear at first, pixels."""
+    return max(_SMALLEST_HUBER_PX, _WIDE_SIGMAS * noise_px(residual))
 
 
 def gross_px(residual: FloatArray) -> float:

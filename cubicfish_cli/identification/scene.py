@@ -21,7 +21,7 @@ from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial, refit_radial
-from cubicfish_cli.fitting.robust import huber_px
+from cubicfish_cli.fitting.robust import wide_px
 from cubicfish_cli.identification.decide import Decided, Decision, decide, decide_alone
 from cubicfish_cli.identification.ends import Ends, ends_of, farthest_radius, without_strays
 from cubicfish_cli.identification.search import GridView, grid_moments, search
@@ -383,7 +383,7 @@ def grid_poses(
         FixedLens(camera=camera),
         _mirrored(fit.poses, middle),
         own,
-        huber_px=huber_px(fit.residual),
+        huber_px=wide_px(fit.residual),
         max_iterations=20,
     )
     mirror_rms = _rms(mirror.residual, own)
