@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
@@ -101,16 +101,18 @@ class Adjustment(Generic[L]):
         world: World | None = None,
         relative_decrease: float = _RELATIVE_DECREASE,
         damping: float = COLD_DAMPING,
+        limit: Callable[[FloatArray], float] = robust.wide_px,
     ) -> Adjustment[L]:
         """Adjust on from here, with a loss that follows what residuals there are.
 
-        The arguments are those of :func:`adjust`; the target is by default as free as it was.
+        The arguments are those of :func:`adjust`; the target is by default as free as it was, and
+        ``limit`` says of residuals (N, 2) where the loss turns linear, pixels.
         """
         return adjust(
             self.lens,
             self.poses,
             pairs,
-            huber_px=robust.huber_px(self.residual),
+            huber_px=limit(self.residual),
             world=self.world if world is None else world,
             relative_decrease=relative_decrease,
             damping=damping,

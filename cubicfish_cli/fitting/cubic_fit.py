@@ -152,7 +152,10 @@ def fit_cubic(
         )
         if relative_decrease < NEAR_DECREASE:  # to the bottom, the loss's scale settled
             fit = fit.again(
-                reference.pairs, relative_decrease=relative_decrease, damping=WARM_DAMPING
+                reference.pairs,
+                relative_decrease=relative_decrease,
+                damping=WARM_DAMPING,
+                limit=huber_px,
             )
         validity = check_validity(fit.lens.P, max_angle_deg)
         if validity.valid:

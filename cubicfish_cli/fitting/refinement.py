@@ -188,6 +188,7 @@ def settled_spread(
             world=shapes.with_noise(noise, spread),
             relative_decrease=_ROUGH_DECREASE,
             damping=WARM_DAMPING,
+            limit=huber_px,
         )
         change = np.log(shapes.spread / world.spread)
         if spread is not None and before is not None:

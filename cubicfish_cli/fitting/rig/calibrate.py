@@ -310,11 +310,17 @@ def _fitted(
             world=fit.world,
             relative_decrease=rough,
         )
-        joint = joint.again(pairs, relative_decrease=_FINE_DECREASE, damping=WARM_DAMPING)
+        joint = joint.again(
+            pairs, relative_decrease=_FINE_DECREASE, damping=WARM_DAMPING, limit=huber_px
+        )
         cameras = (one.as_camera(own) for own, one in zip(joint.lens.lenses, singly, strict=True))
         if all(check_validity(one.P, one.max_angle_deg).valid for one in cameras):
             return joint, pairs, clocks
-    return fit.again(pairs, relative_decrease=_FINE_DECREASE, damping=WARM_DAMPING), pairs, clocks
+    return (
+        fit.again(pairs, relative_decrease=_FINE_DECREASE, damping=WARM_DAMPING, limit=huber_px),
+        pairs,
+        clocks,
+    )
 
 
 def _on_time(
