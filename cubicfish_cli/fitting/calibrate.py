@@ -323,7 +323,7 @@ def _calibrated(
         P=cubic.lens.P,
         max_angle_deg=cubic.max_angle_deg,
         radial=_far_radial(cubic.lens, reference),
-        pupil_travel=cubic.lens.travel * scale,
+        pupil_travel=0.0 if cubic.hold.central else cubic.lens.travel * scale,
         units=None if target is None else target.units,
     )
     places = repeated_groups(cubic.poses, reference.pairs, reference.camera.fx)

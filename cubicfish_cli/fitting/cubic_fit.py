@@ -205,24 +205,16 @@ def _starts(
     reference: RadialReference, hold: Hold, start: CubicResult | None
 ) -> Iterator[tuple[CubicFit, Poses]]:
     if start is not None:
-        lens = held(start.lens, reference, hold)
-        if not hold.central:
-            weight = _travel_weight(reference, start.residual)
-            lens = replace(lens, travel_weight=weight)
-        yield lens, start.poses
+        yield held(start, reference, hold), start.poses
     yield start_lens(reference, hold), reference.bent(hold.spread)[1]
     for pull in (_DENOMINATOR_PULL, *_SAFER_PULLS):
         yield start_lens(reference, hold, denominator_pull=pull, symmetric=True), reference.poses
 
 
-def held(lens: CubicFit, reference: RadialReference, hold: Hold) -> CubicFit:
-    """The same P, held otherwise."""
-    lens = lens.held_to(reference.bent(hold.spread)[0], hold.weight)
-    if hold.central:
-        return replace(lens, travel=0.0, travel_weight=_STILL)
-    if lens.travel_weight == _STILL:
-        return replace(lens, travel_weight=_travel_weight(reference, reference.residual))
-    return lens
+def held(fit: CubicResult, reference: RadialReference, hold: Hold) -> CubicFit:
+    """The P of a fit, held otherwise."""
+    lens = fit.lens.held_to(reference.bent(hold.spread)[0], hold.weight)
+    return _with_pupil(lens, reference, hold, fit.residual)
 
 
 def start_lens(
@@ -260,17 +252,21 @@ def start_lens(
         coefficients=lens.coefficients[2],
         denominator_weight=_denominator_weight(reference),
     )
-    weight = _STILL if hold.central else _travel_weight(reference, reference.residual)
-    return replace(lens, ray_prior=prior, travel_weight=weight)
+    return _with_pupil(replace(lens, ray_prior=prior), reference, hold, reference.residual)
 
 
-def _travel_weight(reference: RadialReference, residual: FloatArray) -> float:
-    """What a unit of the pupil's travel counts as, pixels, among corners with these residuals."""
+def _with_pupil(
+    lens: CubicFit, reference: RadialReference, hold: Hold, residual: FloatArray
+) -> CubicFit:
+    """With what a unit of its pupil's travel counts as among corners with these residuals."""
+    if hold.central:
+        return replace(lens, travel=0.0, travel_weight=_STILL)
     pairs = reference.pairs
     points = reference.poses.apply(pairs.image, pairs.world)
     distance = 1 / float(np.mean(1 / np.linalg.norm(points, axis=1)))
     sigma = max(noise_px(residual), 1e-3)
-    return float(sigma * np.sqrt(ALIKE) / (_TRAVEL_SPREAD * distance))
+    weight = sigma * np.sqrt(ALIKE) / (_TRAVEL_SPREAD * distance)
+    return replace(lens, travel_weight=float(weight))
 
 
 def _denominator_weight(reference: RadialReference) -> float:

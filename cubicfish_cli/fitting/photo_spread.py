@@ -170,7 +170,7 @@ def photo_spread(
     others = [np.sqrt(likely) * _step(result.lens, lens, aligned) for lens, likely in doubted]
     rival = result.rival
     if rival is not None:
-        step = leaving.held_as(held(result.lens, reference, rival.hold))[:count]
+        step = leaving.held_as(held(result, reference, rival.hold))[:count]
         others.append(np.sqrt(rival.likely) * step)
     return PhotoSpread(
         noise=camera_uncertainty(result),

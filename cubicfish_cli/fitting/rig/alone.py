@@ -147,7 +147,7 @@ def alone(
         result = fit_cubic(reference, found.hold, relative_decrease=_ROUGH_DECREASE)
         lens, poses = result.lens, result.poses
         if found.rival is not None:
-            rival = held(result.lens, reference, found.rival.hold), found.rival.likely
+            rival = held(result, reference, found.rival.hold), found.rival.likely
     return Alone(
         lens=lens,
         pairs=pairs,
