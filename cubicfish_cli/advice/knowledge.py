@@ -14,6 +14,7 @@ from cubicfish_cli.assess.records import recorded_number
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
 from cubicfish_cli.fitting.hold import EXPECTED
+from cubicfish_cli.fitting.photo_noise import weighed
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.radial_reference import LOST_PX, radial_near
 from cubicfish_cli.fitting.robust import huber_px, noise_px
@@ -165,14 +166,15 @@ def know(
     pairs = with_mean_weight_one(pairs.with_world((pairs.world - origin) / scale))
     poses, target = poses.of_world(-origin), target and target.moved(-origin)
     poses = replace(poses, translation=poses.translation / scale)
+    seen = camera.scaled(1 / scale).project(poses.apply(pairs.image, pairs.world), near=True)
+    miss = np.nan_to_num(seen - pairs.pixel, nan=LOST_PX)
+    pairs = weighed(pairs, miss)
     reference = radial_near(camera.radial, pairs, poses)
     level, spread = fit.get("refine_target"), None
     world: World | None = None
     if level in ("shape", "points") and target is not None:
         spread = _offset_spread(fit, scale) if level == "points" else None
-        points = poses.apply(pairs.image, pairs.world)
-        seen = camera.scaled(1 / scale).project(points, near=True)
-        noise = max(noise_px(np.nan_to_num(seen - pairs.pixel, nan=LOST_PX)), 1e-3)
+        noise = max(noise_px(miss), 1e-3)
         world = World.drawn(pairs, target, noise=noise, offset_spread=spread, scale=scale)
     result = fit_cubic(
         reference,
