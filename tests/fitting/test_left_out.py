@@ -8,7 +8,7 @@ import synthetic
 from lenses import radial_camera
 
 from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic, held
+from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.folds import photo_folds
 from cubicfish_cli.fitting.held_out import held_out_error
 from cubicfish_cli.fitting.hold import EXPECTED, _hold, _likeliest, _place_of, choose_hold
@@ -98,7 +98,7 @@ def test_all_holds_at_once_are_as_one_by_one(reference, target, level):
         priors = result.lens.held_to(bent).priors(weights)
         together = dict(leaving.residuals(priors))
         for place, weight in enumerate(weights):
-            lens = held(result.lens, reference, Hold(spread=spread, weight=weight))
+            lens = result.lens.held_to(bent, weight)
             own = lens.prior()
             if weight == HOLD.weight:
                 np.testing.assert_allclose(priors[place], own, atol=1e-6 * np.abs(own).max())
@@ -124,7 +124,7 @@ def test_a_lens_that_no_bent_one_is_near_to_is_told_by_one_that_sees_all(referen
 def test_another_prior_steps_as_the_equations_with_it_do(reference):
     result = fit_cubic(reference, HOLD, relative_decrease=1e-4)
     normal = result.fit.normal
-    other = held(result.lens, reference, Hold(spread=1e-2, weight=0.1))
+    other = result.lens.held_to(reference.bent(1e-2)[0], 0.1)
     change = other.prior() - result.lens.prior()
     changed = replace(
         normal,
