@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import FloatRange, IntRange, as_command, option, record
-from cubicfish_cli.cli.progress import running
+from cubicfish_cli.cli.progress import call
 from cubicfish_cli.cli.streams import text_width
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
 
@@ -33,7 +33,7 @@ class Asked:
         "The corners.csv that the camera was calibrated from, where it is not beside it.",
         options.FILE,
     )
-    output: Path | None = options.output_option(
+    picture: Path | None = options.output_option(
         "Also draw where the target should appear.", metavar="FILE.svg"
     )
     poses: Path | None = option(
@@ -41,7 +41,7 @@ class Asked:
         "Also write the proposed poses, for 'cubicfish simulate --poses'.",
         options.FILE,
     )
-    goal: float | None = option(
+    goal_px: float | None = option(
         "--goal PX",
         "The uncertainty wanted over the field. [default: 0.2, more for photos of more than 2000 "
         "pixels per side]",
@@ -51,7 +51,7 @@ class Asked:
         "--seed N", "Other poses are tried; the same seed gives the same proposals.", IntRange(0), 0
     )
     overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option("advise")
+    as_json: bool = options.json_option
 
 
 @as_command(
@@ -74,17 +74,7 @@ def command(given: Asked) -> None:
     from cubicfish_cli.library.report_files import advise_files
 
     camera = options.model_path(given.calibration or given.model)
-    with running(overwrite=given.overwrite) as run:
-        made = advise_files(
-            camera,
-            corners=given.corners,
-            target=given.target,
-            picture=given.output,
-            poses=given.poses,
-            goal_px=given.goal,
-            seed=given.seed,
-            run=run,
-        )
+    made = call(advise_files, given, camera=camera)
     if given.as_json:
         print_json(made.as_record())
         return

@@ -33,7 +33,7 @@ from cubicfish_cli.cli.options import (
     target_options,
     verbosity,
 )
-from cubicfish_cli.cli.progress import say_left_out
+from cubicfish_cli.cli.progress import call, say_left_out
 from cubicfish_cli.cli.report import FitOptions, fit_options, say_if_no_page
 from cubicfish_cli.cli.terminal import (
     apart,
@@ -72,8 +72,8 @@ class Asked:
         "2D-3D pairs instead of photos: a CSV file with the columns image,X,Y,Z,x,y.",
         options.FILE,
     )
-    size: tuple[int, int] | None = options.size_option
-    output: Path = options.output_option(
+    image_size: tuple[int, int] | None = options.size_option
+    folder: Path = options.output_option(
         "Where camera.yaml, undistort_map.npz, corners.csv and report.html go.",
         default="calibration",
         folder=True,
@@ -105,7 +105,7 @@ class Asked:
     compare: bool = option(
         "--compare", "Also fit other lens models to the same corners, and print one table."
     )
-    fit: FitOptions = fit_options("calibrate")
+    fit: FitOptions = fit_options
 
 
 @as_command(
@@ -137,23 +137,7 @@ def command(given: Asked) -> None:
         raise click.UsageError(
             f"--title must be a line of plain text, of at most {_LONGEST_TITLE} characters"
         )
-    with given.fit.running() as run:
-        made = calibrate_files(
-            given.inputs,
-            given.target,
-            given.output,
-            correspondences=given.correspondences,
-            image_size=given.size,
-            refine_target=given.refine_target,
-            hold_out=given.hold_out,
-            lift=given.lift,
-            best=given.best,
-            compare=given.compare,
-            report=given.fit.report,
-            title=title,
-            command=options.command_line(),
-            run=run,
-        )
+    made = call(calibrate_files, given)
     fitted = made.fitted
     if given.fit.as_json:
         print_json(made.as_record())

@@ -10,7 +10,7 @@ import click
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import hold_gate, print_figure, print_spread, px
 from cubicfish_cli.cli.options import as_command, option, record
-from cubicfish_cli.cli.progress import running
+from cubicfish_cli.cli.progress import call
 from cubicfish_cli.cli.terminal import print_json, print_table, result
 
 _BOTH = "two cameras are needed: 'cubicfish compare a.yaml b.yaml'"
@@ -36,7 +36,7 @@ class Asked:
     )
     max_rms: float | None = options.max_rms_option
     overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option("compare")
+    as_json: bool = options.json_option
 
 
 @as_command(
@@ -78,8 +78,7 @@ def command(given: Asked) -> None:
             raise click.UsageError(
                 f"{one} is a rig and {other} is none: name two rigs, or one of the rig's cameras"
             )
-    with running(overwrite=given.overwrite) as run:
-        made = compare_files(given.first, given.second, picture=given.picture, run=run)
+    made = call(compare_files, given)
     record = made.as_record()
     if given.as_json:
         print_json(record)

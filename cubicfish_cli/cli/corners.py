@@ -10,7 +10,7 @@ import click
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import as_command, needed_target, option, record
-from cubicfish_cli.cli.progress import running
+from cubicfish_cli.cli.progress import call
 from cubicfish_cli.cli.terminal import print_json, result, say
 from cubicfish_cli.words.phrases import listed
 
@@ -49,13 +49,13 @@ class Asked:
         missing="name what the detector wrote: 'cubicfish corners run1/ --target target.yaml'",
     )
     target: Path | None = options.target_option
-    output: Path = options.output_option("Where the corners go.", default="corners.csv")
-    kind: Literal["deltille", "mrcal", "kalibr"] | None = option(
+    table: Path = options.output_option("Where the corners go.", default="corners.csv")
+    written_by: Literal["deltille", "mrcal", "kalibr"] | None = option(
         "--format",
         "What wrote the files. [default: .orpc deltille, .vnl mrcal, .csv kalibr]",
         click.Choice(FORMATS),
     )
-    size: tuple[int, int] | None = option(
+    image_size: tuple[int, int] | None = option(
         "--size", "Size of the photos; .orpc files state it.", options.SIZE
     )
     boards: tuple[str, ...] = option(
@@ -73,7 +73,7 @@ class Asked:
     )
     only: str | None = option("--only GLOB", "Only photos whose names match, such as 'cam0/*'.")
     overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option("corners")
+    as_json: bool = options.json_option
 
 
 @as_command(
@@ -88,18 +88,8 @@ def command(given: Asked) -> None:
     """See ``_HELP``."""
     from cubicfish_cli.library.importing import import_corner_files
 
-    with running(overwrite=given.overwrite) as run:
-        made = import_corner_files(
-            given.files,
-            needed_target(given.target),
-            given.output,
-            written_by=given.kind,
-            numbering=given.numbering,
-            boards=_boards(given.boards),
-            image_size=given.size,
-            only=given.only,
-            run=run,
-        )
+    target, boards = needed_target(given.target), _boards(given.boards)
+    made = call(import_corner_files, given, target=target, boards=boards)
     if given.as_json:
         print_json(made.as_record())
         return

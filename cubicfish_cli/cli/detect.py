@@ -16,7 +16,7 @@ from cubicfish_cli.cli.figures import (
     print_photo_table,
 )
 from cubicfish_cli.cli.options import as_command, option, record, target_options
-from cubicfish_cli.cli.progress import SchedulerOptions, running, say_found, scheduler_options
+from cubicfish_cli.cli.progress import SchedulerOptions, call, say_found, scheduler_options
 from cubicfish_cli.cli.terminal import print_json, result, say
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ class Asked:
         "Photos: files, folders or globs.", nargs=-1, required=True, metavar="PHOTOS..."
     )
     target: TargetSource = target_options
-    output: Path = options.output_option("Where the corners go.", default="corners.csv")
+    table: Path = options.output_option("Where the corners go.", default="corners.csv")
     draw: Path | None = option(
         "--draw FOLDER",
         "Also write FOLDER/<photo>.png for each photo: its corners in a colour a board, a disc at "
@@ -42,7 +42,7 @@ class Asked:
         options.FOLDER,
     )
     overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option("detect")
+    as_json: bool = options.json_option
     jobs: int | None = options.jobs_option
     scheduler: SchedulerOptions = scheduler_options
     no_cache: bool = options.no_cache_option
@@ -63,13 +63,7 @@ def command(given: Asked) -> None:
 
     given.scheduler.check(given.jobs)
     given.target.check()
-    with running(
-        jobs=given.jobs,
-        no_cache=given.no_cache,
-        overwrite=given.overwrite,
-        scheduler=given.scheduler,
-    ) as run:
-        made = detect_files(given.photos, given.target, given.output, draw=given.draw, run=run)
+    made = call(detect_files, given)
     detection = made.detection
     if given.as_json:
         print_json(made.as_record())
@@ -80,7 +74,7 @@ def command(given: Asked) -> None:
         corners = detection.corners
         found = f"{count(len(corners.pixel), 'corner')} in {count(len(corners.images), 'photo')}"
         print_photo_table(_rows(detection), corners.boards)
-        result(f"\nwrote {given.output}: {found}")
+        result(f"\nwrote {given.table}: {found}")
 
 
 def _rows(detection: Detection) -> list[PhotoRow]:

@@ -22,7 +22,7 @@ from cubicfish_cli.cli.figures import (
     why_lost,
 )
 from cubicfish_cli.cli.options import as_command, record, target_options
-from cubicfish_cli.cli.progress import running, say_found, say_left_out
+from cubicfish_cli.cli.progress import call, say_found, say_left_out
 from cubicfish_cli.cli.terminal import print_json, print_table, result, say
 from cubicfish_cli.library.asked import check_inputs
 
@@ -43,9 +43,9 @@ class Asked:
     )
     target: TargetSource = target_options
     model: Path | None = options.model_option
-    size: tuple[int, int] | None = options.size_option
+    image_size: tuple[int, int] | None = options.size_option
     max_rms: float | None = options.max_rms_option
-    as_json: bool = options.json_option("evaluate")
+    as_json: bool = options.json_option
     jobs: int | None = options.jobs_option
     no_cache: bool = options.no_cache_option
 
@@ -73,8 +73,7 @@ def command(given: Asked) -> None:
     from cubicfish_cli.library.calibration_files import evaluate_files
 
     model = options.model_path(given.model)
-    with running(jobs=given.jobs, no_cache=given.no_cache) as run:
-        made = evaluate_files(model, given.inputs, given.target, image_size=given.size, run=run)
+    made = call(evaluate_files, given, camera=model)
     evaluation = made.evaluation
     if evaluation.outside:
         say(
@@ -106,11 +105,10 @@ def _evaluate_rig(path: Path, given: Asked) -> None:
     """Measure a rig on the photos or corners of each of its cameras, and say what came of it."""
     from cubicfish_cli.library.rig_files import evaluate_rig_files
 
-    if given.size is not None:
+    if given.image_size is not None:
         raise click.UsageError("--size is for one camera: the rig knows its cameras' sizes")
     sources = given.inputs if given.model is not None else given.inputs[1:]
-    with running(jobs=given.jobs, no_cache=given.no_cache) as run:
-        evaluation = evaluate_rig_files(path, sources, given.target, run=run)
+    evaluation = call(evaluate_rig_files, given, rig=path, cameras=sources)
     for one in evaluation.cameras:
         if one.outside:
             say(f"camera {one.name}: {count(one.outside, 'corner')} not counted: beyond its field.")

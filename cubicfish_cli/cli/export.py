@@ -8,7 +8,7 @@ import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.options import FloatRange, as_command, option, record, rig_path
-from cubicfish_cli.cli.progress import running
+from cubicfish_cli.cli.progress import call
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
 from cubicfish_cli.formats.registry import WRITTEN
 
@@ -54,7 +54,7 @@ class Asked:
         required=False,
         metavar="[CAMERA|RIG]",
     )
-    name: str = option(
+    to: str = option(
         "--to FORMAT",
         "What to write: a name of the list above.",
         click.Choice(list(FORMATS)),
@@ -71,7 +71,7 @@ class Asked:
         FloatRange(min=0, min_open=True),
         0.5,
     )
-    max_angle: float | None = option(
+    max_angle_deg: float | None = option(
         "--max-angle DEG",
         "Leave out of the conversion what is farther from the axis, so that the rest is met more "
         "nearly. [default: the whole field]",
@@ -79,7 +79,7 @@ class Asked:
     )
     pair: tuple[str, str] | None = options.pair_option
     overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option("export")
+    as_json: bool = options.json_option
 
 
 @as_command(
@@ -98,16 +98,7 @@ def command(given: Asked) -> None:
 
     named = given.calibration or given.model
     path = rig_path(named) or options.model_path(named)
-    with running(overwrite=given.overwrite) as run:
-        made = export_files(
-            path,
-            given.name,
-            given.output,
-            pair=given.pair,
-            max_error=given.max_error,
-            max_angle_deg=given.max_angle,
-            run=run,
-        )
+    made = call(export_files, given, camera=path)
     if given.as_json:
         print_json(made.record)
         return

@@ -8,7 +8,7 @@ from pathlib import Path
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import IntRange, as_command, option, record, target_options
-from cubicfish_cli.cli.progress import running
+from cubicfish_cli.cli.progress import call
 from cubicfish_cli.cli.terminal import print_json, result
 from cubicfish_cli.films import MOST
 from cubicfish_cli.library.asked import TargetSource
@@ -22,7 +22,7 @@ class Asked:
         "Films of one camera, all of one size.", nargs=-1, required=True, metavar="FILM..."
     )
     target: TargetSource = target_options
-    output: Path = options.output_option(
+    folder: Path = options.output_option(
         "Where the frames (PNG, with their time in the name), frames.csv and contact_sheet.html "
         "go.",
         folder=True,
@@ -30,7 +30,7 @@ class Asked:
     )
     most: int = option("--most N", "Choose no more frames than these.", IntRange(min=1), MOST)
     overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option("frames")
+    as_json: bool = options.json_option
     jobs: int | None = options.jobs_option
     no_cache: bool = options.no_cache_option
 
@@ -50,9 +50,7 @@ def command(given: Asked) -> None:
     """
     from cubicfish_cli.library.frames import choose_frames
 
-    target = given.target
-    with running(jobs=given.jobs, no_cache=given.no_cache, overwrite=given.overwrite) as run:
-        chosen = choose_frames(given.films, given.output, target, most=given.most, run=run)
+    target, chosen = given.target, call(choose_frames, given)
     if given.as_json:
         print_json(chosen.as_record())
         return
@@ -60,9 +58,9 @@ def command(given: Asked) -> None:
         f"{count(len(chosen.photos), 'frame')} of {chosen.frames:,} chosen; boards were looked for "
         f"in {chosen.looked_at}"
     )
-    result(f"wrote {given.output}: frames, {chosen.table.name} and {chosen.sheet.name}")
+    result(f"wrote {given.folder}: frames, {chosen.table.name} and {chosen.sheet.name}")
     if target.path is not None:
         command_line = shlex.join(
-            ["cubicfish", "calibrate", str(given.output), "--target", str(target.path)]
+            ["cubicfish", "calibrate", str(given.folder), "--target", str(target.path)]
         )
         result(f"\nNext: {command_line}", whole=True)

@@ -9,7 +9,7 @@ import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.options import FloatRange, as_command, option, record
-from cubicfish_cli.cli.progress import running
+from cubicfish_cli.cli.progress import call
 from cubicfish_cli.cli.terminal import print_json, result
 from cubicfish_cli.formats.registry import READABLE
 
@@ -28,12 +28,12 @@ are printed. Corners of other detectors are read by 'cubicfish corners'.
 class Asked:
     """What is asked of ``cubicfish import``."""
 
-    file: Path = options.argument(
+    path: Path = options.argument(
         "The other tool's camera file.",
         metavar="FILE",
         missing="name the other tool's camera file: 'cubicfish import camchain.yaml'",
     )
-    name: str | None = option(
+    written_by: str | None = option(
         "--from",
         "What wrote the file. [default: told by what it holds]",
         click.Choice(list(READABLE)),
@@ -42,10 +42,10 @@ class Asked:
         "--camera NAME",
         "Which camera, where the file holds several: cam1, COLMAP's CAMERA_ID, 1 for M1 and D1.",
     )
-    size: tuple[int, int] | None = option(
+    image_size: tuple[int, int] | None = option(
         "--size", "Size of the photos, where the file does not say.", options.SIZE
     )
-    max_angle: float | None = option(
+    max_angle_deg: float | None = option(
         "--max-angle DEG",
         "Trust the lens up to this angle from its axis: files do not say how far it was "
         "calibrated. [default: what it shows in the photo, at most 110]",
@@ -55,7 +55,7 @@ class Asked:
         "Where the camera goes.", default="calibration/camera.yaml"
     )
     overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option("import")
+    as_json: bool = options.json_option
 
 
 @as_command(
@@ -71,17 +71,7 @@ def command(given: Asked) -> None:
     """See ``_HELP``."""
     from cubicfish_cli.library.importing import import_files
 
-    with running(overwrite=given.overwrite) as run:
-        files = import_files(
-            given.file,
-            given.output,
-            written_by=given.name,
-            camera=given.camera,
-            image_size=given.size,
-            max_angle_deg=given.max_angle,
-            command=options.command_line(),
-            run=run,
-        )
+    files = call(import_files, given)
     if given.as_json:
         print_json(files.as_record())
         return
@@ -91,7 +81,7 @@ def command(given: Asked) -> None:
         f"wrote {files.file}: a lens of {imported.written_by}, {width}x{height}, trusted to "
         f"{made.max_angle_deg:.1f}° from its axis"
     )
-    result(f"field: {_why_it_ends(imported, asked=given.max_angle is not None)}")
+    result(f"field: {_why_it_ends(imported, asked=given.max_angle_deg is not None)}")
     result(
         f"conversion error: RMS {error.rms_px:.4f} px, largest {error.max_px:.4f} px up to "
         f"{error.max_angle_deg:.1f}°"

@@ -21,7 +21,7 @@ class Asked:
 
     calibration: Path | None = options.calibration_argument
     model: Path | None = options.model_option
-    as_json: bool = options.json_option("info")
+    as_json: bool = options.json_option
 
 
 @as_command(

@@ -9,7 +9,7 @@ import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.options import as_command, option, record
-from cubicfish_cli.cli.progress import running
+from cubicfish_cli.cli.progress import call
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
 from cubicfish_cli.cli.view_options import (
     MaskOptions,
@@ -74,7 +74,7 @@ class Asked:
     )
     mask: MaskOptions = mask_options
     overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option("map")
+    as_json: bool = options.json_option
 
 
 @as_command(
@@ -91,32 +91,16 @@ def command(given: Asked) -> None:
     """See ``_HELP``."""
     from cubicfish_cli.library.map_files import map_files, map_rig_files
 
-    with running(overwrite=given.overwrite) as run:
-        how: dict[str, Any] = {
-            "photo_size": given.photo_size,
-            "fixed_point": given.fixed_point,
-            "origin": given.origin,
-            "run": run,
+    if given.rig is not None or given.pair is not None:
+        one = {
+            "--redistort": given.redistort,
+            "--crop": given.crop,
+            "--mask-limit": given.mask.mask_limit,
         }
-        if given.rig is not None or given.pair is not None:
-            one = {
-                "--redistort": given.redistort,
-                "--crop": given.crop,
-                "--mask-limit": given.mask.mask_limit,
-            }
-            options.refuse_given("is for the map of one camera: leave it out", one)
-            rig, mask = given.rig or options.DEFAULT_RIG, given.mask.mask
-            made = map_rig_files(rig, given.output, given.view, pair=given.pair, mask=mask, **how)
-        else:
-            made = map_files(
-                options.model_path(given.model),
-                given.output,
-                given.view,
-                crop=given.crop,
-                redistort=given.redistort,
-                **vars(given.mask),
-                **how,
-            )
+        options.refuse_given("is for the map of one camera: leave it out", one)
+        made = call(map_rig_files, given, rig=given.rig or options.DEFAULT_RIG)
+    else:
+        made = call(map_files, given, camera=options.model_path(given.model))
     if given.as_json:
         print_json(made.as_record())
         return

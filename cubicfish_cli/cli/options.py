@@ -115,7 +115,7 @@ Kind = TypeVar("Kind")
 
 _OPTIONS = "options"
 _CHANGES_NO_CAMERA = {
-    "as_json", "compare", "jobs", "max_rms", "no_cache", "output", "overwrite", "report",
+    "as_json", "compare", "folder", "jobs", "max_rms", "no_cache", "output", "overwrite", "report",
 }  # fmt: skip
 DEBUG_KEY = "cubicfish.debug"
 VERBOSITY_KEY = "cubicfish.verbosity"
@@ -205,7 +205,7 @@ def examples(*lines: str) -> str:
 
 
 def as_command(
-    name: str, short_help: str, *lines: str, **more: Any
+    name: str, short_help: str, *lines: str, json: str = "", **more: Any
 ) -> Callable[[Callable[[Any], None]], click.Command]:
     """A command, with what all have in common.
 
@@ -215,16 +215,20 @@ def as_command(
         name: of the command.
         short_help: what it is for, in the list of commands.
         lines: command lines that show it at work.
+        json: what json_keys.toml calls it, where that is not its name.
         more: as click has it.
 
     """
 
     def decorate(function: Callable[[Any], None]) -> click.Command:
         kind = vars(sys.modules[function.__module__])[function.__annotations__["given"]]
-        with_options = common_options(bundle(kind)(function, "given"))
-        return click.command(name, short_help=short_help, epilog=examples(*lines), **more)(
-            with_options
+        made = click.command(name, short_help=short_help, epilog=examples(*lines), **more)(
+            common_options(bundle(kind)(function, "given"))
         )
+        for parameter in made.params:
+            if isinstance(parameter, JsonOption):
+                parameter.of(json or name)
+        return made
 
     return decorate
 
@@ -236,6 +240,15 @@ def record(kind: type[Kind]) -> type[Kind]:
         delattr(kind, name)
     setattr(kind, _OPTIONS, options)
     return dataclass(frozen=True, kw_only=True)(kind)
+
+
+def fields_of(given: Any) -> dict[str, Any]:
+    """Name -> value of all fields of a record and of the records in it."""
+    values = dict(vars(given))
+    for value in vars(given).values():
+        if hasattr(value, _OPTIONS):
+            values |= fields_of(value)
+    return values
 
 
 def changed(given: Kind, **values: Any) -> Kind:
@@ -469,9 +482,12 @@ def output_option(
 class JsonOption(click.Option):
     """``--json``, and what the object holds: key -> meaning."""
 
-    def __init__(self, *args: Any, keys: Mapping[str, str], **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
-        self.keys = dict(keys)
+    keys: Mapping[str, str]
+
+    def of(self, command: str) -> None:
+        """Tell the keys of the object that a command prints."""
+        self.keys = keys_of(command)
+        self.help = f"{self.help} Its keys: {', '.join(self.keys)}."
 
 
 @functools.cache
@@ -485,11 +501,8 @@ def keys_of(command: str) -> Mapping[str, str]:
     return {key: Template(text).substitute(data["parts"]) for key, text in data[command].items()}
 
 
-def json_option(command: str) -> Any:
-    """``--json``, which tells the keys of the object that a command prints."""
-    keys = keys_of(command)
-    help = f"Print one JSON object to stdout, and nothing else. Its keys: {', '.join(keys)}."
-    return option("--json", help, cls=JsonOption, keys=keys)
+json_option = option("--json", "Print one JSON object to stdout, and nothing else.", cls=JsonOption)
+"""``--json``; :func:`as_command` adds the keys."""
 
 
 overwrite_option = option("--overwrite", "Replace files that exist.")

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import print_verdict
 from cubicfish_cli.cli.options import as_command, bundle, option, record
-from cubicfish_cli.cli.progress import keep_fonts, running
+from cubicfish_cli.cli.progress import call, keep_fonts
 from cubicfish_cli.cli.terminal import print_json, result, say
-from cubicfish_cli.library.asked import Run
 
 PAGE = "report.html"
 
@@ -32,11 +28,9 @@ class Asked:
         options.FILE,
         multiple=True,
     )
-    output: Path | None = options.output_option(
-        "The page. [default: report.html beside the camera]"
-    )
+    page: Path | None = options.output_option("The page. [default: report.html beside the camera]")
     overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option("report")
+    as_json: bool = options.json_option
 
 
 @as_command(
@@ -62,8 +56,7 @@ def command(given: Asked) -> None:
     keep_fonts()
     named = given.calibration or given.model
     camera = options.rig_path(named) or options.model_path(named)
-    with running(overwrite=given.overwrite) as run:
-        made = report_files(camera, given.output, target=given.target, photos=given.photos, run=run)
+    made = call(report_files, given, calibration=camera)
     for line in made.absent:
         say(f"left out: {line}")
     if given.as_json:
@@ -73,41 +66,24 @@ def command(given: Asked) -> None:
     result(f"\nwrote {made.page}")
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class FitOptions:
     """What is asked of every fit: how it is done, and what comes of it."""
 
-    report: bool
-    max_rms: float | None
-    overwrite: bool
-    as_json: bool
-    jobs: int | None
-    no_cache: bool
-
-    @contextmanager
-    def running(self) -> Iterator[Run]:
-        """How the library is to work while the block runs."""
-        keep_fonts(not self.no_cache)
-        with running(jobs=self.jobs, no_cache=self.no_cache, overwrite=self.overwrite) as run:
-            yield run
-
-
-def fit_options(command: str) -> Any:
-    """:class:`FitOptions` of a command, as one field of its record."""
-    return bundle(
-        FitOptions,
-        option(
-            "--report/--no-report",
-            "Also write report.html, one page about the calibration (takes a second or two; needs "
-            "the extra 'report').",
-            default=True,
-        ),
-        options.max_rms_option,
-        options.overwrite_option,
-        options.json_option(command),
-        options.jobs_option,
-        options.no_cache_option,
+    report: bool = option(
+        "--report/--no-report",
+        "Also write report.html, one page about the calibration (takes a second or two; needs "
+        "the extra 'report').",
+        default=True,
     )
+    max_rms: float | None = options.max_rms_option
+    overwrite: bool = options.overwrite_option
+    as_json: bool = options.json_option
+    jobs: int | None = options.jobs_option
+    no_cache: bool = options.no_cache_option
+
+
+fit_options = bundle(FitOptions)
 
 
 def say_if_no_page(outputs: Mapping[str, Path], *, wanted: bool) -> None:

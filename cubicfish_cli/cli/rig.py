@@ -17,6 +17,7 @@ from cubicfish_cli.cli.options import (
     record,
     target_options,
 )
+from cubicfish_cli.cli.progress import call
 from cubicfish_cli.cli.report import FitOptions, fit_options
 from cubicfish_cli.cli.terminal import apart, print_json, print_table, print_wrote, result, say
 from cubicfish_cli.films import MOST
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 class Asked:
     """What is asked of ``cubicfish rig``."""
 
-    inputs: tuple[Path, ...] = options.argument(
+    cameras: tuple[Path, ...] = options.argument(
         "For each camera a folder of photos, a film, a corners.csv, or the folder that calibrate "
         "wrote (camera.yaml and corners.csv), whose lens stays as it is. The first camera's frame "
         "is the rig's.",
@@ -38,7 +39,7 @@ class Asked:
         metavar="CAMERA CAMERA...",
     )
     target: TargetSource = target_options
-    output: Path = options.output_option(
+    folder: Path = options.output_option(
         "Where rig.yaml goes, and each camera's camera.yaml in a folder of its name.",
         default="rig",
         folder=True,
@@ -76,7 +77,7 @@ class Asked:
     refine_target: RefineTarget = options.refine_target_option(
         "Fit the target too, as 'cubicfish calibrate' does."
     )
-    fit: FitOptions = fit_options("rig")
+    fit: FitOptions = fit_options
 
 
 @as_command(
@@ -98,23 +99,9 @@ def command(given: Asked) -> None:
     """
     from cubicfish_cli.library.rig_files import calibrate_rig_files
 
-    with given.fit.running() as run:
-        made = calibrate_rig_files(
-            given.inputs,
-            given.target,
-            given.output,
-            names=None if given.names is None else given.names.split(","),
-            lenses=dict(map(_lens, given.lenses)),
-            by_order=given.by_order,
-            shots=given.shots,
-            tolerance=given.tolerance,
-            most=given.most,
-            hold_lenses=given.hold_lenses,
-            refine_target=given.refine_target,
-            report=given.fit.report,
-            command=options.command_line(),
-            run=run,
-        )
+    names = None if given.names is None else given.names.split(",")
+    lenses = dict(map(_lens, given.lenses))
+    made = call(calibrate_rig_files, given, names=names, lenses=lenses)
     if given.fit.as_json:
         print_json(made.as_record())
     for finding in made.rig.findings:

@@ -17,7 +17,7 @@ from cubicfish_cli.cli.options import (
     option,
     record,
 )
-from cubicfish_cli.cli.progress import running
+from cubicfish_cli.cli.progress import call
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result
 from cubicfish_cli.library.asked_pictures import FILMS, LOOKS, FilmOptions, LookOptions
 
@@ -114,7 +114,7 @@ class Asked:
         + ", ".join(LENSES)
         + "), or another tool's camera file, such as mrcal's .cameramodel or COLMAP's cameras.txt.",
     )
-    size: tuple[int, int] | None = option(
+    image_size: tuple[int, int] | None = option(
         "--size",
         "Size of the photos, for --lens NAME (default 960x720) and files that do not say.",
         options.SIZE,
@@ -123,10 +123,10 @@ class Asked:
         "-n --number N", "How many photos. [default: 12]", IntRange(1, 10_000)
     )
     film: FilmOptions | None = film_options
-    output: Path = options.output_option(
+    folder: Path = options.output_option(
         "Where the photos and their truth go.", default="simulated", folder=True
     )
-    pose_file: Path | None = option(
+    poses: Path | None = option(
         "--poses FILE",
         "Take the photos from these poses: a CSV file with the columns image,rx,ry,rz,tx,ty,tz "
         "(camera_from_world), such as the true_poses.csv of earlier photos.",
@@ -139,7 +139,7 @@ class Asked:
         click.Choice(FORMATS),
     )
     overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option("simulate")
+    as_json: bool = options.json_option
 
 
 @as_command(
@@ -167,29 +167,17 @@ def command(given: Asked) -> None:
     lens, target, film = given.lens, needed_target(given.target), given.film
     if lens is not None and options.is_given("model"):
         raise click.UsageError("--lens stands in the place of --model: leave one of them out")
-    if lens is None and given.size is not None:
+    if lens is None and given.image_size is not None:
         raise click.UsageError("the camera says the size of its photos: --size goes with --lens")
     if lens is not None and lens not in LENSES and not Path(lens).exists():
         raise click.UsageError(f"--lens: {lens} is no file and none of {', '.join(LENSES)}")
-    with running(overwrite=given.overwrite) as run:
-        made = simulate_files(
-            target,
-            lens or options.model_path(given.model),
-            given.output,
-            image_size=given.size,
-            film=film,
-            poses=given.pose_file,
-            number=given.number,
-            form=given.form,
-            look=given.look,
-            run=run,
-        )
+    made = call(simulate_files, given, target=target, lens=lens or options.model_path(given.model))
     if given.as_json:
         print_json(made.as_record())
         return
     what = count(made.frames, "photo" if film is None else "frame")
     what = f"{'a film of ' * (film is not None)}{what} with {count(made.corners, 'corner')}"
-    result(f"wrote {what} to {given.output}")
+    result(f"wrote {what} to {given.folder}")
     print_wrote(made.truth.values())
-    photos = given.output if film is None else made.photos[0]
+    photos = given.folder if film is None else made.photos[0]
     result(f"\nNext: cubicfish calibrate {photos} --target {target}", whole=True)

@@ -17,7 +17,7 @@ from cubicfish_cli.boards.registry import DESIGNED
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import COUNTS, as_command, common_options, examples, option, record
-from cubicfish_cli.cli.progress import keep_fonts, running
+from cubicfish_cli.cli.progress import call, keep_fonts
 from cubicfish_cli.cli.streams import columns_of, text_width
 from cubicfish_cli.cli.terminal import (
     Column,
@@ -46,11 +46,11 @@ class Asked:
         metavar="TARGET",
         missing="name the target: 'cubicfish target check target.yaml'",
     )
-    draw: Path | None = option(
+    drawing: Path | None = option(
         "--draw FILE.svg", "Also draw the target: does it look like yours?", options.FILE
     )
     overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option("target-check")
+    as_json: bool = options.json_option
 
 
 @as_command(
@@ -58,6 +58,7 @@ class Asked:
     "Say what a target is worth, and draw it.",
     "cubicfish target check target.yaml",
     "cubicfish target check target.yaml --draw object.svg",
+    json="target-check",
 )
 def check(given: Asked) -> None:
     """Check TARGET, a target.yaml, before you take photos.
@@ -68,8 +69,7 @@ def check(given: Asked) -> None:
     """
     from cubicfish_cli.library.target_files import check_target_files
 
-    with running(overwrite=given.overwrite) as run:
-        checked = check_target_files(given.target, given.draw, run=run)
+    checked = call(check_target_files, given)
     if given.as_json:
         print_json(checked.as_record())
         return
@@ -194,11 +194,11 @@ class PrintAsked:
     boards: tuple[str, ...] = option(
         "--board NAME", "Of TARGET, print this board only. May be given again.", multiple=True
     )
-    output: Path = options.output_option(
+    folder: Path = options.output_option(
         "Where boards.pdf, assembly.pdf and target.yaml go.", default="printed", folder=True
     )
     overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option("target-print")
+    as_json: bool = options.json_option
 
 
 @as_command(
@@ -207,6 +207,7 @@ class PrintAsked:
     "cubicfish target print --object corner --paper A4 -o my-target/",
     "cubicfish target print --object board --type charuco --square 30mm --paper A3",
     "cubicfish target print target.yaml --paper Letter -o pages/",
+    json="target-print",
 )
 def print_boards(given: PrintAsked) -> None:
     """Print the boards of TARGET, or those of a new target that fits the paper.
@@ -218,20 +219,7 @@ def print_boards(given: PrintAsked) -> None:
     from cubicfish_cli.library.target_files import print_target_files
 
     keep_fonts()
-    with running(overwrite=given.overwrite) as run:
-        made = print_target_files(
-            given.target,
-            given.output,
-            kind=given.kind,
-            paper=given.paper,
-            board_type=given.board_type,
-            square=given.square,
-            counts=given.counts,
-            dictionary=given.dictionary,
-            margin=given.margin,
-            boards=given.boards,
-            run=run,
-        )
+    made = call(print_target_files, given)
     if given.as_json:
         print_json(made.as_record())
         return

@@ -12,7 +12,7 @@ import click
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import as_command, option, record
-from cubicfish_cli.cli.progress import SchedulerOptions, running, scheduler_options
+from cubicfish_cli.cli.progress import SchedulerOptions, call, scheduler_options
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say, tell
 from cubicfish_cli.cli.view_options import (
     EncodingOptions,
@@ -48,7 +48,7 @@ class Asked:
         missing="IN and OUT are both needed: 'cubicfish undistort in.png out.png', or for a folder "
         "'cubicfish undistort photos/ flat/'",
     )
-    destination: Path = options.argument(
+    output: Path = options.argument(
         "The picture or video that is made of one; of several, or without a suffix, a folder.",
         metavar="OUT",
     )
@@ -58,7 +58,7 @@ class Asked:
     pixels: RenderingOptions = rendering_options
     encoding: EncodingOptions = encoding_options
     mask: MaskOptions = mask_options
-    camera_out: Path | None = option(
+    virtual_camera: Path | None = option(
         "--camera FILE",
         "Also write the virtual camera of the result: for flat.png, flat.view.yaml and "
         "flat.view.opencv.yaml.",
@@ -67,7 +67,7 @@ class Asked:
     skip_existing: bool = option("--skip-existing", "Leave out photos whose result exists.")
     dry_run: bool = option("--dry-run", "Say what would be done, and write nothing.")
     overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option("undistort")
+    as_json: bool = options.json_option
     jobs: int | None = options.jobs_option
     scheduler: SchedulerOptions = scheduler_options
 
@@ -100,52 +100,28 @@ def command(given: Asked) -> None:
     """
     from cubicfish_cli.library.undistorting import undistort_files
 
-    photos, scene, output = _photos(given.sources), given.scene, given.destination
+    photos, scene = _photos(given.sources), given.scene
     given.scheduler.check(given.jobs)
-    with running(
-        jobs=given.jobs,
-        overwrite=given.overwrite,
-        scheduler=None if given.dry_run else given.scheduler,
-    ) as run:
-        if scene.rig is not None:
-            from cubicfish_cli.library.rig_shots import undistort_rig_files
+    if scene.rig is not None:
+        from cubicfish_cli.library.rig_shots import undistort_rig_files
 
-            options.refuse_given(
-                "is for the photos of one camera: leave it out",
-                {
-                    "--crop": given.crop,
-                    "--mask-limit": given.mask.mask_limit,
-                    "--skip-existing": given.skip_existing,
-                    "--dry-run": given.dry_run,
-                    "--scheduler": given.scheduler.address,
-                },
-            )
-            made = undistort_rig_files(
-                photos,
-                output,
-                scene.rig,
-                scene.shown,
-                distance=scene.distance,
-                **vars(given.pixels),
-                mask=given.mask.mask,
-                virtual_camera=given.camera_out,
-                run=run,
-            )
-        else:
-            made = undistort_files(
-                photos,
-                output,
-                options.model_path(given.model),
-                scene.shown,
-                crop=given.crop,
-                **vars(given.pixels),
-                **vars(given.encoding),
-                **vars(given.mask),
-                virtual_camera=given.camera_out,
-                skip_existing=given.skip_existing,
-                dry_run=given.dry_run,
-                run=run,
-            )
+        options.refuse_given(
+            "is for the photos of one camera: leave it out",
+            {
+                "--crop": given.crop,
+                "--mask-limit": given.mask.mask_limit,
+                "--skip-existing": given.skip_existing,
+                "--dry-run": given.dry_run,
+                "--scheduler": given.scheduler.address,
+            },
+        )
+        made = call(undistort_rig_files, given, photos=photos, view=scene.shown)
+    else:
+        camera = options.model_path(given.model)
+        where = None if given.dry_run else given.scheduler
+        made = call(
+            undistort_files, given, photos=photos, camera=camera, view=scene.shown, scheduler=where
+        )
     if given.as_json:
         print_json(made.as_record())
     if made.groups is not None:
