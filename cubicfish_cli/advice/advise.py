@@ -25,7 +25,7 @@ from cubicfish_cli.advice.gaps import (
 )
 from cubicfish_cli.advice.knowledge import Knowledge, know, recorded_poses
 from cubicfish_cli.angles import angle_from_axis
-from cubicfish_cli.assess.records import FieldUncertainty, recorded, summed
+from cubicfish_cli.assess.uncertainty import FieldUncertainty, recorded_uncertainty, summed
 from cubicfish_cli.assess.verdict import verdict
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.uncertainty import Information, field_grid
@@ -274,7 +274,10 @@ def _as_recorded(
 
     Where the target was fitted too, a fit that begins at its end differs by a few percent.
     """
-    own, known = _over_field(knowledge.information, _field_rays(knowledge.camera)), recorded(fit)
+    own, known = (
+        _over_field(knowledge.information, _field_rays(knowledge.camera)),
+        recorded_uncertainty(fit),
+    )
     if known is None or not 1 / _SAME < known.median_px / own.median_px < _SAME:
         return knowledge, own
     noise_px = knowledge.information.noise_px * known.median_px / own.median_px
@@ -508,7 +511,7 @@ def summary(camera: CubicCamera, fit: Mapping[str, Any], pairs: Observations) ->
 
     """
     gaps = find_gaps(camera, pairs, None, None)
-    now = recorded(fit)
+    now = recorded_uncertainty(fit)
     goal = default_goal(camera.image_size)
     reasons = why_not_enough(now, goal, gaps, len(pairs.images), camera)
     judged = verdict(fit, camera.image_size, camera.outline())

@@ -148,15 +148,12 @@ def camera_facts(
         made_by: how it was made, likewise.
 
     """
-    focal = axis = seen = outline = None
+    focal = axis = seen = None
     if isinstance(camera, CubicCamera):
         pixel, slope = camera.project_jacobian(np.array([0.0, 0.0, 1.0]))
         focal = (float(slope[0, 0]), float(slope[1, 1]))
         axis = (float(pixel[0]), float(pixel[1]))
         seen = field_seen(camera)
-        outline = camera.outline()
-    else:
-        outline = camera.valid
     uncertainty = fit.get("uncertainty")
     sigma = uncertainty if isinstance(uncertainty, Mapping) else {}
     target = made_by.get("target")
@@ -176,7 +173,7 @@ def camera_facts(
         images=_count(fit.get("images")),
         corners=_count(fit.get("corners")),
         pictures=_pictures(fit),
-        verdict=verdict(fit, camera.image_size, outline)
+        verdict=verdict(fit, camera.image_size, camera.outline())
         if recorded_number(fit.get("rms_px")) is not None
         else None,
         date=_text(made_by, "date"),

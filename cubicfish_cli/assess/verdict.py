@@ -19,7 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.assess.records import CERTAIN_PX, Numbers, recorded_mappings, recorded_number
+from cubicfish_cli.assess.records import Numbers, recorded_mappings, recorded_number
+from cubicfish_cli.assess.uncertainty import CERTAIN_PX
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import (

@@ -196,7 +196,7 @@ def _print_calibration(made: CalibratedFiles, calibration: Calibration) -> None:
 
 
 def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
-    from cubicfish_cli.assess.records import recorded
+    from cubicfish_cli.assess.uncertainty import recorded_uncertainty
     from cubicfish_cli.fitting.findings import COVERED
     from cubicfish_cli.frame_names import counted
 
@@ -222,7 +222,7 @@ def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
     meaning = f"from the axis, where the camera may be trusted; {reach}"
     print_figure("field", f"{calibration.camera.max_angle_deg:.1f}", "°", meaning)
     print_figure("coverage", f"{100 * calibration.coverage:.0f}", "%", COVERED)
-    uncertainty = recorded(record)
+    uncertainty = recorded_uncertainty(record)
     if uncertainty is not None:
         print_figure("uncertainty", px(uncertainty.median_px), meaning=uncertainty.meaning)
     print_figure("entrance pupil", px(calibration.pupil.rim_px), meaning=calibration.pupil.meaning)

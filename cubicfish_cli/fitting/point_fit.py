@@ -7,7 +7,7 @@ that the radial reference found.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -27,9 +27,11 @@ from cubicfish_cli.fitting.statistics import (
     rms_px,
 )
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
+from cubicfish_cli.formats.calibrated import CameraRecord
 from cubicfish_cli.lenses.cubic import PointCamera
 from cubicfish_cli.lenses.lift import lift
 from cubicfish_cli.observations import Observations
+from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.finding import Finding
 
@@ -65,8 +67,8 @@ class RatioFit:
     null: FloatArray
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PointCalibration:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class PointCalibration(CameraRecord):
     """A fitted ``point`` camera and how well it fits.
 
     Attributes:
@@ -81,6 +83,7 @@ class PointCalibration:
         plain_rms_px, reweighted_rms_px: of the two linear solutions on the same pairs.
         dropped: how many corners were left out as grossly wrong.
         unfit: photos left out, with the reason.
+        made_by: where it comes from, plain data.
 
     """
 
@@ -94,6 +97,16 @@ class PointCalibration:
     reweighted_rms_px: float
     dropped: int
     unfit: Mapping[str, Finding]
+    made_by: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def target(self) -> Target | None:
+        """The calibration target, as drawn; None of pairs."""
+        return self.pairs.target
+
+    def named(self, corners: Observations) -> Observations:
+        """The corners as this fit names them: as they were given."""
+        return corners
 
     @property
     def remarks(self) -> tuple[Finding, ...]:

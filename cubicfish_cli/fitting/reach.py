@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis, azimuth
-from cubicfish_cli.assess.records import CERTAIN_PX
+from cubicfish_cli.assess.uncertainty import CERTAIN_PX
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import ray_at
 from cubicfish_cli.types import FloatArray

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from cubicfish_cli.assess.records import summed
+from cubicfish_cli.assess.uncertainty import summed
 from cubicfish_cli.fitting.adjustment import Adjustment
 from cubicfish_cli.fitting.cubic_fit import CubicResult
 from cubicfish_cli.fitting.poses import cross_matrix

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from cubicfish_cli import __version__
 from cubicfish_cli.assess.camera_facts import CameraFacts, camera_facts
-from cubicfish_cli.assess.records import sigma_at
+from cubicfish_cli.assess.uncertainty import sigma_at
 from cubicfish_cli.assess.verdict import Verdict, verdict
 from cubicfish_cli.errors import CameraFileError, CorrespondenceError
 from cubicfish_cli.files import write_text
@@ -106,8 +106,8 @@ def unit_norm(P: FloatArray) -> FloatArray:
     return np.asarray(P / np.linalg.norm(P))
 
 
-class Calibrated(ABC):
-    """A camera and the record of its fit.
+class CameraRecord(ABC):
+    """A camera of either lift, and the record of its fit.
 
     Attributes:
         camera: the camera.
@@ -115,7 +115,7 @@ class Calibrated(ABC):
 
     """
 
-    camera: CubicCamera
+    camera: CubicCamera | PointCamera
     made_by: Mapping[str, Any]
 
     @abstractmethod
@@ -134,39 +134,6 @@ class Calibrated(ABC):
     def facts(self) -> CameraFacts:
         """The camera in the figures that people ask for first."""
         return camera_facts(self.camera, self.as_record(), self.made_by)
-
-    def uncertainty(self, pixel: npt.ArrayLike) -> FloatArray:
-        """How far the camera itself may be off: sqrt(var x + var y) of a distant point's pixel.
-
-        That is how far the pixel would move if the same photos were taken again with other
-        noise. It is interpolated on the grid over the photo that the fit left.
-
-        Args:
-            pixel: (..., 2) x, y.
-
-        Returns:
-            (...,) pixels; NaN outside the photo and the camera's field.
-
-        Raises:
-            CameraFileError: the file does not say.
-            CorrespondenceError: ``pixel`` has another shape.
-
-        """
-        pixel = np.asarray(pixel, float)
-        if not pixel.ndim or pixel.shape[-1] != 2:
-            raise CorrespondenceError(f"pixel has the shape {pixel.shape}, not (..., 2)")
-        flat = pixel.reshape(-1, 2)
-        sides = np.array(self.camera.image_size)
-        index = np.flatnonzero(((flat >= -0.5) & (flat <= sides - 0.5)).all(axis=1))
-        seen = index[np.isfinite(self.camera.unproject(flat[index])[:, 0])]
-        sigma = np.full(len(flat), np.nan)
-        try:
-            sigma[seen] = sigma_at(self.as_record()["uncertainty"], flat[seen])
-        except (KeyError, TypeError, ValueError, IndexError) as problem:
-            raise CameraFileError(
-                "this camera's file does not say how certain it is: calibrate again"
-            ) from problem
-        return sigma.reshape(pixel.shape[:-1])
 
     def text(self, made_by: Mapping[str, Any] | None = None) -> str:
         """The text of its camera.yaml.
@@ -217,6 +184,45 @@ class Calibrated(ABC):
     def _repr_html_(self) -> str:
         """The same for a notebook."""
         return "<br>".join(map(escape, str(self).splitlines()))
+
+
+class Calibrated(CameraRecord):
+    """A camera with rays, and the record of its fit."""
+
+    camera: CubicCamera
+
+    def uncertainty(self, pixel: npt.ArrayLike) -> FloatArray:
+        """How far the camera itself may be off: sqrt(var x + var y) of a distant point's pixel.
+
+        That is how far the pixel would move if the same photos were taken again with other
+        noise. It is interpolated on the grid over the photo that the fit left.
+
+        Args:
+            pixel: (..., 2) x, y.
+
+        Returns:
+            (...,) pixels; NaN outside the photo and the camera's field.
+
+        Raises:
+            CameraFileError: the file does not say.
+            CorrespondenceError: ``pixel`` has another shape.
+
+        """
+        pixel = np.asarray(pixel, float)
+        if not pixel.ndim or pixel.shape[-1] != 2:
+            raise CorrespondenceError(f"pixel has the shape {pixel.shape}, not (..., 2)")
+        flat = pixel.reshape(-1, 2)
+        sides = np.array(self.camera.image_size)
+        index = np.flatnonzero(((flat >= -0.5) & (flat <= sides - 0.5)).all(axis=1))
+        seen = index[np.isfinite(self.camera.unproject(flat[index])[:, 0])]
+        sigma = np.full(len(flat), np.nan)
+        try:
+            sigma[seen] = sigma_at(self.as_record()["uncertainty"], flat[seen])
+        except (KeyError, TypeError, ValueError, IndexError) as problem:
+            raise CameraFileError(
+                "this camera's file does not say how certain it is: calibrate again"
+            ) from problem
+        return sigma.reshape(pixel.shape[:-1])
 
 
 def plain(value: Any, depth: int = 0) -> Any:

@@ -10,7 +10,13 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.calibrated import FORMAT_VERSION, RADIAL_KEYS, Calibrated, unit_norm
+from cubicfish_cli.formats.calibrated import (
+    FORMAT_VERSION,
+    RADIAL_KEYS,
+    Calibrated,
+    CameraRecord,
+    unit_norm,
+)
 from cubicfish_cli.formats.camera_format import mapping, refuse_unknown, refuse_version
 from cubicfish_cli.lenses.cubic import CubicCamera, Frame, PointCamera, check_validity
 from cubicfish_cli.lenses.lift import SIZE
@@ -60,13 +66,17 @@ class CameraFile(Calibrated):
         return dict(self.fit)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PointCameraFile:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class PointCameraFile(CameraRecord):
     """What a camera.yaml of the ``point`` lift holds; see :class:`CameraFile`."""
 
     camera: PointCamera
     fit: Mapping[str, Any]
     made_by: Mapping[str, Any]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: ``fit`` of camera.yaml."""
+        return dict(self.fit)
 
 
 def load_camera(path: Path | str) -> CameraFile:

@@ -316,8 +316,12 @@ class PointCamera:
         """Rank of Φ over the corners of the fit: 20 when P is determined in the whole volume."""
         return SIZE - len(self.null)
 
-    def project(self, points: npt.ArrayLike) -> FloatArray:
-        """Points (..., 3) in :attr:`frame` -> pixels (..., 2).
+    def outline(self) -> FloatArray:
+        """(M, 2) where it may be trusted in the photo, pixels: :attr:`valid`."""
+        return self.valid
+
+    def project(self, points: npt.ArrayLike, *, near: bool = True) -> FloatArray:
+        """Points (..., 3) in :attr:`frame` -> pixels (..., 2); all of them count as near.
 
         NaN outside the volume of the corners, at a pole, and off the boards where the rank is
         below 20; :meth:`refuse_off_boards` says the latter aloud.

@@ -1,173 +1,36 @@
-"""Photos, films or tables -> a calibration's folder, written together or not at all."""
+"""Photos, films or tables -> a fit, and the folder of the calibration."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any, Literal
 
 from cubicfish_cli.advice.advise import summary
-from cubicfish_cli.assess.camera_facts import CameraFacts, camera_facts
-from cubicfish_cli.assess.records import uncertainty_at
-from cubicfish_cli.assess.verdict import Verdict, evaluation_verdict, verdict
-from cubicfish_cli.corner_files.observations_csv import save_corners
-from cubicfish_cli.errors import OutputError, UsageError
-from cubicfish_cli.files import Content, refuse_existing, write_files
+from cubicfish_cli.assess.camera_facts import CameraFacts
+from cubicfish_cli.assess.verdict import Verdict
+from cubicfish_cli.errors import UsageError
 from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
-from cubicfish_cli.fitting.evaluate import Evaluation, evaluate
 from cubicfish_cli.fitting.model_comparison import compare_models
 from cubicfish_cli.fitting.point_fit import PointCalibration, calibrate_points
-from cubicfish_cli.formats.calibrated import camera_text
-from cubicfish_cli.formats.camera_yaml import load_camera
-from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.asked import (
     RUN,
     Run,
     StrPath,
     TargetSource,
     check_inputs,
-    in_folder,
     made_at,
     made_by_record,
     paths_of,
 )
 from cubicfish_cli.library.calibration import calibrate
-from cubicfish_cli.library.inputs import (
-    Inputs,
-    load_inputs,
-    recorded_as,
-    refuse_other_sizes,
-    with_frames,
-)
-from cubicfish_cli.observations import Observations
-from cubicfish_cli.photos import MAX_PIXELS
+from cubicfish_cli.library.calibration_folder import NAMES, CalibrationFolder, contents_of
+from cubicfish_cli.library.inputs import Inputs, load_inputs, recorded_as, with_frames
 from cubicfish_cli.printing import extra
-from cubicfish_cli.target import Target, target_text
-from cubicfish_cli.undistortion.choose import default_view
-from cubicfish_cli.undistortion.maps import build_map, save_map
+from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Event
-
-NAMES = {
-    "camera": "camera.yaml",
-    "map": "undistort_map.npz",
-    "target": "target.refined.yaml",
-    "report": "report.html",
-    "corners": "corners.csv",
-    "drawn": "target.yaml",
-}
-"""Of its files by what they hold; the camera is the first to go and the last to be there."""
-
-# Made by a calibration only, and true of its camera only. A corners.csv may be the user's own.
-_ITS_OWN = ("map", "target", "report")
-
-
-@dataclass(frozen=True, kw_only=True)
-class CalibrationFolder:
-    """A folder that a calibration is to be written into.
-
-    Attributes:
-        path: the folder.
-        inputs: what the calibration is made from, which stays as it is.
-
-    """
-
-    path: Path
-    inputs: Sequence[Path]
-
-    def refuse(self, *kinds: str, overwrite: bool) -> None:
-        """Refuse at once what cannot be written at the end, by its name in :data:`NAMES`.
-
-        Raises:
-            OutputError: a file exists and ``overwrite`` is false, or cannot be written.
-
-        """
-        refuse_existing(*(self.path / NAMES[kind] for kind in kinds), overwrite=overwrite)
-
-    def refuse_input(self, kind: str) -> None:
-        """Refuse to replace a file, also with ``overwrite``, that the calibration is made from.
-
-        Raises:
-            OutputError: it is one.
-
-        """
-        if self.has_input(kind):
-            raise OutputError(
-                f"{self.path / NAMES[kind]} would be replaced, and is what this calibration is "
-                "made from: choose another folder with -o"
-            )
-
-    def has_input(self, kind: str) -> bool:
-        """Whether one of its files is what the calibration is made from."""
-        return self._is_input(self.path / NAMES[kind])
-
-    def write(
-        self, contents: Mapping[str, Content | None], *, overwrite: bool
-    ) -> tuple[dict[str, Path], list[Path]]:
-        """Write its files, all or none; of an earlier calibration nothing is left.
-
-        Args:
-            contents: by their names in :data:`NAMES`; None for what is not there.
-            overwrite: whether files may be replaced.
-
-        Returns:
-            Where each is, and what went of an earlier calibration.
-
-        Raises:
-            OutputError: one exists and ``overwrite`` is false, or cannot be written.
-
-        """
-        paths = {kind: self.path / NAMES[kind] for kind in NAMES if contents.get(kind) is not None}
-        others = [self.path / NAMES[kind] for kind in _ITS_OWN if kind not in paths]
-        obsolete = [path for path in others if path.is_file() and not self._is_input(path)]
-        files = {path: contents[kind] or "" for kind, path in paths.items()}
-        write_files(files, overwrite=overwrite, obsolete=obsolete if overwrite else ())
-        return paths, [path for path in obsolete if not path.exists()]
-
-    def _is_input(self, path: Path) -> bool:
-        return any(one.exists() and path.exists() and path.samefile(one) for one in self.inputs)
-
-
-def contents_of(
-    fitted: Calibration | PointCalibration,
-    made_by: Mapping[str, Any],
-    corners: Observations | None = None,
-    drawn: str | None = None,
-) -> dict[str, Content | None]:
-    """What :meth:`CalibrationFolder.write` takes of a fit of either lift, but for the report.
-
-    Args:
-        fitted: the fit.
-        made_by: where it comes from, plain data.
-        corners: what it was made from, where that is to be kept.
-        drawn: the text of the target as drawn, where that is in no file yet.
-
-    Returns:
-        By their names in :data:`NAMES`; ``map`` is None where it would take gigabytes.
-
-    """
-    contents: dict[str, Content | None] = {"drawn": drawn}
-    if corners is not None:
-        contents["corners"] = partial(save_corners, corners=corners, overwrite=False)
-    if isinstance(fitted, PointCalibration):
-        record = fitted.as_record()
-        line = camera_facts(fitted.camera, record, made_by).line
-        text = camera_text(fitted.camera, fit=record, made_by=made_by, comment=line)
-        return {**contents, "camera": text}
-    contents["camera"] = replace(fitted, made_by=made_by).text()
-    contents["map"] = _map(fitted.camera)
-    if fitted.refined != "off" and fitted.target is not None:
-        contents["target"] = target_text(fitted.target)
-    return contents
-
-
-def _map(camera: CubicCamera) -> Content | None:
-    if math.prod(camera.image_size) > MAX_PIXELS:
-        return None
-    return lambda path: save_map(path, build_map(camera, default_view(camera)), overwrite=False)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -278,27 +141,21 @@ def calibrate_files(
     )
     fitted, asked = _fit(loaded, refine_target, lift, run, hold_out=hold_out)
     drawn = loaded.drawn(source)
-    made_by = made_by_record(command, asked, loaded.target_file, loaded.files)
+    named = {} if title is None else {"title": title}
+    made_by = {**named, **made_by_record(command, asked, loaded.target_file, loaded.files)}
     if drawn is not None:
         made_by["target"] = recorded_as(drawn, place.path / NAMES["drawn"])
-    made_by = {**({} if title is None else {"title": title}), **made_by}
-    if isinstance(fitted, Calibration):
-        loaded = loaded.named_by(fitted)
-    record, camera = fitted.as_record(), fitted.camera
-    facts = camera_facts(camera, record, made_by)
-    contents = contents_of(fitted, made_by, loaded.corners if with_corners else None, drawn)
-    if isinstance(fitted, Calibration):
-        judged, thing = facts.verdict or fitted.verdict, fitted.target
-        if contents["map"] is None:
-            width, height = camera.image_size
-            run.listener.tell(Event.NO_MAP, width=width, height=height)
-    else:
-        judged, thing = verdict(record, camera.image_size, fitted.camera.valid), loaded.pairs.target
+    fitted = replace(fitted, made_by=made_by)
+    loaded = loaded.named_by(fitted)
+    contents = contents_of(fitted, loaded.corners if with_corners else None, drawn)
+    if contents.get("map") is None and lift == "ray":
+        width, height = fitted.camera.image_size
+        run.listener.tell(Event.NO_MAP, width=width, height=height)
     if with_page:
-        contents["report"] = _page(fitted, record, made_by, loaded, thing, run)
+        contents["report"] = _page(fitted, loaded, run)
     run.listener.progress("Writing")
     files, removed = place.write(contents, overwrite=run.overwrite)
-    advice, models = None, None
+    record, advice, models = fitted.as_record(), None, None
     if isinstance(fitted, Calibration):
         advice = summary(fitted.camera, record, fitted.pairs)
         if compare:
@@ -310,8 +167,8 @@ def calibrate_files(
         fitted=fitted,
         inputs=loaded,
         record=record,
-        facts=facts,
-        verdict=judged,
+        facts=fitted.facts,
+        verdict=fitted.verdict,
         files=files,
         removed=removed,
         advice=advice,
@@ -337,14 +194,7 @@ def _fit(
     return fitted, {"hold_out": hold_out, "refine_target": refine_target}
 
 
-def _page(
-    fitted: Calibration | PointCalibration,
-    record: Mapping[str, Any],
-    made_by: Mapping[str, Any],
-    loaded: Inputs,
-    target: Target | None,
-    run: Run,
-) -> str | None:
+def _page(fitted: Calibration | PointCalibration, loaded: Inputs, run: Run) -> str | None:
     """The page about it.
 
     A camera that was hard to come by is not lost because a page about it cannot be made: then
@@ -357,74 +207,10 @@ def _page(
             from cubicfish_cli.report.from_files import facts_of_fit
             from cubicfish_cli.report.page import report_html
 
-        told = facts_of_fit(
-            fitted.camera, record, made_by, pairs=loaded.pairs, target=target, photos=loaded.photos
-        )
-        page = report_html(told)
+        page = report_html(facts_of_fit(fitted, loaded.pairs, loaded.photos))
     except Exception as problem:  # matplotlib may be broken in ways of its own
         what = f"{type(problem).__name__}: {problem}".splitlines()[0]
         run.listener.tell(Event.NO_PAGE, problem=what)
         return None
     run.listener.tell(Event.PAGE_TOOK, seconds=perf_counter() - start)
     return page
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class EvaluatedFiles:
-    """What became of :func:`evaluate_files`.
-
-    Attributes:
-        evaluation: the errors.
-        inputs: what they were measured on.
-        record: both as plain data: what ``cubicfish evaluate --json`` prints.
-        camera: the camera.
-        verdict: how well it does there.
-
-    """
-
-    evaluation: Evaluation
-    inputs: Inputs
-    record: dict[str, Any]
-    camera: CubicCamera
-    verdict: Verdict
-
-
-def evaluate_files(
-    camera: StrPath,
-    inputs: StrPath | Sequence[StrPath],
-    target: TargetSource | Target | StrPath | None = None,
-    *,
-    image_size: tuple[int, int] | None = None,
-    run: Run = RUN,
-) -> EvaluatedFiles:
-    """Measure a camera on photos or tables in files, as ``cubicfish evaluate`` does.
-
-    Args:
-        camera: its file, or the folder of that.
-        inputs: photos (files, folders and globs), or one corners.csv or correspondences.csv.
-        target: the calibration target, or its file; 2D-3D pairs need none.
-        image_size: (width, height) of the photos, for tables that do not say.
-        run: how the work is done.
-
-    Raises:
-        UsageError: what is asked does not go together.
-        CubicfishError: an input cannot be used, or no photo can be placed.
-
-    """
-    paths, source = paths_of(inputs), TargetSource.of(target)
-    check_inputs(paths, None, source)
-    file = load_camera(in_folder(Path(camera)))
-    size = file.camera.image_size
-    refuse_other_sizes(paths, size)
-    loaded = load_inputs(paths, source, run, image_size=image_size or size)
-    run.listener.progress("Fitting poses")
-    evaluation = evaluate(file.camera, loaded.pairs)
-    sigma = uncertainty_at(file.fit, evaluation.pairs.pixel)
-    record = {**evaluation.as_record(), "uncertainty": sigma, **loaded.remarks()}
-    return EvaluatedFiles(
-        evaluation=evaluation,
-        inputs=loaded,
-        record=record,
-        camera=file.camera,
-        verdict=evaluation_verdict(record, file.fit, size),
-    )

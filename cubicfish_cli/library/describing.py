@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.assess.camera_facts import CameraFacts, camera_facts
+from cubicfish_cli.assess.camera_facts import CameraFacts
 from cubicfish_cli.assess.verdict import Verdict, rig_verdict
 from cubicfish_cli.files import refuse_existing
 from cubicfish_cli.fitting.comparison import ComparedCamera, Comparison, compare
@@ -72,8 +72,7 @@ def info_files(calibration: StrPath) -> CameraInfo:
         record = {**loaded_record(known), "made_by": dict(known.made_by)}
         return CameraInfo(model=rig, verdict=rig_verdict(record), rig=record)
     path = in_folder(Path(calibration))
-    loaded = load_any_camera(path)
-    facts = camera_facts(loaded.camera, loaded.fit, loaded.made_by)
+    facts = load_any_camera(path).facts
     return CameraInfo(model=path, verdict=facts.verdict, facts=facts)
 
 

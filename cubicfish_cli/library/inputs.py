@@ -17,6 +17,7 @@ from cubicfish_cli.files import Fingerprint, fingerprint
 from cubicfish_cli.films import MOST
 from cubicfish_cli.films.recordings import is_recording
 from cubicfish_cli.fitting.calibrate import Calibration
+from cubicfish_cli.fitting.point_fit import PointCalibration
 from cubicfish_cli.identification.identified import Detection, line_of
 from cubicfish_cli.library.asked import (
     Run,
@@ -81,7 +82,7 @@ class Inputs:
         photos = () if self.detection is None else self.detection.photos
         return [one for photo in photos for one in photo.findings]
 
-    def named_by(self, fitted: Calibration) -> Inputs:
+    def named_by(self, fitted: Calibration | PointCalibration) -> Inputs:
         """The same with the names that a fit gave the corners."""
         corners = self.corners and fitted.named(self.corners)
         return replace(self, pairs=fitted.named(self.pairs), corners=corners)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.arrays import Refusal
-from cubicfish_cli.assess.records import recorded_grid, sigma_at
+from cubicfish_cli.assess.uncertainty import recorded_grid, sigma_at
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.errors import CameraFileError, UsageError, ViewError
 from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile

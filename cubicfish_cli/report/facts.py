@@ -13,11 +13,13 @@ import numpy as np
 
 from cubicfish_cli.advice.advise import summary
 from cubicfish_cli.angles import angle_from_axis
+from cubicfish_cli.assess.camera_facts import CameraFacts
 from cubicfish_cli.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import Verdict, photo_verdicts, verdict
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.statistics import photos_on_record, poses_on_record, rms_px
 from cubicfish_cli.fitting.subset import select
+from cubicfish_cli.formats.calibrated import CameraRecord
 from cubicfish_cli.lenses.cubic import CubicCamera, PointCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.placement import best_named
@@ -119,6 +121,7 @@ class Facts:
     Attributes:
         camera: the camera.
         fit, made_by: the records of camera.yaml.
+        known: the camera in figures.
         verdict: what the fit is worth.
         photos: of the fit, in its order.
         dropped: corners that were left out; only counted where the lift is ``point``.
@@ -137,6 +140,7 @@ class Facts:
     camera: CubicCamera | PointCamera
     fit: Mapping[str, Any]
     made_by: Mapping[str, Any]
+    known: CameraFacts
     verdict: Verdict
     photos: tuple[PhotoFacts, ...]
     dropped: tuple[DroppedFacts, ...]
@@ -165,9 +169,7 @@ class Facts:
 
 
 def gather(
-    camera: CubicCamera | PointCamera,
-    fit: Mapping[str, Any],
-    made_by: Mapping[str, Any],
+    known: CameraRecord,
     *,
     pairs: Observations | None,
     target: Target | None,
@@ -179,10 +181,8 @@ def gather(
     """Put together what a page says.
 
     Args:
-        camera: the camera.
-        fit: how well it fits, as camera.yaml has it; whatever in it is not what a calibration
-            writes is passed over.
-        made_by: version, date, options and hashes, as camera.yaml has them.
+        known: the camera and its records; whatever in them is not what a calibration writes is
+            passed over.
         pairs: the corners with the world points of the target as fitted. Those that the fit
             left out may be among them.
         target: the calibration target as fitted.
@@ -192,6 +192,7 @@ def gather(
         absent: what else is known to be missing and why, a line each.
 
     """
+    camera, fit = known.camera, known.as_record()
     photos = _photos(fit, camera.image_size)
     dropped = _dropped(fit)
     lines = [f"Corners and errors: {lack.why}{_HINTS.get(lack.name_it, '')}."] if lack else []
@@ -214,7 +215,8 @@ def gather(
     return Facts(
         camera=camera,
         fit=fit,
-        made_by=made_by,
+        made_by=known.made_by,
+        known=known.facts,
         verdict=verdict(fit, camera.image_size, _outline(camera)),
         photos=photos,
         dropped=dropped,
@@ -233,7 +235,7 @@ def gather(
 
 def _outline(camera: CubicCamera | PointCamera) -> FloatArray:
     """As camera.yaml has it, so that a camera from memory gives the same page as from its file."""
-    return np.round(camera.valid if isinstance(camera, PointCamera) else camera.outline(), 3)
+    return np.round(camera.outline(), 3)
 
 
 def _photos(fit: Mapping[str, Any], size: tuple[int, int]) -> tuple[PhotoFacts, ...]:
@@ -270,13 +272,6 @@ def _dropped(fit: Mapping[str, Any]) -> tuple[DroppedFacts, ...]:
     )
 
 
-def _seen(camera: CubicCamera | PointCamera, points: FloatArray) -> FloatArray:
-    """(N, 2) pixels of near points, in the target's units."""
-    if isinstance(camera, PointCamera):
-        return camera.project(points)
-    return camera.project(points, near=True)
-
-
 def _squared(
     camera: CubicCamera | PointCamera, photos: Sequence[PhotoFacts], pairs: Observations
 ) -> FloatArray:
@@ -287,7 +282,9 @@ def _squared(
         if photo.name in pairs.images and turn is not None and shift is not None:
             rows = np.flatnonzero(pairs.image == pairs.images.index(photo.name))
             points = pairs.world[rows] @ turn.T + shift
-            squared[rows] = np.sum(np.square(_seen(camera, points) - pairs.pixel[rows]), axis=1)
+            squared[rows] = np.sum(
+                np.square(camera.project(points, near=True) - pairs.pixel[rows]), axis=1
+            )
     return squared
 
 
@@ -319,7 +316,7 @@ def _errors(
             translation=np.array([photo.translation for photo in own]),
         )
         points = poses.apply(used.image, used.world)
-    residual = _seen(camera, points) - used.pixel
+    residual = camera.project(points, near=True) - used.pixel
     length = np.where(np.isfinite(residual[:, 0]), np.hypot(*residual.T), np.inf)
     kept = np.isfinite(length)
     count = recorded_number(fit.get("corners"))

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import Transform, blended_transform_factory
 
-from cubicfish_cli.assess.records import recorded, recorded_grid, sigma_at
+from cubicfish_cli.assess.uncertainty import recorded_grid, recorded_uncertainty, sigma_at
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.findings import field_cells
 from cubicfish_cli.fitting.statistics import rms_px
@@ -443,7 +443,7 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
     edge = axes.fill(*facts.outline.T, facecolor="none", edgecolor=INK, linewidth=0.9)[0]
     bands.set_clip_path(edge)
     _scale_bar(figure, colours, [f"{level:g}" for level in levels], "px")
-    told = recorded(facts.fit)
+    told = recorded_uncertainty(facts.fit)
     return finished(
         figure,
         name="uncertainty",

@@ -20,8 +20,10 @@ from cubicfish_cli.assess.records import recorded_mappings
 from cubicfish_cli.corner_files.observations_csv import load_corners, load_correspondences
 from cubicfish_cli.errors import PhotoError, ViewError
 from cubicfish_cli.files import sha256_of
+from cubicfish_cli.fitting.calibrate import Calibration
+from cubicfish_cli.fitting.point_fit import PointCalibration
 from cubicfish_cli.formats.camera_yaml import load_any_camera
-from cubicfish_cli.lenses.cubic import CubicCamera, PointCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import Picture, decode_picture, find_photos, read_file
 from cubicfish_cli.rendering.difference_picture import jpeg_bytes, thumbnail
@@ -290,9 +292,7 @@ def facts_of_files(
     if lost and files:
         absent.append(f"{len(lost)} of {len(names)} photos are not at hand, such as {lost[0]}.")
     return gather(
-        loaded.camera,
-        loaded.fit,
-        loaded.made_by,
+        loaded,
         pairs=pairs,
         target=thing,
         files=files,
@@ -303,29 +303,21 @@ def facts_of_files(
 
 
 def facts_of_fit(
-    camera: CubicCamera | PointCamera,
-    fit: Mapping[str, Any],
-    made_by: Mapping[str, Any],
-    *,
-    pairs: Observations,
-    target: Target | None,
-    photos: Sequence[Path],
+    fitted: Calibration | PointCalibration, pairs: Observations, photos: Sequence[Path]
 ) -> Facts:
     """What a page says of a fit that is still at hand.
 
     Args:
-        camera: the camera.
-        fit: how well it fits, as camera.yaml will have it.
-        made_by: how it was made, likewise.
+        fitted: the fit.
         pairs: what was fitted to.
-        target: the calibration target as fitted.
         photos: the photos' files; none for corners alone.
 
     """
+    target = fitted.target
     if target is not None:
         pairs = pairs.with_target(target)
-    files = matched([record["image"] for record in fit["per_image"]], photos)
-    return gather(camera, fit, made_by, pairs=pairs, target=target, files=files)
+    files = matched([record["image"] for record in fitted.as_record()["per_image"]], photos)
+    return gather(fitted, pairs=pairs, target=target, files=files)
 
 
 def _pairs(

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, StrictUndefined
 
-from cubicfish_cli.assess.camera_facts import CameraFacts, camera_facts
-from cubicfish_cli.assess.records import recorded, recorded_mappings, recorded_number
+from cubicfish_cli.assess.camera_facts import CameraFacts
+from cubicfish_cli.assess.records import recorded_mappings, recorded_number
+from cubicfish_cli.assess.uncertainty import recorded_uncertainty
 from cubicfish_cli.assess.verdict import WORDS
 from cubicfish_cli.fitting.findings import COVERED
 from cubicfish_cli.fitting.statistics import rms_px
@@ -52,11 +53,10 @@ def report_html(facts: Facts) -> str:
     if not isinstance(facts.camera, CubicCamera):
         absent.append(_POINT_ABSENT)
     names = [photo.name for photo in facts.photos]
-    known = camera_facts(facts.camera, facts.fit, facts.made_by)
     return template("report.html").render(
         facts=facts,
-        known=known,
-        lens=_lens(known),
+        known=facts.known,
+        lens=_lens(facts.known),
         by_angle=_by_angle(facts),
         halves=_halves(facts),
         bars=_bars(facts),
@@ -154,7 +154,7 @@ def _tiles(facts: Facts) -> list[tuple[str, str, str]]:
     share = facts.number("coverage")
     if share is not None:
         tiles.append(("Coverage", f"{100 * share:.0f} %", COVERED))
-    uncertainty = recorded(facts.fit)
+    uncertainty = recorded_uncertainty(facts.fit)
     if uncertainty is not None:
         median = f"{uncertainty.median_px:.3f} px"
         tiles.append(("Uncertainty", median, uncertainty.meaning))
@@ -198,7 +198,7 @@ def _by_angle(facts: Facts) -> str | None:
 
 def _halves(facts: Facts) -> str | None:
     """How far apart two halves of the photos would be, foretold; None where it is not known."""
-    uncertainty = recorded(facts.fit)
+    uncertainty = recorded_uncertainty(facts.fit)
     ray = isinstance(facts.camera, CubicCamera)
     if uncertainty is None or not ray or len(facts.photos) < _FEWEST_TO_HALVE:
         return None

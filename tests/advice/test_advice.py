@@ -28,7 +28,12 @@ from cubicfish_cli.advice.gaps import (
 )
 from cubicfish_cli.advice.knowledge import know, recorded_poses
 from cubicfish_cli.advice.picture import advice_svg
-from cubicfish_cli.assess.records import FieldUncertainty, recorded, sigma_at, summed
+from cubicfish_cli.assess.uncertainty import (
+    FieldUncertainty,
+    recorded_uncertainty,
+    sigma_at,
+    summed,
+)
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.poses import Poses
@@ -97,8 +102,8 @@ def test_the_fit_comes_back_from_its_record(poor, advice):
     knowledge = knowledge_of(poor)
     assert knowledge.information.noise_px == pytest.approx(record["uncertainty"]["noise_px"], 1e-3)
     known = [x for row in record["uncertainty"]["sigma_px"] for x in row if x is not None]
-    assert advice.now == recorded(record)
-    assert recorded(record).p95_px == pytest.approx(np.percentile(known, 95), abs=1e-5)
+    assert advice.now == recorded_uncertainty(record)
+    assert recorded_uncertainty(record).p95_px == pytest.approx(np.percentile(known, 95), abs=1e-5)
     assert advice.proposals[0].before.median_px == pytest.approx(advice.now.median_px, 1e-6)
     # The photos' spread, which a record has, is that of noise alone times the same all over.
     noise = camera_uncertainty(knowledge.result)
@@ -266,7 +271,7 @@ def test_so_many_photos_as_said_reach_the_goal():
         assert 1 < said.photos_needed <= len(said.proposals)
         new = [proposal.view.pose for proposal in said.proposals[: said.photos_needed]]
         again = fit_of([*FIRST, *new], seed=seed)
-        reached.append(recorded(again.as_record()).p95_px)
+        reached.append(recorded_uncertainty(again.as_record()).p95_px)
     # How the fit hangs on single photos is foretold by those so far, not known.
     assert np.median(reached) < 1.25 * 0.09
 

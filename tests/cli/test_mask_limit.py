@@ -9,7 +9,7 @@ import pytest
 import yaml
 from running import SAMPLE, Run
 
-from cubicfish_cli.assess.records import sigma_at
+from cubicfish_cli.assess.uncertainty import sigma_at
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.plain_yaml import plain_yaml_text
 from cubicfish_cli.undistortion.maps import Crop, calibrated_pixels, camera_for_photos, load_map

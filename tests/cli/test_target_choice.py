@@ -155,6 +155,7 @@ def test_a_checkerboard_of_kalibr_is_found_in_either_colours(run: Run, tmp_path:
     assert json.loads(said)["corners"] == 4 * 35
 
 
+@pytest.mark.slow
 def test_of_two_colourings_that_fit_alike_the_one_without_remarks_is_taken(
     run: Run, tmp_path: Path
 ) -> None:

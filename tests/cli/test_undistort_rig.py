@@ -116,6 +116,7 @@ def test_the_ground_is_shown_from_above(run: Run, rig: Path, shots: Path, tmp_pa
     assert picture[row, column, 1] > 215
 
 
+@pytest.mark.slow
 def test_a_board_of_the_calibration_is_the_ground(
     run: Run, rig: Path, shots: Path, tmp_path: Path
 ) -> None:

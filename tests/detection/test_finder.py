@@ -350,7 +350,7 @@ def moved(light, length_px, towards_deg):
     return mean / len(steps)
 
 
-@pytest.mark.parametrize("towards_deg", [30, 135])
+@pytest.mark.parametrize("towards_deg", [30, pytest.param(135, marks=pytest.mark.slow)])
 def test_motion_is_named_though_edges_along_it_stay_sharp(towards_deg):
     told = cause(seen(moved(drawn_board()[0], 22, towards_deg)))
     assert told.code is Code.BLURRED

@@ -401,6 +401,7 @@ SMALL = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", SMALL)
 def test_small_markers_are_read_at_twice_the_size(kind):
     board, blur = SMALL[kind]
@@ -412,6 +413,7 @@ def test_small_markers_are_read_at_twice_the_size(kind):
     assert np.sqrt(np.mean(error**2)) < 0.08
 
 
+@pytest.mark.slow
 def test_small_squares_are_found_at_twice_the_size():
     target = Target(units="mm", boards=(wall("front", "checkerboard", (8, 6), 3.2),))
     photo = photo_of(target, supersample=3, blur=0.3)
@@ -423,7 +425,7 @@ def test_small_squares_are_found_at_twice_the_size():
     assert np.sqrt(np.mean(away**2)) < 0.08
 
 
-@pytest.mark.parametrize("kind", ["checkerboard", "charuco"])
+@pytest.mark.parametrize("kind", [pytest.param("checkerboard", marks=pytest.mark.slow), "charuco"])
 def test_the_photo_says_where_corners_are_at_whatever_size_they_were_found(kind):
     target = Target(units="mm", boards=(wall("front", kind, (5, 4), 24.0),))
     photo = photo_of(target)

@@ -5,7 +5,7 @@ import pytest
 import synthetic
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.assess.records import sigma_at
+from cubicfish_cli.assess.uncertainty import sigma_at
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.radial_reference import fit_radial, refit_radial

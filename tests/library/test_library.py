@@ -542,6 +542,7 @@ def test_a_film_of_known_truth_has_its_frames(board: Target, tmp_path: Path) -> 
     assert len(truth.images) == 3
 
 
+@pytest.mark.slow
 def test_photos_through_another_tools_lens(board: Target, tmp_path: Path) -> None:
     (tmp_path / "info.yaml").write_text(FOREIGN)
     heard = Heard()

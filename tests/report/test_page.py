@@ -25,6 +25,7 @@ import matplotlib as mpl
 
 from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.fitting.calibrate import Calibration
+from cubicfish_cli.formats.camera_yaml import CameraFile
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.printing.extra import drawing as plain_drawing
 from cubicfish_cli.report import figures, svg
@@ -98,9 +99,11 @@ def facts_of(
     **more: Any,
 ) -> Facts:
     return gather(
-        fitted.camera,
-        {**fitted.as_record(), **(fit or {})},
-        made_by or MADE_BY,
+        CameraFile(
+            camera=fitted.camera,
+            fit={**fitted.as_record(), **(fit or {})},
+            made_by=made_by or MADE_BY,
+        ),
         pairs=pairs,
         target=target,
         files={} if files is None else files,

@@ -259,7 +259,14 @@ RESOLVING = {
     "as_text", "check_inputs", "connect", "in_folder", "length_mm", "parse_crop", "parse_size",
     "read_bytes", "rig_in",
 }  # fmt: skip
-PRINTING = {"counted", "distances_words", "missing", "photo_verdicts", "print_size", "recorded"}
+PRINTING = {
+    "counted",
+    "distances_words",
+    "missing",
+    "photo_verdicts",
+    "print_size",
+    "recorded_uncertainty",
+}
 WORDS = {"identification", "wording", "words"}
 
 

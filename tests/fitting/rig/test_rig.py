@@ -572,9 +572,8 @@ def symmetric_shots() -> tuple[Target, tuple[Observations, ...], RigTruth]:
     return of, tuple(one.with_target(of) for one in corners), truth
 
 
-@pytest.mark.parametrize(
-    "named", [pytest.param("by chance", marks=pytest.mark.slow), "upside down"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("named", ["by chance", "upside down"])
 def test_cameras_that_name_a_symmetric_board_otherwise_are_one_rig(named: str) -> None:
     of, shown, truth = symmetric_shots()
     (half,) = symmetries(of)

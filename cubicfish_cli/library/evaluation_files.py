@@ -1,0 +1,86 @@
+"""A camera judged on photos or tables in files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cubicfish_cli.assess.uncertainty import uncertainty_at
+from cubicfish_cli.assess.verdict import Verdict, evaluation_verdict
+from cubicfish_cli.fitting.evaluate import Evaluation, evaluate
+from cubicfish_cli.formats.camera_yaml import load_camera
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.library.asked import (
+    RUN,
+    Run,
+    StrPath,
+    TargetSource,
+    check_inputs,
+    in_folder,
+    paths_of,
+)
+from cubicfish_cli.library.inputs import Inputs, load_inputs, refuse_other_sizes
+from cubicfish_cli.target import Target
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EvaluatedFiles:
+    """What became of :func:`evaluate_files`.
+
+    Attributes:
+        evaluation: the errors.
+        inputs: what they were measured on.
+        record: both as plain data: what ``cubicfish evaluate --json`` prints.
+        camera: the camera.
+        verdict: how well it does there.
+
+    """
+
+    evaluation: Evaluation
+    inputs: Inputs
+    record: dict[str, Any]
+    camera: CubicCamera
+    verdict: Verdict
+
+
+def evaluate_files(
+    camera: StrPath,
+    inputs: StrPath | Sequence[StrPath],
+    target: TargetSource | Target | StrPath | None = None,
+    *,
+    image_size: tuple[int, int] | None = None,
+    run: Run = RUN,
+) -> EvaluatedFiles:
+    """Measure a camera on photos or tables in files, as ``cubicfish evaluate`` does.
+
+    Args:
+        camera: its file, or the folder of that.
+        inputs: photos (files, folders and globs), or one corners.csv or correspondences.csv.
+        target: the calibration target, or its file; 2D-3D pairs need none.
+        image_size: (width, height) of the photos, for tables that do not say.
+        run: how the work is done.
+
+    Raises:
+        UsageError: what is asked does not go together.
+        CubicfishError: an input cannot be used, or no photo can be placed.
+
+    """
+    paths, source = paths_of(inputs), TargetSource.of(target)
+    check_inputs(paths, None, source)
+    file = load_camera(in_folder(Path(camera)))
+    size = file.camera.image_size
+    refuse_other_sizes(paths, size)
+    loaded = load_inputs(paths, source, run, image_size=image_size or size)
+    run.listener.progress("Fitting poses")
+    evaluation = evaluate(file.camera, loaded.pairs)
+    sigma = uncertainty_at(file.fit, evaluation.pairs.pixel)
+    record = {**evaluation.as_record(), "uncertainty": sigma, **loaded.remarks()}
+    return EvaluatedFiles(
+        evaluation=evaluation,
+        inputs=loaded,
+        record=record,
+        camera=file.camera,
+        verdict=evaluation_verdict(record, file.fit, size),
+    )
