@@ -23,8 +23,8 @@ say as which lens of rays it is compared with others.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
@@ -374,63 +374,49 @@ class RaysAtDistance:
         return (start + (np.sqrt(along**2 - rest) - along) * way) / self.distance
 
 
-def _moving_pupil(size: tuple[int, int], focal: float) -> OutsideLens:
-    return OutsideLens(
-        image_size=size,
-        focal=(focal, 1.0015 * focal),
-        centre=_off_middle(size, 0.006, -0.009),
-        profile=SineProfile(share=0.31, pupil_mm=1.0),
-        turn_deg=(0.25, -0.15),
-        flaw=_three_screws(size),
-        max_angle_deg=96.0,
-    )
+@dataclass(frozen=True)
+class _Made:
+    """How a lens is made, in shares of the photo's shorter side.
+
+    Attributes:
+        profile: of the lens.
+        rim: its radius at the rim of the field, 1 per radian at the axis.
+        taller: how much larger the focal length is down the picture than across.
+        off: how far right and down of the photo's middle the centre is.
+        turn_deg: of the rear group.
+        bump: where the glass has one, in shares of width and height; held by screws without.
+        field_deg: nothing is seen nearer to the axis, or farther from it.
+
+    """
+
+    profile: Profile
+    rim: float
+    taller: float
+    off: tuple[float, float]
+    turn_deg: tuple[float, float]
+    bump: tuple[float, float] | None
+    field_deg: tuple[float, float]
 
 
-def _mirror(size: tuple[int, int], focal: float) -> OutsideLens:
-    return OutsideLens(
-        image_size=size,
-        focal=(focal, focal),
-        centre=_off_middle(size, -0.005, 0.004),
-        profile=MirrorProfile(a_mm=15.0, c_mm=25.0, off_mm=1.0, reach=0.62),
-        turn_deg=(0.1, 0.2),
-        flaw=_three_screws(size),
-        min_angle_deg=15.0,
-        max_angle_deg=105.0,
-    )
-
-
-def _equisolid(size: tuple[int, int], focal: float) -> OutsideLens:
-    return OutsideLens(
-        image_size=size,
-        focal=(focal, 0.999 * focal),
-        centre=_off_middle(size, -0.008, 0.005),
-        profile=SineProfile(share=0.5),
-        turn_deg=(-0.2, 0.3),
-        flaw=_half_pixel(size, (0.62, 0.3)),
-        max_angle_deg=95.0,
-    )
-
-
-def _orthographic(size: tuple[int, int], focal: float) -> OutsideLens:
-    return OutsideLens(
-        image_size=size,
-        focal=(focal, 1.001 * focal),
-        centre=_off_middle(size, 0.004, 0.007),
-        profile=SineProfile(share=1.0),
-        turn_deg=(0.2, 0.2),
-        flaw=_half_pixel(size, (0.42, 0.66)),
-        max_angle_deg=80.0,
-    )
-
-
-# Name -> how it is made, and its radius at the rim of its field, 1 per radian at the axis.
-_MAKERS: dict[str, tuple[Callable[[tuple[int, int], float], OutsideLens], float]] = {
-    "moving-pupil": (_moving_pupil, 1.6),
-    "mirror": (_mirror, 2.8),
-    "equisolid": (_equisolid, 1.475),
-    "orthographic": (_orthographic, 0.985),
-}
-OUTSIDE_LENSES = tuple(_MAKERS)
+_PUPIL, _MIRROR = (
+    SineProfile(share=0.31, pupil_mm=1.0),
+    MirrorProfile(a_mm=15.0, c_mm=25.0, off_mm=1.0, reach=0.62),
+)
+_MADE = {
+    "moving-pupil": _Made(
+        _PUPIL, 1.6, 1.0015, (0.006, -0.009), (0.25, -0.15), None, (0.0, 96.0)
+    ),
+    "mirror": _Made(
+        _MIRROR, 2.8, 1.0, (-0.005, 0.004), (0.1, 0.2), None, (15.0, 105.0)
+    ),
+    "equisolid": _Made(
+        SineProfile(share=0.5), 1.475, 0.999, (-0.008, 0.005), (-0.2, 0.3), (0.62, 0.3), (0.0, 95.0)
+    ),
+    "orthographic": _Made(
+        SineProfile(share=1.0), 0.985, 1.001, (0.004, 0.007), (0.2, 0.2), (0.42, 0.66), (0.0, 80.0)
+    ),
+}  # fmt: skip
+OUTSIDE_LENSES = tuple(_MADE)
 """The names that :func:`outside_lens` knows."""
 
 
@@ -445,27 +431,31 @@ def outside_lens(
         units: of the target, for what is a length inside the lens; one that is none is taken as mm.
 
     """
-    make, rim = _MAKERS[name]
-    lens = make(image_size, 0.52 * min(image_size) / rim)
-    return replace(lens, units=units, name=name)
+    made, short = _MADE[name], min(image_size)
+    focal, middle = 0.52 * short / made.rim, _off_middle(image_size, 0.0, 0.0)
+    flaw: Flaw = Trefoil(centre=middle, reach_px=0.5 * short, amount_px=0.15)
+    if made.bump is not None:
+        across, down = made.bump
+        place = (across * image_size[0], down * image_size[1])
+        flaw = Bump(centre=place, spread_px=0.1 * short, shift=(0.4, -0.3))
+    return OutsideLens(
+        image_size=image_size,
+        focal=(focal, made.taller * focal),
+        centre=_off_middle(image_size, *made.off),
+        profile=made.profile,
+        turn_deg=made.turn_deg,
+        flaw=flaw,
+        min_angle_deg=made.field_deg[0],
+        max_angle_deg=made.field_deg[1],
+        units=units,
+        name=name,
+    )
 
 
 def _off_middle(size: tuple[int, int], right: float, down: float) -> tuple[float, float]:
     """A point off the middle of the photo by shares of its shorter side."""
     short = min(size)
     return (size[0] - 1) / 2 + right * short, (size[1] - 1) / 2 + down * short
-
-
-def _half_pixel(size: tuple[int, int], place: tuple[float, float]) -> Bump:
-    return Bump(
-        centre=(place[0] * size[0], place[1] * size[1]),
-        spread_px=0.1 * min(size),
-        shift=(0.4, -0.3),
-    )
-
-
-def _three_screws(size: tuple[int, int]) -> Trefoil:
-    return Trefoil(centre=_off_middle(size, 0.0, 0.0), reach_px=0.5 * min(size), amount_px=0.15)
 
 
 _COUNTS = {
