@@ -7,13 +7,13 @@ and nothing is lost by it, ten-bit video stays so, and half as many samples are 
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing, contextmanager
+from collections import deque
+from collections.abc import Callable, Generator, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from queue import Empty, Full, Queue
 from typing import TYPE_CHECKING, Any
 
 import cv2
@@ -37,7 +37,6 @@ _QUEUE = 4
 # Codecs whose colour samples lie in the middle of their columns; those of all others lie on the
 # first, unless a video says otherwise, which hardly any does.
 _CENTRED = frozenset(["mjpeg"])
-_WAIT_S = 0.1
 
 # Pixel format -> bits, and columns and rows of brightness for one sample of colour
 # (0 for no colour).
@@ -166,10 +165,8 @@ def _pipeline(
 
     frames = 0
     progress(0, total)
-    with ExitStack() as stack:
-        one = stack.enter_context(_Ahead(decoded()))
-        two = stack.enter_context(_Ahead(remapped(iter(one))))
-        for item in two:
+    with closing(_ahead(decoded())) as ready, closing(_ahead(remapped(ready))) as flat:
+        for item in flat:
             writer.write(item)
             if is_frame(item):
                 frames += 1
@@ -180,52 +177,17 @@ def _pipeline(
     return VideoResult(frames=frames, turned_deg=turned)
 
 
-class _Ahead:
-    """Runs an iterator on a thread of its own, a few items ahead of who takes them."""
-
-    def __init__(self, items: Iterator[Any]) -> None:
-        self._items = items
-        self._queue: Queue[tuple[str, Any]] = Queue(_QUEUE)
-        self._stopped = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-
-    def __enter__(self) -> _Ahead:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stopped.set()
-        self._thread.join()
-
-    def _run(self) -> None:
+def _ahead(items: Iterator[Any]) -> Generator[Any]:
+    """The items of an iterator that runs on a thread of its own, a few ahead of who takes them."""
+    end = object()
+    with ThreadPoolExecutor(1) as thread:
         try:
-            for item in self._items:
-                if not self._put(("item", item)):
-                    return
-            self._put(("end", None))
-        except BaseException as problem:
-            self._put(("error", problem))
-
-    def _put(self, entry: tuple[str, Any]) -> bool:
-        while not self._stopped.is_set():
-            try:
-                self._queue.put(entry, timeout=_WAIT_S)
-            except Full:
-                continue
-            return True
-        return False
-
-    def __iter__(self) -> Iterator[Any]:
-        while not self._stopped.is_set():
-            try:
-                kind, value = self._queue.get(timeout=_WAIT_S)
-            except Empty:
-                continue
-            if kind == "end":
-                return
-            if kind == "error":
-                raise value
-            yield value
+            coming = deque(thread.submit(next, items, end) for _ in range(_QUEUE))
+            while (item := coming.popleft().result()) is not end:
+                coming.append(thread.submit(next, items, end))
+                yield item
+        finally:
+            thread.shutdown(cancel_futures=True)
 
 
 class _Writer:
