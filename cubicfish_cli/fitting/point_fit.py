@@ -83,6 +83,7 @@ class PointCalibration(CameraRecord):
         plain_rms_px, reweighted_rms_px: of the two linear solutions on the same pairs.
         dropped: how many corners were left out as grossly wrong.
         unfit: photos left out, with the reason.
+        target: the calibration target, as drawn; None of pairs.
         made_by: where it comes from, plain data.
 
     """
@@ -97,12 +98,8 @@ class PointCalibration(CameraRecord):
     reweighted_rms_px: float
     dropped: int
     unfit: Mapping[str, Finding]
+    target: Target | None = None
     made_by: Mapping[str, Any] = field(default_factory=dict)
-
-    @property
-    def target(self) -> Target | None:
-        """The calibration target, as drawn; None of pairs."""
-        return self.pairs.target
 
     def named(self, corners: Observations) -> Observations:
         """The corners as this fit names them: as they were given."""
@@ -173,6 +170,7 @@ def calibrate_points(pairs: Observations, *, hold_out: bool = True) -> PointCali
         reweighted_rms_px=stages[1],
         dropped=given - len(used.pixel),
         unfit=unfit,
+        target=pairs.target,
     )
 
 

@@ -54,6 +54,17 @@ def test_calibrate_writes_the_page_that_report_writes(run: Run, tmp_path: Path) 
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("with_report")
+def test_a_page_of_the_point_lift_is_the_same_from_its_files(run: Run, tmp_path: Path) -> None:
+    folder = tmp_path / "c"
+    run("calibrate", CORNERS, "-t", TARGET, "-o", folder, "--lift", "point", "--no-hold-out")
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "3 boards and" in page
+    run("report", folder, "-t", TARGET, "--overwrite")
+    assert (folder / "report.html").read_text(encoding="utf-8") == page
+
+
+@pytest.mark.slow
 @pytest.mark.usefixtures("with_report", "quick_fit")
 def test_the_verdict_is_in_the_same_words_wherever_it_is_told(run: Run, tmp_path: Path) -> None:
     args = ["calibrate", CORNERS, "-t", TARGET]
