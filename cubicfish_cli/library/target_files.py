@@ -27,7 +27,9 @@ from cubicfish_cli.rendering.object_drawing import object_svg
 from cubicfish_cli.target import Target, load_target, target_text
 from cubicfish_cli.units import MILLIMETRES
 from cubicfish_cli.wording import either
+from cubicfish_cli.words.catalogue import catalogue
 from cubicfish_cli.words.codes import Event
+from cubicfish_cli.words.phrases import Sentences
 
 NAMES = {"boards": "boards.pdf", "assembly": "assembly.pdf", "target": "target.yaml"}
 
@@ -162,6 +164,7 @@ def _page_record(page: Page) -> dict[str, Any]:
     }
 
 
+_SENTENCES = Sentences()
 _FULL_RANK = 20
 # More examples than this are not read.
 _MOST = 4
@@ -291,183 +294,109 @@ def _turn_record(turn: Turn) -> dict[str, Any]:
 
 def _advice(target: Target, facts: ObjectFacts) -> list[tuple[str, str]]:
     """(what it is about, text) for each thing that is worth saying, in order."""
+    points = any(board.points is not None for board in target.boards)
+    photos = "several" if facts.flat or (facts.boards_at_once < 2 and not points) else "one"
+    left = _FULL_RANK - facts.rank
     return [
-        ("Photos", _photos(target, facts)),
+        ("Photos", _said(f"photos_{photos}", flat=facts.flat)),
         *(("Names", text) for text in _names(target, facts)),
         *(("Places", text) for text in _places(facts)),
         *(("Sizes", text) for text in _sizes(target)),
-        ("Point lift", _point_lift(facts)),
+        ("Point lift", _said(f"rank_less_{min(left, 2)}", rank=facts.rank, left=left)),
     ]
 
 
-def _point_lift(facts: ObjectFacts) -> str:
-    says = (
-        "Only 'calibrate --lift point' asks for this; the default, --lift ray, does not. Over the "
-        f"corners its cubics have rank {facts.rank} of {_FULL_RANK}: "
-    )
-    left = _FULL_RANK - facts.rank
-    if left == 0:
-        return says + "enough to determine its P in the volume that the boards fill."
-    cubics = "one cubic vanishes" if left == 1 else f"{left} cubics vanish"
-    return f"{says}{cubics} at every corner, so its camera would say nothing off the boards."
-
-
-def _photos(target: Target, facts: ObjectFacts) -> str:
-    points = any(board.points is not None for board in target.boards)
-    if facts.flat or (facts.boards_at_once < 2 and not points):
-        why = "The target is flat" if facts.flat else "No photo shows two of the boards at once"
-        return (
-            f"{why}, and one photo of a flat board cannot determine a lens: take five or more, "
-            "tilted to all sides and filling the picture to the rim."
-        )
-    return (
-        "One photo can be enough, if it shows boards at an angle and fills the picture to the "
-        "rim. Three or more also give the held-out error."
-    )
-
-
-def _is_oblong(board: Board) -> bool:
-    return board.has_squares and board.columns != board.rows
+def _said(key: str, **figures: Any) -> str:
+    return _SENTENCES.vformat(catalogue().checks[key], (), figures)
 
 
 def _names(target: Target, facts: ObjectFacts) -> Iterator[str]:
-    if facts.named_by == "table":
-        yield (
-            "Lists of points are not looked for in photos: calibrate from a corners.csv that says "
-            "where they are."
-        )
+    plain, alone = facts.plain, len(facts.plain) == 1
+    if facts.named_by != "geometry":
+        yield _said(f"by_{facts.named_by}")
+        if plain and facts.named_by == "markers":
+            yield _said("without_markers", boards=", ".join(plain), count=len(plain))
         return
-    if facts.named_by == "markers":
-        yield "The markers' ids name the corners: nothing can be mixed up."
-        if facts.plain:
-            yield (
-                f"{_list(facts.plain)}, without markers, "
-                f"{'is' if len(facts.plain) == 1 else 'are'} found where a board with markers is "
-                "in the same photo."
-            )
-        return
-    alone = len(facts.plain) == 1
+    more = len(facts.symmetries) - _MOST
     for turn in facts.symmetries[:_MOST]:
-        yield f"{_turned(turn, alone=alone)} {'it' if alone else 'the target'} looks the same."
-    if len(facts.symmetries) > _MOST:
-        yield f"So it does after {len(facts.symmetries) - _MOST} more turns."
+        yield _said("same", turned=_turned(turn, alone=alone), alone=alone)
+    if more > 0:
+        yield _said("same_more", more=more)
+    oblong = any(board.has_squares and board.columns != board.rows for board in target.boards)
     if facts.symmetries:
-        yield (
-            "Its corners may be named in either way, which is harmless for the lens. The way that "
-            "is most upright in the photo is taken: "
-            + (
-                "its longer side runs to the right or down."
-                if alone and any(_is_oblong(board) for board in target.boards)
-                else "columns to the right, rows down."
-            )
-        )
+        yield _said("upright", oblong=alone and oblong)
     elif alone:
-        yield (
-            f"The colours of its squares tell which way round {facts.plain[0]} is: nothing can be "
-            "mixed up when it is seen whole."
-        )
+        yield _said("by_colours", board=plain[0])
     for turn in facts.near_symmetries[:_MOST]:
-        yield (
-            f"{_turned(turn, alone=alone)} the target looks nearly the same: boards are "
-            f"{turn.error:.2g} squares apart then. Photos may not tell such places apart, and are "
-            "left out if they do not. If the difference is none, make it none in the file; or "
-            "move a board by half a square or more."
-        )
+        yield _said("nearly_same", turned=_turned(turn, alone=alone), error=turn.error)
     if not alone:
         yield from _telling_apart(facts)
 
 
 def _telling_apart(facts: ObjectFacts) -> Iterator[str]:
     if facts.look_alikes is None or facts.boards_needed is None:
-        yield "There are too many boards without markers to see which look alike in photos."
-        return
-    but = "Up to such turns, " if facts.symmetries else "In photos "
-    if facts.boards_needed == 1:
-        yield but + "each board, seen whole, is told from the others by its size and colours."
+        yield _said("too_many")
         return
     total, needed = len(facts.plain), facts.boards_needed
-    how = "by their sizes and by how they lie to each other"
-    if needed > facts.boards_at_once:
-        yield (
-            "Groups of boards look like other groups, and no photo shows enough boards to be "
-            "sure: give the boards different sizes, or markers."
-        )
-    elif needed == total:
-        boards = "both" if total == 2 else f"all {total}"
-        yield but + f"only a photo of {boards} boards is sure to tell which is which, {how}."
-    else:
-        yield but + f"any {needed} boards that are seen together can be told apart, {how}."
+    many = needed > facts.boards_at_once
+    how = "each" if needed == 1 else "never" if many else "some"
+    if how == "some" and needed == total:
+        how = "both" if total == 2 else "all"
+    yield _said(f"told_{how}", turns=bool(facts.symmetries), total=total, needed=needed)
+    if needed == 1:
+        return
     alone = [turn for turn in facts.look_alikes if len(turn.boards) == 1]
     groups = [turn for turn in facts.look_alikes if len(turn.boards) > 1]
-    alike = [f"{_list(turn.boards)} could be {_list(turn.onto)}" for turn in groups[:_MOST]]
+    alike = [
+        _said("group", some=", ".join(turn.boards), onto=", ".join(turn.onto))
+        for turn in groups[:_MOST]
+    ]
     if len(groups) > _MOST:
-        alike.append(f"{len(groups) - _MOST} more groups likewise")
+        alike.append(_said("groups", more=len(groups) - _MOST))
     if len(alone) == 1:
-        alike.append(_alone(alone[0]))
+        (turn,), (board, onto) = alone, (alone[0].boards[0], alone[0].onto[0])
+        itself = "itself" if board == onto else "another"
+        alike.append(_said(itself, board=board, onto=onto, angle_deg=turn.angle_deg))
     elif alone:
-        names = either([turn.boards[0] for turn in alone])
-        alike.append(f"{names} could be another board, or itself the other way round")
-    yield (
-        f"Seen without the rest, {'; '.join(alike)}. Such photos are left out, and nothing is "
-        "guessed."
-    )
+        alike.append(_said("others", boards=either([turn.boards[0] for turn in alone])))
+    yield _said("alike", alike="; ".join(alike))
     if needed > 2 or needed == total:
-        yield "With a board of another size, or one moved by a square in its plane, fewer would do."
-
-
-def _alone(turn: Turn) -> str:
-    if turn.boards == turn.onto:
-        return f"{turn.boards[0]} could be itself turned by {turn.angle_deg:.0f}°"
-    return f"{turn.boards[0]} could be {turn.onto[0]}"
+        yield _said("fewer")
 
 
 def _places(facts: ObjectFacts) -> Iterator[str]:
     for one, other in facts.crossing[:_MOST]:
-        yield f"The prints of {one} and {other} reach into each other: check origin and axes."
-    for board, other in facts.turned_away[:_MOST]:
-        yield (
-            f"{board} shows its back to {other}, which faces it: is x_axis or y_axis of one of "
-            "them reversed? Seen on the printed face, x is to the right and y down."
-        )
+        yield _said("crossing", one=one, other=other)
+    for one, other in facts.turned_away[:_MOST]:
+        yield _said("turned_away", one=one, other=other)
     pairs = [f"{one} and {other}" for one, other in facts.never_together]
     if pairs:
-        more = f" (and {len(pairs) - _MOST} more pairs)" if len(pairs) > _MOST else ""
-        yield f"Back to back, so never in one photo: {_list(pairs[:_MOST], '; ')}{more}."
+        more = _said("more_pairs", more=len(pairs) - _MOST) if len(pairs) > _MOST else ""
+        yield _said("never_together", pairs="; ".join(pairs[:_MOST]), more_pairs=more)
 
 
 def _sizes(target: Target) -> Iterator[str]:
     """Lengths that look like those of another unit."""
-    printed = sorted(
-        (board for board in target.boards if board.points is None), key=lambda b: b.square
-    )
+    printed = [board for board in target.boards if board.points is None]
     if not printed:
         return
-    small, large = printed[0], printed[-1]
-    if large.square > _ONE_UNIT * small.square:
-        yield (
-            f"The squares of {large.name}, {large.square:g}, are {large.square / small.square:.0f} "
-            f"times those of {small.name}, {small.square:g}: are all lengths in the same unit?"
-        )
-        return
+    *_, large = ordered = sorted(printed, key=lambda board: board.square)
+    small = ordered[0]
+    figures = {"large": large.square, "small": small.square, "units": target.units}
     factor = MILLIMETRES.get(target.units.lower())
-    if factor is not None and not _FINEST_MM <= factor * large.square <= _LARGEST_MM:
-        yield (
-            f"A square of {large.square:g} {target.units} is very "
-            f"{'small' if factor * large.square < _FINEST_MM else 'large'}: is units right? A lens "
-            "does not depend on it, but all lengths that you measure will."
-        )
+    if large.square > _ONE_UNIT * small.square:
+        times = large.square / small.square
+        yield _said("two_units", **figures, times=times, one=large.name, other=small.name)
+    elif factor is not None and not _FINEST_MM <= factor * large.square <= _LARGEST_MM:
+        yield _said("odd_unit", **figures, is_small=factor * large.square < _FINEST_MM)
 
 
 def _turned(turn: Turn, *, alone: bool) -> str:
     if alone:
-        return f"Turned by {turn.angle_deg:.0f}° about the middle of {turn.boards[0]}"
+        return _said("turned_alone", angle_deg=turn.angle_deg, board=turn.boards[0])
     axis, point = (
         "(" + ", ".join(f"{round(float(value), 2) + 0.0:g}" for value in vector) + ")"
         for vector in (turn.axis, turn.point)
     )
-    moved = [f"{a} → {b}" for a, b in zip(turn.boards, turn.onto, strict=True)]
-    return f"Turned by {turn.angle_deg:.0f}° about the axis {axis} through {point} ({_list(moved)})"
-
-
-def _list(words: Sequence[str], comma: str = ", ") -> str:
-    return comma.join(words)
+    moved = ", ".join(f"{a} → {b}" for a, b in zip(turn.boards, turn.onto, strict=True))
+    return _said("turned", angle_deg=turn.angle_deg, axis=axis, point=point, moved=moved)

@@ -32,6 +32,7 @@ class Catalogue(NamedTuple):
         because: evidence by its key.
         phrases: parts of sentences, by the name of a figure and its value.
         events: what is said while work is done, by event.
+        checks: what is said of a target before any photo.
 
     """
 
@@ -39,6 +40,7 @@ class Catalogue(NamedTuple):
     because: Mapping[str, str]
     phrases: Mapping[str, Mapping[str, str]]
     events: Mapping[str, str]
+    checks: Mapping[str, str]
 
 
 @cache
@@ -71,4 +73,5 @@ def catalogue() -> Catalogue:
         table: {key: whole(text) for key, text in own.items()}
         for table, own in data["phrases"].items()
     }
-    return Catalogue(sayings, data["because"], phrases, data["events"])
+    checks = {key: whole(text) for key, text in data["checks"].items()}
+    return Catalogue(sayings, data["because"], phrases, data["events"], checks)

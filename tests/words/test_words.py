@@ -32,7 +32,9 @@ NAMES = {
 }  # fmt: skip
 NAMES |= {"against": "it is off", "mend": "look", "nearness": ", 1 m away"}
 NAMES |= {"path": "a.yaml", "name": "left", "film": "a.mp4", "folder": "frames", "line": "it is"}
-NAMES |= {"video": "flat.mp4"}
+NAMES |= {"video": "flat.mp4", "axis": "(0, 0, 1)", "point": "(5, 5, 0)", "moved": "floor → wall"}
+NAMES |= {"turned": "Turned by 180°", "onto": "wall", "pairs": "floor and wall", "more_pairs": ""}
+NAMES |= {"some": "floor", "alike": "floor could be wall"}
 NAMES |= {"cameras": ["left", "right"], "of_shots": ["0007"]}
 IMAGES, BOARDS = ("a.png", "b.png"), ("floor", "wall")
 
@@ -79,6 +81,10 @@ def all_wording() -> str:
         for key, text in phrases.items():
             values = {**sample((text,), 2), "images": IMAGES, "boards": BOARDS}
             lines.append(f"  {key}: {sentences.vformat(text, (), values)}")
+    lines.append("\nchecks")
+    for name, text in catalogue().checks.items():
+        values = {**sample((text,), 2), "boards": ", ".join(BOARDS)}
+        lines.append(f"  {name}: {sentences.vformat(text, (), values)}")
     lines.append("\nevents")
     for name, text in catalogue().events.items():
         figures = sample((text,), 2)
