@@ -19,6 +19,7 @@ from cubicfish_cli.printing.sheet import SIDES, Sheet, Side
 from cubicfish_cli.rendering.object_drawing import Picture, picture_of
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
+from cubicfish_cli.words.catalogue import catalogue
 
 SIZES = {"A4": (210.0, 297.0), "Letter": (215.9, 279.4)}
 _MARGIN = 14.0
@@ -311,45 +312,10 @@ def write_assembly(
 
 def words_for(kind: str | None, paper: str) -> Words:
     """What the page says about a target of a kind that is made here, or (None) any other."""
-    check = (
-        f"Print boards.pdf at 100 % on {paper}, without 'fit to page', and check the printed "
-        "rulers with a real one: 100 mm must be 100 mm. If not, print again; if that does not "
-        "help, multiply every length in target.yaml by measured / 100."
-    )
-    then = (
-        "Take photos that fill the picture to the rim, from near and from different sides, then: "
-        "cubicfish calibrate photos/ --target target.yaml"
-    )
-    measure = (
-        "Measure the lengths below. What is off by a millimetre or two, or not quite square or "
-        "flat, 'cubicfish calibrate --refine-target auto' (the default) finds by itself; correct "
-        "larger differences in target.yaml."
-    )
-    if kind is None:
-        place = (
-            "Glue the pages onto flat, stiff plates, and fix the plates where the target file "
-            "says: dots mark corner (0, 0), lines from it the way of columns (orange) and rows "
-            "(blue)."
-        )
-        return Words(title="How the boards are placed", steps=(check, place, measure, then))
-    inside = kind != "block"
-    glue = (
-        "Glue the sheets onto flat, stiff plates (foam board, acrylic, glass), without bubbles, "
-        "and cut along the dashed lines. Edges without a line may stay as they are."
-    )
-    join = (
-        f"Join edges with the same letter at right angles, printed faces "
-        f"{'inside' if inside else 'outside'}, as drawn. The printed faces must meet in the edges: "
-        f"{'let the plates overlap behind them' if inside else 'mitre thick plates'}."
-    )
-    names = {
-        "corner": "A corner of three boards, seen from inside",
-        "box": "An open box of five boards, seen from inside",
-        "block": "A block of five boards, seen from outside",
-    }
-    steps = [check, glue, join, measure, then]
-    if kind != "corner":
-        steps.insert(
-            3, "A board may be left away: take its entry out of target.yaml, with no other change."
-        )
-    return Words(title=names[kind], steps=tuple(steps))
+    said = catalogue().assembly
+    names = ["print", "place", "measure", "then"]
+    if kind is not None:
+        spare = ["spare"] * (kind != "corner")
+        names = ["print", "glue", "outside" if kind == "block" else "inside", *spare, *names[2:]]
+    steps = tuple(said[name].format(paper=paper) for name in names)
+    return Words(title=said[f"{kind or 'any'}_title"], steps=steps)

@@ -146,6 +146,7 @@ ALLOWED: dict[str, set[str]] = {
         "errors",
         "files",
         "wording",
+        "words",
         "target",
         "boards",
         "formats",
