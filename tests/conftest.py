@@ -30,6 +30,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import pytest
+import yaml
 from hypothesis import settings
 from running import MISSING, SAMPLE, Run, run_cli
 
@@ -37,6 +38,9 @@ from cubicfish_cli.printing import extra
 
 if TYPE_CHECKING:
     from cubicfish_cli.fitting.calibrate import Calibration
+
+# Tests read camera.yaml as often as commands do: by the quick loader where there is one.
+yaml.SafeLoader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 # Busy machines are slow at times; no test judges by the clock. The inner loop tries fewer examples.
 settings.register_profile("untimed", deadline=None)

@@ -112,6 +112,7 @@ def test_tags_tell_it_too():
     assert (told.figures["columns"], told.figures["rows"]) == (4, 3)
 
 
+@pytest.mark.slow
 def test_markers_of_another_family_tell_nothing_of_rows():
     target = drawing("charuco", (4, 6))
     (board,) = target.boards

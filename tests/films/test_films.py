@@ -61,6 +61,7 @@ def test_a_picture_without_edges_has_no_sharpness() -> None:
     assert sharpness(np.full((90, 120), 128, np.uint8)) == 0
 
 
+@pytest.mark.slow
 def test_motion_grows_with_the_shift_and_not_with_the_light() -> None:
     photo = photos(3)[0]
     small = small_picture(photo)
