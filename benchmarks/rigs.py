@@ -2,7 +2,8 @@
 
     python benchmarks/rigs.py                    # all set-ups, three seeds each
     python benchmarks/rigs.py --only six --seeds 1
-    python benchmarks/rigs.py --time             # minutes for more shots and more cameras
+    python benchmarks/rigs.py --growth           # 3, 6, 11 cameras x 50, 200, 850 shots
+    python benchmarks/rigs.py --growth --cameras 11 --shots 850 --field 90
 
 Lenses are of no family that is fitted (equisolid of 190 to 220 degrees, with a bump and a turned
 rear group); noise is 0.1 px on each coordinate. A pose's error is that of the rays of a camera's
@@ -195,18 +196,53 @@ def measure(name: str, seeds: range) -> None:
     )
 
 
-def measure_time() -> None:
-    for name, shots in (("four", 25), ("four", 50), ("four", 100), ("six", 100)):
-        setup = replace(SETUPS[name], shots=shots)
-        pairs, _, _ = simulated(setup, 0)
-        began, wall = time.process_time(), time.perf_counter()
-        fitted(pairs, setup.target)
-        print(
-            f"{name}: {len(pairs)} cameras x {shots} shots, "
-            f"{sum(len(one.pixel) for one in pairs):,} corners: "
-            f"{time.process_time() - began:.0f} s CPU, {time.perf_counter() - wall:.0f} s",
-            flush=True,
-        )
+def on_ring(cameras: int, shots: int, field_deg: float) -> Setup:
+    """Cameras that look out from a ring at a target that is carried about them."""
+    yaws = [360 * number / cameras for number in range(cameras)]
+    fields = [field_deg + 10 * (number % 3) for number in range(cameras)]
+    return Setup(ring(yaws), fields, corner_target(), (250, 900), CORNER_MIDDLE, shots)
+
+
+class Stages:
+    """CPU seconds of each camera alone, on average, and of what comes after."""
+
+    def __init__(self) -> None:
+        self.began: list[tuple[str, float]] = []
+
+    def __call__(self, what: str, _: float) -> None:
+        self.began.append((what, time.process_time()))
+
+    def __str__(self) -> str:
+        ends = [*(at for _, at in self.began[1:]), time.process_time()]
+        took = [(what, end - at) for (what, at), end in zip(self.began, ends, strict=True)]
+        alone = [spent for what, spent in took if what.endswith(" alone")]
+        rest = ", ".join(f"{what} {spent:.1f}" for what, spent in took[len(alone) :])
+        return f"a camera alone {np.mean(alone):.1f}, {rest}"
+
+
+def measure_growth(cameras: list[int], shots: list[int], field_deg: float) -> None:
+    for count in cameras:
+        for many in shots:
+            setup = on_ring(count, many, field_deg)
+            pairs, truth, _ = simulated(setup, 0)
+            stages = Stages()
+            began, wall = time.process_time(), time.perf_counter()
+            rig = fitted(pairs, setup.target, progress=stages)
+            spent, wall = time.process_time() - began, time.perf_counter() - wall
+            errors = np.array(place_errors(rig, truth))
+            sigma = np.sqrt([np.diagonal(one.covariance) for one in rig.cameras[1:]])
+            ratio = errors / sigma
+            photos = sum(len(one.images) for one in pairs)
+            print(
+                f"{count} cameras x {many} shots, {photos:,} photos: {spent:.0f} s CPU, "
+                f"{wall:.0f} s, {1000 * spent / photos:.0f} ms a photo ({stages}); turn "
+                f"{np.rad2deg(np.median(np.linalg.norm(errors[:, :3], axis=1))):.5f}°, shift "
+                f"{np.median(np.linalg.norm(errors[:, 3:], axis=1)):.4f} mm; error/sigma "
+                f"{np.sqrt(np.mean(ratio[:, :3] ** 2)):.2f}, "
+                f"{np.sqrt(np.mean(ratio[:, 3:] ** 2)):.2f}; RMS {rig.errors.rms_px:.4f} px, held "
+                f"out {rig.held_out_rms_px:.4f}",
+                flush=True,
+            )
 
 
 def main() -> int:
@@ -214,10 +250,13 @@ def main() -> int:
     parser.add_argument("--only", choices=SETUPS, action="append")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--time", action="store_true")
+    parser.add_argument("--growth", action="store_true")
+    parser.add_argument("--cameras", type=int, nargs="+", default=[3, 6, 11])
+    parser.add_argument("--shots", type=int, nargs="+", default=[50, 200, 850])
+    parser.add_argument("--field", type=float, default=190.0, help="degrees")
     given = parser.parse_args()
-    if given.time:
-        measure_time()
+    if given.growth:
+        measure_growth(given.cameras, given.shots, given.field)
         return 0
     for name in given.only or SETUPS:
         measure(name, range(given.first, given.first + given.seeds))

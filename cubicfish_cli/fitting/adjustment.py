@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -15,13 +15,15 @@ from cubicfish_cli.fitting.normal_equations import (
     Linearised,
     NormalEquations,
     NormalSums,
+    damped,
     runs_of_photos,
 )
 from cubicfish_cli.fitting.poses import Poses, cross, cross_matrix
-from cubicfish_cli.fitting.rig_lens import body_of
+from cubicfish_cli.fitting.rig_lens import RigLens, body_of
+from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.types import FloatArray
+from cubicfish_cli.types import FloatArray, IntArray
 
 L = TypeVar("L", bound=FitLens)
 
@@ -32,6 +34,9 @@ _ROUNDING = 1e-13
 # Where a straight step leads up, and on from there the cost changes by less than this share, it is
 # the bottom as far as many photos tell: there is always one whose pose rocks between two places.
 _IMMATERIAL = 1e-8
+# Steps of a photo that goes on by itself, each of which has to lower its cost by this share.
+_POSE_ROUNDS = 20
+_POSE_DECREASE = 1e-6
 # What residuals say of their noise is less certain than this share.
 _SAME_LIMIT = 0.02
 # What an adjustment looks at of its pairs, beside their world points.
@@ -179,8 +184,9 @@ def adjust(
         )
     normal, sums = now.normal, now.sums
     near, iterations = damping < COLD_DAMPING, 0
+    held = np.zeros((len(poses), 1))
     while iterations < max_iterations:
-        step = normal.solve(damping)
+        step = normal.solve(damping, held)
         gain = normal.expected_decrease(step) / max(now.cost, 1e-300)
         # Far from the optimum, or damped, a step says too little of what is left to gain.
         if near and gain < relative_decrease and damping < COLD_DAMPING:
@@ -190,17 +196,23 @@ def adjust(
         iterations += 1
         candidate = state.moved(*step)
         new = _evaluated(candidate, pairs, huber_px)
-        stray = new.cost >= now.cost and gain > _ROUNDING and iterations < max_iterations
-        if new.normal is not None and stray:
-            # A valley that bends: what went straight on is on its side, a step above its floor.
+        stray = not new.cost < now.cost and gain > _ROUNDING and iterations < max_iterations
+        if stray:
             iterations += 1
-            candidate = candidate.moved(*new.normal.solve(damping))
+            raised = _raised(candidate, new.residual, now.residual, pairs, huber_px)
+            if raised.size:
+                # Of many photos there is always one that goes astray: it must not stop the others.
+                candidate = _settled(candidate, state.poses, raised, pairs, huber_px, held)
+            elif new.normal is not None:
+                # A valley that bends: what went straight on is on its side, above its floor.
+                candidate = candidate.moved(*new.normal.solve(damping))
             new = _evaluated(candidate, pairs, huber_px)
         least = max(relative_decrease, _IMMATERIAL) if stray else relative_decrease
         if new.normal is not None and new.cost < now.cost:
             decrease = (now.cost - new.cost) / max(now.cost, 1e-300)
             state, now, normal, sums = candidate, new, new.normal, new.sums
             damping = max(damping / 10, 1e-12)
+            held *= 1.0 if stray else 0.1
             if decrease < least:
                 break
         else:
@@ -235,15 +247,98 @@ def _evaluated(state: State[Any], pairs: Observations, huber_px: float) -> _Eval
     """Evaluate a state with its derivatives at once: nearly every step that is tried is taken."""
     lens, world = state.lens, state.world
     sums = NormalSums(len(lens.parameters), len(world.parameters), len(state.poses), world)
-    residual = np.empty_like(pairs.pixel)
+    residual, finite = np.empty_like(pairs.pixel), True
     # A step may lead anywhere: what overflows there has an infinite cost and is turned down.
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         for photos, run, terms, root in runs_linearised(lens, state.poses, world, pairs, huber_px):
             residual[run] = terms.residual
-            if not np.isfinite(terms.residual).all():
-                return _Evaluation(np.inf, residual)
-            sums.add(terms, root, photos, pairs.image[run], run)
+            finite = finite and bool(np.isfinite(terms.residual).all())
+            if finite:
+                sums.add(terms, root, photos, pairs.image[run], run)
+    if not finite:
+        return _Evaluation(np.inf, residual)
     return _with_priors(state, pairs, huber_px, residual, sums)
+
+
+def _raised(
+    state: State[Any],
+    residual: FloatArray,
+    before: FloatArray,
+    pairs: Observations,
+    huber_px: float,
+) -> IntArray:
+    """Poses whose cost a step raised by far, where it lowers that of the others; else none."""
+    count = len(state.poses)
+    shot = body_of(state.lens, count).shot_of(pairs.image)
+    rise = _by_pose(residual, pairs, huber_px, shot, count)
+    rise -= _by_pose(before, pairs, huber_px, shot, count)
+    known = np.isfinite(rise)
+    raised = ~known | (rise > np.abs(rise[known]).sum() / count)
+    return np.flatnonzero(raised) if rise[~raised].sum() < 0 else np.zeros(0, np.intp)
+
+
+def _settled(
+    candidate: State[L],
+    before: Poses,
+    raised: IntArray,
+    pairs: Observations,
+    huber_px: float,
+    held: FloatArray,
+) -> State[L]:
+    """A candidate in which some poses are at an optimum of their own, each near where it was.
+
+    How firmly they have to be held (M, 1) for their steps to lead down is written into the last
+    argument.
+    """
+    body = body_of(candidate.lens, len(before))
+    shot = body.shot_of(pairs.image)
+    own, views = select(pairs, np.isin(shot, raised))
+    world = World(as_drawn=candidate.world.points[np.isin(shot, raised)])
+    seen_from = np.searchsorted(raised, body.shot[views])
+    body = replace(body, camera=body.camera[views], shot=seen_from)
+    poses = before[raised]
+    damping = np.full((len(raised), 1), COLD_DAMPING)
+    firm = damping.copy()
+    cost, equations = _pose_equations(State(body, poses, world), own, huber_px)
+    for _ in range(_POSE_ROUNDS):
+        hessian = damped(equations[:, :, :6], damping)
+        tried = poses.moved(-np.linalg.solve(hessian, equations[:, :, 6:])[:, :, 0])
+        less, by_tried = _pose_equations(State(body, tried, world), own, huber_px)
+        better = less < cost
+        more_to_gain = np.where(better, less < (1 - _POSE_DECREASE) * cost, damping[:, 0] < 1e8)
+        poses = poses.with_photos(np.flatnonzero(better), tried[better])
+        equations[better], cost[better] = by_tried[better], less[better]
+        firm = np.where(better[:, None], damping, firm)
+        damping *= np.where(better, 0.1, 10.0)[:, None]
+        if not more_to_gain.any():
+            break
+    held[raised] = np.maximum(10 * held[raised], firm)
+    return replace(candidate, poses=candidate.poses.with_photos(raised, poses))
+
+
+def _pose_equations(
+    state: State[RigLens], pairs: Observations, huber_px: float
+) -> tuple[FloatArray, FloatArray]:
+    """Cost (M,) of each pose's pairs, and their normal equations for it (M, 6, 7)."""
+    count = len(state.poses)
+    residual, equations = np.empty_like(pairs.pixel), np.zeros((count, 6, 7))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        runs = runs_linearised(state.lens, state.poses, state.world, pairs, huber_px)
+        for _, run, terms, root in runs:
+            residual[run] = terms.residual
+            rows = np.concatenate([terms.d_turn, terms.d_shift, terms.residual[:, :, None]], axis=2)
+            rows *= root[:, None, None]
+            np.add.at(equations, terms.pose, rows[:, :, :6].transpose(0, 2, 1) @ rows)
+        shot = state.lens.shot_of(pairs.image)
+        return _by_pose(residual, pairs, huber_px, shot, count), equations
+
+
+def _by_pose(
+    residual: FloatArray, pairs: Observations, huber_px: float, shot: IntArray, count: int
+) -> FloatArray:
+    """(M,) what each pose's pairs put into the cost."""
+    distance = np.hypot(residual[:, 0], residual[:, 1])
+    return np.bincount(shot, pairs.weight * huber_cost(distance, huber_px), count)
 
 
 def _known(

@@ -52,9 +52,11 @@ class NormalEquations:
     pose_corner: FloatArray
     corner_gradient: FloatArray
 
-    def solve(self, damping: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """One damped Gauss-Newton step: (K,), (M, 6) and (Q, 3)."""
-        return self.eliminated(damping).solve()
+    def solve(
+        self, damping: float, of_pose: FloatArray | float = 0.0
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """One damped Gauss-Newton step: (K,), (M, 6) and (Q, 3); see :meth:`eliminated`."""
+        return self.eliminated(damping, of_pose).solve()
 
     def expected_decrease(self, step: tuple[FloatArray, FloatArray, FloatArray]) -> float:
         """By how much a lightly damped Gauss-Newton step lowers the cost of the linear problem."""
@@ -95,16 +97,22 @@ class NormalEquations:
             corner_gradient=self.corner_gradient - by_corner[:, :, -4],
         )
 
-    def eliminated(self, damping: float) -> Eliminated:
-        """The damped equations with the larger family of small blocks eliminated."""
-        shared, pose, corner = (_damped(x, damping) for x in (self.shared, self.pose, self.corner))
-        return self._eliminated(shared, pose, corner)
+    def eliminated(self, damping: float, of_pose: FloatArray | float = 0.0) -> Eliminated:
+        """The damped equations with the larger family of small blocks eliminated.
+
+        Args:
+            damping: of all unknowns.
+            of_pose: (M, 1) the least of each pose.
+
+        """
+        pose = damped(self.pose, np.maximum(damping, of_pose))
+        return self._eliminated(damped(self.shared, damping), pose, damped(self.corner, damping))
 
     def reduced_shared(self) -> FloatArray:
         """(K, K): the shared unknowns' Hessian with poses and corners eliminated, undamped."""
         floor = 1e-14
         shared = self.shared
-        pose, corner = _damped(self.pose, floor), _damped(self.corner, floor)
+        pose, corner = damped(self.pose, floor), damped(self.corner, floor)
         reduced = self._eliminated(shared, pose, corner).matrix
         count = len(shared)
         rest = reduced[count:, count:]
@@ -268,8 +276,8 @@ def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
         return scale * (np.linalg.pinv(scaled, hermitian=True) @ (scale * right))
 
 
-def _damped(matrix: FloatArray, damping: float) -> FloatArray:
-    """Marquardt's scaling: each unknown is damped in its own unit."""
+def damped(matrix: FloatArray, damping: float | FloatArray) -> FloatArray:
+    """Marquardt's scaling: each unknown is damped in its own unit; blocks (n, b, b) by (n, 1)."""
     if not matrix.size:
         return matrix
     diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)

@@ -11,7 +11,7 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting import adjustment
 from cubicfish_cli.fitting.adjustment import adjust, huber_cost, huber_weight
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
-from cubicfish_cli.fitting.normal_equations import _damped
+from cubicfish_cli.fitting.normal_equations import damped
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import fit_radial, refit_radial
 from cubicfish_cli.fitting.subset import select
@@ -111,7 +111,7 @@ def test_a_bend_is_the_same_wherever_it_starts(pairs):
 def dense_step(normal, damping):
     """The damped step from the whole Hessian at once."""
     shared, pose, corner = (
-        _damped(block, damping) for block in (normal.shared, normal.pose, normal.corner)
+        damped(block, damping) for block in (normal.shared, normal.pose, normal.corner)
     )
     blocks = block_diag(shared, *pose, *corner)
     count, photos = len(shared), 6 * len(pose)
