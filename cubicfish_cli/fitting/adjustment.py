@@ -302,12 +302,14 @@ def _settled(
     cost, equations = _pose_equations(State(body, poses, world), own, huber_px)
     for _ in range(_POSE_ROUNDS):
         hessian = damped(equations[:, :, :6], damping)
-        tried = poses.moved(-np.linalg.solve(hessian, equations[:, :, 6:])[:, :, 0])
+        step = np.asarray(np.linalg.solve(hessian, -equations[:, :, 6:]), float)
+        tried = poses.moved(step[:, :, 0])
         less, by_tried = _pose_equations(State(body, tried, world), own, huber_px)
         better = less < cost
         more_to_gain = np.where(better, less < (1 - _POSE_DECREASE) * cost, damping[:, 0] < 1e8)
-        poses = poses.with_photos(np.flatnonzero(better), tried[better])
-        equations[better], cost[better] = by_tried[better], less[better]
+        lower = np.flatnonzero(better)
+        poses = poses.with_photos(lower, tried[lower])
+        equations[lower], cost[lower] = by_tried[lower], less[lower]
         firm = np.where(better[:, None], damping, firm)
         damping *= np.where(better, 0.1, 10.0)[:, None]
         if not more_to_gain.any():
@@ -338,7 +340,7 @@ def _by_pose(
 ) -> FloatArray:
     """(M,) what each pose's pairs put into the cost."""
     distance = np.hypot(residual[:, 0], residual[:, 1])
-    return np.bincount(shot, pairs.weight * huber_cost(distance, huber_px), count)
+    return np.bincount(shot, pairs.weight * huber_cost(distance, huber_px), count).astype(float)
 
 
 def _known(

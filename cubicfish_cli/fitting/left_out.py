@@ -8,7 +8,6 @@ the price of a small linear system, where a fit anew costs tens of iterations.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -16,7 +15,9 @@ import numpy as np
 
 from cubicfish_cli.fitting.adjustment import Adjustment, runs_linearised
 from cubicfish_cli.fitting.fit_lens import FitLens
-from cubicfish_cli.fitting.normal_equations import Eliminated, summed_by_corner
+from cubicfish_cli.fitting.normal_equations import Eliminated, NormalEquations, NormalSums
+from cubicfish_cli.fitting.rig_lens import body_of
+from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 
@@ -25,78 +26,6 @@ _DAMPING = 1e-9
 _SMALLEST_ROOT = 1e-6
 # Below this share of the largest, a singular value is rounding.
 _RANK = 1e-12
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Seen:
-    """What n pairs put into the normal equations, all weighted by their roots."""
-
-    rows: FloatArray  # (n, 2, K + 1) by what is shared; the residual is last
-    pose: FloatArray  # (n, 2, 6)
-    root: FloatArray  # (n,) root of the weights
-    corner: IntArray  # (n,) free corner of each pair; empty where there are none
-    by_corner: FloatArray  # (n, 2, 3)
-    place: IntArray  # (n,) the pose that each is seen from
-
-    @classmethod
-    def of(cls, fit: Adjustment[Any], pairs: Observations, huber_px: float) -> Seen:
-        """Of all pairs of a fit."""
-        lens, count = len(fit.lens.parameters), len(pairs.image)
-        shared = lens + len(fit.world.parameters)
-        seen = cls(
-            rows=np.zeros((count, 2, shared + 1)),
-            pose=np.empty((count, 2, 6)),
-            root=np.empty(count),
-            corner=fit.world.corner,
-            by_corner=np.empty((count, 2, 3)),
-            place=np.empty(count, np.intp),
-        )
-        for _, run, terms, root in runs_linearised(fit.lens, fit.poses, fit.world, pairs, huber_px):
-            seen.root[run] = root = np.maximum(root, _SMALLEST_ROOT)
-            weight = root[:, None, None]
-            rows = seen.rows[run]
-            np.multiply(terms.d_lens, weight, out=rows[:, :, terms.columns])
-            np.multiply(terms.d_board, weight, out=rows[:, :, lens:shared])
-            np.multiply(terms.residual, root[:, None], out=rows[:, :, shared])
-            np.multiply(terms.d_turn, weight, out=seen.pose[run, :, :3])
-            np.multiply(terms.d_shift, weight, out=seen.pose[run, :, 3:])
-            np.multiply(terms.d_corner, weight, out=seen.by_corner[run])
-            seen.place[run] = terms.pose
-        return seen
-
-    def select(self, poses: IntArray) -> Seen:
-        """What is seen from some poses."""
-        own = np.isin(self.place, poses)
-        names = [one.name for one in fields(Seen) if len(getattr(self, one.name))]
-        return replace(self, **{name: getattr(self, name)[own] for name in names})
-
-    def sums(self, corners: int) -> tuple[FloatArray, FloatArray]:
-        """Summed up: (K + 1, K + 1), and (Q, 3, K + 4) by free corners, see ``without``."""
-        rows = self.rows.reshape(2 * len(self.rows), -1)
-        by_corner = np.zeros((0, 3, rows.shape[1] + 3))
-        if corners:
-            whole = np.concatenate([self.rows, self.by_corner], axis=2)
-            by_corner = summed_by_corner(self.corner, corners, self.by_corner, whole)
-        return rows.T @ rows, by_corner
-
-    def after(self, pose: int, shared: FloatArray, offset: FloatArray) -> FloatArray:
-        """Residuals (n, 2, H) of what is seen from a pose, which is fitted anew.
-
-        Args:
-            pose: the pose.
-            shared: (K, H) steps of what is shared.
-            offset: (Q, 3, H) those of free corners.
-
-        """
-        own = np.flatnonzero(self.place == pose)
-        left = self.rows[own, :, -1:] + self.rows[own, :, :-1] @ shared
-        if len(self.corner):
-            left += self.by_corner[own] @ offset[self.corner[own]]
-        basis, size, _ = np.linalg.svd(self.pose[own].reshape(-1, 6), full_matrices=False)
-        basis = basis[:, size > _RANK * size[:1]]
-        flat = left.reshape(len(basis), -1)
-        flat = flat - basis @ (basis.T @ flat)
-        return np.asarray(flat.reshape(left.shape) / self.root[own, None, None])
 
 
 class Leaving:
@@ -109,7 +38,7 @@ class Leaving:
         huber_px: float,
         groups: Sequence[IntArray],
     ) -> None:
-        """Work out what every group puts into the equations.
+        """Note what is to be left out of which fit.
 
         Args:
             fit: the fit to all photos, at its optimum.
@@ -118,19 +47,13 @@ class Leaving:
             groups: photos to be left out together.
 
         """
-        self._fit = fit
-        corners = len(fit.world.offsets)
-        seen = Seen.of(fit, pairs, huber_px)
-        parts = [(photos, seen.select(photos)) for photos in groups]
-        self._groups = [(photos, own, *own.sums(corners)) for photos, own in parts]
-        self._equations = [
-            fit.normal.without(photos, gram, by_corner).eliminated(_DAMPING)
-            for photos, _, gram, by_corner in self._groups
-        ]
+        self._fit, self._pairs, self._huber_px, self._groups = fit, pairs, huber_px, groups
+        self._shot = body_of(fit.lens, len(fit.poses)).shot_of(pairs.image)
 
-    def steps(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+    def steps(self) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
         """Steps (K,), (M, 6) and (Q, 3) to the fit without each group; its own poses' are 0."""
-        return [equations.solve() for equations in self._equations]
+        for group, put_in in zip(self._groups, self._put_in, strict=True):
+            yield self._fit.normal.without(group, put_in).eliminated(_DAMPING).solve()
 
     def residuals(self, priors: FloatArray | None = None) -> Iterator[tuple[int, FloatArray]]:
         """Residuals of every photo under the fit without its group, its own pose fitted anew.
@@ -146,19 +69,14 @@ class Leaving:
         """
         own = self._fit.lens.prior()
         change = (own[None] if priors is None else priors) - own
-        for (photos, seen, _, _), equations in zip(self._groups, self._equations, strict=True):
-            step = equations.solve_changed(change)
-            for photo in photos.tolist():
-                yield photo, seen.after(photo, *step)
+        for group, put_in in zip(self._groups, self._put_in, strict=True):
+            equations = self._fit.normal.without(group, put_in).eliminated(_DAMPING)
+            yield from self._after(group, *equations.solve_changed(change))
 
     def held_as(self, lens: FitLens) -> FloatArray:
         """Step (K,) of the shared unknowns with no photo left out, under another lens's prior."""
         change = lens.prior() - self._fit.lens.prior()
         return self._equations_of_all.solve_changed(change[None])[0][:, 0]
-
-    @cached_property
-    def _equations_of_all(self) -> Eliminated:
-        return self._fit.normal.eliminated(_DAMPING)
 
     def influence(self) -> FloatArray:
         """Steps (G, K) of the shared unknowns with each group's pull gone, but not its weight.
@@ -166,9 +84,68 @@ class Leaving:
         The empirical influence of a group (Jaeckel's infinitesimal jackknife): what it adds to the
         gradient counts, its share of the equations stays.
         """
-        normal, groups = self._fit.normal, len(self._groups)
-        shared = np.zeros((groups, *normal.shared_gradient.shape))
-        corner = np.zeros((groups, *normal.corner_gradient.shape))
-        for group, (_, _, gram, by_corner) in enumerate(self._groups):
-            shared[group], corner[group] = -gram[:-1, -1], -by_corner[:, :, -4]
+        shared = -np.array([one.shared_gradient for one in self._put_in])
+        corner = -np.array([one.corner_gradient for one in self._put_in])
         return self._equations_of_all.shared_steps(shared, corner)
+
+    @cached_property
+    def _equations_of_all(self) -> Eliminated:
+        return self._fit.normal.eliminated(_DAMPING)
+
+    def _part(self, group: IntArray) -> tuple[Observations, World]:
+        """What is seen from some poses."""
+        own = np.flatnonzero(np.isin(self._shot, group))
+        return self._pairs.select(own), self._fit.world.select(own)
+
+    @cached_property
+    def _put_in(self) -> list[NormalEquations]:
+        """What each group puts into the equations, of what all photos share."""
+        return [self._sums(group).equations().of_shared() for group in self._groups]
+
+    def _sums(self, group: IntArray) -> NormalSums:
+        fit = self._fit
+        pairs, world = self._part(group)
+        lens, boards = len(fit.lens.parameters), len(world.parameters)
+        sums = NormalSums(lens, boards, len(fit.poses), world)
+        runs = runs_linearised(fit.lens, fit.poses, world, pairs, self._huber_px)
+        for photos, run, terms, root in runs:
+            sums.add(terms, root, photos, pairs.image[run], run)
+        return sums
+
+    def _after(
+        self, group: IntArray, shared: FloatArray, offset: FloatArray
+    ) -> Iterator[tuple[int, FloatArray]]:
+        """Residuals (n, 2, H) of what is seen from each pose, which is fitted anew.
+
+        Args:
+            group: the poses.
+            shared: (K, H) steps of what is shared.
+            offset: (Q, 3, H) those of free corners.
+
+        """
+        fit = self._fit
+        pairs, world = self._part(group)
+        count, lens = len(pairs.image), len(fit.lens.parameters)
+        left, by_pose = np.empty((count, 2, shared.shape[1])), np.empty((count, 2, 6))
+        root, place = np.empty(count), np.empty(count, np.intp)
+        for _, run, terms, roots in runs_linearised(
+            fit.lens, fit.poses, world, pairs, self._huber_px
+        ):
+            root[run], place[run] = np.maximum(roots, _SMALLEST_ROOT), terms.pose
+            left[run] = terms.residual[:, :, None] + terms.d_lens @ shared[terms.columns]
+            left[run] += terms.d_board @ shared[lens:]
+            if len(world.corner):
+                left[run] += terms.d_corner @ offset[world.corner[run]]
+            by_pose[run, :, :3], by_pose[run, :, 3:] = terms.d_turn, terms.d_shift
+        order = np.argsort(place, kind="stable")
+        bounds = np.searchsorted(place[order], [group, group + 1]).T
+        for pose, (first, stop) in zip(group.tolist(), bounds.tolist(), strict=True):
+            own = order[first:stop]
+            weight = root[own, None, None]
+            flat = (weight * left[own]).reshape(2 * len(own), -1)
+            basis, size, _ = np.linalg.svd(
+                (weight * by_pose[own]).reshape(-1, 6), full_matrices=False
+            )
+            basis = basis[:, size > _RANK * size[:1]]
+            flat = flat - basis @ (basis.T @ flat)
+            yield pose, np.asarray(flat.reshape(left[own].shape) / weight)

@@ -8,7 +8,7 @@ by the Schur complement, so the work grows linearly with the photos.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg.lapack import dposv
@@ -68,14 +68,22 @@ class NormalEquations:
         )
         return -0.5 * float(slope)
 
-    def without(self, poses: IntArray, gram: FloatArray, by_corner: FloatArray) -> NormalEquations:
+    def of_shared(self) -> NormalEquations:
+        """The same without what is known of poses."""
+        return replace(
+            self,
+            pose=self.pose[:0],
+            shared_pose=self.shared_pose[:, :0],
+            pose_gradient=self.pose_gradient[:0],
+            pose_corner=self.pose_corner[:0],
+        )
+
+    def without(self, poses: IntArray, put_in: NormalEquations) -> NormalEquations:
         """The equations less what was seen from some poses, which stay where they are.
 
         Args:
             poses: the poses.
-            gram: (K + 1, K + 1) products of that by what is shared and, last, the residual.
-            by_corner: (Q, 3, K + 4) its products with each free corner's coordinates: by what is
-                shared, the residual, the corner's own place.
+            put_in: what that put into what is shared, and into corners.
 
         """
         columns = (6 * poses[:, None] + np.arange(6)).reshape(-1)
@@ -84,17 +92,16 @@ class NormalEquations:
         pose[poses], pose_gradient[poses] = np.eye(6), 0
         shared_pose[:, columns] = 0
         pose_corner[columns] = 0
-        shared_corner = by_corner[:, :, :-4].reshape(self.shared_corner.shape[::-1]).T
         return NormalEquations(
-            shared=self.shared - gram[:-1, :-1],
+            shared=self.shared - put_in.shared,
             pose=pose,
             shared_pose=shared_pose,
-            shared_gradient=self.shared_gradient - gram[:-1, -1],
+            shared_gradient=self.shared_gradient - put_in.shared_gradient,
             pose_gradient=pose_gradient,
-            corner=self.corner - by_corner[:, :, -3:],
-            shared_corner=self.shared_corner - shared_corner,
+            corner=self.corner - put_in.corner,
+            shared_corner=self.shared_corner - put_in.shared_corner,
             pose_corner=pose_corner,
-            corner_gradient=self.corner_gradient - by_corner[:, :, -4],
+            corner_gradient=self.corner_gradient - put_in.corner_gradient,
         )
 
     def eliminated(self, damping: float, of_pose: FloatArray | float = 0.0) -> Eliminated:

@@ -15,11 +15,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from cubicfish_cli.fitting.left_out import Seen
+from cubicfish_cli.fitting.adjustment import Adjustment, runs_linearised
 from cubicfish_cli.fitting.normal_equations import summed_by_corner
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refinement import FIRST_SPREAD, Drawing, ObjectFit, free_world
@@ -129,9 +130,44 @@ class _Pulls:
     square: FloatArray
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Seen:
+    """What n pairs put into the normal equations, all weighted by their roots."""
+
+    rows: FloatArray  # (n, 2, K + 1) by what is shared; the residual is last
+    pose: FloatArray  # (n, 2, 6)
+    corner: IntArray  # (n,) free corner of each pair; empty where there are none
+    by_corner: FloatArray  # (n, 2, 3)
+    place: IntArray  # (n,) the pose that each is seen from
+
+    @classmethod
+    def of(cls, fit: Adjustment[Any], pairs: Observations, huber_px: float) -> _Seen:
+        """Of all pairs of a fit."""
+        lens, count = len(fit.lens.parameters), len(pairs.image)
+        shared = lens + len(fit.world.parameters)
+        seen = cls(
+            rows=np.zeros((count, 2, shared + 1)),
+            pose=np.empty((count, 2, 6)),
+            corner=fit.world.corner,
+            by_corner=np.empty((count, 2, 3)),
+            place=np.empty(count, np.intp),
+        )
+        for _, run, terms, root in runs_linearised(fit.lens, fit.poses, fit.world, pairs, huber_px):
+            weight = root[:, None, None]
+            rows = seen.rows[run]
+            np.multiply(terms.d_lens, weight, out=rows[:, :, terms.columns])
+            np.multiply(terms.d_board, weight, out=rows[:, :, lens:shared])
+            np.multiply(terms.residual, root[:, None], out=rows[:, :, shared])
+            np.multiply(terms.d_turn, weight, out=seen.pose[run, :, :3])
+            np.multiply(terms.d_shift, weight, out=seen.pose[run, :, 3:])
+            np.multiply(terms.d_corner, weight, out=seen.by_corner[run])
+            seen.place[run] = terms.pose
+        return seen
+
+
 def _pulls(fit: ObjectFit, pairs: Observations, poses: Poses, world: World) -> _Pulls:
     moved = replace(fit.cubic.fit, poses=poses, world=world)
-    seen = Seen.of(moved, pairs, huber_px(fit.cubic.residual))
+    seen = _Seen.of(moved, pairs, huber_px(fit.cubic.residual))
     photos, corners, shared = len(poses), len(world.offsets), seen.rows.shape[2] - 1
     left, basis = seen.rows, np.zeros_like(seen.pose)
     of_shared, square = np.zeros((photos, shared)), np.zeros(photos)

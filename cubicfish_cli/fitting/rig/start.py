@@ -101,10 +101,8 @@ def exchanged_shots(relative: Poses) -> BoolArray:
         relative: second_from_first of each shot, with lengths about those of the target as 1.
 
     """
-    count = len(relative)
     back = relative.inverse()
-    seeds = np.unique(np.linspace(0, count - 1, min(count, _SEEDS)).astype(int))
-    near = [relative[np.array([seed])] for seed in seeds]
+    near = [relative[np.array([seed])] for seed in _some(len(relative))]
     both = [(apart(relative, one), apart(back, one)) for one in near]
     cost = [float(np.minimum(np.minimum(*pair), _FAR).sum()) for pair in both]
     as_is, turned = both[int(np.argmin(cost))]
@@ -113,6 +111,11 @@ def exchanged_shots(relative: Poses) -> BoolArray:
     found = (as_is > _CLEARLY * turned) & (turned < like)
     straight = (turned > _CLEARLY * as_is) & (as_is < like)
     return np.asarray(found if found.sum() <= straight.sum() else straight)
+
+
+def _some(count: int) -> IntArray:
+    """Of so many places some, evenly: among them is one from which the others are to be sought."""
+    return np.unique(np.linspace(0, count - 1, min(count, _SEEDS)).astype(np.intp))
 
 
 def apart(poses: Poses, other: Poses) -> FloatArray:
@@ -147,8 +150,9 @@ def median_pose(poses: Poses) -> Poses:
     Hartley et al. 2011), the shift that with the smallest sum of distances.
     """
     turn = Rotation.from_matrix(poses.rotation)
-    angles = [(turn * one.inv()).magnitude().sum() for one in turn]
-    middle = turn[int(np.argmin(angles))]
+    tried = turn[_some(len(poses))]
+    angles = [(turn * one.inv()).magnitude().sum() for one in tried]
+    middle = tried[int(np.argmin(angles))]
     for _ in range(_ROUNDS):
         away = (turn * middle.inv()).as_rotvec()
         weight = 1 / np.maximum(np.linalg.norm(away, axis=1), 1e-9)
@@ -187,16 +191,16 @@ def start_rig(
     common = common_shots(lens, count)
     relative: dict[tuple[int, int], Poses] = {}
     for a in range(count):
-        for b in range(count):
-            if a == b or not common[a, b]:
+        for b in range(a + 1, count):
+            if not common[a, b]:
                 continue
             of_a, of_b = _together(lens, a, b)
             each = views[of_b] @ views[of_a].inverse()
-            if a < b:
-                _refuse_exchanged(
-                    names[a], names[b], each, [called[n] for n in lens.shot[of_a].tolist()]
-                )
+            _refuse_exchanged(
+                names[a], names[b], each, [called[n] for n in lens.shot[of_a].tolist()]
+            )
             relative[a, b] = median_pose(each)
+            relative[b, a] = relative[a, b].inverse()
     places, edges = _placed(names, common, relative)
     lens = replace(lens, places=places)
     size = max(pairs.image_size)
@@ -266,15 +270,9 @@ def _placed(
 
 def _transferred(lens: RigLens, views: Poses, pairs: Observations, a: int, b: int) -> FloatArray:
     """Errors of one camera's views where another's say that the rig was, pixels."""
-    bounds = np.searchsorted(pairs.image, np.arange(len(views) + 1))
     of_a, of_b = _together(lens, a, b)
     rigs = lens.places[lens.camera[of_a]].inverse() @ views[of_a]
-    return np.array(
-        [
-            _view_error(lens, rigs[np.array([row])], view, bounds, pairs)
-            for row, view in enumerate(of_b.tolist())
-        ]
-    )
+    return _view_errors(lens, rigs, of_b, pairs)
 
 
 def _unconnected(names: Sequence[str], found: dict[int, Poses]) -> str:
@@ -288,38 +286,55 @@ def _unconnected(names: Sequence[str], found: dict[int, Poses]) -> str:
 
 
 def place_shots(lens: RigLens, views: Poses, pairs: Observations) -> tuple[Poses, FloatArray]:
-    """rig_from_world of each shot, by the view with which the shot's others agree best."""
+    """rig_from_world of each shot, by the view with which the shot's others agree best.
+
+    And how far each view (V,) is off then, pixels.
+    """
     proposed = lens.places[lens.camera].inverse() @ views
-    count = int(lens.shot.max()) + 1
-    rotation, translation = np.full((count, 3, 3), np.nan), np.full((count, 3), np.nan)
+    count, cameras = int(lens.shot.max()) + 1, len(lens.lenses)
+    view_of = np.full((cameras, count), -1, np.intp)
+    view_of[lens.camera, lens.shot] = np.arange(len(views))
+    best, proposer = np.full(count, np.inf), np.full(count, -1, np.intp)
     misfit = np.zeros(len(views))
-    bounds = np.searchsorted(pairs.image, np.arange(len(views) + 1))
-    for shot in range(count):
-        own = np.flatnonzero(lens.shot == shot)
-        best = np.inf
-        for view in own.tolist():
-            pose = proposed[np.array([view])]
-            errors = np.array(
-                [_view_error(lens, pose, other, bounds, pairs) for other in own.tolist()]
-            )
-            # A capped sum: one view that is of another shot must not choose.
-            total = float(np.minimum(errors, _LOST_SHARE * max(pairs.image_size)).sum())
-            if total < best:
-                best = total
-                rotation[shot], translation[shot] = pose.rotation[0], pose.translation[0]
-                misfit[own] = errors
-    return Poses(rotation=rotation, translation=translation), misfit
+    for camera in range(cameras):
+        by = view_of[camera, lens.shot]
+        judged = np.flatnonzero(by >= 0)
+        errors = _view_errors(lens, proposed[by[judged]], judged, pairs)
+        # A capped sum: one view that is of another shot must not choose.
+        capped = np.minimum(errors, _LOST_SHARE * max(pairs.image_size))
+        total = np.bincount(lens.shot[judged], capped, count)
+        better = (view_of[camera] >= 0) & (total < best)
+        best[better], proposer[better] = total[better], view_of[camera, better]
+        own = better[lens.shot[judged]]
+        misfit[judged[own]] = errors[own]
+    seen = np.flatnonzero(proposer >= 0)
+    nowhere = Poses(
+        rotation=np.full((count, 3, 3), np.nan), translation=np.full((count, 3), np.nan)
+    )
+    return nowhere.with_photos(seen, proposed[proposer[seen]]), misfit
 
 
-def _view_error(
-    lens: RigLens, rig_from_world: Poses, view: int, bounds: IntArray, pairs: Observations
-) -> float:
-    """Median error of a view's corners under a pose of the rig, pixels."""
-    run = slice(int(bounds[view]), int(bounds[view + 1]))
-    camera = int(lens.camera[view])
-    pose = lens.places[np.array([camera])] @ rig_from_world
-    points = pairs.world[run] @ pose.rotation[0].T + pose.translation[0]
+def _view_errors(lens: RigLens, rigs: Poses, views: IntArray, pairs: Observations) -> FloatArray:
+    """Median error (V,) of each of some views' corners under its pose of the rig, pixels.
+
+    Args:
+        lens: the lenses, and where the cameras stand.
+        rigs: rig_from_world, one for each of these views.
+        views: increasing.
+        pairs: pairs of all views, sorted by view.
+
+    """
+    poses = lens.places[lens.camera[views]] @ rigs
+    bounds = np.searchsorted(pairs.image, [views, views + 1])
+    rows = np.concatenate([np.arange(*own) for own in bounds.T]) if len(views) else views
+    each = np.repeat(np.arange(len(views)), bounds[1] - bounds[0])
+    points = poses.apply(each, pairs.world[rows])
+    length = np.empty(len(rows))
     with np.errstate(all="ignore"):
-        miss = lens.lenses[camera].project(points) - pairs.pixel[run]
-        length = np.hypot(miss[:, 0], miss[:, 1])
-    return float(np.median(np.where(np.isfinite(length), length, np.inf)))
+        for camera in np.unique(lens.camera[views]).tolist():
+            own = lens.camera[views][each] == camera
+            miss = lens.lenses[camera].project(points[own]) - pairs.pixel[rows[own]]
+            length[own] = np.hypot(miss[:, 0], miss[:, 1])
+    length[~np.isfinite(length)] = np.inf
+    starts = np.cumsum(bounds[1] - bounds[0])[:-1]
+    return np.array([np.median(one) for one in np.split(length, starts)])
