@@ -212,7 +212,7 @@ def adjust(
             decrease = (now.cost - new.cost) / max(now.cost, 1e-300)
             state, now, normal, sums = candidate, new, new.normal, new.sums
             damping = max(damping / 10, 1e-12)
-            held *= 1.0 if stray else 0.1
+            held *= 0.1
             if decrease < least:
                 break
         else:
@@ -314,7 +314,7 @@ def _settled(
         damping *= np.where(better, 0.1, 10.0)[:, None]
         if not more_to_gain.any():
             break
-    held[raised] = np.maximum(10 * held[raised], firm)
+    held[raised] = np.maximum(100 * held[raised], 10 * firm)
     return replace(candidate, poses=candidate.poses.with_photos(raised, poses))
 
 

@@ -50,8 +50,6 @@ _PHOTOS_FOR_CENTRE = 8
 # A photo is set aside in the first fit when its start is this many times worse than the median.
 _BAD_START = 6.0
 _ROUNDS = 3
-# Fits whose loss follows the residuals of the one before.
-_FOLLOWING = 2
 # Photos that are added may make the others this many times as noisy.
 _PULLED_AWAY = 2.0
 # A profile with fewer coefficients may be noisier by this factor.
@@ -167,9 +165,11 @@ def fit_radial(pairs: Observations, *, thorough: bool = True) -> RadialReference
         if 2 * len(good) < len(used) or not len(good):
             raise _does_not_fit(noise_px(fit.residual))
         own, used = select_photos(own, good), used[good]
-        fit = _adjusted(
-            adjust(fit.lens, fit.poses[good], own, huber_px=gross_px(fit.residual)), own
+        limit = gross_px(fit.residual)
+        fit = adjust(
+            fit.lens, fit.poses[good], own, huber_px=limit, relative_decrease=_ROUGH_DECREASE
         )
+        fit = _adjusted(fit, own)
         if set(np.setdiff1d(np.arange(len(pairs.images)), used)) == set(missing.tolist()):
             break
     return _sound(fit, select_photos(pairs, used), unfit, {})
@@ -337,9 +337,8 @@ def _with_terms(fit: RadialAdjustment, pairs: Observations, terms: int) -> Radia
 
 def _adjusted(fit: RadialAdjustment, pairs: Observations) -> RadialAdjustment:
     """Continue with a loss that follows the residuals down to the noise."""
-    for _ in range(_FOLLOWING):
-        fit = fit.again(pairs, damping=WARM_DAMPING)
-    return fit
+    fit = fit.again(pairs, relative_decrease=_ROUGH_DECREASE, damping=WARM_DAMPING)
+    return fit.again(pairs, damping=WARM_DAMPING)
 
 
 def _with_missing(
@@ -384,8 +383,14 @@ def _joined(
     everyone = np.concatenate([used, photos])
     order = np.argsort(everyone, kind="stable")
     poses, everyone = Poses.joined([fit.poses, poses])[order], everyone[order]
-    limit = wide_px(fit.residual)
-    return adjust(fit.lens, poses, select_photos(pairs, everyone), huber_px=limit), everyone
+    joined = adjust(
+        fit.lens,
+        poses,
+        select_photos(pairs, everyone),
+        huber_px=wide_px(fit.residual),
+        relative_decrease=_ROUGH_DECREASE,
+    )
+    return joined, everyone
 
 
 def _bad_photos(fit: Adjustment[Any], pairs: Observations, limit: float) -> dict[int, Finding]:
