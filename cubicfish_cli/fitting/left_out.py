@@ -84,8 +84,11 @@ class Leaving:
         The empirical influence of a group (Jaeckel's infinitesimal jackknife): what it adds to the
         gradient counts, its share of the equations stays.
         """
-        shared = -np.array([one.shared_gradient for one in self._put_in])
-        corner = -np.array([one.corner_gradient for one in self._put_in])
+        normal, groups = self._fit.normal, len(self._groups)
+        shared = np.empty((groups, *normal.shared_gradient.shape))
+        corner = np.empty((groups, *normal.corner_gradient.shape))
+        for group, put_in in enumerate(self._put_in):
+            shared[group], corner[group] = -put_in.shared_gradient, -put_in.corner_gradient
         return self._equations_of_all.shared_steps(shared, corner)
 
     @cached_property
