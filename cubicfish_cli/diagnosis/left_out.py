@@ -16,7 +16,7 @@ from cubicfish_cli.diagnosis.object_faults import COUNTED, ORDERS, flat_points
 from cubicfish_cli.fitting.adjustment import Adjustment
 from cubicfish_cli.fitting.evidence import FitEvidence
 from cubicfish_cli.fitting.known_lens import fit_poses
-from cubicfish_cli.fitting.refinement import ObjectFit
+from cubicfish_cli.fitting.refinement import TargetFit
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import select, select_photos
 from cubicfish_cli.lenses.radial import RadialCamera
@@ -243,7 +243,7 @@ def left_out(evidence: FitEvidence) -> list[Finding]:
 
 
 def _left_out(
-    pairs: Observations, fit: ObjectFit, dropped: Sequence[tuple[str, str | None]]
+    pairs: Observations, fit: TargetFit, dropped: Sequence[tuple[str, str | None]]
 ) -> set[str]:
     """Photos that were left out, and those of which a board lost half of its corners."""
     unfit = fit.reference.unfit.items()

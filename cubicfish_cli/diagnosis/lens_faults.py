@@ -32,7 +32,7 @@ from cubicfish_cli.fitting.evidence import FitEvidence
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial, refit_radial
-from cubicfish_cli.fitting.refinement import ObjectFit
+from cubicfish_cli.fitting.refinement import TargetFit
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import flatness, select_photos
@@ -121,7 +121,7 @@ def lens_findings(evidence: FitEvidence) -> list[Finding]:
     return []
 
 
-def _own(fit: ObjectFit) -> PhotoLenses:
+def _own(fit: TargetFit) -> PhotoLenses:
     pairs = fit.reference.pairs
     return photo_lenses(fit.cubic.lens, fit.cubic.poses, pairs, pairs.world)
 
@@ -134,7 +134,7 @@ def _of_each(photos: PhotoLenses, split: TwoLenses) -> IntArray:
     return np.sort(np.concatenate([spread_out(group, enough - least) for group in groups]))
 
 
-def _followed(fit: ObjectFit, together: float) -> Finding | None:
+def _followed(fit: TargetFit, together: float) -> Finding | None:
     """Fit with a scale and centre for each of two groups, until they settle; then judge.
 
     Args:
@@ -227,8 +227,8 @@ def _given(split: TwoLenses, photos: PhotoLenses, like: FloatArray) -> FloatArra
 
 
 def _fitted_apart(
-    fit: ObjectFit, start: ObjectFit, given: FloatArray, reach: float
-) -> tuple[ObjectFit, PhotoLenses]:
+    fit: TargetFit, start: TargetFit, given: FloatArray, reach: float
+) -> tuple[TargetFit, PhotoLenses]:
     """Fit with these scales and shifts (photos, 3); and what each photo has of its own in all.
 
     Raises:
@@ -254,8 +254,8 @@ def _fitted_apart(
 
 
 def _at_the_boundary(
-    fit: ObjectFit, split: TwoLenses, apart: ObjectFit, photos: PhotoLenses
-) -> tuple[TwoLenses, ObjectFit, PhotoLenses]:
+    fit: TargetFit, split: TwoLenses, apart: TargetFit, photos: PhotoLenses
+) -> tuple[TwoLenses, TargetFit, PhotoLenses]:
     """The change one photo earlier or later, where that fits better.
 
     A photo beside the change that was counted to the wrong side has bent the camera to itself.
@@ -393,7 +393,7 @@ def _ratio_words(ratio: float) -> str:
     return f"{ratio:.{max(digits, 2)}f}"
 
 
-def odd_photos(fit: ObjectFit) -> list[Finding]:
+def odd_photos(fit: TargetFit) -> list[Finding]:
     """Photos that by themselves are sheared, or have another lens than the rest."""
     pairs, photos = fit.reference.pairs, _own(fit)
     suspects = {
@@ -426,7 +426,7 @@ def odd_photos(fit: ObjectFit) -> list[Finding]:
     return findings
 
 
-def _determined_without(fit: ObjectFit, left_out: IntArray) -> bool:
+def _determined_without(fit: TargetFit, left_out: IntArray) -> bool:
     """Whether the other photos make a camera that is right about photos it has not seen."""
     pairs = fit.reference.pairs
     others = np.count_nonzero(~np.isin(pairs.image, left_out))
@@ -435,7 +435,7 @@ def _determined_without(fit: ObjectFit, left_out: IntArray) -> bool:
     return bool(poses >= _FEWEST_OTHERS and 2 * others >= _TIMES_DETERMINED * unknowns)
 
 
-def _without(fit: ObjectFit, suspects: IntArray) -> PhotoLenses:
+def _without(fit: TargetFit, suspects: IntArray) -> PhotoLenses:
     """What each photo has of its own beside a lens that was fitted without some."""
     pairs = fit.reference.pairs
     good = np.setdiff1d(np.arange(len(pairs.images)), suspects)

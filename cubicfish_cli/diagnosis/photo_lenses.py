@@ -25,7 +25,7 @@ from cubicfish_cli.fitting.adjustment import huber_weight
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.normal_equations import runs_of_photos
 from cubicfish_cli.fitting.poses import Poses, cross_matrix
-from cubicfish_cli.fitting.refinement import ObjectFit
+from cubicfish_cli.fitting.refinement import TargetFit
 from cubicfish_cli.fitting.robust import wide_px
 from cubicfish_cli.fitting.subset import flatness, select_photos
 from cubicfish_cli.fitting.two_groups import best_cut
@@ -64,7 +64,7 @@ def spread_out(photos: IntArray, most: int) -> IntArray:
     return photos[np.linspace(0, len(photos) - 1, most).round().astype(np.intp)]
 
 
-def fit_of_few(fit: ObjectFit, photos: IntArray) -> ObjectFit:
+def fit_of_few(fit: TargetFit, photos: IntArray) -> TargetFit:
     """The same fit with the poses, pairs and residuals of some photos only.
 
     Args:
@@ -417,7 +417,7 @@ _NOTICED_PX, _SIDE = 0.1, 2000.0
 _FLAT = 1e-3  # a refined sheet is bent a little
 
 
-def unsteady(fit: ObjectFit) -> list[Finding]:
+def unsteady(fit: TargetFit) -> list[Finding]:
     """What seems to change from photo to photo, as a note; empty where nothing clearly does."""
     pairs, poses = fit.reference.pairs, fit.cubic.poses
     world = fit.cubic.fit.world.points

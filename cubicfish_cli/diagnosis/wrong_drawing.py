@@ -24,7 +24,7 @@ from cubicfish_cli.fitting.evidence import FailedFit, FitEvidence
 from cubicfish_cli.fitting.local_noise import local_noise_px, neighbours, times_noise
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import fit_radial
-from cubicfish_cli.fitting.refinement import Drawing, ObjectFit, refine_object
+from cubicfish_cli.fitting.refinement import Drawing, TargetFit, refine_object
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.geometry import mean_rotation
@@ -167,7 +167,7 @@ def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
     return found
 
 
-def _of_refined(drawn: ObjectFit, refined: ObjectFit, drawing: Drawing) -> list[Finding]:
+def _of_refined(drawn: TargetFit, refined: TargetFit, drawing: Drawing) -> list[Finding]:
     """What is wrong with the drawing, where the target is free to be otherwise."""
     target, real = drawing.target, refined.refined_target(drawing)
     before, after = rms_px(drawn.cubic.residual), rms_px(refined.cubic.residual)

@@ -13,7 +13,7 @@ from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.pupil import PupilEffect, pupil_effect
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.cubic_fit import NEAR_DECREASE, CubicResult, Hold, Rival, fit_cubic
-from cubicfish_cli.fitting.departures import Departure, departures
+from cubicfish_cli.fitting.deformation import Deformation, deformations
 from cubicfish_cli.fitting.evidence import Diagnose, FailedFit, FitEvidence
 from cubicfish_cli.fitting.findings import (
     coverage,
@@ -39,7 +39,7 @@ from cubicfish_cli.fitting.refinement import (
     LEVELS,
     Drawing,
     Level,
-    ObjectFit,
+    TargetFit,
     as_drawn,
     refine_object,
     to_the_bottom,
@@ -173,7 +173,7 @@ class Calibration(Calibrated):
     refined: Level
     target: Target | None
     renamed: Mapping[str, Symmetry]
-    departures: tuple[Departure, ...]
+    departures: tuple[Deformation, ...]
     uncertainty_grid: dict[str, Any]
     coverage: float
     notes: tuple[Finding, ...]
@@ -377,7 +377,7 @@ def _calibrated(
         refined=fit.level,
         target=refined,
         renamed=drawing.renamed,
-        departures=tuple(departures(target, refined, doubted=not wrong))
+        departures=tuple(deformations(target, refined, doubted=not wrong))
         if target and refined
         else (),
         uncertainty_grid=uncertainty,
@@ -387,12 +387,12 @@ def _calibrated(
     )
 
 
-Judged = tuple[ObjectFit, HeldOut | None, Drawing]
+Judged = tuple[TargetFit, HeldOut | None, Drawing]
 
 
 def _climb(
-    fit: ObjectFit, drawing: Drawing, refine_target: RefineTarget, hold_out: bool, stages: Stages
-) -> tuple[ObjectFit, Drawing, dict[Level, HeldOut | None], ObjectFit | None]:
+    fit: TargetFit, drawing: Drawing, refine_target: RefineTarget, hold_out: bool, stages: Stages
+) -> tuple[TargetFit, Drawing, dict[Level, HeldOut | None], TargetFit | None]:
     """Refine the target up to the level asked for, or as far as held-out photos gain by it.
 
     The drawing's pairs have the fit's names. The last is a richer fit by which photos that were
@@ -441,7 +441,7 @@ def _better_named(judged: Sequence[Judged]) -> Judged:
 
 
 def _in_doubt(
-    fit: ObjectFit, measured: Mapping[Level, HeldOut | None], refused: ObjectFit | None
+    fit: TargetFit, measured: Mapping[Level, HeldOut | None], refused: TargetFit | None
 ) -> list[tuple[CubicFit, float]]:
     """The lens of a richer fit, and how likely it is the better one.
 
@@ -454,8 +454,8 @@ def _in_doubt(
 
 
 def _judged(
-    fit: ObjectFit, progress: Callable[[int, int], None]
-) -> tuple[ObjectFit, HeldOut | None]:
+    fit: TargetFit, progress: Callable[[int, int], None]
+) -> tuple[TargetFit, HeldOut | None]:
     """The held-out error, which has the last word on how P is held.
 
     The choice was made to first order. Where the cubic is worse than its reference on photos that

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cubicfish_cli.fitting.refinement import Drawing, ObjectFit
+from cubicfish_cli.fitting.refinement import Drawing, TargetFit
 from cubicfish_cli.fitting.subset import select_photos, world_scale
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
@@ -72,8 +72,8 @@ class FitEvidence(CornerEvidence):
 
     """
 
-    drawn: ObjectFit
-    fit: ObjectFit
+    drawn: TargetFit
+    fit: TargetFit
     drawing: Drawing
     dropped: Sequence[tuple[str, str | None]]
 

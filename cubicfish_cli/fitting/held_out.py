@@ -14,7 +14,7 @@ from cubicfish_cli.fitting.folds import photo_folds
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.refinement import ObjectFit
+from cubicfish_cli.fitting.refinement import TargetFit
 from cubicfish_cli.fitting.robust import huber_px, wide_px
 from cubicfish_cli.fitting.statistics import likely_positive
 from cubicfish_cli.fitting.subset import select, select_photos
@@ -107,7 +107,7 @@ class HeldOut:
 
 
 def held_out_error(
-    fit: ObjectFit, progress: Callable[[int, int], None] | None = None
+    fit: TargetFit, progress: Callable[[int, int], None] | None = None
 ) -> HeldOut | None:
     """Cross-validation by photo: each photo is judged by a camera that never saw it.
 
@@ -139,7 +139,7 @@ def held_out_error(
     return HeldOut(square=of_cubic, radial_square=of_radial, image=pairs.image, folds=len(parts))
 
 
-def _fold(fit: ObjectFit, test: IntArray, near: State[CubicFit]) -> tuple[FloatArray, FloatArray]:
+def _fold(fit: TargetFit, test: IntArray, near: State[CubicFit]) -> tuple[FloatArray, FloatArray]:
     """Squared errors on the photos ``test``, of the cubic and the reference fitted to the others.
 
     The fit to the others starts at ``near``.

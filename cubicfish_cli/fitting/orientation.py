@@ -23,7 +23,7 @@ from scipy.linalg import solve_triangular
 from cubicfish_cli.fitting.adjustment import Adjustment, runs_linearised
 from cubicfish_cli.fitting.normal_equations import summed_by_corner
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.refinement import FIRST_SPREAD, Drawing, ObjectFit, free_world
+from cubicfish_cli.fitting.refinement import FIRST_SPREAD, Drawing, TargetFit, free_world
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
@@ -41,7 +41,7 @@ _STARTS = 30
 _SWEEPS = 50
 
 
-def oriented(fit: ObjectFit, drawing: Drawing) -> list[tuple[ObjectFit, Drawing]]:
+def oriented(fit: TargetFit, drawing: Drawing) -> list[tuple[TargetFit, Drawing]]:
     """A fit and its drawing, and again with each photo named as goes with the other photos.
 
     Args:
@@ -88,7 +88,7 @@ def _products(motions: Sequence[Symmetry]) -> IntArray:
 
 
 def _likeliest(
-    fit: ObjectFit,
+    fit: TargetFit,
     drawing: Drawing,
     namings: Sequence[Observations],
     turned: Sequence[Poses],
@@ -165,7 +165,7 @@ class _Seen:
         return seen
 
 
-def _pulls(fit: ObjectFit, pairs: Observations, poses: Poses, world: World) -> _Pulls:
+def _pulls(fit: TargetFit, pairs: Observations, poses: Poses, world: World) -> _Pulls:
     moved = replace(fit.cubic.fit, poses=poses, world=world)
     seen = _Seen.of(moved, pairs, huber_px(fit.cubic.residual))
     photos, corners, shared = len(poses), len(world.offsets), seen.rows.shape[2] - 1
@@ -198,7 +198,7 @@ def _pulls(fit: ObjectFit, pairs: Observations, poses: Poses, world: World) -> _
     return _Pulls(gradient=gradient, hessian=hessian, square=square)
 
 
-def _best(fit: ObjectFit, world: World, pulls: Sequence[_Pulls], products: IntArray) -> _Together:
+def _best(fit: TargetFit, world: World, pulls: Sequence[_Pulls], products: IntArray) -> _Together:
     """The likeliest way of each photo, whatever its corners are then off by."""
     lens = len(fit.cubic.lens.parameters)
     shared = lens + len(world.parameters)

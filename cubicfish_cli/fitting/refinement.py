@@ -64,7 +64,7 @@ class Drawing:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ObjectFit:
+class TargetFit:
     """A camera, its reference and the target, fitted together.
 
     Attributes:
@@ -89,7 +89,7 @@ class ObjectFit:
         return world.refined_target(drawing.target, drawing.pairs, scale=drawing.scale)
 
 
-def as_drawn(rough: ObjectFit, drawing: Drawing) -> ObjectFit:
+def as_drawn(rough: TargetFit, drawing: Drawing) -> TargetFit:
     """Fit to the target as drawn, photos by their noise, P held as photos left out speak for.
 
     Raises:
@@ -104,8 +104,8 @@ def as_drawn(rough: ObjectFit, drawing: Drawing) -> ObjectFit:
 
 
 def refine_object(
-    fit: ObjectFit, drawing: Drawing, level: Level, groups: Sequence[IntArray]
-) -> ObjectFit:
+    fit: TargetFit, drawing: Drawing, level: Level, groups: Sequence[IntArray]
+) -> TargetFit:
     """Let the target depart from its drawing, as far as the pairs say, at the next level.
 
     Args:
@@ -133,7 +133,7 @@ def refine_object(
     return _joint(fit, drawing, level, adjusted, spread, groups)
 
 
-def to_the_bottom(fit: ObjectFit) -> ObjectFit:
+def to_the_bottom(fit: TargetFit) -> TargetFit:
     """The same fit to the last digit, which it need not be to lead on or to be compared."""
     cubic = fit_cubic(fit.reference, fit.cubic.hold, world=fit.cubic.fit.world, start=fit.cubic)
     reference = fit.reference.followed(cubic.fit.world.points)
@@ -222,13 +222,13 @@ def _offset_spread(fit: Adjustment[Any], noise: float) -> float | None:
 
 
 def _joint(
-    fit: ObjectFit,
+    fit: TargetFit,
     drawing: Drawing,
     level: Level,
     adjusted: Adjustment[CubicFit],
     spread: float | None,
     groups: Sequence[IntArray],
-) -> ObjectFit:
+) -> TargetFit:
     """With the target near its place: the reference anew, how P is held, then all at once."""
     world = adjusted.world
     pairs = weighed(drawing.pairs, adjusted.residual).with_world(world.points)
@@ -236,7 +236,7 @@ def _joint(
     world = world.with_noise(noise_px(adjusted.residual), spread)
     near = replace(fit.cubic, fit=replace(adjusted, world=world))
     cubic = choose_hold(reference, groups, world=world, start=near)
-    return ObjectFit(
+    return TargetFit(
         level=level,
         reference=reference.followed(cubic.fit.world.points),
         cubic=cubic,

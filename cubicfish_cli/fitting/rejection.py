@@ -12,7 +12,7 @@ from cubicfish_cli.fitting.findings import noisy_photos
 from cubicfish_cli.fitting.hold import EXPECTED
 from cubicfish_cli.fitting.local_noise import around
 from cubicfish_cli.fitting.radial_reference import RadialReference, refit_radial
-from cubicfish_cli.fitting.refinement import ObjectFit
+from cubicfish_cli.fitting.refinement import TargetFit
 from cubicfish_cli.fitting.robust import gross_px, noise_px, stray_px
 from cubicfish_cli.fitting.subset import select, select_photos
 from cubicfish_cli.observations import Observations
@@ -57,7 +57,7 @@ def dropped_corners(pairs: Observations, error_px: FloatArray) -> tuple[DroppedC
     )
 
 
-def without_gross(reference: RadialReference) -> tuple[ObjectFit, Observations, FloatArray]:
+def without_gross(reference: RadialReference) -> tuple[TargetFit, Observations, FloatArray]:
     """Fit to the target as drawn without grossly wrong corners; these, and how far they are off.
 
     P is held as is expected of any lens. Every round judges all corners anew: a corner that only
@@ -81,11 +81,11 @@ def without_gross(reference: RadialReference) -> tuple[ObjectFit, Observations, 
         miss -= everything.pixel
         length = np.minimum(np.hypot(miss[:, 0], miss[:, 1]), max(everything.image_size))
         good = length <= gross_px(cubic.residual)
-    fit = ObjectFit(level="off", reference=reference, cubic=cubic)
+    fit = TargetFit(level="off", reference=reference, cubic=cubic)
     return fit, everything.select(~kept), length[~kept]
 
 
-def without_noisy(fit: ObjectFit) -> ObjectFit:
+def without_noisy(fit: TargetFit) -> TargetFit:
     """Leave out photos that are blurred, moving or badly lit, and say so."""
     pairs = fit.reference.pairs
     noisy = noisy_photos(pairs, fit.cubic.residual)
@@ -131,7 +131,7 @@ def strays(pairs: Observations, residual: FloatArray) -> BoolArray:
     return found
 
 
-def without(fit: ObjectFit, wrong: BoolArray) -> ObjectFit:
+def without(fit: TargetFit, wrong: BoolArray) -> TargetFit:
     """The same fit of all corners but some (N,), to be adjusted on; every photo keeps some."""
     rows = np.flatnonzero(~wrong)
     pairs, world = fit.reference.pairs.select(~wrong), fit.cubic.fit.world.select(rows)

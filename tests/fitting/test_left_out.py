@@ -15,7 +15,7 @@ from cubicfish_cli.fitting.hold import EXPECTED, _hold, _likeliest, _place_of, c
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.radial_reference import fit_radial
-from cubicfish_cli.fitting.refinement import Drawing, ObjectFit, refine_object
+from cubicfish_cli.fitting.refinement import Drawing, TargetFit, refine_object
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select_photos, world_scale
@@ -183,7 +183,7 @@ def test_without_photos_to_leave_out_the_hold_is_a_middle_one(reference):
 @pytest.mark.slow
 @pytest.mark.parametrize("level", ["off", "points"])
 def test_folds_that_start_a_step_away_end_where_fits_anew_do(reference, target, level):
-    fit = ObjectFit(level="off", reference=reference, cubic=fit_cubic(reference, HOLD))
+    fit = TargetFit(level="off", reference=reference, cubic=fit_cubic(reference, HOLD))
     if level == "points":
         scale = float(np.ptp(target.corners()[3]) / np.ptp(reference.pairs.world))
         drawing = Drawing(target=target, pairs=reference.pairs, scale=scale)
@@ -197,7 +197,7 @@ def test_folds_that_start_a_step_away_end_where_fits_anew_do(reference, target, 
 
 
 def test_folds_whose_first_order_leads_astray_start_from_the_whole_fit(reference, monkeypatch):
-    fit = ObjectFit(level="off", reference=reference, cubic=fit_cubic(reference, HOLD))
+    fit = TargetFit(level="off", reference=reference, cubic=fit_cubic(reference, HOLD))
     expected, steps = held_out_error(fit).rms_px, Leaving.steps
 
     def astray(leaving):

@@ -1,4 +1,4 @@
-"""By how much a refined target departs from its drawing, and what no print or wall explains."""
+"""By how much a refined target differs from its drawing, and what no print or wall explains."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 
-# Beyond these a departure is no property of paper, plate or wall but a mistake in the drawing
+# Beyond these a deformation is no property of paper, plate or wall but a mistake in the drawing
 # or in the names of the corners. Shares are of the board's half diagonal.
 _MOST_BEND_SHARE = 0.03
 _MOST_STRETCH = 0.015
@@ -23,8 +23,8 @@ _MOST_OFFSET_SHARE = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
-class Departure:
-    """One board's departure from its drawing, in the target's units.
+class Deformation:
+    """One board's deformation from its drawing, in the target's units.
 
     Attributes:
         board: its name.
@@ -54,8 +54,8 @@ class Departure:
         return asdict(plain) | lists | told
 
 
-def departures(drawn: Target, refined: Target, *, doubted: bool = True) -> list[Departure]:
-    """Each board's departure; boards that are as drawn are left out.
+def deformations(drawn: Target, refined: Target, *, doubted: bool = True) -> list[Deformation]:
+    """Each board's deformation; boards that are as drawn are left out.
 
     Args:
         drawn: the drawing.
@@ -64,14 +64,14 @@ def departures(drawn: Target, refined: Target, *, doubted: bool = True) -> list[
 
     """
     found = [
-        _departure(before, after, drawn.units)
+        _deformation(before, after, drawn.units)
         for before, after in zip(drawn.boards, refined.boards, strict=True)
         if after is not before
     ]
-    return found if doubted else [replace(departure, doubts=()) for departure in found]
+    return found if doubted else [replace(deformation, doubts=()) for deformation in found]
 
 
-def _departure(drawn: Board, refined: Board, units: str) -> Departure:
+def _deformation(drawn: Board, refined: Board, units: str) -> Deformation:
     shape = refined.shape
     if shape is None:
         shape = BoardShape(
@@ -106,7 +106,7 @@ def _departure(drawn: Board, refined: Board, units: str) -> Departure:
         doubts[Code.MOVED] = {"size": shift, "turn_deg": turn}
     if offset_rms > _MOST_OFFSET_SHARE * pitch:
         doubts[Code.CORNERS_OFF] = {"size": offset_rms}
-    return Departure(
+    return Deformation(
         board=drawn.name,
         bend=bend,
         twist=float(shape.twist),
