@@ -13,7 +13,7 @@ from cubicfish_cli.fitting.hold import EXPECTED
 from cubicfish_cli.fitting.local_noise import around
 from cubicfish_cli.fitting.radial_reference import RadialReference, refit_radial
 from cubicfish_cli.fitting.refinement import TargetFit
-from cubicfish_cli.fitting.robust import gross_px, noise_px, stray_px
+from cubicfish_cli.fitting.robust import gross_px, noise_px, stray_px, tail_px
 from cubicfish_cli.fitting.subset import select, select_photos
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import BoolArray, FloatArray
@@ -102,8 +102,8 @@ def without_noisy(fit: TargetFit) -> TargetFit:
 def strays(pairs: Observations, residual: FloatArray) -> BoolArray:
     """(N,) corners that depart from their neighbours by far more than noise: slips of detection.
 
-    What a lens, a pose or a sheet leaves, neighbours share; noise is that of all corners, or of the
-    photo's where it is the larger. Without neighbours a corner is none.
+    What a lens, a pose or a sheet leaves, neighbours share. Noise is that of all corners, their
+    long tails included, or the photo's where it is larger. A corner without neighbours is none.
 
     Args:
         pairs: the pairs, sorted by photo.
@@ -121,7 +121,7 @@ def strays(pairs: Observations, residual: FloatArray) -> BoolArray:
     noise = np.zeros(len(pairs.images))
     for photo in np.unique(pairs.image[own]):
         noise[photo] = noise_px(departs[pairs.image[own] == photo])
-    limit = stray_px(np.maximum(noise, noise_px(departs)))[pairs.image[own]]
+    limit = stray_px(np.maximum(noise, tail_px(departs)))[pairs.image[own]]
     length = np.minimum(np.hypot(*departs.T), np.hypot(*residual[own].T))
     far = np.flatnonzero(length > limit)
     # On a slope, the corner at its end departs from neighbours that depart from each other.

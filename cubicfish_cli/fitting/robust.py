@@ -8,6 +8,8 @@ from cubicfish_cli.types import FloatArray
 
 # Median of the length of a 2D normal vector of unit standard deviation a component.
 _MEDIAN_OF_RAYLEIGH = 1.17741
+# The same of 95 in a hundred.
+_MOST, _MOST_OF_RAYLEIGH = 95, 2.44775
 # The Huber loss leaves errors within this many standard deviations alone: of normal ones, all but
 # three in ten thousand.
 _HUBER_SIGMAS = 4.0
@@ -25,6 +27,17 @@ def noise_px(residual: FloatArray) -> float:
     if not len(residual):
         return 0.0
     return float(np.median(np.hypot(residual[:, 0], residual[:, 1])) / _MEDIAN_OF_RAYLEIGH)
+
+
+def tail_px(residual: FloatArray) -> float:
+    """Standard deviation a component as 95 in a hundred residuals (N, 2) have it, pixels.
+
+    Real finders' errors have longer tails than a normal distribution of the median's.
+    """
+    if not len(residual):
+        return 0.0
+    length = np.hypot(residual[:, 0], residual[:, 1])
+    return float(np.percentile(length, _MOST) / _MOST_OF_RAYLEIGH)
 
 
 def huber_px(residual: FloatArray) -> float:

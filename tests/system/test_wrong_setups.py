@@ -191,7 +191,7 @@ def test_the_target_of_another_object(
     two = {name: photos[name] for name in sorted(photos)[:2]}
     said, _ = from_photos(run, tmp_path, two, 1, **changed)
     assert said.startswith("Error: 2 photos show grids of up to ")
-    assert "boards of another size (floor 12x9, left 13x10, right 12x11): name the target" in said
+    assert "boards of another size (floor 12x9, left 13x10, right 12x11): give the target" in said
 
 
 def test_one_photo_under_several_names(
