@@ -292,8 +292,9 @@ def _settled(
     """
     body = body_of(candidate.lens, len(before))
     shot = body.shot_of(pairs.image)
-    own, views = select(pairs, np.isin(shot, raised))
-    world = World(as_drawn=candidate.world.points[np.isin(shot, raised)])
+    chosen = np.isin(shot, raised)
+    own, views = select(pairs, chosen)
+    world = World(as_drawn=candidate.world.points[chosen])
     seen_from = np.searchsorted(raised, body.shot[views])
     body = replace(body, camera=body.camera[views], shot=seen_from)
     poses = before[raised]

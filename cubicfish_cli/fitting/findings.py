@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cubicfish_cli.fitting.robust import noise_px
+from cubicfish_cli.fitting.robust import noise_by_photo
 from cubicfish_cli.geometry import inside_polygon
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import BoolArray, FloatArray
@@ -113,7 +113,7 @@ def noisy_photos(pairs: Observations, residual: FloatArray) -> dict[int, Finding
     photos = len(pairs.images)
     if photos < _FEW_PHOTOS + 1:
         return {}
-    noise = np.array([noise_px(residual[pairs.image == photo]) for photo in range(photos)])
+    noise = noise_by_photo(pairs.image, residual, photos)
     typical = float(np.median(noise))
     noisy = np.flatnonzero(noise > max(_NOISY * typical, _NOISY_PX))
     if 3 * len(noisy) >= photos:

@@ -8,6 +8,7 @@ the price of a small linear system, where a fit anew costs tens of iterations.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -15,7 +16,12 @@ import numpy as np
 
 from cubicfish_cli.fitting.adjustment import Adjustment, runs_linearised
 from cubicfish_cli.fitting.fit_lens import FitLens
-from cubicfish_cli.fitting.normal_equations import Eliminated, NormalEquations, NormalSums
+from cubicfish_cli.fitting.normal_equations import (
+    Eliminated,
+    Linearised,
+    NormalEquations,
+    NormalSums,
+)
 from cubicfish_cli.fitting.rig_lens import body_of
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
@@ -69,9 +75,10 @@ class Leaving:
         """
         own = self._fit.lens.prior()
         change = (own[None] if priors is None else priors) - own
-        for group, put_in in zip(self._groups, self._put_in, strict=True):
-            equations = self._fit.normal.without(group, put_in).eliminated(_DAMPING)
-            yield from self._after(group, *equations.solve_changed(change))
+        for group in self._groups:
+            seen = self._seen(group)
+            equations = self._fit.normal.without(group, self._sums(seen)).eliminated(_DAMPING)
+            yield from seen.after(group, *equations.solve_changed(change))
 
     def held_as(self, lens: FitLens) -> FloatArray:
         """Step (K,) of the shared unknowns with no photo left out, under another lens's prior."""
@@ -95,27 +102,35 @@ class Leaving:
     def _equations_of_all(self) -> Eliminated:
         return self._fit.normal.eliminated(_DAMPING)
 
-    def _part(self, group: IntArray) -> tuple[Observations, World]:
-        """What is seen from some poses."""
-        own = np.flatnonzero(np.isin(self._shot, group))
-        return self._pairs.select(own), self._fit.world.select(own)
-
     @cached_property
     def _put_in(self) -> list[NormalEquations]:
-        """What each group puts into the equations, of what all photos share."""
-        return [self._sums(group).equations().of_shared() for group in self._groups]
+        return [self._sums(self._seen(group)) for group in self._groups]
 
-    def _sums(self, group: IntArray) -> NormalSums:
-        fit = self._fit
-        pairs, world = self._part(group)
-        lens, boards = len(fit.lens.parameters), len(world.parameters)
-        sums = NormalSums(lens, boards, len(fit.poses), world)
+    def _seen(self, group: IntArray) -> _Seen:
+        """What is seen from some poses."""
+        fit, own = self._fit, np.flatnonzero(np.isin(self._shot, group))
+        pairs, world = self._pairs.select(own), fit.world.select(own)
         runs = runs_linearised(fit.lens, fit.poses, world, pairs, self._huber_px)
-        for photos, run, terms, root in runs:
-            sums.add(terms, root, photos, pairs.image[run], run)
-        return sums
+        return _Seen(pairs=pairs, world=world, runs=tuple(runs))
 
-    def _after(
+    def _sums(self, seen: _Seen) -> NormalEquations:
+        """What it puts into the equations, of what all photos share."""
+        lens, boards = len(self._fit.lens.parameters), len(seen.world.parameters)
+        sums = NormalSums(lens, boards, len(self._fit.poses), seen.world)
+        for photos, run, terms, root in seen.runs:
+            sums.add(terms, root, photos, seen.pairs.image[run], run)
+        return sums.equations().of_shared()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Seen:
+    """What is seen from some poses: pairs, their points, and runs as :func:`runs_linearised`'s."""
+
+    pairs: Observations
+    world: World
+    runs: Sequence[tuple[slice, slice, Linearised, FloatArray]]
+
+    def after(
         self, group: IntArray, shared: FloatArray, offset: FloatArray
     ) -> Iterator[tuple[int, FloatArray]]:
         """Residuals (n, 2, H) of what is seen from each pose, which is fitted anew.
@@ -126,19 +141,15 @@ class Leaving:
             offset: (Q, 3, H) those of free corners.
 
         """
-        fit = self._fit
-        pairs, world = self._part(group)
-        count, lens = len(pairs.image), len(fit.lens.parameters)
+        count, lens = len(self.pairs.image), len(shared) - len(self.world.parameters)
         left, by_pose = np.empty((count, 2, shared.shape[1])), np.empty((count, 2, 6))
         root, place = np.empty(count), np.empty(count, np.intp)
-        for _, run, terms, roots in runs_linearised(
-            fit.lens, fit.poses, world, pairs, self._huber_px
-        ):
+        for _, run, terms, roots in self.runs:
             root[run], place[run] = np.maximum(roots, _SMALLEST_ROOT), terms.pose
             left[run] = terms.residual[:, :, None] + terms.d_lens @ shared[terms.columns]
             left[run] += terms.d_board @ shared[lens:]
-            if len(world.corner):
-                left[run] += terms.d_corner @ offset[world.corner[run]]
+            if len(self.world.corner):
+                left[run] += terms.d_corner @ offset[self.world.corner[run]]
             by_pose[run, :, :3], by_pose[run, :, 3:] = terms.d_turn, terms.d_shift
         order = np.argsort(place, kind="stable")
         bounds = np.searchsorted(place[order], [group, group + 1]).T

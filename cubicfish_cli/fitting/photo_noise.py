@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cubicfish_cli.fitting.robust import noise_px
+from cubicfish_cli.fitting.robust import noise_by_photo
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray
 
@@ -33,7 +33,7 @@ def photo_weights(pairs: Observations, residual: FloatArray) -> FloatArray:
     count = np.bincount(pairs.image, minlength=photos)
     free = np.maximum(2 * count - _POSE, 1)
     told = residual * np.sqrt(pairs.weight)[:, None]
-    noise = np.array([noise_px(told[pairs.image == photo]) for photo in range(photos)])
+    noise = noise_by_photo(pairs.image, told, photos)
     if photos < _FEWEST_PHOTOS or not noise.all():
         return np.ones(photos)
     variance = np.log(np.square(noise) * 2 * count / free)

@@ -13,7 +13,7 @@ from cubicfish_cli.fitting.hold import EXPECTED
 from cubicfish_cli.fitting.local_noise import around
 from cubicfish_cli.fitting.radial_reference import RadialReference, refit_radial
 from cubicfish_cli.fitting.refinement import TargetFit
-from cubicfish_cli.fitting.robust import gross_px, noise_px, stray_px, tail_px
+from cubicfish_cli.fitting.robust import gross_px, noise_by_photo, stray_px, tail_px
 from cubicfish_cli.fitting.subset import select, select_photos
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import BoolArray, FloatArray
@@ -118,9 +118,7 @@ def strays(pairs: Observations, residual: FloatArray) -> BoolArray:
     theirs = np.where((near[own] >= 0)[..., None], residual[near[own]], np.nan)
     middle = np.nanmedian(theirs, axis=1)
     departs = residual[own] - middle
-    noise = np.zeros(len(pairs.images))
-    for photo in np.unique(pairs.image[own]):
-        noise[photo] = noise_px(departs[pairs.image[own] == photo])
+    noise = noise_by_photo(pairs.image[own], departs, len(pairs.images))
     limit = stray_px(np.maximum(noise, tail_px(departs)))[pairs.image[own]]
     length = np.minimum(np.hypot(*departs.T), np.hypot(*residual[own].T))
     far = np.flatnonzero(length > limit)
@@ -136,5 +134,6 @@ def without(fit: TargetFit, wrong: BoolArray) -> TargetFit:
     rows = np.flatnonzero(~wrong)
     pairs, world = fit.reference.pairs.select(~wrong), fit.cubic.fit.world.select(rows)
     reference = refit_radial(fit.reference, pairs, fit.reference.poses)
-    near = replace(fit.cubic.fit, residual=fit.cubic.residual[rows], world=world, pairs=pairs)
-    return replace(fit, reference=reference, cubic=replace(fit.cubic, fit=replace(near, sums=None)))
+    residual = fit.cubic.residual[rows]
+    near = replace(fit.cubic.fit, residual=residual, world=world, pairs=pairs, sums=None)
+    return replace(fit, reference=reference, cubic=replace(fit.cubic, fit=near))

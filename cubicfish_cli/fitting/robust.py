@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
-from cubicfish_cli.types import FloatArray
+from cubicfish_cli.types import FloatArray, IntArray
 
 # Median of the length of a 2D normal vector of unit standard deviation a component.
 _MEDIAN_OF_RAYLEIGH = 1.17741
@@ -27,6 +29,12 @@ def noise_px(residual: FloatArray) -> float:
     if not len(residual):
         return 0.0
     return float(np.median(np.hypot(residual[:, 0], residual[:, 1])) / _MEDIAN_OF_RAYLEIGH)
+
+
+def noise_by_photo(image: IntArray, residual: FloatArray, photos: int) -> FloatArray:
+    """(M,) :func:`noise_px` of each photo's residuals (N, 2); ``image`` (N,) is non-decreasing."""
+    bounds = np.searchsorted(image, np.arange(photos + 1))
+    return np.array([noise_px(residual[first:stop]) for first, stop in pairwise(bounds)])
 
 
 def tail_px(residual: FloatArray) -> float:

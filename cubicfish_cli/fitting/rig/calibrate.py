@@ -310,17 +310,15 @@ def _fitted(
             world=fit.world,
             relative_decrease=rough,
         )
-        joint = joint.again(
-            pairs, relative_decrease=_FINE_DECREASE, damping=WARM_DAMPING, limit=huber_px
-        )
+        joint = _finely(joint, pairs)
         cameras = (one.as_camera(own) for own, one in zip(joint.lens.lenses, singly, strict=True))
         if all(check_validity(one.P, one.max_angle_deg).valid for one in cameras):
             return joint, pairs, clocks
-    return (
-        fit.again(pairs, relative_decrease=_FINE_DECREASE, damping=WARM_DAMPING, limit=huber_px),
-        pairs,
-        clocks,
-    )
+    return _finely(fit, pairs), pairs, clocks
+
+
+def _finely(fit: Adjustment[RigLens], pairs: Observations) -> Adjustment[RigLens]:
+    return fit.again(pairs, relative_decrease=_FINE_DECREASE, damping=WARM_DAMPING, limit=huber_px)
 
 
 def _on_time(
