@@ -21,8 +21,8 @@ from typing import Literal
 import numpy as np
 from scipy.special import fdtrc
 
-from cubicfish_cli.fitting.adjustment import huber_weight
 from cubicfish_cli.fitting.fit_lens import FitLens
+from cubicfish_cli.fitting.linearise import huber_weight
 from cubicfish_cli.fitting.normal_equations import runs_of_photos
 from cubicfish_cli.fitting.poses import Poses, cross_matrix
 from cubicfish_cli.fitting.refinement import TargetFit

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -11,19 +11,16 @@ import numpy as np
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting import robust
 from cubicfish_cli.fitting.fit_lens import FitLens
+from cubicfish_cli.fitting.linearise import State, huber_cost, runs_linearised
 from cubicfish_cli.fitting.normal_equations import (
-    Linearised,
     NormalEquations,
     NormalSums,
-    damped,
-    runs_of_photos,
 )
-from cubicfish_cli.fitting.poses import Poses, cross, cross_matrix
-from cubicfish_cli.fitting.rig_lens import RigLens, body_of
-from cubicfish_cli.fitting.subset import select
+from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.settle import raised, settled
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.types import FloatArray, IntArray
+from cubicfish_cli.types import FloatArray
 
 L = TypeVar("L", bound=FitLens)
 
@@ -34,35 +31,13 @@ _ROUNDING = 1e-13
 # Where a straight step leads up, and on from there the cost changes by less than this share, it is
 # the bottom as far as many photos tell: there is always one whose pose rocks between two places.
 _IMMATERIAL = 1e-8
-# Steps of a photo that goes on by itself, each of which has to lower its cost by this share.
-_POSE_ROUNDS = 20
-_POSE_DECREASE = 1e-6
 # What residuals say of their noise is less certain than this share.
 _SAME_LIMIT = 0.02
 # What an adjustment looks at of its pairs, beside their world points.
 _OF_PAIRS = ("image", "pixel", "weight")
-_POSE = 6
 COLD_DAMPING = 1e-4
 WARM_DAMPING = 1e-10
 """For a start at the optimum of nearly the same pairs."""
-
-
-@dataclass(frozen=True, eq=False)
-class State(Generic[L]):
-    """All that an adjustment moves: lens, poses and target."""
-
-    lens: L
-    poses: Poses
-    world: World
-
-    def moved(self, shared: FloatArray, pose: FloatArray, corner: FloatArray) -> State[L]:
-        """After a step (K,), (M, 6) and (Q, 3)."""
-        count = len(self.lens.parameters)
-        return State(
-            self.lens.with_parameters(self.lens.parameters + shared[:count]),
-            self.poses.moved(pose),
-            self.world.moved(shared[count:], corner),
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,16 +98,6 @@ class Adjustment(Generic[L]):
             damping=damping,
             known=self,
         )
-
-
-def huber_weight(distance: FloatArray, scale: float) -> FloatArray:
-    """IRLS weight of the Huber loss: 1 within ``scale``, then falling as 1/distance."""
-    return np.minimum(1.0, scale / np.maximum(distance, 1e-300))
-
-
-def huber_cost(distance: FloatArray, scale: float) -> FloatArray:
-    """Huber loss: d²/2 within ``scale``, linear beyond."""
-    return np.where(distance <= scale, 0.5 * np.square(distance), scale * (distance - 0.5 * scale))
 
 
 def adjust(
@@ -199,10 +164,9 @@ def adjust(
         stray = not new.cost < now.cost and gain > _ROUNDING and iterations < max_iterations
         if stray:
             iterations += 1
-            raised = _raised(candidate, new.residual, now.residual, pairs, huber_px)
-            if raised.size:
-                # Of many photos there is always one that goes astray: it must not stop the others.
-                candidate = _settled(candidate, state.poses, raised, pairs, huber_px, held)
+            astray = raised(candidate, new.residual, now.residual, pairs, huber_px)
+            if astray.size:
+                candidate = settled(candidate, state.poses, astray, pairs, huber_px, held)
             elif new.normal is not None:
                 # A valley that bends: what went straight on is on its side, above its floor.
                 candidate = candidate.moved(*new.normal.solve(damping))
@@ -260,90 +224,6 @@ def _evaluated(state: State[Any], pairs: Observations, huber_px: float) -> _Eval
     return _with_priors(state, pairs, huber_px, residual, sums)
 
 
-def _raised(
-    state: State[Any],
-    residual: FloatArray,
-    before: FloatArray,
-    pairs: Observations,
-    huber_px: float,
-) -> IntArray:
-    """Poses whose cost a step raised by far, where it lowers that of the others; else none."""
-    count = len(state.poses)
-    shot = body_of(state.lens, count).shot_of(pairs.image)
-    rise = _by_pose(residual, pairs, huber_px, shot, count)
-    rise -= _by_pose(before, pairs, huber_px, shot, count)
-    known = np.isfinite(rise)
-    raised = ~known | (rise > np.abs(rise[known]).sum() / count)
-    return np.flatnonzero(raised) if rise[~raised].sum() < 0 else np.zeros(0, np.intp)
-
-
-def _settled(
-    candidate: State[L],
-    before: Poses,
-    raised: IntArray,
-    pairs: Observations,
-    huber_px: float,
-    held: FloatArray,
-) -> State[L]:
-    """A candidate in which some poses are at an optimum of their own, each near where it was.
-
-    How firmly they have to be held (M, 1) for their steps to lead down is written into the last
-    argument.
-    """
-    body = body_of(candidate.lens, len(before))
-    shot = body.shot_of(pairs.image)
-    chosen = np.isin(shot, raised)
-    own, views = select(pairs, chosen)
-    world = World(as_drawn=candidate.world.points[chosen])
-    seen_from = np.searchsorted(raised, body.shot[views])
-    body = replace(body, camera=body.camera[views], shot=seen_from)
-    poses = before[raised]
-    damping = np.full((len(raised), 1), COLD_DAMPING)
-    firm = damping.copy()
-    cost, equations = _pose_equations(State(body, poses, world), own, huber_px)
-    for _ in range(_POSE_ROUNDS):
-        hessian = damped(equations[:, :, :6], damping)
-        step = np.asarray(np.linalg.solve(hessian, -equations[:, :, 6:]), float)
-        tried = poses.moved(step[:, :, 0])
-        less, by_tried = _pose_equations(State(body, tried, world), own, huber_px)
-        better = less < cost
-        more_to_gain = np.where(better, less < (1 - _POSE_DECREASE) * cost, damping[:, 0] < 1e8)
-        lower = np.flatnonzero(better)
-        poses = poses.with_photos(lower, tried[lower])
-        equations[lower], cost[lower] = by_tried[lower], less[lower]
-        firm = np.where(better[:, None], damping, firm)
-        damping *= np.where(better, 0.1, 10.0)[:, None]
-        if not more_to_gain.any():
-            break
-    held[raised] = np.maximum(100 * held[raised], 10 * firm)
-    return replace(candidate, poses=candidate.poses.with_photos(raised, poses))
-
-
-def _pose_equations(
-    state: State[RigLens], pairs: Observations, huber_px: float
-) -> tuple[FloatArray, FloatArray]:
-    """Cost (M,) of each pose's pairs, and their normal equations for it (M, 6, 7)."""
-    count = len(state.poses)
-    residual, equations = np.empty_like(pairs.pixel), np.zeros((count, 6, 7))
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        runs = runs_linearised(state.lens, state.poses, state.world, pairs, huber_px)
-        for _, run, terms, root in runs:
-            residual[run] = terms.residual
-            rows = np.concatenate([terms.d_turn, terms.d_shift, terms.residual[:, :, None]], axis=2)
-            rows *= root[:, None, None]
-            np.add.at(equations, terms.pose, rows[:, :, :6].transpose(0, 2, 1) @ rows)
-        shot = state.lens.shot_of(pairs.image)
-        return _by_pose(residual, pairs, huber_px, shot, count), equations
-
-
-def _by_pose(
-    residual: FloatArray, pairs: Observations, huber_px: float, shot: IntArray, count: int
-) -> FloatArray:
-    """(M,) what each pose's pairs put into the cost."""
-    distance = np.hypot(residual[:, 0], residual[:, 1])
-    return np.bincount(shot, pairs.weight * huber_cost(distance, huber_px), count).astype(float)
-
-
 def _known(
     fit: Adjustment[Any] | None, state: State[Any], pairs: Observations, huber_px: float
 ) -> _Evaluation | None:
@@ -390,77 +270,3 @@ def _cost(
     offset = (world.offset_weight * world.offsets).reshape(-1)
     pulls = sum(float(prior[-1, -1]) for prior in priors) + offset @ offset
     return float(pairs.weight @ huber_cost(distance, huber_px) + 0.5 * pulls)
-
-
-def runs_linearised(
-    lens: FitLens, poses: Poses, world: World, pairs: Observations, huber_px: float
-) -> Iterator[tuple[slice, slice, Linearised, FloatArray]]:
-    """All pairs in runs of whole photos: photos, pairs, derivatives, and roots of the weights.
-
-    The arguments are those of :func:`adjust`.
-    """
-    body = body_of(lens, len(poses))
-    views = body.views(poses)
-    unknowns = len(lens.parameters) + len(world.parameters) + _POSE
-    for photos, run in runs_of_photos(pairs.image, len(views), body.stops, unknowns):
-        if run.start < run.stop:
-            terms = linearised(body, poses, world, pairs, run, views)
-            length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
-            yield photos, run, terms, np.sqrt(pairs.weight[run] * huber_weight(length, huber_px))
-
-
-def views_of(lens: FitLens, poses: Poses) -> Poses:
-    """camera_from_world of every photo: of a rig, what each camera saw of each shot."""
-    return body_of(lens, len(poses)).views(poses)
-
-
-def linearised(
-    lens: FitLens,
-    poses: Poses,
-    world: World,
-    pairs: Observations,
-    run: slice,
-    views: Poses | None = None,
-) -> Linearised:
-    """Residuals of a run of one camera's pairs and their derivatives by everything that is free.
-
-    Args:
-        lens: the lens, or those of a rig.
-        poses: one per photo, or per shot of a rig.
-        world: the target.
-        pairs: all pairs.
-        run: which of them.
-        views: of all photos, where they are known already.
-
-    """
-    body = body_of(lens, len(poses))
-    views = body.views(poses) if views is None else views
-    image = pairs.image[run]
-    # One coordinate of all points after the other is the quickest to work on.
-    rotation = views.rotation.transpose(1, 2, 0)[:, :, image]
-    rotated = np.einsum("ijn,jn->in", rotation, world.points[run].T)
-    points = (rotated + views.translation.T[:, image]).T
-    through = body.through(int(image[0]))
-    pixel, d_point, d_lens = through.lens.project_jacobian(points)
-    by_point = d_point.transpose(1, 2, 0)
-    d_corner = np.zeros((len(image), 2, 3))
-    if world.free:
-        d_corner = np.einsum("ain,ijn->ajn", by_point, rotation).transpose(2, 0, 1)
-    d_turn, d_shift = cross(rotated, by_point).transpose(2, 0, 1), d_point
-    if through.place is not None:
-        turned, shift = through.place
-        if through.free:
-            # A turn of the camera on the body swings the whole way from the body's origin with it.
-            arm = cross_matrix(views.translation[image] - shift)
-            d_lens = np.concatenate([d_lens, d_turn - d_shift @ arm, d_shift], axis=2)
-        d_turn, d_shift = d_turn @ turned, d_shift @ turned
-    return Linearised(
-        residual=pixel - pairs.pixel[run],
-        d_lens=d_lens,
-        columns=through.columns,
-        d_board=world.chain(d_corner, run),
-        d_turn=d_turn,
-        d_shift=d_shift,
-        d_corner=d_corner,
-        pose=body.shot_of(image),
-    )

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.fitting.adjustment import huber_weight
+from cubicfish_cli.fitting.linearise import huber_weight
 from cubicfish_cli.types import FloatArray, IntArray
 
 _HUBER_PX = 1.0

@@ -108,11 +108,11 @@ class BentFit:
         return replace(self, values=values)
 
     def project(self, points: FloatArray) -> FloatArray:
-        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
+        """See :class:`~cubicfish_cli.fitting.fit_lens.FitLens`."""
         return self.project_jacobian(points)[0]
 
     def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
+        """See :class:`~cubicfish_cli.fitting.fit_lens.FitLens`."""
         plain = np.array([1, 1, 0, 0, *self.values[4:8]])
         flat, flat_by_point, flat_by_values = project_jacobian(plain, points)
         onto = _Onto.sensor(self.values, flat.T)

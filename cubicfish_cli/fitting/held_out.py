@@ -9,10 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, State, adjust
+from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.folds import photo_folds
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
+from cubicfish_cli.fitting.linearise import State
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refinement import TargetFit
 from cubicfish_cli.fitting.robust import huber_px, wide_px

@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.fitting.adjustment import Adjustment, runs_linearised
+from cubicfish_cli.fitting.adjustment import Adjustment
 from cubicfish_cli.fitting.fit_lens import FitLens
+from cubicfish_cli.fitting.linearise import runs_linearised
 from cubicfish_cli.fitting.normal_equations import (
     Eliminated,
     Linearised,

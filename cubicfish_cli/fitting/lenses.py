@@ -42,7 +42,7 @@ class FixedLens:
         return self
 
     def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
+        """See :class:`~cubicfish_cli.fitting.fit_lens.FitLens`."""
         if isinstance(self.camera, CubicCamera):
             moved, by_point, _ = from_pupil_and_slopes(points, self.camera.pupil_travel)
             length = np.linalg.norm(moved, axis=-1)
@@ -58,7 +58,7 @@ class FixedLens:
         return pixel, d_point, np.zeros((len(points), 2, 0))
 
     def project(self, points: FloatArray) -> FloatArray:
-        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
+        """See :class:`~cubicfish_cli.fitting.fit_lens.FitLens`."""
         return self.project_jacobian(points)[0]
 
     def prior(self) -> FloatArray:
@@ -241,7 +241,7 @@ class CubicFit:
         return replace(self, ray_prior=replace(prior, lens=lens, weight=weight))
 
     def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
+        """See :class:`~cubicfish_cli.fitting.fit_lens.FitLens`."""
         moved, by_point, by_travel = from_pupil_and_slopes(points, self.travel)
         pixel, d_point, d_parameters = self.far_jacobian(moved)
         by_depth = d_point[:, :, 2:]
@@ -266,7 +266,7 @@ class CubicFit:
         )
 
     def project(self, points: FloatArray) -> FloatArray:
-        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
+        """See :class:`~cubicfish_cli.fitting.fit_lens.FitLens`."""
         return self.far(from_pupil(points, self.travel))
 
     def far(self, points: FloatArray) -> FloatArray:
@@ -275,7 +275,7 @@ class CubicFit:
         return self._pixel(lift(rays) @ sphere_basis())[0] * self.scale + self.centre
 
     def prior(self) -> FloatArray:
-        """See :class:`cubicfish_cli.fitting.adjustment.FitLens`."""
+        """See :class:`~cubicfish_cli.fitting.fit_lens.FitLens`."""
         return self._prior
 
     @cached_property

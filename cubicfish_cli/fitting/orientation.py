@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from cubicfish_cli.fitting.adjustment import Adjustment, runs_linearised
+from cubicfish_cli.fitting.adjustment import Adjustment
+from cubicfish_cli.fitting.linearise import runs_linearised
 from cubicfish_cli.fitting.normal_equations import summed_by_corner
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refinement import FIRST_SPREAD, Drawing, TargetFit, free_world

@@ -9,8 +9,9 @@ from scipy.linalg import block_diag
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting import adjustment
-from cubicfish_cli.fitting.adjustment import adjust, huber_cost, huber_weight
+from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
+from cubicfish_cli.fitting.linearise import State, huber_cost, huber_weight
 from cubicfish_cli.fitting.normal_equations import damped
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import fit_radial, refit_radial
@@ -29,12 +30,12 @@ POSES = synthetic.poses_around(TARGET, 5, seed=2)
 
 def normal_equations(lens, poses, pairs, huber_px, world=None):
     world = World(as_drawn=pairs.world) if world is None else world
-    return adjustment._evaluated(adjustment.State(lens, poses, world), pairs, huber_px).normal
+    return adjustment._evaluated(State(lens, poses, world), pairs, huber_px).normal
 
 
 def cost(lens, poses, pairs, huber_px, world=None):
     world = World(as_drawn=pairs.world) if world is None else world
-    return adjustment._evaluated(adjustment.State(lens, poses, world), pairs, huber_px).cost
+    return adjustment._evaluated(State(lens, poses, world), pairs, huber_px).cost
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +65,7 @@ def test_what_is_known_of_a_state_is_what_is_worked_out(cubic):
     worst = np.hypot(*cubic.residual.T).max()
     fit = adjust(cubic.lens, cubic.poses, cubic.fit.pairs, huber_px=1.1 * worst)
     freer = replace(fit.lens, ray_prior=replace(fit.lens.ray_prior, weight=0.05))
-    state = adjustment.State(freer, fit.poses, fit.world)
+    state = State(freer, fit.poses, fit.world)
     for limit in (fit.huber_px, 3 * fit.huber_px):
         known = adjustment._known(fit, state, fit.pairs, limit)
         anew = adjustment._evaluated(state, fit.pairs, limit)
@@ -76,7 +77,7 @@ def test_what_is_known_of_a_state_is_what_is_worked_out(cubic):
 
 def test_nothing_is_known_of_another_state(cubic):
     fit = cubic.fit
-    same = adjustment.State(fit.lens, fit.poses, fit.world)
+    same = State(fit.lens, fit.poses, fit.world)
     other_pairs = replace(fit.pairs, pixel=fit.pairs.pixel + 1)
     other_lens = fit.lens.with_parameters(fit.lens.parameters + 1e-9)
     worst = np.hypot(*fit.residual.T).max()
@@ -92,7 +93,7 @@ def test_nothing_is_known_of_another_state(cubic):
     ahead = adjust(
         fit.lens, fit.poses, fit.pairs, huber_px=fit.huber_px, damping=1e-8, trust_last=True
     )
-    state = adjustment.State(ahead.lens, ahead.poses, ahead.world)
+    state = State(ahead.lens, ahead.poses, ahead.world)
     assert adjustment._known(ahead, state, fit.pairs, fit.huber_px) is None
 
 

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cubicfish_cli.fitting.adjustment import Adjustment, runs_linearised
+from cubicfish_cli.fitting.adjustment import Adjustment
+from cubicfish_cli.fitting.linearise import runs_linearised
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.observations import Observations

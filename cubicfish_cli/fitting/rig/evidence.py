@@ -8,8 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from cubicfish_cli.fitting.adjustment import Adjustment, runs_linearised
+from cubicfish_cli.fitting.adjustment import Adjustment
 from cubicfish_cli.fitting.evidence import Evidence
+from cubicfish_cli.fitting.linearise import runs_linearised
 from cubicfish_cli.fitting.rig.clocks import Clocks
 from cubicfish_cli.fitting.rig.start import RigStart
 from cubicfish_cli.fitting.rig_lens import RigLens

@@ -11,8 +11,9 @@ from simulated_rig import RigTruth, simulated_rig
 
 from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.adjustment import adjust, linearised, views_of
+from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.folds import dealt_out
+from cubicfish_cli.fitting.linearise import linearised, views_of
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.rig.calibrate import RigCalibration, RigCamera, calibrate_rig
 from cubicfish_cli.fitting.rig.clocks import Moving

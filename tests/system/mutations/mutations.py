@@ -98,13 +98,13 @@ MUTATIONS = tuple(
         ),
         # The adjustment and its priors.
         (
-            "fitting/adjustment.py",
+            "fitting/linearise.py",
             "d_turn, d_shift = cross",
             "d_turn, d_shift = -cross",
             "fitting/test_adjustment",
         ),
         (
-            "fitting/adjustment.py",
+            "fitting/linearise.py",
             "scale * (distance - 0.5 * scale)",
             "scale * distance",
             "fitting/test_adjustment",
